@@ -1,0 +1,85 @@
+//! Every way a command can end badly, as the exit status of the contract: 1 some shots failed, 2 bad usage or input.
+
+use crate::equipment::EquipmentError;
+use crate::impact_table::TableError;
+use crate::session::SessionError;
+use crate::tracking::TrackFileError;
+use std::path::Path;
+
+/// What kind of failure it was; the kind decides the exit status.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// Some shots failed, the others are complete: exit 1.
+    SomeFailed,
+    /// Bad usage, or input that cannot be read: exit 2.
+    Input,
+    /// A result could not be written (full disk, no permission): exit 2.
+    Output,
+    /// Ctrl-C; what was finished is kept: exit 2.
+    Interrupted,
+}
+
+/// A message that names what, where, the value seen and the value allowed, plus hints on what to try.
+#[derive(Debug)]
+pub struct CliError {
+    pub kind: Kind,
+    pub message: String,
+    pub hints: Vec<String>,
+}
+
+impl CliError {
+    pub fn input(message: impl std::fmt::Display) -> Self {
+        CliError { kind: Kind::Input, message: message.to_string(), hints: Vec::new() }
+    }
+
+    pub fn output(message: impl std::fmt::Display) -> Self {
+        CliError {
+            kind: Kind::Output,
+            message: message.to_string(),
+            hints: vec!["check the free space and the permissions, or choose another place with --out".into()],
+        }
+    }
+
+    pub fn some_failed(message: impl std::fmt::Display) -> Self {
+        CliError { kind: Kind::SomeFailed, message: message.to_string(), hints: Vec::new() }
+    }
+
+    pub fn interrupted() -> Self {
+        CliError { kind: Kind::Interrupted, message: "interrupted; what was finished is kept, run the same command again to go on".into(), hints: Vec::new() }
+    }
+
+    #[must_use]
+    pub fn hint(mut self, hint: impl Into<String>) -> Self {
+        self.hints.push(hint.into());
+        self
+    }
+
+    pub fn exit_code(&self) -> u8 {
+        match self.kind {
+            Kind::SomeFailed => 1,
+            Kind::Input | Kind::Output | Kind::Interrupted => 2,
+        }
+    }
+}
+
+/// A file that a command needs, named when it is not there.
+pub fn existing<'a>(path: &'a Path, what: &str) -> Result<&'a Path, CliError> {
+    if path.exists() {
+        Ok(path)
+    } else {
+        Err(CliError::input(format!("{}: no such {what}", path.display())).hint("check the path; relative paths start at the current folder"))
+    }
+}
+
+macro_rules! input_errors {
+    ($($error:ty),* $(,)?) => {
+        $(impl From<$error> for CliError {
+            fn from(e: $error) -> Self {
+                CliError::input(e)
+            }
+        })*
+    };
+}
+
+// One line per room's error type.
+input_errors!(SessionError, EquipmentError, TableError, TrackFileError);

@@ -1,0 +1,17 @@
+//! `sweetspot explore`.
+
+use super::Shell;
+use super::error::CliError;
+use std::path::PathBuf;
+
+/// What-if studies of the model and of the measurement
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// Which study
+    pub study: String,
+}
+
+pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
+    let _ = (arguments, shell);
+    Err(CliError::input("being built"))
+}

@@ -1,0 +1,173 @@
+//! `cli`: a thin shell. A command = one file here with its arguments and `run`, and one line in `commands!`.
+//!
+//! A command parses and checks everything, loads, makes one library call, writes (temporary file, then rename) and
+//! summarises on stderr; `--json` puts the result on stdout.
+
+pub mod error;
+
+use clap::{Args, Parser};
+use error::CliError;
+use std::io::{IsTerminal, Write};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// High-speed stereo footage of ball impacts: calibrate, track, measure, predict, and find the physics a model is
+/// missing.
+#[derive(Debug, Parser)]
+#[command(name = "sweetspot", version, max_term_width = 100)]
+struct Cli {
+    #[command(flatten)]
+    shell: ShellArgs,
+    #[command(subcommand)]
+    command: Command,
+}
+
+/// Options of every command.
+#[derive(Debug, Clone, Args)]
+pub struct ShellArgs {
+    /// Print the result as JSON on stdout; messages go to stderr
+    #[arg(long, global = true)]
+    pub json: bool,
+    /// Threads to use (default: all cores)
+    #[arg(short = 'j', long = "threads", global = true, value_name = "N")]
+    pub threads: Option<usize>,
+    /// Do again what an earlier run has already written
+    #[arg(long, global = true)]
+    pub force: bool,
+    /// Folder for the results (default: beside the input)
+    #[arg(long, global = true, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+}
+
+/// What a command gets from the shell: its options, a cancel flag and a way to speak.
+pub struct Shell {
+    pub args: ShellArgs,
+    cancelled: Arc<AtomicBool>,
+}
+
+impl Shell {
+    /// A line for the person at the terminal (stderr).
+    pub fn say(&self, line: impl std::fmt::Display) {
+        let _ = writeln!(std::io::stderr(), "{line}");
+    }
+
+    /// The result for programs (stdout), when `--json` was given.
+    pub fn print_json(&self, result: &impl serde::Serialize) -> Result<(), CliError> {
+        if self.args.json {
+            let text = serde_json::to_string_pretty(result).map_err(CliError::output)?;
+            writeln!(std::io::stdout(), "{text}").map_err(CliError::output)?;
+        }
+        Ok(())
+    }
+
+    /// `Err` once Ctrl-C was pressed; ask between shots.
+    pub fn check_cancelled(&self) -> Result<(), CliError> {
+        if self.cancelled.load(Ordering::Relaxed) { Err(CliError::interrupted()) } else { Ok(()) }
+    }
+
+    /// The flag itself, for library calls that take one.
+    pub fn cancel_flag(&self) -> &AtomicBool {
+        &self.cancelled
+    }
+
+    /// Where results go: `--out`, else `<input>/results` for a session folder.
+    pub fn results_of_session(&self, session: &Path) -> PathBuf {
+        self.args.out.clone().unwrap_or_else(|| session.join("results"))
+    }
+
+    /// Where results go: `--out`, else beside the input file.
+    pub fn results_beside(&self, input: &Path) -> PathBuf {
+        self.args.out.clone().unwrap_or_else(|| input.parent().map_or_else(PathBuf::new, Path::to_path_buf))
+    }
+
+    /// A progress bar on stderr, hidden when stderr is not a terminal.
+    pub fn progress(&self, total: u64, what: &'static str) -> indicatif::ProgressBar {
+        if !std::io::stderr().is_terminal() {
+            return indicatif::ProgressBar::hidden();
+        }
+        let style = indicatif::ProgressStyle::with_template("{msg} {bar:30} {pos}/{len} {eta}").unwrap_or_else(|_| indicatif::ProgressStyle::default_bar());
+        indicatif::ProgressBar::new(total).with_style(style).with_message(what)
+    }
+
+    /// Writes a result atomically and says so.
+    pub fn write(&self, path: &Path, bytes: &[u8]) -> Result<(), CliError> {
+        crate::provenance::write_atomically(path, bytes).map_err(CliError::output)
+    }
+}
+
+macro_rules! commands {
+    ($($(#[$meta:meta])* $module:ident => $variant:ident),* $(,)?) => {
+        $($(#[$meta])* mod $module;)*
+
+        #[derive(Debug, clap::Subcommand)]
+        enum Command {
+            $($(#[$meta])* $variant($module::Arguments),)*
+        }
+
+        fn dispatch(command: Command, shell: &Shell) -> Result<(), CliError> {
+            match command {
+                $($(#[$meta])* Command::$variant(arguments) => $module::run(arguments, shell),)*
+            }
+        }
+    };
+}
+
+commands! {
+    demo => Demo,
+    #[cfg(feature = "vision")]
+    calibrate => Calibrate,
+    track => Track,
+    shots => Shots,
+    predict => Predict,
+    compare => Compare,
+    diagnose => Diagnose,
+    add => Add,
+    fit => Fit,
+    validate => Validate,
+    explore => Explore,
+    effects => Effects,
+    synth => Synth,
+}
+
+/// Runs the program on the process's own arguments.
+pub fn main() -> ExitCode {
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(e) => {
+            let _ = e.print();
+            return ExitCode::from(if e.use_stderr() { 2 } else { 0 });
+        }
+    };
+    let cancelled = Arc::new(AtomicBool::new(false));
+    let flag = cancelled.clone();
+    // Without a handler Ctrl-C still stops the program; results are whole either way, because writes are atomic.
+    let _ = ctrlc::set_handler(move || {
+        if flag.swap(true, Ordering::Relaxed) {
+            std::process::exit(2); // second Ctrl-C: at once
+        }
+    });
+    if let Some(n) = cli.shell.threads {
+        if n == 0 || n > 1024 {
+            return fail(&CliError::input(format!("--threads is {n}; allowed: 1 to 1024")));
+        }
+        if rayon::ThreadPoolBuilder::new().num_threads(n).build_global().is_err() {
+            return fail(&CliError::input(format!("--threads {n}: the threads could not be started")));
+        }
+    }
+    let shell = Shell { args: cli.shell, cancelled };
+    match dispatch(cli.command, &shell) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(e) => fail(&e),
+    }
+}
+
+fn fail(e: &CliError) -> ExitCode {
+    let mut err = std::io::stderr();
+    let _ = writeln!(err, "error: {}", e.message.trim_end());
+    for hint in &e.hints {
+        let _ = writeln!(err, "  try: {hint}");
+    }
+    ExitCode::from(e.exit_code())
+}

@@ -1,0 +1,27 @@
+//! `sweetspot predict`.
+
+use super::Shell;
+use super::error::CliError;
+use std::path::PathBuf;
+
+/// The model's outcome of every impact, to predictions.csv
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// Impacts table (CSV)
+    #[arg(long, value_name = "F")]
+    pub impacts: PathBuf,
+    /// Racket file; may be given more than once, a row's `racket` column picks by name
+    #[arg(long, value_name = "F", required = true)]
+    pub racket: Vec<PathBuf>,
+    /// Ball file; may be given more than once, a row's `ball` column picks by name
+    #[arg(long, value_name = "F", required = true)]
+    pub ball: Vec<PathBuf>,
+    /// Model file
+    #[arg(long, value_name = "F")]
+    pub model: PathBuf,
+}
+
+pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
+    let _ = (arguments, shell);
+    Err(CliError::input("being built"))
+}

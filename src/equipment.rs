@@ -1,0 +1,200 @@
+//! Racket and ball as their owners describe them (contract, section 2: `racket.toml`, `ball.toml`).
+//!
+//! Comes in: a TOML file. Goes out: [`Racket`], [`Ball`], with every value checked. Local racket axes: origin at the
+//! stringbed centre, x toward the handle, y from marker 2 to marker 3, z = x × y. Body coordinates have the same
+//! directions and their origin at the centre of mass (physics: `x_COM = stringbed_centre − balance` in local axes).
+
+use nalgebra::{Point3, Vector3};
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// Distance from the butt of the axis about which a swingweight is quoted (RDC convention), m.
+pub const SWINGWEIGHT_AXIS_FROM_BUTT_M: f64 = 0.10;
+
+#[derive(Debug, thiserror::Error)]
+pub enum EquipmentError {
+    #[error("{path}: cannot be read ({source}); check the name, or write the file (README, \"Racket and ball\")", path = .path.display())]
+    Unreadable { path: PathBuf, source: std::io::Error },
+    #[error("{path}: {message}", path = .path.display())]
+    Toml { path: PathBuf, message: String },
+    #[error("{path}: `{key}` = {seen}; allowed: {allowed}", path = .path.display())]
+    Value { path: PathBuf, key: String, seen: f64, allowed: String },
+}
+
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Head {
+    pub inner_length_m: f64,
+    pub inner_width_m: f64,
+    #[serde(default = "default_tube_radius_m")]
+    pub tube_radius_m: f64,
+}
+
+fn default_tube_radius_m() -> f64 {
+    0.010
+}
+
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Strings {
+    pub tension_lb: f64,
+}
+
+/// Marker positions in local axes, m; the middle of each tape band on the tube's axis.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Markers {
+    pub m1: [f64; 3],
+    pub m2: [f64; 3],
+    pub m3: [f64; 3],
+    pub m4: [f64; 3],
+    pub m5: [f64; 3],
+}
+
+impl Markers {
+    /// The five markers in order, local axes, m.
+    pub fn points(&self) -> [Point3<f64>; 5] {
+        [self.m1, self.m2, self.m3, self.m4, self.m5].map(|m| Point3::new(m[0], m[1], m[2]))
+    }
+}
+
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Racket {
+    pub name: String,
+    pub mass_kg: f64,
+    pub length_m: f64,
+    /// Centre of mass, from the butt.
+    pub balance_m: f64,
+    /// Local origin, from the butt.
+    pub stringbed_centre_m: f64,
+    /// About the axis 0.10 m from the butt.
+    pub swingweight_kgm2: f64,
+    /// About the long axis x.
+    pub twistweight_kgm2: f64,
+    /// About an axis parallel to z, 0.10 m from the butt; default swing + twist (perpendicular axis theorem).
+    pub spinweight_kgm2: Option<f64>,
+    pub head: Head,
+    pub strings: Strings,
+    pub markers: Option<Markers>,
+}
+
+impl Racket {
+    /// Reads and checks `racket.toml`.
+    pub fn read(path: &Path) -> Result<Self, EquipmentError> {
+        let racket: Racket = read_toml(path)?;
+        racket.check(path)?;
+        Ok(racket)
+    }
+
+    fn check(&self, path: &Path) -> Result<(), EquipmentError> {
+        let need = |key: &str, seen: f64, lo: f64, hi: f64| in_range(path, key, seen, lo, hi);
+        need("mass_kg", self.mass_kg, 0.05, 2.0)?;
+        need("length_m", self.length_m, 0.3, 1.5)?;
+        need("balance_m", self.balance_m, 0.05, self.length_m)?;
+        need("stringbed_centre_m", self.stringbed_centre_m, 0.1, self.length_m)?;
+        need("swingweight_kgm2", self.swingweight_kgm2, 1e-4, 0.5)?;
+        need("twistweight_kgm2", self.twistweight_kgm2, 1e-5, 0.1)?;
+        need("head.inner_length_m", self.head.inner_length_m, 0.05, self.length_m)?;
+        need("head.inner_width_m", self.head.inner_width_m, 0.05, self.length_m)?;
+        need("head.tube_radius_m", self.head.tube_radius_m, 0.0, 0.05)?;
+        need("strings.tension_lb", self.strings.tension_lb, 1.0, 120.0)?;
+        let principal = self.inertia_kg_m2();
+        let offset = self.mass_kg * (self.balance_m - SWINGWEIGHT_AXIS_FROM_BUTT_M).powi(2);
+        if principal.y <= 0.0 || principal.z <= 0.0 {
+            let key = if principal.y <= 0.0 { "swingweight_kgm2" } else { "spinweight_kgm2" };
+            let seen = if principal.y <= 0.0 { self.swingweight_kgm2 } else { self.spinweight_kgm2.unwrap_or(0.0) };
+            return Err(EquipmentError::Value {
+                path: path.into(),
+                key: key.into(),
+                seen,
+                allowed: format!(
+                    "above mass × (balance − 0.10)² = {offset:.5} kg m², or the inertia about the centre of mass is negative; check mass, balance and {key}"
+                ),
+            });
+        }
+        // No body has a principal inertia above the sum of the other two; 5 % leaves room for measuring error.
+        let (a, b, c) = (principal.x, principal.y, principal.z);
+        if a > 1.05 * (b + c) || b > 1.05 * (a + c) || c > 1.05 * (a + b) {
+            return Err(EquipmentError::Value {
+                path: path.into(),
+                key: "spinweight_kgm2".into(),
+                seen: self.spinweight_kgm2.unwrap_or(0.0),
+                allowed: format!("inertias about the centre of mass (x {a:.5}, y {b:.5}, z {c:.5}) where none exceeds the sum of the other two"),
+            });
+        }
+        if let Some(m) = &self.markers {
+            let p = m.points();
+            for (i, q) in p.iter().enumerate() {
+                for (j, v) in q.coords.iter().enumerate() {
+                    need(&format!("markers.m{}[{j}]", i + 1), *v, -self.length_m, self.length_m)?;
+                }
+            }
+            if p[2].y <= p[1].y {
+                return Err(EquipmentError::Value {
+                    path: path.into(),
+                    key: "markers.m3[1]".into(),
+                    seen: p[2].y,
+                    allowed: format!("above m2's y = {} (y runs from marker 2 to marker 3)", p[1].y),
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Principal inertias (x, y, z) about the centre of mass, kg m².
+    ///
+    /// `I_y = SW − M (c − 0.10)²` (parallel axes); `I_x` is the twistweight; `I_z` likewise from the spinweight.
+    pub fn inertia_kg_m2(&self) -> Vector3<f64> {
+        let shift = self.mass_kg * (self.balance_m - SWINGWEIGHT_AXIS_FROM_BUTT_M).powi(2);
+        let spin = self.spinweight_kgm2.unwrap_or(self.swingweight_kgm2 + self.twistweight_kgm2);
+        Vector3::new(self.twistweight_kgm2, self.swingweight_kgm2 - shift, spin - shift)
+    }
+
+    /// Centre of mass in local axes, m (on +x, toward the handle).
+    pub fn com_local(&self) -> Point3<f64> {
+        Point3::new(self.stringbed_centre_m - self.balance_m, 0.0, 0.0)
+    }
+}
+
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Ball {
+    pub name: String,
+    pub mass_kg: f64,
+    pub diameter_m: f64,
+    /// I = factor · m · r²; thin shell 2/3, a real ball about 0.55.
+    pub inertia_factor: f64,
+}
+
+impl Ball {
+    /// Reads and checks `ball.toml`.
+    pub fn read(path: &Path) -> Result<Self, EquipmentError> {
+        let ball: Ball = read_toml(path)?;
+        in_range(path, "mass_kg", ball.mass_kg, 0.001, 1.0)?;
+        in_range(path, "diameter_m", ball.diameter_m, 0.005, 0.5)?;
+        in_range(path, "inertia_factor", ball.inertia_factor, 0.05, 2.0 / 3.0 + 1e-3)?;
+        Ok(ball)
+    }
+
+    pub fn radius_m(&self) -> f64 {
+        0.5 * self.diameter_m
+    }
+
+    pub fn inertia_kg_m2(&self) -> f64 {
+        self.inertia_factor * self.mass_kg * self.radius_m().powi(2)
+    }
+}
+
+fn read_toml<T: for<'de> Deserialize<'de>>(path: &Path) -> Result<T, EquipmentError> {
+    let text = std::fs::read_to_string(path).map_err(|source| EquipmentError::Unreadable { path: path.into(), source })?;
+    toml::from_str(&text).map_err(|e| EquipmentError::Toml { path: path.into(), message: e.to_string() })
+}
+
+fn in_range(path: &Path, key: &str, seen: f64, lo: f64, hi: f64) -> Result<(), EquipmentError> {
+    if seen.is_finite() && seen >= lo && seen <= hi {
+        Ok(())
+    } else {
+        Err(EquipmentError::Value { path: path.into(), key: key.into(), seen, allowed: format!("{lo} to {hi}") })
+    }
+}

@@ -1,0 +1,310 @@
+//! The impacts table (contract, section 4): one row per impact, racket-local axes, SI; footage or no footage.
+//!
+//! Comes in: CSV in which columns may be missing, in any order, with unknown columns kept as grouping columns. Goes out:
+//! [`ImpactTable`]. An empty cell is `None`; NaN, infinities and negative deviations are refused with their line.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+/// Measured inputs of an impact, in the order of the arrays in [`ImpactRow`].
+pub const INPUTS: [&str; 15] = [
+    "ball_in_vx",
+    "ball_in_vy",
+    "ball_in_vz",
+    "ball_in_wx",
+    "ball_in_wy",
+    "ball_in_wz",
+    "racket_in_vx",
+    "racket_in_vy",
+    "racket_in_vz",
+    "racket_in_wx",
+    "racket_in_wy",
+    "racket_in_wz",
+    "impact_x",
+    "impact_y",
+    "grip_torque",
+];
+
+/// Measured outputs of an impact, in the order of the arrays in [`ImpactRow`].
+pub const OUTPUTS: [&str; 13] = [
+    "ball_out_vx",
+    "ball_out_vy",
+    "ball_out_vz",
+    "ball_out_wx",
+    "ball_out_wy",
+    "ball_out_wz",
+    "racket_out_vx",
+    "racket_out_vy",
+    "racket_out_vz",
+    "racket_out_wx",
+    "racket_out_wy",
+    "racket_out_wz",
+    "contact_time",
+];
+
+/// Unit of a column of [`INPUTS`] or [`OUTPUTS`].
+pub fn unit(column: &str) -> &'static str {
+    match column {
+        "impact_x" | "impact_y" => "m",
+        "grip_torque" => "N m",
+        "contact_time" => "s",
+        c if c.contains("_w") => "rad/s",
+        _ => "m/s",
+    }
+}
+
+#[derive(Debug, thiserror::Error)]
+pub enum TableError {
+    #[error("{path}: cannot be read ({source}); give a CSV file with a header line", path = .path.display())]
+    Unreadable { path: PathBuf, source: csv::Error },
+    #[error("{path}: the table holds no impacts; give at least one row below the header", path = .path.display())]
+    Empty { path: PathBuf },
+    #[error("{path}: no column `{column}`; the header has: {seen}", path = .path.display())]
+    NoColumn { path: PathBuf, column: &'static str, seen: String },
+    #[error("{path}: column `{column}` stands twice in the header; rename or remove one", path = .path.display())]
+    Twice { path: PathBuf, column: String },
+    #[error("{path}, line {line}: `{column}` is {seen:?}; allowed: {allowed}", path = .path.display())]
+    Cell { path: PathBuf, line: u64, column: String, seen: String, allowed: &'static str },
+    #[error("{path}, line {line}: id {id:?} stands twice; ids fix which impacts are held out, so each must be its own", path = .path.display())]
+    SameId { path: PathBuf, line: u64, id: String },
+}
+
+/// A measured value with its standard deviation, where the table gives one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Measured {
+    pub value: f64,
+    pub sd: Option<f64>,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub struct ImpactRow {
+    pub id: String,
+    pub racket: Option<String>,
+    pub ball: Option<String>,
+    /// Order in time; the row's place (from 0) unless a column `sequence` says otherwise.
+    pub sequence: f64,
+    /// In the order of [`INPUTS`].
+    pub inputs: [Option<Measured>; INPUTS.len()],
+    /// In the order of [`OUTPUTS`].
+    pub outputs: [Option<Measured>; OUTPUTS.len()],
+    /// Unknown columns: player, sex, session, ...
+    pub groups: BTreeMap<String, String>,
+}
+
+impl ImpactRow {
+    pub fn new(id: &str) -> Self {
+        ImpactRow {
+            id: id.to_owned(),
+            racket: None,
+            ball: None,
+            sequence: 0.0,
+            inputs: [None; INPUTS.len()],
+            outputs: [None; OUTPUTS.len()],
+            groups: BTreeMap::new(),
+        }
+    }
+
+    /// The value of a named input or output column, if it was measured.
+    pub fn get(&self, column: &str) -> Option<Measured> {
+        if let Some(i) = INPUTS.iter().position(|c| *c == column) {
+            return self.inputs[i];
+        }
+        OUTPUTS.iter().position(|c| *c == column).and_then(|i| self.outputs[i])
+    }
+
+    /// Sets a named input or output column; `false` when the name is neither.
+    pub fn set(&mut self, column: &str, measured: Option<Measured>) -> bool {
+        if let Some(i) = INPUTS.iter().position(|c| *c == column) {
+            self.inputs[i] = measured;
+            return true;
+        }
+        match OUTPUTS.iter().position(|c| *c == column) {
+            Some(i) => {
+                self.outputs[i] = measured;
+                true
+            }
+            None => false,
+        }
+    }
+}
+
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct ImpactTable {
+    pub rows: Vec<ImpactRow>,
+}
+
+enum Column {
+    Id,
+    Racket,
+    Ball,
+    Sequence,
+    Value { output: bool, index: usize, sd: bool },
+    Group(String),
+}
+
+fn column(name: &str) -> Column {
+    match name {
+        "id" => return Column::Id,
+        "racket" => return Column::Racket,
+        "ball" => return Column::Ball,
+        "sequence" => return Column::Sequence,
+        _ => {}
+    }
+    let (base, sd) = name.strip_suffix("_sd").map_or((name, false), |b| (b, true));
+    if let Some(index) = INPUTS.iter().position(|c| *c == base) {
+        Column::Value { output: false, index, sd }
+    } else if let Some(index) = OUTPUTS.iter().position(|c| *c == base) {
+        Column::Value { output: true, index, sd }
+    } else {
+        Column::Group(name.to_owned())
+    }
+}
+
+impl ImpactTable {
+    /// Reads and checks a table.
+    pub fn read(path: &Path) -> Result<Self, TableError> {
+        let file = std::fs::File::open(path).map_err(|e| TableError::Unreadable { path: path.into(), source: e.into() })?;
+        Self::from_reader(file, path)
+    }
+
+    /// Reads from any reader; `path` is for messages.
+    pub fn from_reader(reader: impl std::io::Read, path: &Path) -> Result<Self, TableError> {
+        let unreadable = |source| TableError::Unreadable { path: path.into(), source };
+        let mut csv = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(reader);
+        let header = csv.headers().map_err(unreadable)?.clone();
+        let names: Vec<String> = header.iter().map(|h| h.trim_start_matches('\u{feff}').to_owned()).collect();
+        let mut seen = BTreeSet::new();
+        if let Some(twice) = names.iter().find(|n| !seen.insert(n.as_str())) {
+            return Err(TableError::Twice { path: path.into(), column: twice.clone() });
+        }
+        if !names.iter().any(|n| n == "id") {
+            return Err(TableError::NoColumn { path: path.into(), column: "id", seen: names.join(", ") });
+        }
+        let columns: Vec<Column> = names.iter().map(|n| column(n)).collect();
+        let mut rows = Vec::new();
+        let mut ids = BTreeSet::new();
+        for record in csv.records() {
+            let record = record.map_err(unreadable)?;
+            let line = record.position().map_or(0, csv::Position::line);
+            let mut row = ImpactRow::new("");
+            row.sequence = rows.len() as f64;
+            let mut sds: Vec<(bool, usize, f64)> = Vec::new();
+            for ((cell, kind), name) in record.iter().zip(&columns).zip(&names) {
+                let bad = |allowed| TableError::Cell { path: path.into(), line, column: name.clone(), seen: cell.to_owned(), allowed };
+                let number = || -> Result<Option<f64>, TableError> {
+                    if cell.is_empty() {
+                        return Ok(None);
+                    }
+                    cell.parse::<f64>().ok().filter(|v| v.is_finite()).map(Some).ok_or_else(|| bad("a finite number, or empty when not measured"))
+                };
+                match kind {
+                    Column::Id => row.id = cell.to_owned(),
+                    Column::Racket => row.racket = Some(cell.to_owned()).filter(|c| !c.is_empty()),
+                    Column::Ball => row.ball = Some(cell.to_owned()).filter(|c| !c.is_empty()),
+                    Column::Sequence => row.sequence = number()?.unwrap_or(row.sequence),
+                    Column::Group(g) => {
+                        row.groups.insert(g.clone(), cell.to_owned());
+                    }
+                    Column::Value { output, index, sd: false } => {
+                        let measured = number()?.map(|value| Measured { value, sd: None });
+                        if *output { row.outputs[*index] = measured } else { row.inputs[*index] = measured }
+                    }
+                    Column::Value { output, index, sd: true } => {
+                        if let Some(sd) = number()? {
+                            if sd < 0.0 {
+                                return Err(bad("a standard deviation of 0 or more"));
+                            }
+                            sds.push((*output, *index, sd));
+                        }
+                    }
+                }
+            }
+            for (output, index, sd) in sds {
+                let cell = if output { &mut row.outputs[index] } else { &mut row.inputs[index] };
+                if let Some(m) = cell {
+                    m.sd = Some(sd);
+                }
+            }
+            if row.id.is_empty() {
+                return Err(TableError::Cell {
+                    path: path.into(),
+                    line,
+                    column: "id".into(),
+                    seen: String::new(),
+                    allowed: "a name of its own for every impact",
+                });
+            }
+            if !ids.insert(row.id.clone()) {
+                return Err(TableError::SameId { path: path.into(), line, id: row.id });
+            }
+            rows.push(row);
+        }
+        if rows.is_empty() {
+            return Err(TableError::Empty { path: path.into() });
+        }
+        Ok(ImpactTable { rows })
+    }
+
+    /// The table as CSV: every contract column that is measured anywhere, its `_sd`, then the grouping columns.
+    pub fn to_csv(&self) -> String {
+        let has = |output: bool, i: usize, sd: bool| {
+            self.rows.iter().any(|r| (if output { r.outputs[i] } else { r.inputs[i] }).is_some_and(|m| !sd || m.sd.is_some()))
+        };
+        let mut cells: Vec<(bool, usize, bool)> = Vec::new();
+        for sd in [false, true] {
+            for (output, names) in [(false, &INPUTS[..]), (true, &OUTPUTS[..])] {
+                // Values always stand in the file, so that a reader finds every column; deviations only where known.
+                cells.extend((0..names.len()).filter(|&i| !sd || has(output, i, true)).map(|i| (output, i, sd)));
+            }
+        }
+        let groups: BTreeSet<&str> = self.rows.iter().flat_map(|r| r.groups.keys().map(String::as_str)).collect();
+        let name = |&(output, i, sd): &(bool, usize, bool)| format!("{}{}", if output { OUTPUTS[i] } else { INPUTS[i] }, if sd { "_sd" } else { "" });
+        let mut csv = csv::Writer::from_writer(Vec::new());
+        let header =
+            ["id", "racket", "ball", "sequence"].iter().map(|s| (*s).to_owned()).chain(cells.iter().map(name)).chain(groups.iter().map(|g| (*g).to_owned()));
+        let mut write = |fields: Vec<String>| csv.write_record(&fields).unwrap_or_else(|e| unreachable!("writing to memory: {e}"));
+        write(header.collect());
+        for r in &self.rows {
+            let mut fields = vec![r.id.clone(), r.racket.clone().unwrap_or_default(), r.ball.clone().unwrap_or_default(), r.sequence.to_string()];
+            for &(output, i, sd) in &cells {
+                let m = if output { r.outputs[i] } else { r.inputs[i] };
+                fields.push(m.and_then(|m| if sd { m.sd } else { Some(m.value) }).map_or_else(String::new, |v| v.to_string()));
+            }
+            fields.extend(groups.iter().map(|g| r.groups.get(*g).cloned().unwrap_or_default()));
+            write(fields);
+        }
+        String::from_utf8(csv.into_inner().unwrap_or_default()).unwrap_or_default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> Result<ImpactTable, TableError> {
+        ImpactTable::from_reader(text.as_bytes(), Path::new("t.csv"))
+    }
+
+    #[test]
+    fn law_a_table_survives_writing_and_reading() {
+        let t = read("player,ball_out_vz_sd,id,ball_in_vz,ball_out_vz\nA,0.1,a,-20.5,\nB,0.25,b,,11.125\n").expect("valid");
+        assert_eq!(t.rows[1].get("ball_out_vz"), Some(Measured { value: 11.125, sd: Some(0.25) }));
+        assert_eq!(t.rows[0].get("ball_out_vz"), None);
+        assert_eq!(read(&t.to_csv()).expect("own output"), t);
+    }
+
+    #[test]
+    fn fails_nan_negative_sd_doubles_and_empty_tables_are_refused() {
+        for (text, word) in [
+            ("id,ball_in_vz\na,NaN\n", "line 2: `ball_in_vz` is \"NaN\""),
+            ("id,ball_in_vz,ball_in_vz_sd\na,1,-2\n", "0 or more"),
+            ("id\na\na\n", "stands twice"),
+            ("id,ball_in_vz\n", "no impacts"),
+            ("name\na\n", "no column `id`"),
+            ("id,id\na,b\n", "stands twice in the header"),
+        ] {
+            let message = read(text).expect_err(text).to_string();
+            assert!(message.contains(word), "{message}");
+        }
+    }
+}

@@ -1,0 +1,73 @@
+//! What made a result: version and input hashes, so that the same inputs give the same bytes and can be found again.
+
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+use std::io::{self, Read, Write};
+use std::path::Path;
+
+/// Version of the program, written into every result.
+pub const VERSION: &str = env!("CARGO_PKG_VERSION");
+
+/// The program version, the command and the SHA-256 of each input, by name.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Provenance {
+    pub version: String,
+    pub command: String,
+    pub inputs: std::collections::BTreeMap<String, String>,
+}
+
+impl Provenance {
+    pub fn new(command: &str) -> Self {
+        Provenance { version: VERSION.to_owned(), command: command.to_owned(), inputs: Default::default() }
+    }
+
+    /// Adds the hash of a file under its own name.
+    pub fn with_file(mut self, path: &Path) -> io::Result<Self> {
+        let name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+        self.inputs.insert(name, sha256_file(path)?);
+        Ok(self)
+    }
+}
+
+/// SHA-256 of bytes, as lowercase hex.
+pub fn sha256_hex(bytes: &[u8]) -> String {
+    hex(&Sha256::digest(bytes))
+}
+
+/// SHA-256 of a file, read in blocks.
+pub fn sha256_file(path: &Path) -> io::Result<String> {
+    let mut file = std::fs::File::open(path)?;
+    let mut hash = Sha256::new();
+    let mut block = vec![0u8; 1 << 16];
+    loop {
+        let n = file.read(&mut block)?;
+        if n == 0 {
+            return Ok(hex(&hash.finalize()));
+        }
+        hash.update(&block[..n]);
+    }
+}
+
+fn hex(digest: &[u8]) -> String {
+    digest.iter().map(|b| format!("{b:02x}")).collect()
+}
+
+/// Writes a result file so that it is either whole or absent: temporary file in the same folder, then rename.
+///
+/// Makes the folder when it is missing. Errors name the file.
+pub fn write_atomically(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let named = |e: io::Error| io::Error::new(e.kind(), format!("{}: cannot be written ({e})", path.display()));
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or_else(|| Path::new("."));
+    std::fs::create_dir_all(folder).map_err(named)?;
+    let mut file = tempfile::Builder::new().prefix(".sweetspot-").suffix(".tmp").tempfile_in(folder).map_err(named)?;
+    file.write_all(bytes).map_err(named)?;
+    file.as_file().sync_data().map_err(named)?;
+    // A named temporary file is private (0600); results are for everybody who may read the folder.
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        std::fs::set_permissions(file.path(), std::fs::Permissions::from_mode(0o644)).map_err(named)?;
+    }
+    file.persist(path).map_err(|e| named(e.error))?;
+    Ok(())
+}

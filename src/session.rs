@@ -1,0 +1,241 @@
+//! A session on disk (contract, section 2): the folder a laboratory fills, read once into valid values.
+//!
+//! Comes in: a folder with `session.toml`. Goes out: [`Session`], every path checked to stay below the folder.
+//! Units are SI. Nothing here opens an image.
+
+use crate::equipment::{Ball, EquipmentError, Racket};
+use serde::Deserialize;
+use std::path::{Component, Path, PathBuf};
+
+/// Why a session cannot be read. Every variant names the file, what was seen and what is allowed.
+#[derive(Debug, thiserror::Error)]
+pub enum SessionError {
+    #[error("{path}: cannot be read ({source}); give the folder that holds session.toml", path = .path.display())]
+    Unreadable { path: PathBuf, source: std::io::Error },
+    #[error("{path}: {message}", path = .path.display())]
+    Toml { path: PathBuf, message: String },
+    #[error("{path}: `{key}` is {seen}; allowed: {allowed}", path = .path.display())]
+    Value { path: PathBuf, key: &'static str, seen: String, allowed: &'static str },
+    #[error("{path}: `{key}` names {named:?}, which leaves the session folder; use a relative path without `..`", path = .path.display())]
+    Escapes { path: PathBuf, key: &'static str, named: String },
+    #[error("{path}: shot {id:?} is not there; the session has: {known}", path = .path.display())]
+    UnknownShot { path: PathBuf, id: String, known: String },
+    #[error(transparent)]
+    Equipment(#[from] EquipmentError),
+}
+
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SessionFile {
+    name: String,
+    frame_rate_hz: f64,
+    exposure_s: f64,
+    racket: String,
+    ball: String,
+    calibration: CalibrationTable,
+    axes: Option<AxesTable>,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CalibrationTable {
+    board_columns: usize,
+    board_rows: usize,
+    square_m: f64,
+    images: String,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct AxesTable {
+    images: String,
+    arm_u_m: f64,
+    arm_w_m: f64,
+}
+
+#[derive(Debug, Clone, Default, Deserialize)]
+struct ShotFile {
+    racket: Option<String>,
+    ball: Option<String>,
+    impact_frame: Option<u64>,
+    note: Option<String>,
+    /// Anything else (player, sex, ...) becomes a grouping column of the impacts table.
+    #[serde(flatten)]
+    groups: std::collections::BTreeMap<String, toml::Value>,
+}
+
+/// The checkerboard and where its pictures are.
+#[derive(Debug, Clone)]
+pub struct BoardSettings {
+    /// Inner corners along the longer side.
+    pub columns: usize,
+    /// Inner corners along the shorter side.
+    pub rows: usize,
+    pub square_m: f64,
+    /// Folder that holds `left/` and `right/`.
+    pub images: PathBuf,
+}
+
+/// The three-sphere L-frame that defines the global axes.
+#[derive(Debug, Clone)]
+pub struct AxesSettings {
+    /// Folder that holds one image per camera, named `left` and `right`.
+    pub images: PathBuf,
+    pub arm_u_m: f64,
+    pub arm_w_m: f64,
+}
+
+/// One shot's folder with the racket and ball that were used.
+#[derive(Debug, Clone)]
+pub struct ShotFolder {
+    pub id: String,
+    pub path: PathBuf,
+    pub racket: Racket,
+    pub ball: Ball,
+    /// Frame number near the impact, if the user gave one.
+    pub impact_frame: Option<u64>,
+    pub note: Option<String>,
+    /// Grouping values (player, sex, ...) carried into `impacts.csv`.
+    pub groups: Vec<(String, String)>,
+}
+
+impl ShotFolder {
+    /// Folder of the images of one camera, `left` or `right`.
+    pub fn camera(&self, name: &str) -> PathBuf {
+        self.path.join(name)
+    }
+}
+
+/// A valid session. Shots are sorted by id; a shot whose `shot.toml` is broken stands in `broken_shots`.
+#[derive(Debug, Clone)]
+pub struct Session {
+    pub root: PathBuf,
+    pub name: String,
+    pub frame_rate_hz: f64,
+    pub exposure_s: f64,
+    pub racket: Racket,
+    pub ball: Ball,
+    pub board: BoardSettings,
+    pub axes: Option<AxesSettings>,
+    pub shots: Vec<ShotFolder>,
+    pub broken_shots: Vec<(String, String)>,
+}
+
+impl Session {
+    /// Reads `session.toml`, the racket, the ball and the list of shots.
+    pub fn open(root: &Path) -> Result<Self, SessionError> {
+        let file = root.join("session.toml");
+        let text = std::fs::read_to_string(&file).map_err(|source| SessionError::Unreadable { path: file.clone(), source })?;
+        let table: SessionFile = toml::from_str(&text).map_err(|e| SessionError::Toml { path: file.clone(), message: e.to_string() })?;
+        let check = |ok: bool, key: &'static str, seen: String, allowed: &'static str| {
+            if ok { Ok(()) } else { Err(SessionError::Value { path: file.clone(), key, seen, allowed }) }
+        };
+        check(
+            table.frame_rate_hz.is_finite() && table.frame_rate_hz > 0.0 && table.frame_rate_hz <= 1e7,
+            "frame_rate_hz",
+            table.frame_rate_hz.to_string(),
+            "above 0, up to 1e7",
+        )?;
+        check(table.exposure_s >= 0.0 && table.exposure_s * table.frame_rate_hz <= 1.0, "exposure_s", table.exposure_s.to_string(), "0 to one frame period")?;
+        let c = &table.calibration;
+        check((3..=100).contains(&c.board_columns), "calibration.board_columns", c.board_columns.to_string(), "3 to 100 inner corners")?;
+        check((3..=100).contains(&c.board_rows), "calibration.board_rows", c.board_rows.to_string(), "3 to 100 inner corners")?;
+        check(c.square_m.is_finite() && c.square_m > 0.0 && c.square_m < 10.0, "calibration.square_m", c.square_m.to_string(), "above 0, below 10 m")?;
+        if let Some(a) = &table.axes {
+            for (key, v) in [("axes.arm_u_m", a.arm_u_m), ("axes.arm_w_m", a.arm_w_m)] {
+                check(v.is_finite() && v > 0.0 && v < 100.0, key, v.to_string(), "above 0, below 100 m")?;
+            }
+            check(
+                (a.arm_u_m - a.arm_w_m).abs() > 0.01 * a.arm_u_m.max(a.arm_w_m),
+                "axes.arm_w_m",
+                a.arm_w_m.to_string(),
+                "a length that differs from arm_u_m by more than 1 %, so that the arms tell themselves apart",
+            )?;
+        }
+        let inside = |key: &'static str, named: &str| inside(root, &file, key, named);
+        let racket = Racket::read(&inside("racket", &table.racket)?)?;
+        let ball = Ball::read(&inside("ball", &table.ball)?)?;
+        let board = BoardSettings { columns: c.board_columns, rows: c.board_rows, square_m: c.square_m, images: inside("calibration.images", &c.images)? };
+        let axes = match &table.axes {
+            Some(a) => Some(AxesSettings { images: inside("axes.images", &a.images)?, arm_u_m: a.arm_u_m, arm_w_m: a.arm_w_m }),
+            None => None,
+        };
+        let mut session = Session {
+            root: root.to_path_buf(),
+            name: table.name,
+            frame_rate_hz: table.frame_rate_hz,
+            exposure_s: table.exposure_s,
+            racket,
+            ball,
+            board,
+            axes,
+            shots: Vec::new(),
+            broken_shots: Vec::new(),
+        };
+        session.list_shots()?;
+        Ok(session)
+    }
+
+    fn list_shots(&mut self) -> Result<(), SessionError> {
+        let folder = self.root.join("shots");
+        if !folder.is_dir() {
+            return Ok(()); // a session may hold a calibration only
+        }
+        let entries = std::fs::read_dir(&folder).map_err(|source| SessionError::Unreadable { path: folder.clone(), source })?;
+        let mut ids: Vec<String> = entries.filter_map(|e| e.ok()).filter(|e| e.path().is_dir()).filter_map(|e| e.file_name().into_string().ok()).collect();
+        ids.sort();
+        for id in ids {
+            match self.read_shot(&id) {
+                Ok(shot) => self.shots.push(shot),
+                Err(e) => self.broken_shots.push((id, e.to_string())),
+            }
+        }
+        Ok(())
+    }
+
+    fn read_shot(&self, id: &str) -> Result<ShotFolder, SessionError> {
+        let path = self.root.join("shots").join(id);
+        let file = path.join("shot.toml");
+        let own: ShotFile = if file.exists() {
+            let text = std::fs::read_to_string(&file).map_err(|source| SessionError::Unreadable { path: file.clone(), source })?;
+            toml::from_str(&text).map_err(|e| SessionError::Toml { path: file.clone(), message: e.to_string() })?
+        } else {
+            ShotFile::default()
+        };
+        let racket = match &own.racket {
+            Some(name) => Racket::read(&inside(&self.root, &file, "racket", name)?)?,
+            None => self.racket.clone(),
+        };
+        let ball = match &own.ball {
+            Some(name) => Ball::read(&inside(&self.root, &file, "ball", name)?)?,
+            None => self.ball.clone(),
+        };
+        let groups = own.groups.iter().map(|(k, v)| (k.clone(), v.as_str().map_or_else(|| v.to_string(), str::to_owned))).collect();
+        Ok(ShotFolder { id: id.to_owned(), path, racket, ball, impact_frame: own.impact_frame, note: own.note, groups })
+    }
+
+    /// The shots asked for, or all of them when `ids` is empty.
+    pub fn select(&self, ids: &[String]) -> Result<Vec<&ShotFolder>, SessionError> {
+        if ids.is_empty() {
+            return Ok(self.shots.iter().collect());
+        }
+        ids.iter()
+            .map(|id| {
+                self.shots.iter().find(|s| &s.id == id).ok_or_else(|| SessionError::UnknownShot {
+                    path: self.root.clone(),
+                    id: id.clone(),
+                    known: self.shots.iter().map(|s| s.id.as_str()).collect::<Vec<_>>().join(", "),
+                })
+            })
+            .collect()
+    }
+}
+
+/// Joins a user's relative path to the session folder; refuses anything that would leave it.
+fn inside(root: &Path, file: &Path, key: &'static str, named: &str) -> Result<PathBuf, SessionError> {
+    let relative = Path::new(named);
+    if named.is_empty() || !relative.components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir)) {
+        return Err(SessionError::Escapes { path: file.to_path_buf(), key, named: named.to_owned() });
+    }
+    Ok(root.join(relative))
+}

@@ -1,0 +1,177 @@
+//! Tracks and points as files (contract, section 3): `tracks.csv` in pixels, `points.csv` in global metres.
+
+use crate::calibration::CameraId;
+use nalgebra::{Point3, Vector2, Vector3};
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+#[derive(Debug, thiserror::Error)]
+pub enum TrackFileError {
+    #[error("{path}: cannot be read ({source}); run `sweetspot track` first", path = .path.display())]
+    Unreadable { path: PathBuf, source: csv::Error },
+    #[error("{path}, line {line}: {what}", path = .path.display())]
+    Row { path: PathBuf, line: u64, what: String },
+}
+
+/// What is tracked: the five tape markers and the ball.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Target {
+    M1,
+    M2,
+    M3,
+    M4,
+    M5,
+    Ball,
+}
+
+impl Target {
+    pub const MARKERS: [Target; 5] = [Target::M1, Target::M2, Target::M3, Target::M4, Target::M5];
+    pub const ALL: [Target; 6] = [Target::M1, Target::M2, Target::M3, Target::M4, Target::M5, Target::Ball];
+
+    /// 0 to 4 for the markers, 5 for the ball.
+    pub fn index(self) -> usize {
+        self as usize
+    }
+
+    pub fn name(self) -> &'static str {
+        ["m1", "m2", "m3", "m4", "m5", "ball"][self.index()]
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum PointState {
+    Measured,
+    Manual,
+    Occluded,
+}
+
+/// A point in an image, px; the centre of the top-left pixel is (0, 0). `sd` is one standard deviation per axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ImagePoint {
+    pub uv: Vector2<f64>,
+    pub sd: Vector2<f64>,
+}
+
+/// One target in one image. A marker's point is the centroid of the visible tape, the ball's its projected centre.
+/// `point` is `None` exactly when `state` is `Occluded`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TrackPoint {
+    pub frame: u64,
+    pub camera: CameraId,
+    pub target: Target,
+    pub point: Option<ImagePoint>,
+    pub state: PointState,
+}
+
+/// All points of a shot, sorted by frame, camera, target.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Tracks {
+    pub points: Vec<TrackPoint>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct TrackRow {
+    frame: u64,
+    camera: CameraId,
+    target: Target,
+    u: Option<f64>,
+    v: Option<f64>,
+    u_sd: Option<f64>,
+    v_sd: Option<f64>,
+    state: PointState,
+}
+
+impl Tracks {
+    pub fn read(path: &Path) -> Result<Self, TrackFileError> {
+        let unreadable = |source| TrackFileError::Unreadable { path: path.into(), source };
+        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_path(path).map_err(unreadable)?;
+        let mut points = Vec::new();
+        for (i, row) in reader.deserialize::<TrackRow>().enumerate() {
+            let row = row.map_err(unreadable)?;
+            let line = i as u64 + 2;
+            let bad = |what: &str| TrackFileError::Row { path: path.into(), line, what: what.to_owned() };
+            let point = match (row.state, row.u, row.v) {
+                (PointState::Occluded, None, None) => None,
+                (PointState::Occluded, _, _) => return Err(bad("an occluded point has u, v; leave them empty, or write `manual`")),
+                (_, Some(u), Some(v)) => {
+                    // A point clicked by hand rarely comes with its own deviation: half a pixel (thesis, chapter 3).
+                    let sd = Vector2::new(row.u_sd.unwrap_or(0.5), row.v_sd.unwrap_or(0.5));
+                    if !(u.is_finite() && v.is_finite() && sd.x > 0.0 && sd.y > 0.0 && sd.norm().is_finite()) {
+                        return Err(bad("u, v must be finite and their deviations above 0"));
+                    }
+                    Some(ImagePoint { uv: Vector2::new(u, v), sd })
+                }
+                _ => return Err(bad("a measured point lacks u or v; give both, or write `occluded`")),
+            };
+            points.push(TrackPoint { frame: row.frame, camera: row.camera, target: row.target, point, state: row.state });
+        }
+        points.sort_by_key(|p| (p.frame, p.camera, p.target));
+        Ok(Tracks { points })
+    }
+
+    pub fn to_csv(&self) -> String {
+        let mut out = String::from("frame,camera,target,u,v,u_sd,v_sd,state\n");
+        for p in &self.points {
+            let cells = match &p.point {
+                Some(i) => format!("{:.4},{:.4},{:.4},{:.4}", i.uv.x, i.uv.y, i.sd.x, i.sd.y),
+                None => ",,,".to_owned(),
+            };
+            let state = match p.state {
+                PointState::Measured => "measured",
+                PointState::Manual => "manual",
+                PointState::Occluded => "occluded",
+            };
+            out.push_str(&format!("{},{},{},{cells},{state}\n", p.frame, p.camera.name(), p.target.name()));
+        }
+        out
+    }
+
+    /// The measured or manual point of a target in one image.
+    pub fn get(&self, frame: u64, camera: CameraId, target: Target) -> Option<ImagePoint> {
+        let at = self.points.binary_search_by_key(&(frame, camera, target), |p| (p.frame, p.camera, p.target)).ok()?;
+        self.points[at].point
+    }
+
+    /// Frame numbers, ascending, without repeats.
+    pub fn frames(&self) -> Vec<u64> {
+        let mut f: Vec<u64> = self.points.iter().map(|p| p.frame).collect();
+        f.dedup();
+        f
+    }
+}
+
+/// A reconstructed point, global axes, m; t = 0 at first contact, s.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SpacePoint {
+    pub frame: u64,
+    pub t: f64,
+    pub target: Target,
+    pub position: Point3<f64>,
+    /// One standard deviation per axis, without that of the global axes themselves.
+    pub sd: Vector3<f64>,
+    pub residual_px: f64,
+}
+
+/// `points.csv`.
+pub fn points_to_csv(points: &[SpacePoint]) -> String {
+    let mut out = String::from("frame,t,target,x,y,z,x_sd,y_sd,z_sd,residual_px\n");
+    for p in points {
+        let (x, s) = (p.position, p.sd);
+        out.push_str(&format!(
+            "{},{:.9},{},{:.7},{:.7},{:.7},{:.7},{:.7},{:.7},{:.4}\n",
+            p.frame,
+            p.t,
+            p.target.name(),
+            x.x,
+            x.y,
+            x.z,
+            s.x,
+            s.y,
+            s.z,
+            p.residual_px
+        ));
+    }
+    out
+}

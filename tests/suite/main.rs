@@ -1,0 +1,7 @@
+//! One binary for all tests that run the library from outside or the program as a whole; one module per room.
+//! Prefixes: truth_ (closed form), law_ (property), ladder_ (refinement), switch_ (effect on/off), agrees_ (independent
+//! path), fails_ (that error), golden_ (unchanged), real_ (data nobody here made), cli_ (whole program), issue_.
+
+#![allow(clippy::unwrap_used)]
+
+mod shared;

@@ -1,0 +1,74 @@
+//! The rooms' arrows point one way, and OpenCV stays where it belongs.
+
+use std::path::{Path, PathBuf};
+
+/// Rooms in the order of the data's way; a room may use those before it only. `synthetic` must not see `impact` at all.
+const FORBIDDEN: [(&str, &[&str]); 9] = [
+    ("footage", &["calibration", "tracking", "reconstruction", "kinematics", "impact", "validation", "report", "synthetic", "cli"]),
+    ("calibration", &["tracking", "reconstruction", "kinematics", "impact", "validation", "report", "synthetic", "cli"]),
+    ("tracking", &["kinematics", "impact", "validation", "report", "synthetic", "cli"]),
+    ("reconstruction", &["kinematics", "impact", "validation", "report", "synthetic", "cli"]),
+    ("kinematics", &["impact", "validation", "report", "synthetic", "cli"]),
+    ("impact", &["footage", "calibration", "tracking", "reconstruction", "kinematics", "validation", "report", "synthetic", "cli"]),
+    ("validation", &["footage", "calibration", "tracking", "reconstruction", "kinematics", "report", "synthetic", "cli"]),
+    ("report", &["synthetic", "cli"]),
+    ("synthetic", &["impact", "validation", "kinematics", "report", "cli"]),
+];
+
+fn rust_files(folder: &Path, into: &mut Vec<PathBuf>) {
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            rust_files(&path, into);
+        } else if path.extension().is_some_and(|e| e == "rs") {
+            into.push(path);
+        }
+    }
+}
+
+fn source() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("src")
+}
+
+/// The code of a file before its tests, without comments: what the shipped program contains.
+fn shipped(path: &Path) -> String {
+    let text = std::fs::read_to_string(path).unwrap();
+    let code = text.split("#[cfg(test)]").next().unwrap();
+    code.lines().filter(|l| !l.trim_start().starts_with("//")).collect::<Vec<_>>().join("\n")
+}
+
+#[test]
+fn law_rooms_use_only_the_rooms_before_them() {
+    for (room, later) in FORBIDDEN {
+        let mut files = Vec::new();
+        rust_files(&source().join(room), &mut files);
+        for file in files {
+            let code = shipped(&file);
+            for other in later {
+                assert!(!code.contains(&format!("crate::{other}")), "{} uses `{other}`, which comes later on the data's way", file.display());
+            }
+        }
+    }
+}
+
+#[test]
+fn law_opencv_is_named_only_in_its_own_files() {
+    let mut files = Vec::new();
+    rust_files(&source(), &mut files);
+    for file in files {
+        let name = file.file_name().unwrap().to_string_lossy().into_owned();
+        if !name.contains("opencv") {
+            assert!(!shipped(&file).contains("opencv::"), "{} names opencv; such code lives in *opencv*.rs", file.display());
+        }
+    }
+}
+
+#[test]
+fn law_no_room_without_a_noun() {
+    let mut files = Vec::new();
+    rust_files(&source(), &mut files);
+    for file in files {
+        let stem = file.file_stem().unwrap().to_string_lossy().into_owned();
+        assert!(!["util", "utils", "common", "helpers", "types", "misc"].contains(&stem.as_str()), "{}", file.display());
+    }
+}

@@ -1,6 +1,7 @@
 //! Every way a command can end badly, as the exit status of the contract: 1 some shots failed, 2 bad usage or input.
 
 use crate::equipment::EquipmentError;
+use crate::footage::FootageError;
 use crate::impact_table::TableError;
 use crate::session::SessionError;
 use crate::tracking::TrackFileError;
@@ -82,4 +83,4 @@ macro_rules! input_errors {
 }
 
 // One line per room's error type.
-input_errors!(SessionError, EquipmentError, TableError, TrackFileError);
+input_errors!(SessionError, EquipmentError, TableError, TrackFileError, FootageError);

@@ -83,7 +83,9 @@ pub(crate) fn decode_grey(bytes: &[u8], path: &Path) -> Result<GreyImage, Footag
     };
     let failed = |e: image::ImageError| match &e {
         image::ImageError::IoError(io) if io.kind() == std::io::ErrorKind::UnexpectedEof => truncated(path, format_name, "the file ends early"),
-        image::ImageError::Limits(_) => FootageError::Damaged { path: path.into(), format: format_name, what: "it asks for more memory than any camera picture".into() },
+        image::ImageError::Limits(_) => {
+            FootageError::Damaged { path: path.into(), format: format_name, what: "it asks for more memory than any camera picture".into() }
+        }
         _ if e.to_string().to_lowercase().contains("eof") => truncated(path, format_name, "the file ends early"),
         _ => FootageError::Damaged { path: path.into(), format: format_name, what: e.to_string() },
     };

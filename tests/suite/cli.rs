@@ -1,0 +1,212 @@
+//! The program as a whole: exit codes, clear errors, nothing left behind.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+pub fn sweetspot(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_sweetspot")).args(arguments).output().unwrap()
+}
+
+pub fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// Exit status 2, one error, every word in it, no panic, nothing on stdout.
+#[track_caller]
+pub fn refused(arguments: &[&str], words: &[&str]) {
+    let output = sweetspot(arguments);
+    let message = stderr(&output);
+    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
+    assert!(!message.contains("panicked"), "{message}");
+    assert!(output.stdout.is_empty(), "{arguments:?} wrote to stdout");
+    assert_eq!(message.matches("error:").count(), 1, "{arguments:?}: {message}");
+    for word in words {
+        assert!(message.contains(word), "{arguments:?}: expected {word:?} in: {message}");
+    }
+}
+
+pub const RACKET: &str = r#"
+name = "typical 27 inch"
+mass_kg = 0.340
+length_m = 0.685
+balance_m = 0.330
+stringbed_centre_m = 0.4975
+swingweight_kgm2 = 0.0325
+twistweight_kgm2 = 0.0015
+[head]
+inner_length_m = 0.335
+inner_width_m = 0.255
+[strings]
+tension_lb = 60.0
+[markers]
+m1 = [-0.1775, 0.000, 0.0]
+m2 = [ 0.000, -0.1375, 0.0]
+m3 = [ 0.000,  0.1375, 0.0]
+m4 = [ 0.200, -0.045, 0.0]
+m5 = [ 0.200,  0.045, 0.0]
+"#;
+pub const BALL: &str = "name = \"b\"\nmass_kg = 0.0577\ndiameter_m = 0.066\ninertia_factor = 0.55\n";
+pub const MODEL: &str = "base = \"rigid\"\n[parameters]\nrestitution = { value = 0.8, fit = true, min = 0.3, max = 1.0 }\nfriction = { value = 0.45, fit = true, min = 0.0, max = 1.5 }\n";
+const SESSION: &str = r#"
+name = "t"
+frame_rate_hz = 1000.0
+exposure_s = 1.0e-4
+racket = "racket.toml"
+ball = "ball.toml"
+[calibration]
+board_columns = 9
+board_rows = 6
+square_m = 0.060
+images = "calib"
+"#;
+
+/// A folder with a valid racket, ball, model, session and a table of two impacts.
+pub struct Bench {
+    pub folder: tempfile::TempDir,
+}
+
+impl Bench {
+    pub fn new() -> Self {
+        let bench = Bench { folder: tempfile::tempdir().unwrap() };
+        bench.write("racket.toml", RACKET);
+        bench.write("ball.toml", BALL);
+        bench.write("model.toml", MODEL);
+        bench.write("session.toml", SESSION);
+        bench.write("impacts.csv", "id,ball_in_vx,ball_in_vy,ball_in_vz,impact_x,impact_y,ball_out_vz\na,1,2,-25,0.01,0.02,8\nb,0,4,-20,-0.05,0.0,4\n");
+        bench
+    }
+
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    pub fn write(&self, name: &str, text: impl AsRef<[u8]>) {
+        let path = self.path(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, text).unwrap();
+    }
+
+    /// The arguments of a command on the table.
+    pub fn table(&self, command: &str) -> Vec<String> {
+        let mut a = vec![command.to_owned()];
+        for (flag, file) in [("--impacts", "impacts.csv"), ("--racket", "racket.toml"), ("--ball", "ball.toml"), ("--model", "model.toml")] {
+            a.extend([flag.to_owned(), text(&self.path(file))]);
+        }
+        if command == "fit" {
+            a.extend(["-o".to_owned(), text(&self.path("fitted.toml"))]);
+        }
+        a.extend(["--out".to_owned(), text(&self.path("out"))]);
+        a
+    }
+}
+
+pub fn text(path: &Path) -> String {
+    path.to_string_lossy().into_owned()
+}
+
+fn refused_table(bench: &Bench, words: &[&str]) {
+    for command in ["predict", "compare", "diagnose", "fit"] {
+        let arguments = bench.table(command);
+        refused(&arguments.iter().map(String::as_str).collect::<Vec<_>>(), words);
+        assert!(!bench.path("fitted.toml").exists());
+    }
+}
+
+#[test]
+fn cli_every_command_of_the_contract_has_help() {
+    for command in ["demo", "calibrate", "track", "shots", "predict", "compare", "diagnose", "add", "fit", "validate", "explore", "effects", "synth"] {
+        if command == "calibrate" && cfg!(not(feature = "vision")) {
+            continue;
+        }
+        let output = sweetspot(&[command, "--help"]);
+        assert_eq!(output.status.code(), Some(0), "{command}");
+        assert!(String::from_utf8_lossy(&output.stdout).contains("Usage: sweetspot"), "{command}");
+    }
+}
+
+#[test]
+fn fails_bad_usage_is_exit_2() {
+    for arguments in [&["no-such-command"][..], &["predict"], &["track"], &["predict", "--no-such-flag"], &["effects", "-j", "0"]] {
+        let output = sweetspot(arguments);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
+    }
+}
+
+#[test]
+fn fails_a_missing_session_folder_is_named() {
+    let mut commands = vec!["track", "shots"];
+    if cfg!(feature = "vision") {
+        commands.push("calibrate");
+    }
+    for command in commands {
+        refused(&[command, "no/such/session"], &["no/such/session"]);
+    }
+    let bench = Bench::new();
+    refused(&["validate", "no/such/session", "--model", &text(&bench.path("model.toml"))], &["no/such/session"]);
+    refused(&["synth", "no/such/scenario.toml", "-o", &text(&bench.path("made"))], &["no/such/scenario.toml"]);
+}
+
+#[test]
+fn fails_a_wrong_key_in_session_racket_ball_or_model_is_named() {
+    let bench = Bench::new();
+    bench.write("session.toml", SESSION.replace("exposure_s", "exposure"));
+    refused(&["track", &text(bench.folder.path())], &["session.toml", "exposure"]);
+    bench.write("racket.toml", RACKET.replace("balance_m", "balance"));
+    refused_table(&bench, &["racket.toml", "balance"]);
+    bench.write("racket.toml", RACKET);
+    bench.write("ball.toml", BALL.replace("mass_kg", "mass"));
+    refused_table(&bench, &["ball.toml", "mass"]);
+    bench.write("ball.toml", BALL);
+    bench.write("model.toml", MODEL.replace("friction", "frictoin"));
+    refused_table(&bench, &["model.toml", "frictoin"]);
+    bench.write("model.toml", "base = \"rigid\"\n[effects.frame-vibrations]\n");
+    refused_table(&bench, &["model.toml", "frame-vibration"]);
+    bench.write("model.toml", "base = \"elastic\"\n");
+    refused_table(&bench, &["model.toml", "elastic"]);
+}
+
+#[test]
+fn fails_impossible_values_are_named_with_what_is_allowed() {
+    let bench = Bench::new();
+    bench.write("racket.toml", RACKET.replace("0.340", "-0.340"));
+    refused_table(&bench, &["racket.toml", "mass_kg", "-0.34"]);
+    bench.write("racket.toml", RACKET.replace("swingweight_kgm2 = 0.0325", "swingweight_kgm2 = 0.0100"));
+    refused_table(&bench, &["racket.toml", "swingweight_kgm2", "0.01"]);
+    bench.write("racket.toml", RACKET);
+    bench.write("ball.toml", BALL.replace("0.0577", "nan"));
+    refused_table(&bench, &["ball.toml", "mass_kg", "NaN"]);
+}
+
+#[test]
+fn fails_broken_tables_are_named_with_their_line() {
+    let bench = Bench::new();
+    for (table, words) in [
+        ("", &["impacts.csv"][..]),
+        ("id,ball_in_vz\n", &["impacts.csv", "no impacts"]),
+        ("id,ball_in_vz\na,NaN\n", &["impacts.csv", "line 2", "ball_in_vz", "NaN"]),
+        ("id,ball_in_vz\na,-20\nb,fast\n", &["impacts.csv", "line 3", "fast"]),
+        ("id,ball_in_vz\na,-20,7\n", &["impacts.csv"]),
+        ("BM\u{0}\u{1}\u{2}", &["impacts.csv"]),
+    ] {
+        bench.write("impacts.csv", table);
+        refused_table(&bench, words);
+    }
+    std::fs::remove_file(bench.path("impacts.csv")).unwrap();
+    refused_table(&bench, &["impacts.csv"]);
+}
+
+#[test]
+fn fails_a_session_file_cannot_lead_outside_its_folder() {
+    let bench = Bench::new();
+    for path in ["../racket.toml", "/etc/hostname", "shots/../../racket.toml"] {
+        bench.write("session.toml", SESSION.replace("\"racket.toml\"", &format!("\"{path}\"")));
+        refused(&["track", &text(bench.folder.path())], &["session.toml", "racket", path]);
+    }
+}
+
+#[test]
+fn cli_add_of_an_unknown_effect_names_the_nearest() {
+    let bench = Bench::new();
+    refused(&["add", "frame-vibrations", "--model", &text(&bench.path("model.toml")), "-o", &text(&bench.path("new.toml"))], &["frame-vibration"]);
+    assert!(!bench.path("new.toml").exists());
+}

@@ -2,6 +2,10 @@
 //!
 //! Comes in: frames, a stereo rig, the racket's marker figure. Goes out: [`Tracks`] with an uncertainty per point.
 
+mod racket_figure;
+mod racket_pose;
 mod track_file;
 
+pub use racket_figure::RacketFigure;
+pub use racket_pose::{MarkerObservation, PoseError, RacketPose, View, fit_pose, fit_pose_in, rigid_from_points};
 pub use track_file::{ImagePoint, PointState, SpacePoint, Target, TrackFileError, TrackPoint, Tracks, points_to_csv};

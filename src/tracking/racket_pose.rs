@@ -300,10 +300,20 @@ pub(crate) mod tests {
     pub(crate) fn pose() -> Isometry3<f64> {
         // x toward -W, z toward +U: a forehand.
         let r = Matrix3::from_columns(&[-Vector3::z(), Vector3::y(), Vector3::x()]);
-        Isometry3::from_parts(Translation3::new(0.1, 0.9, 0.2), UnitQuaternion::from_scaled_axis(Vector3::new(0.2, -0.3, 0.1)) * UnitQuaternion::from_matrix(&r))
+        Isometry3::from_parts(
+            Translation3::new(0.1, 0.9, 0.2),
+            UnitQuaternion::from_scaled_axis(Vector3::new(0.2, -0.3, 0.1)) * UnitQuaternion::from_matrix(&r),
+        )
     }
 
-    fn observe(view: &View, f: &RacketFigure, pose: &Isometry3<f64>, sd: f64, mut error: impl FnMut() -> f64, keep: impl Fn(CameraId, usize) -> bool) -> Vec<MarkerObservation> {
+    fn observe(
+        view: &View,
+        f: &RacketFigure,
+        pose: &Isometry3<f64>,
+        sd: f64,
+        mut error: impl FnMut() -> f64,
+        keep: impl Fn(CameraId, usize) -> bool,
+    ) -> Vec<MarkerObservation> {
         let mut all = Vec::new();
         for camera in CameraId::BOTH {
             for marker in (0..5).filter(|m| keep(camera, *m)) {

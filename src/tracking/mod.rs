@@ -4,6 +4,7 @@
 
 mod racket_figure;
 mod racket_pose;
+pub mod spin;
 mod track_file;
 
 pub use racket_figure::RacketFigure;

@@ -1,0 +1,18 @@
+//! Spin of the ball from its drawn lines or logo, at 15 to 20 px diameter.
+//!
+//! Comes in: [`BallView`]s of the free flight before first contact and after last contact (both cameras, grey pixels,
+//! centre, position), the rig, the ball's radius. Goes out: [`BallSpin`], one [`SpinEstimate`] before and one after:
+//! the spin vector in global axes with its covariance, or the one component that can be measured, or a refusal with
+//! its reason. Method and measured comparison: docs/spin.md.
+
+mod estimate;
+mod registration;
+mod search;
+mod shading;
+mod sphere_map;
+mod spin_file;
+mod view;
+
+pub use estimate::{BallSpin, SpinEstimate, SpinQuality, SpinRefusal, SpinSettings, estimate_spin, measure_spin};
+pub use spin_file::{SPIN_FILE, SpinFileError, read_spin, spin_to_json};
+pub use view::{BallView, GreyPatch};

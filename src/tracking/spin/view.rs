@@ -1,0 +1,180 @@
+//! One picture of the ball, and its pixels as directions on the sphere.
+
+use crate::calibration::{CameraId, StereoRig};
+use nalgebra::{Matrix2, Point3, Vector2, Vector3};
+
+/// A rectangle of 8-bit grey pixels: the whole frame or a crop around the ball. Pixel `(column, row)` of the patch is
+/// pixel `(left + column, top + row)` of the image.
+#[derive(Debug, Clone, Copy)]
+pub struct GreyPatch<'a> {
+    pub pixels: &'a [u8],
+    pub width: usize,
+    pub height: usize,
+    /// Distance between the starts of two rows in `pixels`.
+    pub stride: usize,
+    pub left: i64,
+    pub top: i64,
+}
+
+impl<'a> GreyPatch<'a> {
+    /// A whole frame without padding between its rows.
+    pub fn frame(pixels: &'a [u8], width: usize, height: usize) -> Self {
+        GreyPatch { pixels, width, height, stride: width, left: 0, top: 0 }
+    }
+
+    fn at(&self, column: i64, row: i64) -> Option<u8> {
+        let (i, j) = (column.checked_sub(self.left)?, row.checked_sub(self.top)?);
+        let (i, j) = (usize::try_from(i).ok()?, usize::try_from(j).ok()?);
+        if i >= self.width || j >= self.height {
+            return None;
+        }
+        self.pixels.get(j.checked_mul(self.stride)?.checked_add(i)?).copied()
+    }
+}
+
+/// The ball in one picture.
+#[derive(Debug, Clone, Copy)]
+pub struct BallView<'a> {
+    pub camera: CameraId,
+    /// Middle of the exposure, s, from any origin.
+    pub time_s: f64,
+    pub picture: GreyPatch<'a>,
+    /// Projected centre of the ball, px, and its standard deviation.
+    pub centre_px: Vector2<f64>,
+    pub centre_sd_px: f64,
+    /// Centre of the ball in global axes, m. Used for scale and viewing direction only, so that a few mm do not matter.
+    pub position: Point3<f64>,
+}
+
+/// One pixel on the ball.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Sample {
+    /// Index of the view.
+    pub view: usize,
+    /// Outward normal in global axes.
+    pub normal: Vector3<f64>,
+    /// The same normal in the camera's own directions: right, down, toward the camera.
+    pub disc: Vector3<f64>,
+    pub grey: f64,
+}
+
+/// What the estimator keeps of one view.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct ViewInfo {
+    pub camera: CameraId,
+    pub time_s: f64,
+}
+
+/// Part of the ball's disc that is used: beyond it, lines are foreshortened below the width of the blur and the
+/// background mixes in. Measured in docs/spin.md, "Used part of the disc".
+pub(super) const USED_RADIUS: f64 = 0.88;
+
+/// The pixels of the ball's disc in all views whose disc is at least half inside the picture.
+pub(super) fn sample_views(views: &[BallView], rig: &StereoRig, radius_m: f64) -> (Vec<ViewInfo>, Vec<Sample>) {
+    let centres = smooth_centres(views);
+    let mut infos = Vec::new();
+    let mut samples = Vec::new();
+    for (view, centre) in views.iter().zip(&centres) {
+        let start = samples.len();
+        let at = infos.len();
+        if sample_view(view, *centre, rig, radius_m, at, &mut samples).is_some() {
+            infos.push(ViewInfo { camera: view.camera, time_s: view.time_s });
+        } else {
+            samples.truncate(start);
+        }
+    }
+    (infos, samples)
+}
+
+/// Samples one view with the affine camera at the ball's centre: the ball subtends 0.3° at 12 m, so the error of that
+/// approximation is below 0.03 px. `None` when the geometry is impossible or less than half of the disc is in the picture.
+fn sample_view(view: &BallView, centre: Vector2<f64>, rig: &StereoRig, radius_m: f64, at: usize, out: &mut Vec<Sample>) -> Option<()> {
+    let camera_from_global = rig.camera_from_global(view.camera);
+    let in_camera = camera_from_global * view.position;
+    let (_, jacobian) = rig.camera(view.camera).project_with_jacobian(&in_camera)?;
+    let toward = -in_camera.coords.try_normalize(1e-9)?;
+    // Directions across the line of sight, nearest to the image's right and down.
+    let right = (Vector3::x() - toward * toward.x).try_normalize(1e-9)?;
+    let down = right.cross(&toward) * if right.cross(&toward).y >= 0.0 { 1.0 } else { -1.0 };
+    let across = jacobian * radius_m;
+    let (a, b) = (across * right, across * down);
+    let px_from_disc = Matrix2::new(a.x, b.x, a.y, b.y);
+    let disc_from_px = px_from_disc.try_inverse()?;
+    let radius_px = px_from_disc.determinant().abs().sqrt();
+    if !(radius_px.is_finite() && (2.0..=200.0).contains(&radius_px) && centre.x.is_finite() && centre.y.is_finite()) {
+        return None;
+    }
+    let global_from_camera = camera_from_global.rotation.inverse();
+    let reach = radius_px.ceil() as i64 + 1;
+    let (u0, v0) = (centre.x.round() as i64, centre.y.round() as i64);
+    let (mut inside, mut lost) = (0usize, 0usize);
+    for row in v0.saturating_sub(reach)..=v0.saturating_add(reach) {
+        for column in u0.saturating_sub(reach)..=u0.saturating_add(reach) {
+            let p = disc_from_px * Vector2::new(column as f64 - centre.x, row as f64 - centre.y);
+            let rho2 = p.norm_squared();
+            if rho2 > USED_RADIUS * USED_RADIUS {
+                continue;
+            }
+            match view.picture.at(column, row) {
+                // A saturated pixel says only that the ball is bright there.
+                Some(grey) if grey < 255 => {
+                    let disc = Vector3::new(p.x, p.y, (1.0 - rho2).sqrt());
+                    let normal = global_from_camera * (right * p.x + down * p.y + toward * disc.z);
+                    out.push(Sample { view: at, normal, disc, grey: f64::from(grey) });
+                    inside += 1;
+                }
+                _ => lost += 1,
+            }
+        }
+    }
+    (inside > lost).then_some(())
+}
+
+/// Centres smoothed along each camera's track: the ball flies freely over the window, so a low-order polynomial in time
+/// holds it, and the noise of single centres, which the eye would take for small turns of the ball, averages out.
+fn smooth_centres(views: &[BallView]) -> Vec<Vector2<f64>> {
+    let mut centres: Vec<Vector2<f64>> = views.iter().map(|v| v.centre_px).collect();
+    for camera in CameraId::BOTH {
+        let own: Vec<usize> = (0..views.len()).filter(|&i| views[i].camera == camera).collect();
+        let terms = match own.len() {
+            0..=4 => continue,
+            5..=7 => 2,
+            8..=13 => 3,
+            _ => 4,
+        };
+        let (first, last) = own.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &i| (a.min(views[i].time_s), b.max(views[i].time_s)));
+        let half = 0.5 * (last - first);
+        if !(half > 0.0 && half.is_finite()) {
+            continue;
+        }
+        let basis = |t: f64| {
+            let x = (t - 0.5 * (first + last)) / half;
+            nalgebra::DVector::from_fn(terms, |k, _| x.powi(k as i32))
+        };
+        // Two rounds: the second without centres that lie 4 deviations off the first curve.
+        let mut keep = own.clone();
+        for _ in 0..2 {
+            let mut normal = nalgebra::DMatrix::<f64>::zeros(terms, terms);
+            let mut right = nalgebra::DMatrix::<f64>::zeros(terms, 2);
+            for &i in &keep {
+                let b = basis(views[i].time_s);
+                let w = views[i].centre_sd_px.clamp(0.01, 10.0).powi(-2);
+                normal += &b * b.transpose() * w;
+                right += &b * views[i].centre_px.transpose() * w;
+            }
+            let Some(solution) = normal.cholesky().map(|c| c.solve(&right)) else { break };
+            for &i in &own {
+                let fitted = solution.transpose() * basis(views[i].time_s);
+                centres[i] = Vector2::new(fitted[0], fitted[1]);
+            }
+            let mut misses: Vec<f64> = keep.iter().map(|&i| (centres[i] - views[i].centre_px).norm()).collect();
+            misses.sort_by(f64::total_cmp);
+            let limit = (4.0 * misses[misses.len() / 2]).max(0.15);
+            keep = own.iter().copied().filter(|&i| (centres[i] - views[i].centre_px).norm() <= limit).collect();
+            if keep.len() < terms + 2 {
+                break;
+            }
+        }
+    }
+    centres
+}

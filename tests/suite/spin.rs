@@ -1,0 +1,143 @@
+//! Spin of the ball: rendered balls with known spin, and the practice footage with its truth.
+
+use crate::shared::shared;
+use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector2, Vector3};
+use std::collections::BTreeMap;
+use std::path::Path;
+use sweetspot::calibration::{Camera, CameraId, RigidTransform, StereoRig};
+use sweetspot::tracking::spin::{BallView, GreyPatch, SpinEstimate, SpinSettings, estimate_spin};
+
+fn numbers(v: &serde_json::Value) -> Vec<f64> {
+    v.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()
+}
+
+fn vector(v: &serde_json::Value) -> Vector3<f64> {
+    Vector3::from_iterator(numbers(v))
+}
+
+fn pose(v: &serde_json::Value) -> Isometry3<f64> {
+    let r: Vec<f64> = v["R"].as_array().unwrap().iter().flat_map(numbers).collect();
+    let r = Rotation3::from_matrix(&Matrix3::from_row_slice(&r));
+    Isometry3::from_parts(Translation3::from(vector(&v["t"])), UnitQuaternion::from_rotation_matrix(&r))
+}
+
+fn rig_of_poses(image_size: [usize; 2], cameras: [Camera; 2], camera_from_global: [Isometry3<f64>; 2]) -> StereoRig {
+    let [left, right] = cameras;
+    let right_from_left = camera_from_global[1] * camera_from_global[0].inverse();
+    let between = RigidTransform::from_isometry(&right_from_left);
+    StereoRig {
+        image_size,
+        left,
+        right,
+        r: between.r,
+        t: between.t,
+        rms_stereo_px: 0.0,
+        pairs: Vec::new(),
+        square_mm: None,
+        global_from_left: RigidTransform::from_isometry(&camera_from_global[0].inverse()),
+        more: BTreeMap::new(),
+    }
+}
+
+fn true_rig(truth: &serde_json::Value) -> StereoRig {
+    let camera = |v: &serde_json::Value| {
+        let d = numbers(&v["dist"]);
+        let k = |i: usize, j: usize| v["K"][i][j].as_f64().unwrap();
+        Camera { fx: k(0, 0), fy: k(1, 1), cx: k(0, 2), cy: k(1, 2), distortion: [d[0], d[1], d[2], d[3], d[4]], rms_px: 0.0, sd: BTreeMap::new() }
+    };
+    let c = &truth["cameras"];
+    rig_of_poses([512, 512], [camera(&c["left"]), camera(&c["right"])], [pose(&c["left"]), pose(&c["right"])])
+}
+
+struct Picture {
+    camera: CameraId,
+    time_s: f64,
+    pixels: Vec<u8>,
+    size: (usize, usize),
+    centre_px: Vector2<f64>,
+    position: Point3<f64>,
+}
+
+impl Picture {
+    fn view(&self) -> BallView<'_> {
+        BallView {
+            camera: self.camera,
+            time_s: self.time_s,
+            picture: GreyPatch::frame(&self.pixels, self.size.0, self.size.1),
+            centre_px: self.centre_px,
+            centre_sd_px: 0.05,
+            position: self.position,
+        }
+    }
+}
+
+/// Frame number at the end of a file's name.
+fn frame_number(path: &Path) -> Option<u64> {
+    let stem = path.file_stem()?.to_str()?;
+    let digits: String = stem.chars().rev().skip_while(|c| !c.is_ascii_digit()).take_while(|c| c.is_ascii_digit()).collect();
+    digits.chars().rev().collect::<String>().parse().ok()
+}
+
+/// Pictures of a practice shot with true centres, before first and after last contact.
+fn practice_shot(session: &Path, id: &str, shot: &serde_json::Value) -> [Vec<Picture>; 2] {
+    let mut out = [Vec::new(), Vec::new()];
+    let end = shot["contact_time"].as_f64().unwrap();
+    for camera in CameraId::BOTH {
+        let folder = session.join("shots").join(id).join(camera.name());
+        let files: BTreeMap<u64, _> =
+            std::fs::read_dir(folder).unwrap().filter_map(|e| e.ok()).filter_map(|e| Some((frame_number(&e.path())?, e.path()))).collect();
+        for f in shot["frames"].as_array().unwrap() {
+            let t = f["t"].as_f64().unwrap();
+            let ball = &f["cameras"][camera.name()]["ball"];
+            let side = usize::from(t > end);
+            if (0.0..=end).contains(&t) || !ball["visible"].as_bool().unwrap_or(false) {
+                continue;
+            }
+            let Some(path) = files.get(&f["frame"].as_u64().unwrap()) else { continue };
+            let picture = image::load_from_memory(&std::fs::read(path).unwrap()).unwrap().to_luma8();
+            out[side].push(Picture {
+                camera,
+                time_s: t,
+                size: (picture.width() as usize, picture.height() as usize),
+                pixels: picture.into_raw(),
+                centre_px: Vector2::new(ball["u"].as_f64().unwrap(), ball["v"].as_f64().unwrap()),
+                position: Point3::from(vector(&f["points"]["ball"])),
+            });
+        }
+    }
+    out
+}
+
+#[test]
+fn real_practice_balls_turn_as_they_were_made_to() {
+    let Some(folder) = shared("practice/footage") else { return };
+    for name in ["lab-11", "court-12", "hard-13"] {
+        let truth: serde_json::Value = serde_json::from_slice(&std::fs::read(folder.join(format!("{name}.truth.json"))).unwrap()).unwrap();
+        let rig = true_rig(&truth);
+        for (id, shot) in truth["shots"].as_object().unwrap() {
+            let sides = practice_shot(&folder.join(name), id, shot);
+            for (pictures, key) in sides.iter().zip(["ball_in_w", "ball_out_w"]) {
+                let views: Vec<BallView> = pictures.iter().map(Picture::view).collect();
+                let expected = vector(&shot["global"][key]);
+                let start = std::time::Instant::now();
+                let got = estimate_spin(&views, &rig, 0.033, &SpinSettings::new(1000.0));
+                let ms = start.elapsed().as_secs_f64() * 1e3;
+                match &got {
+                    SpinEstimate::Vector { omega_rad_s, covariance, frames_used, quality } => {
+                        let miss = omega_rad_s - expected;
+                        let z2 = miss.dot(&(covariance.try_inverse().unwrap() * miss));
+                        eprintln!(
+                            "{name} {id} {key}: |w| {:.1} rate {:+.2} % axis {:.2} deg  miss {:.2?} z2 {z2:.2} sd {:.2?} frames {frames_used} {quality:?} {ms:.0} ms",
+                            expected.norm(),
+                            100.0 * (omega_rad_s.norm() / expected.norm() - 1.0),
+                            omega_rad_s.angle(&expected).to_degrees(),
+                            miss.as_slice(),
+                            covariance.diagonal().map(f64::sqrt).as_slice()
+                        );
+                    }
+                    other => eprintln!("{name} {id} {key}: |w| {:.1} {expected:?}: {other:?} {ms:.0} ms", expected.norm()),
+                }
+            }
+        }
+    }
+}

@@ -36,7 +36,7 @@ pub fn read_spin(path: &Path) -> Result<BallSpin, SpinFileError> {
         let bad = |seen: String, allowed| SpinFileError::Value { path: path.into(), field, seen, allowed };
         match estimate {
             SpinEstimate::Vector { omega_rad_s, covariance, .. } => {
-                if !(omega_rad_s.norm() < 1e5) {
+                if !omega_rad_s.norm().is_finite() || omega_rad_s.norm() > 1e5 {
                     return Err(bad(format!("{omega_rad_s:?}"), "a spin below 1e5 rad/s"));
                 }
                 let symmetric = (covariance - covariance.transpose()).norm() <= 1e-6 * covariance.norm();

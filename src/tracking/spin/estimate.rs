@@ -70,8 +70,16 @@ pub enum SpinEstimate {
         quality: SpinQuality,
     },
     /// Only the component along `axis` (unit vector); the thesis's one-axis count in spirit, without its counting.
-    OneAxis { axis: Vector3<f64>, rate_rad_s: f64, sd_rad_s: f64, frames_used: usize, reason: String },
-    Refused { reason: SpinRefusal },
+    OneAxis {
+        axis: Vector3<f64>,
+        rate_rad_s: f64,
+        sd_rad_s: f64,
+        frames_used: usize,
+        reason: String,
+    },
+    Refused {
+        reason: SpinRefusal,
+    },
 }
 
 /// Spin before and after one impact.

@@ -118,7 +118,8 @@ impl<'a> Registrar<'a> {
         let unknowns = nodes + 2 * TERMS + self.views.len();
         let mut prior = vec![self.map_precision; nodes];
         prior.resize(unknowns, NUISANCE_SD.powi(-2));
-        let mut d = Design { rows: Vec::with_capacity(self.marks.len()), node: Vec::new(), value: Vec::new(), slope: Vec::new(), unknowns, prior, omega_at: unknowns };
+        let mut d =
+            Design { rows: Vec::with_capacity(self.marks.len()), node: Vec::new(), value: Vec::new(), slope: Vec::new(), unknowns, prior, omega_at: unknowns };
         let back: Vec<Rotation3<f64>> = self.views.iter().map(|v| Rotation3::new(-omega * (v.time_s - self.middle_s))).collect();
         let mut row = KernelRow::default();
         for m in self.marks {

@@ -6,5 +6,7 @@
 
 mod cli;
 mod layout;
+mod report;
+mod report_gallery;
 mod shared;
 mod spin;

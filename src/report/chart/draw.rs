@@ -1,0 +1,269 @@
+//! Drawing of each layer in pixels, and the plane between the axes.
+
+use super::axis::Scale;
+use super::layer::{Arrows, Band, Bars, Cells, Label, Line, Points, Rule, Shape, Symbol};
+use super::palette::{Colour, diverging, sequential};
+use super::svg::{Anchor, Svg, TEXT, polyline, px, text_width};
+use std::fmt::Write;
+
+/// The area between the axes and the way from values to pixels.
+pub(super) struct Plane {
+    pub left: f64,
+    pub top: f64,
+    pub right: f64,
+    pub bottom: f64,
+    pub x: Scale,
+    pub y: Scale,
+    pub x_reversed: bool,
+    pub y_reversed: bool,
+}
+
+impl Plane {
+    pub fn at(&self, (x, y): (f64, f64)) -> (f64, f64) {
+        let sx = (x - self.x.low) / (self.x.high - self.x.low);
+        let sy = (y - self.y.low) / (self.y.high - self.y.low);
+        let sx = if self.x_reversed { 1.0 - sx } else { sx };
+        let sy = if self.y_reversed { 1.0 - sy } else { sy };
+        (self.left + sx * (self.right - self.left), self.bottom - sy * (self.bottom - self.top))
+    }
+
+    fn clamp(&self, (x, y): (f64, f64)) -> (f64, f64) {
+        (x.clamp(self.left, self.right), y.clamp(self.top, self.bottom))
+    }
+
+    fn holds(&self, (x, y): (f64, f64)) -> bool {
+        x >= self.left - 0.05 && x <= self.right + 0.05 && y >= self.top - 0.05 && y <= self.bottom + 0.05
+    }
+
+    /// The part of a segment (px) inside the plane (Liang and Barsky's clipping).
+    pub fn clip(&self, a: (f64, f64), b: (f64, f64)) -> Option<((f64, f64), (f64, f64))> {
+        let (dx, dy) = (b.0 - a.0, b.1 - a.1);
+        let (mut enter, mut leave) = (0.0f64, 1.0f64);
+        for (p, q) in [(-dx, a.0 - self.left), (dx, self.right - a.0), (-dy, a.1 - self.top), (dy, self.bottom - a.1)] {
+            if p == 0.0 {
+                if q < 0.0 {
+                    return None;
+                }
+            } else if p < 0.0 {
+                enter = enter.max(q / p);
+            } else {
+                leave = leave.min(q / p);
+            }
+        }
+        (enter <= leave).then(|| ((a.0 + enter * dx, a.1 + enter * dy), (a.0 + leave * dx, a.1 + leave * dy)))
+    }
+}
+
+pub(super) fn stroke(colour: Colour, width: f64, dashes: &str) -> String {
+    let dashes = if dashes.is_empty() { String::new() } else { format!(" stroke-dasharray=\"{dashes}\"") };
+    format!("fill=\"none\" stroke=\"{colour}\" stroke-width=\"{}\" stroke-linejoin=\"round\"{dashes}", px(width))
+}
+
+/// All marks of a series as one element: a page with thousands of points stays small.
+pub(super) fn marks(at: &[(f64, f64)], symbol: Symbol, size: f64, colour: Colour) -> String {
+    let r = 0.5 * size;
+    let mut d = String::with_capacity(12 * at.len());
+    for &(x, y) in at {
+        let _ = match symbol {
+            Symbol::Circle => write!(d, "M{} {}h0", px(x), px(y)),
+            Symbol::Ring => write!(d, "M{} {}a{r2} {r2} 0 1 0 {w} 0a{r2} {r2} 0 1 0 -{w} 0", px(x - r), px(y), r2 = px(r), w = px(size)),
+            Symbol::Square => write!(d, "M{} {}h{s}v{s}h-{s}z", px(x - 0.9 * r), px(y - 0.9 * r), s = px(1.8 * r)),
+            Symbol::Triangle => write!(d, "M{} {}l{a} {b}h-{w}z", px(x), px(y - 1.15 * r), a = px(1.1 * r), b = px(2.0 * r), w = px(2.2 * r)),
+            Symbol::Diamond => write!(d, "M{} {}l{a} {a}l-{a} {a}l-{a} -{a}z", px(x), px(y - 1.25 * r), a = px(1.25 * r)),
+            Symbol::Cross => write!(d, "M{} {}l{s} {s}m0 -{s}l-{s} {s}", px(x - r), px(y - r), s = px(size)),
+            Symbol::Plus => write!(d, "M{} {}h{s}m-{h} -{h}v{s}", px(x - 1.2 * r), px(y), s = px(2.4 * r), h = px(1.2 * r)),
+        };
+    }
+    if d.is_empty() {
+        return d;
+    }
+    let style = match symbol {
+        Symbol::Circle => format!("fill=\"none\" stroke=\"{colour}\" stroke-width=\"{}\" stroke-linecap=\"round\"", px(size)),
+        Symbol::Cross | Symbol::Plus | Symbol::Ring => format!("fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.3\""),
+        _ => format!("fill=\"{colour}\""),
+    };
+    format!("<path d=\"{d}\" {style} opacity=\"{}\"/>", if at.len() > 100 { 0.6 } else { 0.9 })
+}
+
+/// An arrow's path; a bare dot when it is too short to have a head.
+pub(super) fn arrow(a: (f64, f64), b: (f64, f64)) -> String {
+    let (dx, dy) = (b.0 - a.0, b.1 - a.1);
+    let length = dx.hypot(dy);
+    if length.is_nan() || length < 0.5 {
+        return String::new();
+    }
+    let (ux, uy) = (dx / length, dy / length);
+    let head = (0.4 * length).min(4.5);
+    let wing = |side: f64| (b.0 - head * ux - side * 0.5 * head * uy, b.1 - head * uy + side * 0.5 * head * ux);
+    let (l, r) = (wing(1.0), wing(-1.0));
+    format!("M{} {}L{} {}M{} {}L{} {}L{} {}", px(a.0), px(a.1), px(b.0), px(b.1), px(l.0), px(l.1), px(b.0), px(b.1), px(r.0), px(r.1))
+}
+
+fn finite(p: (f64, f64)) -> bool {
+    p.0.is_finite() && p.1.is_finite()
+}
+
+pub(super) fn points(svg: &mut Svg, plane: &Plane, layer: &Points, colour: Colour) {
+    let mut bars = String::new();
+    let (mut inside, mut outside) = (Vec::new(), Vec::new());
+    for (i, &value) in layer.at.iter().enumerate().filter(|(_, v)| finite(**v)) {
+        let at = plane.at(value);
+        if !plane.holds(at) {
+            outside.push(plane.clamp(at));
+            continue;
+        }
+        inside.push(at);
+        let sd = |errors: &[f64]| errors.get(i).copied().filter(|s| s.is_finite() && *s > 0.0);
+        for (a, b) in sd(&layer.x_error)
+            .map(|s| ((value.0 - s, value.1), (value.0 + s, value.1)))
+            .into_iter()
+            .chain(sd(&layer.y_error).map(|s| ((value.0, value.1 - s), (value.0, value.1 + s))))
+        {
+            // A whisker inside its mark would only cost bytes.
+            if let Some((a, b)) = plane.clip(plane.at(a), plane.at(b)).filter(|(a, b)| (a.0 - b.0).hypot(a.1 - b.1) > layer.size) {
+                let _ = if a.0 == b.0 { write!(bars, "M{} {}V{}", px(a.0), px(a.1), px(b.1)) } else { write!(bars, "M{} {}H{}", px(a.0), px(a.1), px(b.0)) };
+            }
+        }
+    }
+    svg.path(&bars, &format!("{} stroke-opacity=\"{}\"", stroke(colour, 1.0, ""), if layer.at.len() > 100 { 0.35 } else { 0.7 }));
+    svg.raw(&marks(&inside, layer.symbol, layer.size, colour));
+    svg.raw(&marks(&outside, Symbol::Ring, layer.size.max(4.0), colour));
+    for (label, &value) in layer.labels.iter().zip(&layer.at).filter(|(l, v)| !l.is_empty() && finite(**v)) {
+        let (x, y) = plane.at(value);
+        if plane.holds((x, y)) {
+            let before = x + text_width(label, TEXT) + 6.0 > plane.right;
+            let (x, anchor) = if before { (x - layer.size, Anchor::End) } else { (x + layer.size, Anchor::Start) };
+            svg.text(x, y - 3.0, anchor, label, &format!("font-size=\"{}\"", px(TEXT - 1.0)));
+        }
+    }
+}
+
+pub(super) fn line(svg: &mut Svg, plane: &Plane, layer: &Line, colour: Colour) {
+    let mut path: Vec<(f64, f64)> = Vec::with_capacity(layer.through.len());
+    for &value in &layer.through {
+        if layer.steps
+            && let Some(&last) = path.last().filter(|l| finite(**l))
+        {
+            path.push((value.0, last.1));
+        }
+        path.push(value);
+    }
+    let mut pieces: Vec<Option<(f64, f64)>> = Vec::new();
+    for pair in path.windows(2) {
+        let clipped = (finite(pair[0]) && finite(pair[1])).then(|| plane.clip(plane.at(pair[0]), plane.at(pair[1]))).flatten();
+        match clipped {
+            Some((a, b)) => {
+                if pieces.last().copied().flatten() != Some(a) {
+                    pieces.push(None);
+                    pieces.push(Some(a));
+                }
+                pieces.push(Some(b));
+            }
+            None => pieces.push(None),
+        }
+    }
+    svg.path(&polyline(pieces), &stroke(colour, layer.width, layer.dashes));
+}
+
+pub(super) fn band(svg: &mut Svg, plane: &Plane, layer: &Band, colour: Colour) {
+    let over: Vec<&(f64, f64, f64)> = layer.over.iter().filter(|b| b.0.is_finite() && b.1.is_finite() && b.2.is_finite()).collect();
+    let low = over.iter().map(|b| Some(plane.clamp(plane.at((b.0, b.1)))));
+    let high = over.iter().rev().map(|b| Some(plane.clamp(plane.at((b.0, b.2)))));
+    let d = polyline(low.chain(high));
+    if !d.is_empty() {
+        svg.path(&format!("{d}z"), &format!("fill=\"{colour}\" fill-opacity=\"0.25\""));
+    }
+}
+
+pub(super) fn bars(svg: &mut Svg, plane: &Plane, layer: &Bars, colour: Colour) {
+    let (mut d, mut whiskers) = (String::new(), String::new());
+    for (i, &(from, to, height)) in layer.bars.iter().enumerate().filter(|(_, b)| b.0.is_finite() && b.1.is_finite() && b.2.is_finite()) {
+        let (a, b) = (plane.clamp(plane.at((from, height))), plane.clamp(plane.at((to, 0.0))));
+        if (a.1 - b.1).abs() > 0.05 {
+            let _ = write!(d, "M{} {}V{}H{}V{}z", px(a.0), px(b.1), px(a.1), px(b.0), px(b.1));
+        }
+        if let Some(sd) = layer.errors.get(i).filter(|s| s.is_finite() && **s > 0.0) {
+            let middle = 0.5 * (from + to);
+            let (a, b) = (plane.clamp(plane.at((middle, height - sd))), plane.clamp(plane.at((middle, height + sd))));
+            let _ = write!(whiskers, "M{} {}V{}m-3 0h6M{} {}h6", px(a.0), px(a.1), px(b.1), px(a.0 - 3.0), px(a.1));
+        }
+    }
+    svg.path(&d, &format!("fill=\"{colour}\" fill-opacity=\"0.45\" stroke=\"{colour}\" stroke-width=\"1\""));
+    svg.path(&whiskers, "fill=\"none\" stroke=\"currentColor\"");
+}
+
+pub(super) fn cells(svg: &mut Svg, plane: &Plane, layer: &Cells) {
+    let (low, high) = layer.limits();
+    let colour = |v: f64| {
+        let share = (v - low) / (high - low);
+        if layer.signed { diverging(2.0 * share - 1.0) } else { sequential(share) }
+    };
+    // One path per colour step keeps the file small; 40 steps are finer than the eye.
+    const STEPS: usize = 40;
+    let mut by_step = vec![String::new(); STEPS + 1];
+    for &(x, y, value) in layer.at.iter().filter(|c| c.0.is_finite() && c.1.is_finite() && c.2.is_finite()) {
+        let a = plane.clamp(plane.at((x - 0.5 * layer.cell.0, y - 0.5 * layer.cell.1)));
+        let b = plane.clamp(plane.at((x + 0.5 * layer.cell.0, y + 0.5 * layer.cell.1)));
+        let step = (((value - low) / (high - low)).clamp(0.0, 1.0) * STEPS as f64).round() as usize;
+        let _ = write!(by_step[step], "M{} {}H{}V{}H{}z", px(a.0), px(a.1), px(b.0), px(b.1), px(a.0));
+    }
+    for (step, d) in by_step.iter().enumerate() {
+        let paint = colour(low + (high - low) * step as f64 / STEPS as f64);
+        // The stroke closes the hair lines between neighbours.
+        svg.path(d, &format!("fill=\"{paint}\" stroke=\"{paint}\" stroke-width=\"0.4\""));
+    }
+    let (x, height) = (plane.right + 8.0, (plane.bottom - plane.top).min(180.0));
+    let top = plane.top + TEXT + 6.0;
+    let height = (height - TEXT - 6.0).max(20.0);
+    for step in 0..STEPS {
+        let value = high - (high - low) * (step as f64 + 0.5) / STEPS as f64;
+        let slice = height / STEPS as f64;
+        svg.rect(x, top + step as f64 * slice, 10.0, slice + 0.4, &format!("fill=\"{}\"", colour(value)));
+    }
+    let scale = Scale::over(low, high, 4);
+    for (value, label) in &scale.ticks {
+        let y = top + height * (high - value) / (high - low);
+        svg.text(x + 13.0, y + 0.35 * TEXT, Anchor::Start, label, &format!("font-size=\"{}\"", px(TEXT - 1.0)));
+    }
+    let unit = if scale.power == 0 { String::new() } else { format!("10{} ", crate::report::markup::superscript(scale.power)) };
+    svg.text(x + 52.0, plane.top + TEXT - 3.0, Anchor::End, &format!("{unit}{}", layer.label), &format!("font-size=\"{}\"", px(TEXT - 1.0)));
+}
+
+pub(super) fn arrows(svg: &mut Svg, plane: &Plane, layer: &Arrows, colour: Colour) {
+    let pieces = layer.from.iter().zip(&layer.by).filter(|(a, b)| finite(**a) && finite(**b));
+    let ends = pieces.map(|(&(x, y), &(u, v))| (plane.at((x, y)), plane.at((x + layer.scale * u, y + layer.scale * v))));
+    let d: String = ends.filter(|(a, _)| plane.holds(*a)).map(|(a, b)| arrow(a, b)).collect();
+    svg.path(&d, &format!("{} stroke-opacity=\"0.85\"", stroke(colour, 1.1, "")));
+}
+
+pub(super) fn shape(svg: &mut Svg, plane: &Plane, layer: &Shape) {
+    let d = polyline(layer.corners.iter().filter(|c| finite(**c)).map(|c| Some(plane.clamp(plane.at(*c)))));
+    if d.is_empty() {
+        return;
+    }
+    let ink = layer.colour.map_or("currentColor".to_owned(), |c| c.to_string());
+    let fill = if layer.filled { ink.as_str() } else { "none" };
+    svg.path(&format!("{d}z"), &format!("fill=\"{fill}\" stroke=\"{ink}\" stroke-width=\"{}\" opacity=\"{}\"", px(layer.width), layer.opacity));
+}
+
+pub(super) fn rule(svg: &mut Svg, plane: &Plane, layer: &Rule) {
+    let (a, b) = if layer.horizontal {
+        (plane.at((plane.x.low, layer.at)), plane.at((plane.x.high, layer.at)))
+    } else {
+        (plane.at((layer.at, plane.y.low)), plane.at((layer.at, plane.y.high)))
+    };
+    if finite(a) && plane.holds(a) {
+        let ink = layer.colour.map_or("currentColor".to_owned(), |c| c.to_string());
+        let dashes = if layer.solid { "" } else { " stroke-dasharray=\"4 3\"" };
+        svg.line(a, b, &format!("fill=\"none\" stroke=\"{ink}\" stroke-opacity=\"0.75\"{dashes}"));
+    }
+}
+
+pub(super) fn label(svg: &mut Svg, plane: &Plane, layer: &Label, width: f64) {
+    if !finite(layer.at) {
+        return;
+    }
+    let (x, y) = plane.clamp(plane.at(layer.at));
+    let x = x.min(width - text_width(&layer.text, TEXT) - 2.0).max(2.0);
+    svg.text(x, y, Anchor::Start, &layer.text, "");
+}

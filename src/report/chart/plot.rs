@@ -1,0 +1,318 @@
+//! The chart itself: lays out title, legend, axes and draws the layers.
+
+use super::axis::{Axis, Scale};
+use super::draw::{self, Plane, arrow, marks, stroke};
+use super::layer::{Layer, extent};
+use super::palette::{Colour, SERIES};
+use super::svg::{Anchor, Svg, TEXT, px, shorten, text_width, wrap};
+use std::fmt::Write;
+
+/// Where the legend stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Legend {
+    #[default]
+    Above,
+    Hidden,
+}
+
+/// A figure with two axes. The default size suits a phone's width and half a page.
+#[derive(Debug, Clone)]
+pub struct Chart {
+    title: String,
+    description: String,
+    width: f64,
+    height: f64,
+    x: Axis,
+    y: Axis,
+    equal: bool,
+    identity: bool,
+    grid: bool,
+    legend: Legend,
+    notes: Vec<String>,
+    layers: Vec<Layer>,
+}
+
+impl Chart {
+    pub fn new(title: &str) -> Self {
+        Chart {
+            title: title.to_owned(),
+            description: String::new(),
+            width: 360.0,
+            height: 270.0,
+            x: Axis::default(),
+            y: Axis::default(),
+            equal: false,
+            identity: false,
+            grid: true,
+            legend: Legend::Above,
+            notes: Vec::new(),
+            layers: Vec::new(),
+        }
+    }
+    /// What the figure shows, for those who cannot see it.
+    pub fn describe(mut self, description: &str) -> Self {
+        self.description = description.to_owned();
+        self
+    }
+    /// Width and height, px of the view box.
+    pub fn size(mut self, width: f64, height: f64) -> Self {
+        (self.width, self.height) = (width.clamp(80.0, 4000.0), height.clamp(60.0, 8000.0));
+        self
+    }
+    pub fn x(mut self, label: &str, unit: &str) -> Self {
+        (self.x.label, self.x.unit) = (label.to_owned(), unit.to_owned());
+        self
+    }
+    pub fn y(mut self, label: &str, unit: &str) -> Self {
+        (self.y.label, self.y.unit) = (label.to_owned(), unit.to_owned());
+        self
+    }
+    /// Fixes the range; points outside are drawn as rings on the border.
+    pub fn x_range(mut self, low: f64, high: f64) -> Self {
+        self.x.range = Some((low, high));
+        self
+    }
+    pub fn y_range(mut self, low: f64, high: f64) -> Self {
+        self.y.range = Some((low, high));
+        self
+    }
+    /// Makes sure a value is inside, such as zero.
+    pub fn x_include(mut self, value: f64) -> Self {
+        self.x.include.push(value);
+        self
+    }
+    pub fn y_include(mut self, value: f64) -> Self {
+        self.y.include.push(value);
+        self
+    }
+    pub fn x_reversed(mut self) -> Self {
+        self.x.reversed = true;
+        self
+    }
+    /// Ordinate grows downward, as in an image.
+    pub fn y_reversed(mut self) -> Self {
+        self.y.reversed = true;
+        self
+    }
+    /// Names at 0, 1, 2, ... instead of numbers.
+    pub fn x_categories(mut self, names: &[String]) -> Self {
+        self.x.categories = names.to_vec();
+        self
+    }
+    pub fn y_categories(mut self, names: &[String]) -> Self {
+        self.y.categories = names.to_vec();
+        self
+    }
+    pub fn without_axes(mut self) -> Self {
+        (self.x.hidden, self.y.hidden) = (true, true);
+        self
+    }
+    pub fn without_grid(mut self) -> Self {
+        self.grid = false;
+        self
+    }
+    /// One unit is as long on both axes.
+    pub fn equal_scales(mut self) -> Self {
+        self.equal = true;
+        self
+    }
+    /// Draws y = x and gives both axes the same range.
+    pub fn identity_line(mut self) -> Self {
+        self.identity = true;
+        self
+    }
+    pub fn legend(mut self, legend: Legend) -> Self {
+        self.legend = legend;
+        self
+    }
+    /// A short line of text in a corner of the chart, such as R².
+    pub fn note(mut self, text: &str) -> Self {
+        self.notes.push(text.to_owned());
+        self
+    }
+    #[allow(clippy::should_implement_trait)] // a chart plus a layer is a chart
+    pub fn add(mut self, layer: impl Into<Layer>) -> Self {
+        self.layers.push(layer.into());
+        self
+    }
+
+    /// The figure as a complete SVG element.
+    pub fn to_svg(&self) -> String {
+        let mut svg = Svg::new(self.width, self.height, &self.title, &self.description);
+        let mut top = 4.0;
+        for line in wrap(&self.title, TEXT + 1.0, self.width - 8.0, 2) {
+            top += TEXT + 3.0;
+            svg.text(4.0, top - 2.0, Anchor::Start, &line, &format!("font-weight=\"600\" font-size=\"{}\"", px(TEXT + 1.0)));
+        }
+        let top = self.draw_legend(&mut svg, top) + 8.0;
+        let plane = self.plane(top);
+        self.draw_axes(&mut svg, &plane);
+        let mut next = 0;
+        for layer in &self.layers {
+            self.draw(&mut svg, &plane, layer, &mut next);
+        }
+        self.draw_notes(&mut svg, &plane);
+        svg.finish()
+    }
+
+    fn data_range(&self, pick: impl Fn(&(f64, f64)) -> f64) -> Option<(f64, f64)> {
+        let values = self.layers.iter().flat_map(extent).map(|p| pick(&p)).filter(|v| v.is_finite());
+        values.fold(None, |r, v| Some(r.map_or((v, v), |(a, b): (f64, f64)| (a.min(v), b.max(v)))))
+    }
+
+    fn plane(&self, top: f64) -> Plane {
+        let (mut dx, mut dy) = (self.data_range(|p| p.0), self.data_range(|p| p.1));
+        if self.identity {
+            let both = dx.into_iter().chain(dy).fold(None, |r, (a, b)| Some(r.map_or((a, b), |(c, d): (f64, f64)| (a.min(c), b.max(d)))));
+            (dx, dy) = (both, both);
+        }
+        let bars_on_floor = self.layers.iter().any(|l| matches!(l, Layer::Bars(b) if b.bars.iter().all(|x| x.2 >= 0.0))) && self.y.range.is_none();
+        let y_label = if self.y.hidden || self.y.label.is_empty() { 0.0 } else { TEXT + 5.0 };
+        let bottom = self.height - if self.x.hidden { 4.0 } else { TEXT + 8.0 + if self.x.label.is_empty() { 0.0 } else { TEXT + 5.0 } };
+        let rows = ((bottom - top) / 38.0).clamp(2.0, 9.0) as usize;
+        let mut y = self.y.scale(dy, rows);
+        if bars_on_floor && y.high > 0.0 {
+            y = Scale::over(0.0, y.high, rows);
+        }
+        let widest = y.ticks.iter().map(|t| text_width(&t.1, TEXT)).fold(0.0, f64::max).min(0.4 * self.width);
+        let left = if self.y.hidden { 4.0 } else { y_label + widest + 8.0 };
+        let bar = self.layers.iter().any(|l| matches!(l, Layer::Cells(_)));
+        let right = (self.width - if bar { 62.0 } else { 10.0 }).max(left + 20.0);
+        let columns = ((right - left) / 58.0).clamp(2.0, 9.0) as usize;
+        let x = self.x.scale(dx, columns);
+        let mut plane = Plane { left, top, right, bottom: bottom.max(top + 20.0), x, y, x_reversed: self.x.reversed, y_reversed: self.y.reversed };
+        if self.equal {
+            // Widen the range that has room, about its middle.
+            let (w, h) = (plane.right - plane.left, plane.bottom - plane.top);
+            let unit = ((plane.x.high - plane.x.low) / w).max((plane.y.high - plane.y.low) / h);
+            let stretch = |s: &Scale, length: f64, n: usize| {
+                let middle = 0.5 * (s.low + s.high);
+                Scale::over(middle - 0.5 * unit * length, middle + 0.5 * unit * length, n)
+            };
+            let (wide, high) = (stretch(&plane.x, w, columns), stretch(&plane.y, h, rows));
+            (plane.x, plane.y) = (wide, high);
+        }
+        plane
+    }
+
+    fn draw_axes(&self, svg: &mut Svg, p: &Plane) {
+        let mut grid = String::new();
+        let line = "stroke=\"currentColor\" fill=\"none\"";
+        if !self.x.hidden {
+            let room = (p.right - p.left) / p.x.ticks.len().max(1) as f64;
+            for (v, label) in &p.x.ticks {
+                let (x, _) = p.at((*v, p.y.low));
+                let _ = write!(grid, "M{} {}V{}", px(x), px(p.top), px(p.bottom + 3.0));
+                let label = if self.x.categories.is_empty() { label.clone() } else { shorten(label, TEXT, room.max(24.0)) };
+                svg.text(x.min(self.width - 0.5 * text_width(&label, TEXT)), p.bottom + TEXT + 5.0, Anchor::Middle, &label, "");
+            }
+            let title = self.x.title(p.x.power);
+            let place = (0.5 * (p.left + p.right)).min(self.width - 0.5 * text_width(&title, TEXT) - 2.0).max(0.5 * text_width(&title, TEXT));
+            svg.text(place, self.height - 4.0, Anchor::Middle, &shorten(&title, TEXT, self.width), "");
+        }
+        if !self.y.hidden {
+            for (v, label) in &p.y.ticks {
+                let (_, y) = p.at((p.x.low, *v));
+                let _ = write!(grid, "M{} {}H{}", px(p.left - 3.0), px(y), px(p.right));
+                svg.text(p.left - 6.0, y + 0.35 * TEXT, Anchor::End, &shorten(label, TEXT, 0.4 * self.width), "");
+            }
+            let title = shorten(&self.y.title(p.y.power), TEXT, self.height);
+            let reach = 0.5 * text_width(&title, TEXT) + 2.0;
+            let y = (0.5 * (p.top + p.bottom)).min(self.height - reach).max(reach);
+            svg.text(TEXT, y, Anchor::Middle, &title, &format!("transform=\"rotate(-90 {} {})\"", px(TEXT), px(y)));
+        }
+        if self.grid {
+            svg.path(&grid, &format!("{line} stroke-opacity=\"0.13\""));
+        }
+        if !self.x.hidden && !self.y.hidden {
+            svg.path(&format!("M{} {}V{}H{}", px(p.left), px(p.top), px(p.bottom), px(p.right)), &format!("{line} stroke-opacity=\"0.7\""));
+        }
+        if self.identity
+            && let Some((a, b)) = p.clip(p.at((p.x.low, p.x.low)), p.at((p.x.high, p.x.high)))
+        {
+            svg.line(a, b, &format!("{line} stroke-opacity=\"0.6\" stroke-dasharray=\"6 3\""));
+        }
+    }
+
+    fn draw(&self, svg: &mut Svg, p: &Plane, layer: &Layer, next: &mut usize) {
+        let mut own = |colour: Option<Colour>| {
+            colour.unwrap_or_else(|| {
+                *next += 1;
+                SERIES[(*next - 1) % SERIES.len()]
+            })
+        };
+        match layer {
+            Layer::Points(l) => draw::points(svg, p, l, own(l.colour)),
+            Layer::Line(l) => draw::line(svg, p, l, own(l.colour)),
+            Layer::Band(l) => draw::band(svg, p, l, own(l.colour)),
+            Layer::Bars(l) => draw::bars(svg, p, l, own(l.colour)),
+            Layer::Cells(l) => draw::cells(svg, p, l),
+            Layer::Arrows(l) => draw::arrows(svg, p, l, own(l.colour)),
+            Layer::Shape(l) => draw::shape(svg, p, l),
+            Layer::Rule(l) => draw::rule(svg, p, l),
+            Layer::Label(l) => draw::label(svg, p, l, self.width),
+        }
+    }
+
+    /// Legend rows below the title; returns the new top.
+    fn draw_legend(&self, svg: &mut Svg, top: f64) -> f64 {
+        if self.legend == Legend::Hidden {
+            return top;
+        }
+        let (mut x, mut y, mut next, mut any) = (4.0, top, 0, false);
+        for layer in &self.layers {
+            let (name, colour) = match layer {
+                Layer::Points(l) => (&l.name, l.colour),
+                Layer::Line(l) => (&l.name, l.colour),
+                Layer::Band(l) => (&l.name, l.colour),
+                Layer::Bars(l) => (&l.name, l.colour),
+                Layer::Arrows(l) => (&l.name, l.colour),
+                Layer::Shape(l) => (&l.name, Some(l.colour.unwrap_or(Colour::GREY))),
+                Layer::Rule(l) => (&l.name, Some(l.colour.unwrap_or(Colour::GREY))),
+                Layer::Cells(_) | Layer::Label(_) => continue,
+            };
+            let colour = colour.unwrap_or_else(|| {
+                next += 1;
+                SERIES[(next - 1) % SERIES.len()]
+            });
+            if name.is_empty() {
+                continue;
+            }
+            let text = shorten(name, TEXT, self.width - 30.0);
+            let width = 20.0 + text_width(&text, TEXT) + 12.0;
+            if !any || x + width > self.width {
+                (x, y) = (4.0, y + TEXT + 4.0);
+                any = true;
+            }
+            let middle = y - 4.0;
+            match layer {
+                Layer::Points(l) => svg.raw(&marks(&[(x + 8.0, middle)], l.symbol, l.size.clamp(4.6, 8.0), colour)),
+                Layer::Line(l) => svg.line((x, middle), (x + 16.0, middle), &stroke(colour, l.width.max(1.4), l.dashes)),
+                Layer::Rule(l) => {
+                    let ink = l.colour.map_or("currentColor".to_owned(), |c| c.to_string());
+                    let dashes = if l.solid { "" } else { " stroke-dasharray=\"4 3\"" };
+                    svg.line((x, middle), (x + 16.0, middle), &format!("stroke=\"{ink}\" stroke-opacity=\"0.75\"{dashes}"));
+                }
+                Layer::Arrows(_) => svg.path(&arrow((x, middle), (x + 16.0, middle)), &stroke(colour, 1.2, "")),
+                Layer::Shape(_) => svg.rect(x, middle - 4.0, 16.0, 8.0, &format!("fill=\"none\" stroke=\"{colour}\"")),
+                _ => svg.rect(
+                    x,
+                    middle - 4.0,
+                    16.0,
+                    8.0,
+                    &format!("fill=\"{colour}\" fill-opacity=\"{}\"", if matches!(layer, Layer::Band(_)) { 0.28 } else { 0.6 }),
+                ),
+            }
+            svg.text(x + 20.0, y, Anchor::Start, &text, "");
+            x += width;
+        }
+        y
+    }
+
+    fn draw_notes(&self, svg: &mut Svg, p: &Plane) {
+        for (i, note) in self.notes.iter().enumerate() {
+            let y = p.top + (TEXT + 3.0) * (i as f64 + 1.0);
+            svg.text(p.left + 6.0, y, Anchor::Start, &shorten(note, TEXT, p.right - p.left - 8.0), "fill-opacity=\"0.85\"");
+        }
+    }
+}

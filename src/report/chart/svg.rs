@@ -1,0 +1,153 @@
+//! The few SVG marks that charts need, written compactly.
+
+use crate::report::markup::escape;
+use std::fmt::Write;
+
+/// Text size of labels, px of the view box.
+pub(super) const TEXT: f64 = 11.0;
+
+/// A coordinate to a tenth of a pixel, without a needless fraction.
+pub(super) fn px(v: f64) -> String {
+    let tenths = (v * 10.0).round();
+    if tenths == 0.0 {
+        return "0".to_owned();
+    }
+    if tenths % 10.0 == 0.0 { format!("{}", tenths / 10.0) } else { format!("{:.1}", tenths / 10.0) }
+}
+
+/// Width of a text, px; an estimate good to some 10 % for sans-serif fonts.
+pub(super) fn text_width(text: &str, size: f64) -> f64 {
+    let em: f64 = text
+        .chars()
+        .map(|c| match c {
+            'i' | 'l' | 'j' | '.' | ',' | '\'' | '|' | ' ' | ':' | ';' => 0.29,
+            'f' | 't' | 'r' | '(' | ')' | '-' => 0.36,
+            'm' | 'w' | 'M' | 'W' | '@' | '%' => 0.86,
+            c if c.is_ascii_uppercase() => 0.67,
+            c if c.is_ascii() => 0.56,
+            '²' | '³' | '¹' | '⁻' | '·' => 0.36,
+            c if (c as u32) > 0x2e80 => 1.0,
+            _ => 0.6,
+        })
+        .sum();
+    em * size
+}
+
+/// Breaks text into lines no wider than `width`, cutting words that are wider; at most `most` lines.
+pub(super) fn wrap(text: &str, size: f64, width: f64, most: usize) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for word in text.split_whitespace() {
+        let word = shorten(word, size, width);
+        let full = lines.len() >= most;
+        match lines.last_mut() {
+            Some(line) if text_width(&format!("{line} {word}"), size) <= width => {
+                line.push(' ');
+                line.push_str(&word);
+            }
+            Some(line) if full => {
+                line.push('…');
+                break;
+            }
+            _ => lines.push(word),
+        }
+    }
+    lines
+}
+
+/// Cuts a text with an ellipsis when it is wider than `width`.
+pub(super) fn shorten(text: &str, size: f64, width: f64) -> String {
+    if text_width(text, size) <= width {
+        return text.to_owned();
+    }
+    let mut kept = String::new();
+    for c in text.chars() {
+        if text_width(&kept, size) + size > width {
+            break;
+        }
+        kept.push(c);
+    }
+    kept.push('…');
+    kept
+}
+
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Anchor {
+    Start,
+    Middle,
+    End,
+}
+
+/// An SVG document under construction.
+pub(super) struct Svg {
+    out: String,
+}
+
+impl Svg {
+    /// Opens a figure; title and description are read aloud by screen readers.
+    pub fn new(width: f64, height: f64, title: &str, description: &str) -> Self {
+        let mut out = String::new();
+        let (w, h) = (px(width), px(height));
+        let label = escape(title);
+        let _ = write!(
+            out,
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {w} {h}\" width=\"{w}\" height=\"{h}\" role=\"img\" aria-label=\"{label}\" \
+             font-family=\"system-ui,-apple-system,'Segoe UI',Roboto,'Helvetica Neue',Arial,sans-serif\" font-size=\"{}\" fill=\"currentColor\"><title>{label}</title>",
+            px(TEXT)
+        );
+        if !description.is_empty() {
+            let _ = write!(out, "<desc>{}</desc>", escape(description));
+        }
+        Svg { out }
+    }
+
+    pub fn finish(mut self) -> String {
+        self.out.push_str("</svg>");
+        self.out
+    }
+
+    /// A path with the given presentation attributes; nothing when `d` is empty.
+    pub fn path(&mut self, d: &str, attributes: &str) {
+        if !d.is_empty() {
+            let _ = write!(self.out, "<path d=\"{d}\" {attributes}/>");
+        }
+    }
+
+    pub fn rect(&mut self, x: f64, y: f64, width: f64, height: f64, attributes: &str) {
+        let _ = write!(self.out, "<rect x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" {attributes}/>", px(x), px(y), px(width), px(height));
+    }
+
+    pub fn line(&mut self, a: (f64, f64), b: (f64, f64), attributes: &str) {
+        self.path(&format!("M{} {}L{} {}", px(a.0), px(a.1), px(b.0), px(b.1)), attributes);
+    }
+
+    /// Escaped text at a place; `attributes` may be empty.
+    pub fn text(&mut self, x: f64, y: f64, anchor: Anchor, text: &str, attributes: &str) {
+        let anchor = match anchor {
+            Anchor::Start => "",
+            Anchor::Middle => " text-anchor=\"middle\"",
+            Anchor::End => " text-anchor=\"end\"",
+        };
+        let space = if attributes.is_empty() { "" } else { " " };
+        let _ = write!(self.out, "<text x=\"{}\" y=\"{}\"{anchor}{space}{attributes}>{}</text>", px(x), px(y), escape(text));
+    }
+
+    pub fn raw(&mut self, markup: &str) {
+        self.out.push_str(markup);
+    }
+}
+
+/// `M x y L x y ...`, a new piece at every gap (`None`).
+pub(super) fn polyline(points: impl IntoIterator<Item = Option<(f64, f64)>>) -> String {
+    let mut d = String::new();
+    let mut pen_down = false;
+    for p in points {
+        match p {
+            Some((x, y)) => {
+                let _ = write!(d, "{}{} {}", if pen_down { 'L' } else { 'M' }, px(x), px(y));
+                pen_down = true;
+            }
+            None => pen_down = false,
+        }
+    }
+    d
+}

@@ -1,0 +1,92 @@
+//! The report: well-formed, self-contained, safe with hostile names, small.
+
+use sweetspot::equipment::{Head, Racket, Strings};
+use sweetspot::report::chart::{Chart, Points, Scene};
+use sweetspot::report::{Report, Section, Table};
+
+/// A name as an unkind user might write it.
+pub const HOSTILE: &str = "</title><script>alert('x')</script>\"&<svg onload=x>\u{0}\u{202e}]]>%s{{x}}";
+
+pub fn racket(name: &str) -> Racket {
+    Racket {
+        name: name.to_owned(),
+        mass_kg: 0.340,
+        length_m: 0.685,
+        balance_m: 0.330,
+        stringbed_centre_m: 0.4975,
+        swingweight_kgm2: 0.0325,
+        twistweight_kgm2: 0.0015,
+        spinweight_kgm2: None,
+        head: Head { inner_length_m: 0.335, inner_width_m: 0.255, tube_radius_m: 0.010 },
+        strings: Strings { tension_lb: 60.0 },
+        markers: None,
+    }
+}
+
+/// Well-formed, no script, nothing fetched, every figure named, below 5 MB.
+pub fn assert_page(page: &str) {
+    let options = roxmltree::ParsingOptions { allow_dtd: true, ..Default::default() };
+    let tree = roxmltree::Document::parse_with_options(page, options).unwrap_or_else(|e| panic!("not well-formed: {e}"));
+    let mut ids = std::collections::BTreeSet::new();
+    for node in tree.descendants().filter(roxmltree::Node::is_element) {
+        let tag = node.tag_name().name();
+        assert!(!["script", "iframe", "object", "embed", "link", "foreignObject", "use", "base", "form"].contains(&tag), "<{tag}> in the report");
+        for a in node.attributes() {
+            assert!(!a.name().to_lowercase().starts_with("on"), "event handler {}", a.name());
+            if ["href", "src", "action", "data"].contains(&a.name()) {
+                assert!(a.value().starts_with('#') || a.value().starts_with("data:image/png;base64,"), "{} = {:.60}", a.name(), a.value());
+            }
+        }
+        if let Some(id) = node.attribute("id") {
+            assert!(ids.insert(id.to_owned()), "id {id} stands twice");
+        }
+        if tag == "svg" {
+            assert!(node.first_element_child().is_some_and(|c| c.tag_name().name() == "title"), "a figure without title");
+            assert_eq!(node.attribute("role"), Some("img"));
+        }
+    }
+    for link in tree.descendants().filter_map(|n| n.attribute("href")) {
+        assert!(ids.contains(link.trim_start_matches('#')), "{link} leads nowhere");
+    }
+    assert!(!page.contains("url(") && !page.contains("@import"), "the style fetches something");
+    for bad in ["NaN", "inf ", ">inf<", "\"inf\""] {
+        assert!(!page.contains(bad), "{bad} in the report");
+    }
+    assert!(page.len() < 5_000_000, "{} bytes", page.len());
+}
+
+#[test]
+fn law_hostile_text_stays_text_everywhere() {
+    let chart = Chart::new(HOSTILE).describe(HOSTILE).x(HOSTILE, HOSTILE).y(HOSTILE, HOSTILE).note(HOSTILE);
+    let chart = chart.add(Points::new(&[(f64::NAN, 1.0), (1.0, f64::INFINITY), (2.0, 3.0)]).name(HOSTILE).labels(&vec![HOSTILE.to_owned(); 3]));
+    let chart = chart.x_categories(&[HOSTILE.to_owned()]);
+    let scene = Scene::new(HOSTILE).axis_names([HOSTILE; 3]).text(nalgebra::Point3::new(0.0, f64::NAN, 1.0), HOSTILE).text(nalgebra::Point3::origin(), HOSTILE);
+    let section = Section::new(HOSTILE, HOSTILE)
+        .paragraph(HOSTILE)
+        .code(HOSTILE)
+        .list(&[HOSTILE.to_owned()])
+        .figure(&chart.to_svg(), HOSTILE)
+        .figure(&scene.to_svg(), HOSTILE)
+        .table(Table::new(HOSTILE).column(HOSTILE).row(&[HOSTILE]));
+    let page = Report::new(HOSTILE).subtitle(HOSTILE).section(section.clone()).section(section.clone()).section(section).finish();
+    assert_page(&page);
+    assert!(!page.contains("<script") && !page.contains("onload=x>"));
+}
+
+#[test]
+fn law_empty_charts_and_sections_do_no_harm() {
+    let page = Report::new("")
+        .section(Section::new("", "nothing"))
+        .section(Section::new("a", "b").figure(&Chart::new("").to_svg(), "").figure(&Scene::new("").to_svg(), ""));
+    let page = page.finish();
+    assert_page(&page);
+    assert!(!page.contains("nothing"), "a section without content is left out");
+}
+
+#[test]
+fn law_heavy_scatter_stays_small() {
+    let many: Vec<(f64, f64)> = (0..900).map(|i| (f64::from(i).sin() * 30.0, f64::from(i).cos() * 3.0)).collect();
+    let svg = Chart::new("900 points").add(Points::new(&many).x_error(&vec![0.2; 900]).y_error(&vec![0.2; 900])).to_svg();
+    // 12 outputs against 14 inputs must fit in 5 MB.
+    assert!(svg.len() * 12 * 14 < 5_000_000, "{} bytes", svg.len());
+}

@@ -1,1 +1,33 @@
-//! `validation`
+//! `validation`: where model and measurement meet. Compare, see where the model fails, learn which effect is missing.
+//!
+//! Comes in: an [`crate::impact_table::ImpactTable`], the rackets and balls it names, a model. Goes out: plain,
+//! serialisable results: [`Comparison`], [`Diagnosis`], [`Ledger`]. Racket-local axes, SI. The statistics see the model
+//! only through [`Forward`] (parameters in, predictions out), so that tests can put another world behind it.
+//!
+//! The procedure: errors in inputs and outputs ([`fit`]), fixed held-out impacts ([`holdout`]), two adequacy tests
+//! ([`structure`], `screen`), non-linear refits ranked by evidence (`rank`), sparse expressions when no named effect
+//! will do (`expression`). `docs/diagnosis.md` gives its measured error rates.
+
+pub mod comparison;
+pub mod diagnosis;
+pub mod error;
+pub mod fit;
+pub mod forward;
+pub mod heldout;
+pub mod holdout;
+pub mod ledger;
+pub mod linearise;
+pub mod noise;
+pub mod observation;
+pub mod polynomial;
+pub mod project;
+pub mod smooth;
+pub mod structure;
+
+pub use comparison::{Comparison, compare};
+pub use diagnosis::{Diagnosis, Verdict};
+pub use error::ValidationError;
+pub use fit::{Fit, FitOptions};
+pub use forward::{Forward, FreeParameter, Prediction};
+pub use ledger::{Ledger, LedgerEntry};
+pub use observation::{Observation, Observations};

@@ -1,0 +1,333 @@
+//! The model against the measurement, impact by impact: everything a reader or a report needs to see it.
+
+use super::error::ValidationError;
+use super::fit::{Column, Fit, FitOptions, fit};
+use super::forward::Forward;
+use super::heldout::{error_of, linearise_held_out};
+use super::linearise::{Linearised, OUTLIER_LISTED};
+use super::observation::{Observation, Observations};
+use super::polynomial::{PolynomialFit, polynomial_fits};
+use super::smooth::{FaceCell, SmoothCurve, face_map, smooth};
+use super::structure::{StructureTest, chi2_tail, structure_test};
+use crate::impact_table::{INPUTS, OUTPUTS, unit};
+use crate::provenance::Provenance;
+use serde::{Deserialize, Serialize};
+
+/// Level of the structure test alone, as `compare` uses it: one sound model in a hundred is called inadequate.
+pub const COMPARE_LEVEL: f64 = 0.01;
+/// Edge of a face map's cell, m.
+const FACE_CELL_M: f64 = 0.02;
+/// Points of a smooth curve.
+const CURVE_POINTS: usize = 41;
+
+/// A parameter of the model with its deviation (0 when it was not fitted).
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct ParameterValue {
+    pub name: String,
+    pub value: f64,
+    pub sd: f64,
+    /// At the edge of its allowed range: the data want more.
+    pub at_limit: bool,
+}
+
+/// One output over all impacts, as contract section 9 lists it, plus its bias and unit.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct OutputSummary {
+    pub name: String,
+    pub unit: String,
+    pub n: usize,
+    pub rmse: f64,
+    /// Mean of measured less predicted.
+    pub bias: f64,
+    /// Root-mean-square of the residual's deviation: noise of the output and of the inputs through the model.
+    pub noise_sd: f64,
+    pub chi2_reduced: f64,
+    pub p_value: f64,
+}
+
+/// One output of one impact.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct OutputPoint {
+    /// Index into [`Comparison::output_names`].
+    pub output: usize,
+    pub measured: f64,
+    pub predicted: f64,
+    /// Deviation of the residual: output noise and input noise through the model.
+    pub sd: f64,
+}
+
+impl OutputPoint {
+    pub fn residual(&self) -> f64 {
+        self.measured - self.predicted
+    }
+
+    /// The residual in units of its own deviation.
+    pub fn standardised(&self) -> f64 {
+        self.residual() / self.sd
+    }
+}
+
+/// One impact as measured and predicted.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct ImpactPoint {
+    pub id: String,
+    pub held_out: bool,
+    /// Order of [`Comparison::input_names`].
+    pub inputs: Vec<f64>,
+    pub outputs: Vec<OutputPoint>,
+}
+
+/// Residual of an output against an input: the smooth; the points are in [`Comparison::impacts`].
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct ResidualCurve {
+    pub output: String,
+    pub input: String,
+    pub curve: SmoothCurve,
+}
+
+/// Mean residual of an output over the racket's face.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct FaceMap {
+    pub output: String,
+    pub cell_m: f64,
+    pub cells: Vec<FaceCell>,
+}
+
+/// A measured number that does not belong to the rest.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Outlier {
+    pub id: String,
+    pub column: String,
+    /// Residual given all else, in deviations.
+    pub standardised: f64,
+}
+
+/// An offset that all impacts of a session share.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct SessionOffset {
+    pub session: String,
+    pub input: String,
+    pub value: f64,
+    pub sd: f64,
+    pub prior_sd: f64,
+    pub unit: String,
+}
+
+/// Model against measurement (compare.json).
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Comparison {
+    /// "adequate" or "inadequate", by the structure test with the free parameters at their best.
+    pub verdict: String,
+    /// How often a sound model is called inadequate.
+    pub false_alarm_rate: f64,
+    pub structure: StructureTest,
+    pub model: String,
+    pub n_impacts: usize,
+    pub n_held_out: usize,
+    pub outputs: Vec<OutputSummary>,
+    /// Root-mean-square of residual over noise on impacts the fit never saw, and on those it saw, for the model as its
+    /// file states it.
+    pub heldout_error: f64,
+    pub fit_error: f64,
+    /// The same with the free parameters fitted.
+    pub heldout_error_refitted: f64,
+    /// Error of a model without fault, in units of the stated noise.
+    pub noise_floor: f64,
+    /// Free parameters as the file states them, and at their best.
+    pub parameters_as_stated: Vec<ParameterValue>,
+    pub parameters_refitted: Vec<ParameterValue>,
+    pub input_names: Vec<String>,
+    pub output_names: Vec<String>,
+    pub impacts: Vec<ImpactPoint>,
+    pub residual_curves: Vec<ResidualCurve>,
+    pub face_maps: Vec<FaceMap>,
+    pub polynomials: Vec<PolynomialFit>,
+    pub outliers: Vec<Outlier>,
+    pub session_offsets: Vec<SessionOffset>,
+    pub notes: Vec<String>,
+    pub provenance: Option<Provenance>,
+}
+
+/// Compares a model, as it stands and with its free parameters at their best, with the measurement.
+pub fn compare(forward: &dyn Forward, observations: &Observations, model: &str, seed: u64) -> Result<Comparison, ValidationError> {
+    let seen = observations.side(false);
+    let held = observations.side(true);
+    let as_stated = fit(forward, observations, &seen, &FitOptions { move_parameters: false, ..FitOptions::default() }, None)?;
+    let held_stated = linearise_held_out(forward, &as_stated, observations, &held)?;
+    let refitted = fit(forward, observations, &seen, &FitOptions::default(), None)?;
+    let held_refitted = linearise_held_out(forward, &refitted, observations, &held)?;
+    let structure = structure_test(&refitted, observations, &seen, seed);
+    let impacts = impact_points(observations, &as_stated, &held_stated);
+    let present: Vec<usize> = (0..OUTPUTS.len()).filter(|k| impacts.iter().any(|i| i.outputs.iter().any(|p| p.output == *k))).collect();
+    let mut notes = observations.notes.clone();
+    note_noise(&structure, &mut notes);
+    let varied = varied_inputs(observations);
+    Ok(Comparison {
+        verdict: if structure.p_value < COMPARE_LEVEL { "inadequate" } else { "adequate" }.to_owned(),
+        false_alarm_rate: COMPARE_LEVEL,
+        model: model.to_owned(),
+        n_impacts: observations.impacts.len(),
+        n_held_out: held.len(),
+        outputs: summarise(&as_stated.impacts, &held_stated),
+        heldout_error: error_of(&held_stated),
+        fit_error: error_of(&as_stated.impacts),
+        heldout_error_refitted: error_of(&held_refitted),
+        noise_floor: structure.noise_scale.sqrt(),
+        parameters_as_stated: forward.parameters().iter().map(|p| ParameterValue { name: p.name.clone(), value: p.value, sd: 0.0, at_limit: p.value <= p.min || p.value >= p.max }).collect(),
+        parameters_refitted: parameter_values(forward, &refitted, structure.noise_scale),
+        input_names: INPUTS.iter().map(|s| (*s).to_owned()).collect(),
+        output_names: OUTPUTS.iter().map(|s| (*s).to_owned()).collect(),
+        residual_curves: residual_curves(&impacts, &present, &varied),
+        face_maps: present
+            .iter()
+            .map(|&k| {
+                let points: Vec<_> = impacts.iter().flat_map(|i| i.outputs.iter().filter(move |p| p.output == k).map(move |p| (i.inputs[12], i.inputs[13], p.residual()))).collect();
+                FaceMap { output: OUTPUTS[k].to_owned(), cell_m: FACE_CELL_M, cells: face_map(&points, FACE_CELL_M) }
+            })
+            .collect(),
+        polynomials: polynomial_fits(&impacts, &varied),
+        outliers: outliers(&seen, &refitted.impacts, &held, &held_refitted),
+        session_offsets: session_offsets(observations, &refitted, structure.noise_scale),
+        impacts,
+        structure,
+        notes,
+        provenance: None,
+    })
+}
+
+/// Says when the noise seems wrongly stated.
+pub fn note_noise(structure: &StructureTest, notes: &mut Vec<String>) {
+    let factor = structure.noise_scale.sqrt();
+    if !(0.9..=1.1).contains(&factor) {
+        notes.push(format!(
+            "the noise is {} by a factor {:.2}: with all structure taken out, residuals are {factor:.2} times the stated noise; all tests and deviations here use the corrected noise",
+            if factor > 1.0 { "understated" } else { "overstated" },
+            factor.max(1.0 / factor),
+        ));
+    }
+}
+
+/// Inputs that vary by more than three times their noise (those a residual can be read against).
+pub fn varied_inputs(observations: &Observations) -> Vec<usize> {
+    (0..INPUTS.len())
+        .filter(|&j| {
+            let n = observations.impacts.len() as f64;
+            let mean = observations.impacts.iter().map(|o| o.inputs[j]).sum::<f64>() / n;
+            let sd = (observations.impacts.iter().map(|o| (o.inputs[j] - mean).powi(2)).sum::<f64>() / n).sqrt();
+            let noise = observations.typical_input_sd(0)[j];
+            sd > 3.0 * noise && sd > 1e-9
+        })
+        .collect()
+}
+
+/// Impacts in the table's order, both sides of the split.
+fn impact_points(observations: &Observations, fitted: &Fit, held: &[Linearised]) -> Vec<ImpactPoint> {
+    let (mut seen, mut unseen) = (fitted.impacts.iter(), held.iter());
+    observations
+        .impacts
+        .iter()
+        .filter_map(|o| {
+            let l = if o.held_out { unseen.next() } else { seen.next() }?;
+            Some(ImpactPoint {
+                id: o.id.clone(),
+                held_out: o.held_out,
+                inputs: o.inputs.to_vec(),
+                outputs: l
+                    .measured
+                    .iter()
+                    .enumerate()
+                    .map(|(row, &k)| OutputPoint { output: k, measured: o.outputs[row], predicted: l.predicted[row], sd: l.covariance[(row, row)].sqrt() })
+                    .collect(),
+            })
+        })
+        .collect()
+}
+
+/// Per-output figures over all impacts.
+pub fn summarise(seen: &[Linearised], held: &[Linearised]) -> Vec<OutputSummary> {
+    (0..OUTPUTS.len())
+        .filter_map(|k| {
+            let cells: Vec<(f64, f64)> =
+                seen.iter().chain(held).filter_map(|l| l.measured.iter().position(|m| *m == k).map(|row| (l.residual[row], l.covariance[(row, row)]))).collect();
+            if cells.is_empty() {
+                return None;
+            }
+            let n = cells.len() as f64;
+            let chi2: f64 = cells.iter().map(|(r, v)| r * r / v).sum();
+            Some(OutputSummary {
+                name: OUTPUTS[k].to_owned(),
+                unit: unit(OUTPUTS[k]).to_owned(),
+                n: cells.len(),
+                rmse: (cells.iter().map(|(r, _)| r * r).sum::<f64>() / n).sqrt(),
+                bias: cells.iter().map(|(r, _)| r).sum::<f64>() / n,
+                noise_sd: (cells.iter().map(|(_, v)| v).sum::<f64>() / n).sqrt(),
+                chi2_reduced: chi2 / n,
+                p_value: chi2_tail(chi2, n),
+            })
+        })
+        .collect()
+}
+
+fn residual_curves(impacts: &[ImpactPoint], present: &[usize], varied: &[usize]) -> Vec<ResidualCurve> {
+    let mut curves = Vec::new();
+    for &k in present {
+        for &j in varied {
+            let points: Vec<(f64, f64)> =
+                impacts.iter().flat_map(|i| i.outputs.iter().filter(move |p| p.output == k).map(move |p| (i.inputs[j], p.residual()))).collect();
+            if let Some(curve) = smooth(&points, CURVE_POINTS) {
+                curves.push(ResidualCurve { output: OUTPUTS[k].to_owned(), input: INPUTS[j].to_owned(), curve });
+            }
+        }
+    }
+    curves
+}
+
+/// Free parameters at their best with their deviations at noise scale `c`.
+pub fn parameter_values(forward: &dyn Forward, fit: &Fit, c: f64) -> Vec<ParameterValue> {
+    forward
+        .parameters()
+        .iter()
+        .enumerate()
+        .map(|(i, p)| {
+            let value = fit.values[i];
+            let room = 1e-9 * (p.max - p.min).abs();
+            ParameterValue { name: p.name.clone(), value, sd: fit.sd(i, c), at_limit: value <= p.min + room || value >= p.max - room }
+        })
+        .collect()
+}
+
+/// Cells that stick out, by id, worst first.
+pub fn outliers(seen: &[&Observation], fitted: &[Linearised], held: &[&Observation], held_fitted: &[Linearised]) -> Vec<Outlier> {
+    let mut found: Vec<Outlier> = seen
+        .iter()
+        .zip(fitted)
+        .chain(held.iter().zip(held_fitted))
+        .flat_map(|(o, l)| {
+            l.outliers
+                .iter()
+                .filter(|c| c.standardised.abs() > OUTLIER_LISTED)
+                .map(|c| Outlier { id: o.id.clone(), column: c.name().to_owned(), standardised: c.standardised })
+        })
+        .collect();
+    found.sort_by(|a, b| b.standardised.abs().total_cmp(&a.standardised.abs()).then_with(|| a.id.cmp(&b.id)));
+    found
+}
+
+/// The fitted offsets.
+pub fn session_offsets(observations: &Observations, fit: &Fit, c: f64) -> Vec<SessionOffset> {
+    fit.columns
+        .iter()
+        .enumerate()
+        .filter_map(|(i, column)| match *column {
+            Column::Offset { session, input } => Some(SessionOffset {
+                session: observations.sessions[session].clone(),
+                input: INPUTS[input].to_owned(),
+                value: fit.column_values[i],
+                sd: (c * fit.covariance[(i, i)]).max(0.0).sqrt(),
+                prior_sd: fit.prior_precision[i].powf(-0.5),
+                unit: unit(INPUTS[input]).to_owned(),
+            }),
+            Column::Parameter(_) => None,
+        })
+        .collect()
+}

@@ -1,0 +1,29 @@
+//! What can stop a comparison, by cause.
+
+use crate::equipment::EquipmentError;
+
+#[derive(Debug, thiserror::Error)]
+pub enum ValidationError {
+    #[error("impact {id:?} names the {kind} {name:?}, which was not given; given: {given}; add its file with --{kind}")]
+    UnknownEquipment { id: String, kind: &'static str, name: String, given: String },
+    #[error("impact {id:?} names no {kind} and {count} were given; fill the column `{kind}` or give one file")]
+    AmbiguousEquipment { id: String, kind: &'static str, count: usize },
+    #[error("only {usable} of {rows} impacts can be used ({reason}); at least {needed} are needed")]
+    TooFew { usable: usize, rows: usize, needed: usize, reason: String },
+    #[error("no impact is held out for a check (all ids hash to the fit side); add impacts")]
+    NothingHeldOut,
+    #[error("the grouping column `{column}` is not in the table; it has: {seen}")]
+    NoGroup { column: String, seen: String },
+    #[error("the model cannot predict {failed} of {rows} impacts (first: {id:?}); check its parameters and the table's units")]
+    NoPrediction { failed: usize, rows: usize, id: String },
+    #[error("the fit did not settle: {reason}; fix some of the free parameters (fit = false) or narrow their limits")]
+    NoFit { reason: String },
+    #[error("effect {name:?} is not in the catalogue and not in the model; `sweetspot effects` lists what there is")]
+    UnknownEffect { name: String },
+    #[error("model: {0}")]
+    Model(String),
+    #[error("interrupted")]
+    Interrupted,
+    #[error(transparent)]
+    Equipment(#[from] EquipmentError),
+}

@@ -1,0 +1,377 @@
+//! Gauss-Newton fit of the free parameters and of the session offsets, with errors in inputs and outputs.
+//!
+//! Every measured input may carry one offset shared by a whole session (a tilted face, a shifted origin): the largest
+//! source of false alarms (missing-physics.md, section 4). Offsets are nuisance with a normal prior of
+//! [`FitOptions::offset_share`] of the single-impact deviation.
+
+use super::error::ValidationError;
+use super::forward::{Forward, Inputs, Prediction};
+use super::linearise::{Linearised, Setting, Spread, linearise, predict_measured};
+use super::observation::{Observation, Observations};
+use crate::impact_table::INPUTS;
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+#[derive(Debug, Clone)]
+pub struct FitOptions {
+    /// Prior deviation of a session's offset, as a share of the single-impact deviation.
+    pub offset_share: f64,
+    /// Whether outlying cells lose weight.
+    pub robust: bool,
+    pub most_rounds: usize,
+    /// Whether the free parameters move at all (`compare` judges the model as it stands).
+    pub move_parameters: bool,
+}
+
+impl Default for FitOptions {
+    fn default() -> Self {
+        FitOptions { offset_share: 0.5, robust: true, most_rounds: 12, move_parameters: true }
+    }
+}
+
+/// A column of the design: a free parameter or an offset.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Column {
+    Parameter(usize),
+    Offset { session: usize, input: usize },
+}
+
+/// The model at its best, on the impacts it was fitted to.
+#[derive(Debug, Clone)]
+pub struct Fit {
+    pub names: Vec<String>,
+    /// Free parameters, as [`Forward::parameters`] orders them.
+    pub values: Vec<f64>,
+    /// Offsets per session, order of [`INPUTS`].
+    pub offsets: Vec<Inputs>,
+    /// The impacts of the fit, in the table's order.
+    pub impacts: Vec<Linearised>,
+    /// Whitened derivatives A_i of the prediction, outputs × columns.
+    pub design: Vec<DMatrix<f64>>,
+    pub columns: Vec<Column>,
+    /// Prior precision and mean of every column.
+    pub prior_precision: DVector<f64>,
+    pub prior_mean: DVector<f64>,
+    /// Current values of every column.
+    pub column_values: DVector<f64>,
+    /// A'A + P.
+    pub information: DMatrix<f64>,
+    /// Its inverse: covariance of the columns at noise scale 1.
+    pub covariance: DMatrix<f64>,
+    pub spread: Spread,
+    /// Σ z'z.
+    pub chi2: f64,
+    /// Σ z'z + ln|S| + prior terms: minus twice the log posterior density at noise scale 1, up to a constant.
+    pub objective: f64,
+    pub rounds: usize,
+}
+
+impl Fit {
+    /// Measured numbers in the fit.
+    pub fn count(&self) -> usize {
+        self.impacts.iter().map(|l| l.z.len()).sum()
+    }
+
+    /// Deviation of a free parameter at noise scale `c` (variance ratio).
+    pub fn sd(&self, parameter: usize, c: f64) -> f64 {
+        self.columns.iter().position(|col| *col == Column::Parameter(parameter)).map_or(0.0, |i| (self.covariance[(i, i)] * c).max(0.0).sqrt())
+    }
+
+    /// P^½ (mean − value): the residuals of the prior, which act like one more measurement each.
+    pub fn prior_residual(&self) -> DVector<f64> {
+        let root = self.prior_precision.map(f64::sqrt);
+        root.component_mul(&(&self.prior_mean - &self.column_values))
+    }
+}
+
+/// The state a fit starts from: the result of an earlier, similar fit saves rounds.
+#[derive(Clone, Copy)]
+pub struct Start<'a> {
+    pub fit: &'a Fit,
+    /// Keep its input Jacobians instead of computing new ones.
+    pub keep_jacobians: bool,
+}
+
+struct Work<'a> {
+    forward: &'a dyn Forward,
+    observations: &'a Observations,
+    impacts: &'a [&'a Observation],
+    columns: Vec<Column>,
+    prior_precision: DVector<f64>,
+    prior_mean: DVector<f64>,
+}
+
+struct State {
+    column_values: DVector<f64>,
+    offsets: Vec<Inputs>,
+    values: Vec<f64>,
+    impacts: Vec<Linearised>,
+    objective: f64,
+    chi2: f64,
+}
+
+/// Fits the free parameters of `forward` to `impacts`.
+pub fn fit(forward: &dyn Forward, observations: &Observations, impacts: &[&Observation], options: &FitOptions, start: Option<Start>) -> Result<Fit, ValidationError> {
+    let work = Work::new(forward, observations, impacts, options);
+    let values: Vec<f64> = forward.parameters().iter().map(|p| p.value).collect();
+    let mut columns_at = DVector::zeros(work.columns.len());
+    for (i, column) in work.columns.iter().enumerate() {
+        columns_at[i] = match *column {
+            Column::Parameter(p) => values[p],
+            Column::Offset { session, input } => start.map_or(0.0, |s| s.fit.offsets[session][input]),
+        };
+    }
+    let keep = start.filter(|s| s.keep_jacobians && s.fit.impacts.len() == impacts.len()).map(|s| s.fit.impacts.as_slice());
+    let begin: Vec<Inputs> = match start.filter(|s| s.fit.impacts.len() == impacts.len()) {
+        Some(s) => s.fit.impacts.iter().map(|l| l.true_inputs).collect(),
+        None => impacts.iter().map(|o| o.inputs).collect(),
+    };
+    let mut spread = start.map_or_else(Spread::unlimited, |s| s.fit.spread.clone());
+    let passes = if start.is_some() { 1 } else { 2 };
+    let mut state = work.evaluate(&columns_at, &begin, keep, &spread, passes)?;
+    let mut design = work.design(&state)?;
+    let mut rounds = 0;
+    let mut information = DMatrix::zeros(0, 0);
+    // Outlier weights settle with the parameters; fixed after these rounds so that the objective stays one function.
+    let settle = 3;
+    while rounds < options.most_rounds.max(1) {
+        rounds += 1;
+        if options.robust && rounds <= settle {
+            spread = Spread::of(&state.impacts);
+            let lend = keep.or(forward.costly().then_some(state.impacts.as_slice()));
+            state = work.evaluate(&state.column_values, &begin_of(&state), lend, &spread, 0)?;
+            design = work.design(&state)?;
+        }
+        let (step, info) = work.step(&state, &design)?;
+        information = info;
+        let promised = step.dot(&(&information * &step));
+        let mut accepted = false;
+        for shrink in [1.0, 0.5, 0.2, 0.05] {
+            let next = work.clamp(&(&state.column_values + &step * shrink), forward);
+            let lend = keep.or((forward.costly() && rounds > 2).then_some(state.impacts.as_slice()));
+            match work.evaluate(&next, &begin_of(&state), lend, &spread, 1) {
+                // Room for the true inputs, which move along: they may cost a little while the parameters settle.
+                Ok(tried) if tried.objective <= state.objective + 1e-3 * (1.0 + promised) => {
+                    state = tried;
+                    accepted = true;
+                    break;
+                }
+                _ => {}
+            }
+        }
+        if accepted {
+            design = work.design(&state)?;
+        }
+        if rounds > settle && (!accepted || promised < 1e-4) {
+            break;
+        }
+    }
+    let (_, info) = work.step(&state, &design)?;
+    if info.nrows() == work.columns.len() {
+        information = info;
+    }
+    let covariance = invert(&information)?;
+    Ok(Fit {
+        names: forward.parameters().iter().map(|p| p.name.clone()).collect(),
+        values: state.values,
+        offsets: state.offsets,
+        impacts: state.impacts,
+        design,
+        columns: work.columns,
+        prior_precision: work.prior_precision,
+        prior_mean: work.prior_mean,
+        column_values: state.column_values,
+        information,
+        covariance,
+        spread,
+        chi2: state.chi2,
+        objective: state.objective,
+        rounds,
+    })
+}
+
+fn begin_of(state: &State) -> Vec<Inputs> {
+    state.impacts.iter().map(|l| l.true_inputs).collect()
+}
+
+impl<'a> Work<'a> {
+    fn new(forward: &'a dyn Forward, observations: &'a Observations, impacts: &'a [&'a Observation], options: &FitOptions) -> Self {
+        let mut columns = Vec::new();
+        let mut precision = Vec::new();
+        let mut mean = Vec::new();
+        if options.move_parameters {
+            for (i, p) in forward.parameters().iter().enumerate() {
+                columns.push(Column::Parameter(i));
+                precision.push(p.prior.map_or(0.0, |(_, sd)| 1.0 / (sd * sd)));
+                mean.push(p.prior.map_or(p.value, |(m, _)| m));
+            }
+        }
+        for session in 0..observations.sessions.len() {
+            let sd = observations.typical_input_sd(session);
+            for (input, sd) in sd.iter().enumerate() {
+                if options.offset_share > 0.0 && *sd > 0.0 {
+                    columns.push(Column::Offset { session, input });
+                    precision.push((options.offset_share * sd).powi(-2));
+                    mean.push(0.0);
+                }
+            }
+        }
+        Work { forward, observations, impacts, columns, prior_precision: DVector::from_vec(precision), prior_mean: DVector::from_vec(mean) }
+    }
+
+    fn unpack(&self, columns: &DVector<f64>) -> (Vec<f64>, Vec<Inputs>) {
+        let mut values: Vec<f64> = self.forward.parameters().iter().map(|p| p.value).collect();
+        let mut offsets = vec![[0.0; INPUTS.len()]; self.observations.sessions.len()];
+        for (column, value) in self.columns.iter().zip(columns.iter()) {
+            match *column {
+                Column::Parameter(p) => values[p] = *value,
+                Column::Offset { session, input } => offsets[session][input] = *value,
+            }
+        }
+        (values, offsets)
+    }
+
+    fn clamp(&self, columns: &DVector<f64>, forward: &dyn Forward) -> DVector<f64> {
+        let mut clamped = columns.clone();
+        for (column, value) in self.columns.iter().zip(clamped.iter_mut()) {
+            if let Column::Parameter(p) = *column {
+                let limits = &forward.parameters()[p];
+                *value = value.clamp(limits.min, limits.max);
+            }
+        }
+        clamped
+    }
+
+    fn evaluate(&self, columns: &DVector<f64>, begin: &[Inputs], reuse: Option<&[Linearised]>, spread: &Spread, passes: usize) -> Result<State, ValidationError> {
+        let (values, offsets) = self.unpack(columns);
+        let prediction = self.forward.prepare(&values)?;
+        let impacts = linearise_all(prediction.as_ref(), self.observations, self.impacts, &offsets, spread, begin, reuse, passes)?;
+        let chi2: f64 = impacts.iter().map(|l| l.z.norm_squared()).sum();
+        let log_det: f64 = impacts.iter().map(|l| l.log_det).sum();
+        let from_prior: f64 = self.prior_precision.iter().zip(columns.iter().zip(self.prior_mean.iter())).map(|(p, (v, m))| p * (v - m) * (v - m)).sum();
+        Ok(State { column_values: columns.clone(), offsets, values, impacts, objective: chi2 + log_det + from_prior, chi2 })
+    }
+
+    /// Whitened derivatives of the prediction with respect to every column, at the state's true inputs.
+    fn design(&self, state: &State) -> Result<Vec<DMatrix<f64>>, ValidationError> {
+        let free: Vec<usize> = self.columns.iter().filter_map(|c| if let Column::Parameter(p) = c { Some(*p) } else { None }).collect();
+        let derivatives = parameter_derivatives(self.forward, &state.values, &free, self.impacts, &state.impacts)?;
+        Ok(state
+            .impacts
+            .iter()
+            .zip(self.impacts)
+            .enumerate()
+            .map(|(i, (l, o))| {
+                let mut a = DMatrix::zeros(l.z.len(), self.columns.len());
+                let mut parameter = 0;
+                for (c, column) in self.columns.iter().enumerate() {
+                    match *column {
+                        Column::Parameter(_) => {
+                            a.set_column(c, &derivatives[parameter][i]);
+                            parameter += 1;
+                        }
+                        Column::Offset { session, input } if session == o.session && o.input_sd[input] > 0.0 => {
+                            a.set_column(c, &(-l.jacobian.column(input)));
+                        }
+                        Column::Offset { .. } => {}
+                    }
+                }
+                &l.whitener * a
+            })
+            .collect())
+    }
+
+    fn step(&self, state: &State, design: &[DMatrix<f64>]) -> Result<(DVector<f64>, DMatrix<f64>), ValidationError> {
+        let p = self.columns.len();
+        let mut information = DMatrix::from_diagonal(&self.prior_precision);
+        let mut gradient = self.prior_precision.component_mul(&(&self.prior_mean - &state.column_values));
+        for (a, l) in design.iter().zip(&state.impacts) {
+            information.gemm_tr(1.0, a, a, 1.0);
+            gradient.gemv_tr(1.0, a, &l.z, 1.0);
+        }
+        // A column without any information (nothing slides, so friction does nothing) stays where it is.
+        let scale = (0..p).map(|i| information[(i, i)]).fold(0.0, f64::max).max(1e-300);
+        let mut damped = information.clone();
+        for i in 0..p {
+            damped[(i, i)] = damped[(i, i)] * (1.0 + 1e-9) + scale * 1e-18;
+        }
+        if p == 0 {
+            return Ok((gradient, information));
+        }
+        let step = damped.cholesky().ok_or_else(|| ValidationError::NoFit { reason: "the information matrix is singular".into() })?.solve(&gradient);
+        Ok((step, information))
+    }
+}
+
+/// Linearises a set of impacts in parallel; the order of the result is the order of the impacts.
+pub fn linearise_all(
+    prediction: &dyn Prediction,
+    observations: &Observations,
+    impacts: &[&Observation],
+    offsets: &[Inputs],
+    spread: &Spread,
+    begin: &[Inputs],
+    reuse: Option<&[Linearised]>,
+    passes: usize,
+) -> Result<Vec<Linearised>, ValidationError> {
+    let setting = Setting { observations, offsets, spread };
+    let results: Vec<Option<Linearised>> = impacts.par_iter().enumerate().map(|(i, o)| linearise(prediction, o, &setting, &begin[i], reuse.map(|r| &r[i].jacobian), passes)).collect();
+    let failed = results.iter().filter(|r| r.is_none()).count();
+    if failed > 0 {
+        let id = results.iter().zip(impacts).find(|(r, _)| r.is_none()).map(|(_, o)| o.id.clone()).unwrap_or_default();
+        return Err(ValidationError::NoPrediction { failed, rows: impacts.len(), id });
+    }
+    Ok(results.into_iter().flatten().collect())
+}
+
+/// d(prediction)/d(parameter) of each impact at its true inputs, for the named free parameters: `[parameter][impact]`.
+pub fn parameter_derivatives(
+    forward: &dyn Forward,
+    values: &[f64],
+    free: &[usize],
+    impacts: &[&Observation],
+    at: &[Linearised],
+) -> Result<Vec<Vec<DVector<f64>>>, ValidationError> {
+    free.iter()
+        .map(|&p| {
+            let limits = &forward.parameters()[p];
+            // A fiftieth of a typical change: small against curvature, wide enough to average over the stick-slip edge.
+            let h = 0.02 * limits.typical.abs().max(1e-12);
+            let (mut up, mut down) = (values.to_vec(), values.to_vec());
+            up[p] = (values[p] + h).min(limits.max);
+            down[p] = (values[p] - h).max(limits.min);
+            let width = up[p] - down[p];
+            if width <= 0.0 {
+                return Ok(at.iter().map(|l| DVector::zeros(l.z.len())).collect());
+            }
+            let (above, below) = (forward.prepare(&up)?, forward.prepare(&down)?);
+            Ok(impacts
+                .par_iter()
+                .zip(at)
+                .map(|(o, l)| match (predict_measured(above.as_ref(), o, &l.true_inputs), predict_measured(below.as_ref(), o, &l.true_inputs)) {
+                    (Some(a), Some(b)) => (a - b) / width,
+                    _ => DVector::zeros(l.z.len()),
+                })
+                .collect())
+        })
+        .collect()
+}
+
+/// Inverse of a positive semi-definite matrix; directions without information get a large finite variance.
+pub fn invert(matrix: &DMatrix<f64>) -> Result<DMatrix<f64>, ValidationError> {
+    let n = matrix.nrows();
+    if n == 0 {
+        return Ok(matrix.clone());
+    }
+    // Scaled to a unit diagonal first: parameters differ by ten orders of magnitude.
+    let root: Vec<f64> = (0..n).map(|i| matrix[(i, i)].max(1e-300).sqrt()).collect();
+    let scaled = DMatrix::from_fn(n, n, |i, j| matrix[(i, j)] / (root[i] * root[j]));
+    let eigen = scaled.symmetric_eigen();
+    let largest = eigen.eigenvalues.max();
+    if !(largest > 0.0) {
+        return Err(ValidationError::NoFit { reason: "no parameter has any influence on the measured outputs".into() });
+    }
+    let inverse = DVector::from_iterator(n, eigen.eigenvalues.iter().map(|l| 1.0 / l.max(1e-12 * largest)));
+    let unscaled = &eigen.eigenvectors * DMatrix::from_diagonal(&inverse) * eigen.eigenvectors.transpose();
+    Ok(DMatrix::from_fn(n, n, |i, j| unscaled[(i, j)] / (root[i] * root[j])))
+}

@@ -1,0 +1,32 @@
+//! The error on impacts the fit never saw.
+//!
+//! Root-mean-square of the residual over its noise (outputs, and inputs through the model), each impact's true inputs
+//! estimated from its own data alone; 1 is the noise floor when the noise is stated rightly. Outlying cells keep the
+//! reduced weight that the fit's own spread gives them, or one wild number would hide what a better model gains.
+
+use super::error::ValidationError;
+use super::fit::{Fit, linearise_all};
+use super::forward::Forward;
+use super::linearise::Linearised;
+use super::observation::{Observation, Observations};
+
+/// Passes for the true inputs: they settle to a thousandth of their deviation in three.
+const PASSES: usize = 3;
+
+/// Held-out impacts at a fit's parameters and offsets.
+pub fn linearise_held_out(forward: &dyn Forward, fit: &Fit, observations: &Observations, held_out: &[&Observation]) -> Result<Vec<Linearised>, ValidationError> {
+    let prediction = forward.prepare(&fit.values)?;
+    let begin: Vec<_> = held_out.iter().map(|o| std::array::from_fn(|j| o.inputs[j] - fit.offsets[o.session][j])).collect();
+    linearise_all(prediction.as_ref(), observations, held_out, &fit.offsets, &fit.spread, &begin, None, PASSES)
+}
+
+/// Root-mean-square of the whitened residuals.
+pub fn error_of(impacts: &[Linearised]) -> f64 {
+    let (sum, count) = impacts.iter().fold((0.0, 0usize), |(s, n), l| (s + l.z.norm_squared(), n + l.z.len()));
+    if count == 0 { 0.0 } else { (sum / count as f64).sqrt() }
+}
+
+/// The held-out error of a fit.
+pub fn held_out_error(forward: &dyn Forward, fit: &Fit, observations: &Observations) -> Result<f64, ValidationError> {
+    Ok(error_of(&linearise_held_out(forward, fit, observations, &observations.side(true))?))
+}

@@ -1,0 +1,232 @@
+//! One impact, linearised at the estimate of its true inputs: residual, covariance, whitening, outlying cells.
+//!
+//! With measured inputs x (deviations S_x), outputs y (S_y) and the model f, at the estimate x^ of the true inputs:
+//! r = y − f(x^) − F (x − b − x^), S = S_y² + F S_x² F', F = df/dx, b the offsets shared by a session;
+//! then x^ ← x − b + S_x² F' S⁻¹ r. (missing-physics.md, section 1; Britt and Luecke 1973 for errors in variables.)
+//!
+//! F is a difference over ± one deviation of each input: the slope that the noise itself sees. Across the edge between
+//! sticking and sliding that is the average of both sides, weighted by how far the noise reaches, where a derivative at a
+//! point would be wrong for half of the noise.
+
+use super::forward::{Inputs, Outputs, Prediction};
+use super::observation::{Observation, Observations};
+use crate::impact_table::{INPUTS, OUTPUTS};
+use nalgebra::{DMatrix, DVector};
+
+/// Standardised residual beyond which a cell loses weight. Of 27 cells in 900 impacts a Gaussian puts eleven beyond it.
+pub const OUTLIER_START: f64 = 3.5;
+/// A cell this far out is listed as an outlier.
+pub const OUTLIER_LISTED: f64 = 4.2;
+/// Cells of one impact that may be outliers at once; more, and the impact as a whole is odd and keeps its inflated rest.
+const MOST_CELLS: usize = 6;
+
+/// A measured number that does not belong: its column and standardised residual.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OutlyingCell {
+    pub output: bool,
+    /// Index into [`OUTPUTS`] or [`INPUTS`].
+    pub column: usize,
+    pub standardised: f64,
+}
+
+impl OutlyingCell {
+    pub fn name(&self) -> &'static str {
+        if self.output { OUTPUTS[self.column] } else { INPUTS[self.column] }
+    }
+}
+
+/// Robust spread (median absolute deviation, 1 for a Gaussian with the stated noise) of the standardised residuals of
+/// each column. It lets a model that misses everywhere keep its residuals: only what sticks out of its own column is odd.
+#[derive(Debug, Clone)]
+pub struct Spread {
+    pub outputs: [f64; OUTPUTS.len()],
+    pub inputs: [f64; INPUTS.len()],
+}
+
+impl Spread {
+    /// No cell is odd.
+    pub fn unlimited() -> Self {
+        Spread { outputs: [f64::INFINITY; OUTPUTS.len()], inputs: [f64::INFINITY; INPUTS.len()] }
+    }
+
+    /// From the standardised residuals of a set of linearised impacts.
+    pub fn of(impacts: &[Linearised]) -> Self {
+        let spread = |pick: &dyn Fn(&Linearised) -> Option<f64>| {
+            let mut t: Vec<f64> = impacts.iter().filter_map(pick).map(f64::abs).collect();
+            if t.len() < 8 {
+                return 1.0;
+            }
+            t.sort_by(f64::total_cmp);
+            // 0.6745: third quartile of the standard normal distribution.
+            (t[t.len() / 2] / 0.6745).max(0.5)
+        };
+        Spread {
+            outputs: std::array::from_fn(|k| spread(&|l| l.measured.iter().position(|m| *m == k).map(|row| l.output_t[row]))),
+            inputs: std::array::from_fn(|j| spread(&|l| Some(l.input_t[j]).filter(|t| *t != 0.0))),
+        }
+    }
+}
+
+/// One impact at the current parameters.
+#[derive(Debug, Clone)]
+pub struct Linearised {
+    /// Indices of the measured outputs; rows of everything below.
+    pub measured: Vec<usize>,
+    /// Estimate x^ of the true inputs.
+    pub true_inputs: Inputs,
+    /// Prediction at the measured inputs less the session's offsets, by the linear model: `y − residual`.
+    pub predicted: DVector<f64>,
+    pub residual: DVector<f64>,
+    /// F, outputs × inputs.
+    pub jacobian: DMatrix<f64>,
+    /// S with the inflation of outlying cells.
+    pub covariance: DMatrix<f64>,
+    /// L⁻¹ where S = L L'.
+    pub whitener: DMatrix<f64>,
+    /// z = L⁻¹ r.
+    pub z: DVector<f64>,
+    /// ln |S|.
+    pub log_det: f64,
+    /// Each cell's residual given all other cells, in deviations.
+    pub output_t: Vec<f64>,
+    pub input_t: [f64; INPUTS.len()],
+    pub outliers: Vec<OutlyingCell>,
+}
+
+/// What is needed besides the impact and the model.
+pub struct Setting<'a> {
+    pub observations: &'a Observations,
+    /// Offsets per session.
+    pub offsets: &'a [Inputs],
+    pub spread: &'a Spread,
+}
+
+/// Predicted values of the measured outputs, or `None` when the model has no answer.
+pub fn predict_measured(p: &dyn Prediction, o: &Observation, x: &Inputs) -> Option<DVector<f64>> {
+    let all: Outputs = p.predict(o.gear, o.order, x)?;
+    let picked = DVector::from_iterator(o.measured.len(), o.measured.iter().map(|&k| all[k]));
+    picked.iter().all(|v| v.is_finite()).then_some(picked)
+}
+
+/// F at `x`: central differences over ± one deviation, one-sided where the model has no answer on a side.
+pub fn input_jacobian(p: &dyn Prediction, o: &Observation, x: &Inputs, at_x: &DVector<f64>) -> DMatrix<f64> {
+    let mut jacobian = DMatrix::zeros(o.measured.len(), INPUTS.len());
+    for j in 0..INPUTS.len() {
+        let h = o.input_sd[j];
+        if h <= 0.0 {
+            continue;
+        }
+        let moved = |by: f64| {
+            let mut at = *x;
+            at[j] += by;
+            predict_measured(p, o, &at)
+        };
+        let column = match (moved(h), moved(-h)) {
+            (Some(up), Some(down)) => (up - down) / (2.0 * h),
+            (Some(up), None) => (up - at_x) / h,
+            (None, Some(down)) => (at_x - down) / h,
+            (None, None) => continue,
+        };
+        jacobian.set_column(j, &column);
+    }
+    jacobian
+}
+
+/// Linearises one impact, starting from `start` for its true inputs; `reuse` is a Jacobian to keep.
+pub fn linearise(
+    p: &dyn Prediction,
+    o: &Observation,
+    setting: &Setting,
+    start: &Inputs,
+    reuse: Option<&DMatrix<f64>>,
+    passes: usize,
+) -> Option<Linearised> {
+    let offset = &setting.offsets[o.session];
+    let mut x = *start;
+    let y = DVector::from_column_slice(&o.outputs);
+    let mut at_x = match predict_measured(p, o, &x) {
+        Some(v) => v,
+        None => {
+            x = std::array::from_fn(|j| o.inputs[j] - offset[j]);
+            predict_measured(p, o, &x)?
+        }
+    };
+    let jacobian = reuse.cloned().unwrap_or_else(|| input_jacobian(p, o, &x, &at_x));
+    let mut result = whiten(o, setting, &x, &at_x, &jacobian, &y)?;
+    for _ in 0..passes {
+        let solved = result.whitener.tr_mul(&result.z);
+        let pull = jacobian.tr_mul(&solved);
+        let mut next = x;
+        for j in 0..INPUTS.len() {
+            let sd = setting.observations.input_noise[j].sd(INPUTS[j], Some(o.input_sd[j]), x[j]);
+            let sd = if o.input_sd[j] > 0.0 { sd } else { 0.0 };
+            next[j] = o.inputs[j] - offset[j] + sd * sd * pull[j];
+        }
+        let Some(value) = predict_measured(p, o, &next) else { break };
+        x = next;
+        at_x = value;
+        result = whiten(o, setting, &x, &at_x, &jacobian, &y)?;
+    }
+    Some(result)
+}
+
+fn whiten(o: &Observation, setting: &Setting, x: &Inputs, at_x: &DVector<f64>, jacobian: &DMatrix<f64>, y: &DVector<f64>) -> Option<Linearised> {
+    let k = o.measured.len();
+    let offset = &setting.offsets[o.session];
+    let gap = DVector::from_iterator(INPUTS.len(), (0..INPUTS.len()).map(|j| if o.input_sd[j] > 0.0 { o.inputs[j] - offset[j] - x[j] } else { 0.0 }));
+    let predicted = at_x + jacobian * gap;
+    let residual = y - &predicted;
+    let mut covariance = DMatrix::zeros(k, k);
+    for (row, &column) in o.measured.iter().enumerate() {
+        let sd = setting.observations.output_noise[column].sd(OUTPUTS[column], Some(o.output_sd[row]), at_x[row]);
+        covariance[(row, row)] = sd * sd;
+    }
+    for j in 0..INPUTS.len() {
+        if o.input_sd[j] > 0.0 {
+            let sd = setting.observations.input_noise[j].sd(INPUTS[j], Some(o.input_sd[j]), x[j]);
+            let column = jacobian.column(j);
+            covariance.ger(sd * sd, &column, &column, 1.0);
+        }
+    }
+    let mut precision = covariance.clone().cholesky()?.inverse();
+    let standardise = |precision: &DMatrix<f64>| {
+        let pulled = precision * &residual;
+        let output_t: Vec<f64> = (0..k).map(|i| pulled[i] / precision[(i, i)].max(1e-300).sqrt()).collect();
+        let input_t: [f64; INPUTS.len()] = std::array::from_fn(|j| {
+            if o.input_sd[j] <= 0.0 {
+                return 0.0;
+            }
+            let f = jacobian.column(j);
+            let information = (precision * f).dot(&f);
+            // An input that hardly moves any output cannot be told to be odd.
+            if information * o.input_sd[j].powi(2) < 1e-3 { 0.0 } else { f.dot(&pulled) / information.sqrt() }
+        });
+        (output_t, input_t)
+    };
+    let (output_t, input_t) = standardise(&precision);
+    let mut outliers: Vec<OutlyingCell> = Vec::new();
+    let (mut now_out, mut now_in) = (output_t.clone(), input_t);
+    // The worst cell first: its neighbours often look odd only because of it.
+    for _ in 0..MOST_CELLS {
+        let worst_output = (0..k).map(|i| (now_out[i].abs() / setting.spread.outputs[o.measured[i]], true, i));
+        let worst_input = (0..INPUTS.len()).map(|j| (now_in[j].abs() / setting.spread.inputs[j], false, j));
+        let Some((t, output, index)) = worst_output.chain(worst_input).max_by(|a, b| a.0.total_cmp(&b.0)) else { break };
+        if !(t > OUTLIER_START) || outliers.iter().any(|c| c.output == output && c.column == if output { o.measured[index] } else { index }) {
+            break;
+        }
+        // Variance of this cell's residual given the others, times how far it is out, squared: weight (start / t)².
+        let direction = if output { DVector::from_fn(k, |i, _| f64::from(u8::from(i == index))) } else { jacobian.column(index).into_owned() };
+        let information = (&precision * &direction).dot(&direction);
+        let extra = ((t / OUTLIER_START).powi(2) - 1.0) / information.max(1e-300);
+        covariance.ger(extra, &direction, &direction, 1.0);
+        let pulled = &precision * &direction;
+        precision.ger(-extra / (1.0 + extra * information), &pulled, &pulled, 1.0);
+        outliers.push(OutlyingCell { output, column: if output { o.measured[index] } else { index }, standardised: if output { now_out[index] } else { now_in[index] } });
+        (now_out, now_in) = standardise(&precision);
+    }
+    let lower = covariance.clone().cholesky()?.l();
+    let whitener = lower.solve_lower_triangular(&DMatrix::identity(k, k))?;
+    let z = &whitener * &residual;
+    let log_det = 2.0 * lower.diagonal().iter().map(|d| d.ln()).sum::<f64>();
+    Some(Linearised { measured: o.measured.clone(), true_inputs: *x, predicted, residual, jacobian: jacobian.clone(), covariance, whitener, z, log_det, output_t, input_t, outliers })
+}

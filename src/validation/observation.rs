@@ -1,0 +1,254 @@
+//! Impacts made ready for statistics: every input and output with a deviation, its racket and ball, session and side of
+//! the held-out split.
+
+use super::error::ValidationError;
+use super::forward::Inputs;
+use super::holdout::is_held_out;
+use super::noise::ColumnNoise;
+use crate::equipment::{Ball, Racket};
+use crate::impact_table::{INPUTS, ImpactRow, ImpactTable, OUTPUTS};
+use std::collections::BTreeMap;
+
+/// A model with two base parameters and an offset per input needs more than this to say anything.
+pub const FEWEST_IMPACTS: usize = 12;
+/// Sessions with fewer impacts than this share one set of offsets: their own could not be told from noise.
+const FEWEST_PER_SESSION: usize = 12;
+/// Offsets are fitted for at most this many sessions.
+const MOST_SESSIONS: usize = 12;
+
+/// One impact. Arrays in the order of [`INPUTS`] and [`OUTPUTS`].
+#[derive(Debug, Clone)]
+pub struct Observation {
+    pub id: String,
+    /// Index of its (racket, ball) pair in [`Observations::gear`].
+    pub gear: usize,
+    /// Place in time, 0 for the first.
+    pub order: f64,
+    /// Index into [`Observations::sessions`].
+    pub session: usize,
+    pub held_out: bool,
+    /// Measured inputs; a missing spin or torque stands as 0.
+    pub inputs: Inputs,
+    /// Stated deviation (for a missing spin: [`MISSING_SPIN_SD`]).
+    pub input_sd: Inputs,
+    /// Indices of the measured outputs.
+    pub measured: Vec<usize>,
+    /// Values of the measured outputs, same order as `measured`.
+    pub outputs: Vec<f64>,
+    /// Deviations as written in the table, same order.
+    pub output_sd: Vec<f64>,
+    pub groups: BTreeMap<String, String>,
+}
+
+/// Spin of a ball whose markings could not be read: unknown within the range of play (physics.md E.8), rad/s.
+pub const MISSING_SPIN_SD: f64 = 120.0;
+
+/// A racket with a ball, as the table's rows name them.
+#[derive(Debug, Clone)]
+pub struct Gear {
+    pub racket: Racket,
+    pub ball: Ball,
+}
+
+/// The table, ready.
+#[derive(Debug, Clone)]
+pub struct Observations {
+    pub impacts: Vec<Observation>,
+    pub gear: Vec<Gear>,
+    /// Names of the sessions that share offsets.
+    pub sessions: Vec<String>,
+    pub input_noise: Vec<ColumnNoise>,
+    pub output_noise: Vec<ColumnNoise>,
+    /// Rows that could not be used: id and reason.
+    pub unusable: Vec<(String, String)>,
+    /// What had to be assumed, in words.
+    pub notes: Vec<String>,
+}
+
+/// How the table is to be read.
+#[derive(Debug, Clone, Default)]
+pub struct TableOptions {
+    /// Keeps the impacts of a group on one side of the held-out split.
+    pub group: Option<String>,
+}
+
+impl Observations {
+    /// Makes a table ready. Rows without ball and racket velocities and an impact position are left out and named.
+    pub fn new(table: &ImpactTable, rackets: &[Racket], balls: &[Ball], options: &TableOptions) -> Result<Self, ValidationError> {
+        if let Some(column) = &options.group
+            && !table.rows.iter().any(|r| r.groups.contains_key(column))
+        {
+            let seen: Vec<&str> = table.rows.first().map(|r| r.groups.keys().map(String::as_str).collect()).unwrap_or_default();
+            return Err(ValidationError::NoGroup { column: column.clone(), seen: seen.join(", ") });
+        }
+        let column = |output: bool, i: usize| -> Vec<_> { table.rows.iter().map(|r| if output { r.outputs[i] } else { r.inputs[i] }).collect() };
+        let input_noise: Vec<_> = INPUTS.iter().enumerate().map(|(i, c)| ColumnNoise::of(c, &column(false, i))).collect();
+        let output_noise: Vec<_> = OUTPUTS.iter().enumerate().map(|(i, c)| ColumnNoise::of(c, &column(true, i))).collect();
+        let mut all = Observations {
+            impacts: Vec::new(),
+            gear: Vec::new(),
+            sessions: vec!["all".to_owned()],
+            input_noise,
+            output_noise,
+            unusable: Vec::new(),
+            notes: Vec::new(),
+        };
+        let mut pairs: BTreeMap<(usize, usize), usize> = BTreeMap::new();
+        for row in &table.rows {
+            let r = pick("racket", row.racket.as_deref(), &row.id, rackets, |r| &r.name)?;
+            let b = pick("ball", row.ball.as_deref(), &row.id, balls, |b| &b.name)?;
+            let gear = *pairs.entry((r, b)).or_insert_with(|| {
+                all.gear.push(Gear { racket: rackets[r].clone(), ball: balls[b].clone() });
+                all.gear.len() - 1
+            });
+            match all.observation(row, gear, options) {
+                Ok(o) => all.impacts.push(o),
+                Err(reason) => all.unusable.push((row.id.clone(), reason)),
+            }
+        }
+        all.check(table.rows.len())?;
+        all.share_sessions(table);
+        all.note_assumptions(table);
+        Ok(all)
+    }
+
+    fn observation(&self, row: &ImpactRow, gear: usize, options: &TableOptions) -> Result<Observation, String> {
+        let mut inputs = [0.0; INPUTS.len()];
+        let mut input_sd = [0.0; INPUTS.len()];
+        for (i, name) in INPUTS.iter().enumerate() {
+            match row.inputs[i] {
+                Some(m) => {
+                    inputs[i] = m.value;
+                    input_sd[i] = self.input_noise[i].sd(name, m.sd, m.value);
+                }
+                None if name.starts_with("ball_in_w") => input_sd[i] = MISSING_SPIN_SD,
+                None if *name == "grip_torque" => {}
+                None => return Err(format!("`{name}` is empty")),
+            }
+        }
+        let mut o = Observation {
+            id: row.id.clone(),
+            gear,
+            order: row.sequence,
+            session: 0,
+            held_out: is_held_out(options.group.as_ref().and_then(|g| row.groups.get(g)).unwrap_or(&row.id)),
+            inputs,
+            input_sd,
+            measured: Vec::new(),
+            outputs: Vec::new(),
+            output_sd: Vec::new(),
+            groups: row.groups.clone(),
+        };
+        for (k, name) in OUTPUTS.iter().enumerate() {
+            if let Some(m) = row.outputs[k] {
+                o.measured.push(k);
+                o.outputs.push(m.value);
+                let sd = self.output_noise[k].sd(name, m.sd, m.value);
+                // A deviation of zero would give one number infinite weight.
+                o.output_sd.push(if sd > 0.0 { sd } else { super::noise::assumed_sd(name) });
+            }
+        }
+        if o.measured.is_empty() {
+            return Err("no output was measured".into());
+        }
+        Ok(o)
+    }
+
+    fn check(&mut self, rows: usize) -> Result<(), ValidationError> {
+        let reason = self.unusable.first().map_or_else(|| "the table is short".to_owned(), |(id, why)| format!("{id}: {why}"));
+        if self.impacts.len() < FEWEST_IMPACTS {
+            return Err(ValidationError::TooFew { usable: self.impacts.len(), rows, needed: FEWEST_IMPACTS, reason });
+        }
+        let held = self.impacts.iter().filter(|o| o.held_out).count();
+        if held == 0 {
+            return Err(ValidationError::NothingHeldOut);
+        }
+        if self.impacts.len() - held < FEWEST_IMPACTS - 4 {
+            return Err(ValidationError::TooFew {
+                usable: self.impacts.len() - held,
+                rows,
+                needed: FEWEST_IMPACTS - 4,
+                reason: "the others are held out".into(),
+            });
+        }
+        // Order from 0, whatever number the table's sequence starts with.
+        let first = self.impacts.iter().map(|o| o.order).fold(f64::INFINITY, f64::min);
+        self.impacts.iter_mut().for_each(|o| o.order -= first);
+        Ok(())
+    }
+
+    /// Sessions named by a column `session` get offsets of their own when they are long enough.
+    fn share_sessions(&mut self, table: &ImpactTable) {
+        if !table.rows.iter().any(|r| r.groups.contains_key("session")) {
+            return;
+        }
+        let mut count: BTreeMap<String, usize> = BTreeMap::new();
+        for o in &self.impacts {
+            *count.entry(o.groups.get("session").cloned().unwrap_or_default()).or_default() += 1;
+        }
+        let long: Vec<String> = count.iter().filter(|(_, n)| **n >= FEWEST_PER_SESSION).map(|(s, _)| s.clone()).collect();
+        if long.len() < 2 || long.len() > MOST_SESSIONS || long.len() < count.len() {
+            if count.len() > 1 {
+                self.notes.push(format!("{} sessions are too short or too many for offsets of their own; they share one set", count.len()));
+            }
+            return;
+        }
+        for o in &mut self.impacts {
+            let name = o.groups.get("session").cloned().unwrap_or_default();
+            o.session = long.iter().position(|s| *s == name).unwrap_or(0);
+        }
+        self.sessions = long;
+    }
+
+    fn note_assumptions(&mut self, table: &ImpactTable) {
+        for (names, noise, output) in [(&INPUTS[..], &self.input_noise, false), (&OUTPUTS[..], &self.output_noise, true)] {
+            for (i, name) in names.iter().enumerate() {
+                let measured = table.rows.iter().any(|r| if output { r.outputs[i] } else { r.inputs[i] }.is_some());
+                match &noise[i] {
+                    ColumnNoise::Assumed(sd) if measured && *sd > 0.0 => {
+                        self.notes.push(format!("`{name}` states no deviation; {sd} {} is assumed", crate::impact_table::unit(name)));
+                    }
+                    ColumnNoise::Law(law) => {
+                        self.notes.push(format!("the deviations of `{name}` follow {:.4} + {:.4} |value|; taken at the fitted value", law.constant, law.slope));
+                    }
+                    _ => {}
+                }
+                let missing = table.rows.iter().filter(|r| r.inputs.get(i).copied().flatten().is_none()).count();
+                if !output && name.starts_with("ball_in_w") && missing > 0 {
+                    self.notes.push(format!("`{name}` is empty in {missing} rows; taken as 0 ± {MISSING_SPIN_SD} rad/s there"));
+                }
+            }
+        }
+        if !self.unusable.is_empty() {
+            self.notes.push(format!("{} rows cannot be used (first: {}, {})", self.unusable.len(), self.unusable[0].0, self.unusable[0].1));
+        }
+    }
+
+    /// The impacts of one side of the split.
+    pub fn side(&self, held_out: bool) -> Vec<&Observation> {
+        self.impacts.iter().filter(|o| o.held_out == held_out).collect()
+    }
+
+    /// Median stated deviation of every input in a session; sets the size of its shared offset.
+    pub fn typical_input_sd(&self, session: usize) -> Inputs {
+        std::array::from_fn(|j| {
+            let mut sds: Vec<f64> = self.impacts.iter().filter(|o| o.session == session && o.input_sd[j] < MISSING_SPIN_SD).map(|o| o.input_sd[j]).collect();
+            sds.sort_by(f64::total_cmp);
+            sds.get(sds.len() / 2).copied().unwrap_or(0.0)
+        })
+    }
+}
+
+fn pick<T>(kind: &'static str, named: Option<&str>, id: &str, given: &[T], name: impl Fn(&T) -> &String) -> Result<usize, ValidationError> {
+    match named {
+        // One file and one name: the file is meant, whatever it calls itself, unless another file could be.
+        Some(wanted) => given.iter().position(|g| name(g) == wanted).ok_or_else(|| ValidationError::UnknownEquipment {
+            id: id.to_owned(),
+            kind,
+            name: wanted.to_owned(),
+            given: given.iter().map(|g| name(g).as_str()).collect::<Vec<_>>().join(", "),
+        }),
+        None if given.len() == 1 => Ok(0),
+        None => Err(ValidationError::AmbiguousEquipment { id: id.to_owned(), kind, count: given.len() }),
+    }
+}

@@ -1,0 +1,96 @@
+//! Scores and information of possible extra terms, with everything the fit can absorb projected out.
+//!
+//! For whitened signatures G_i of m extra terms, Gp = G − A (A'A + P)⁻¹ A'G; score U = Σ Gp_i' z_i (plus the prior's
+//! share), information I = G'G − G'A (A'A + P)⁻¹ A'G (missing-physics.md, section 4). What is left of a signature is what
+//! no base parameter and no offset of the session can imitate.
+
+use super::fit::Fit;
+use nalgebra::{DMatrix, DVector};
+
+/// Projected scores of m terms.
+#[derive(Debug, Clone)]
+pub struct Projected {
+    /// Score contributions: one row per impact, then one per prior residual.
+    pub contributions: DMatrix<f64>,
+    /// U, the column sums of `contributions`.
+    pub score: DVector<f64>,
+    /// I.
+    pub information: DMatrix<f64>,
+    /// Information of each term before projection: how much of it the nuisance absorbs.
+    pub raw: DVector<f64>,
+    /// Information each impact carries on each term: one row per impact.
+    pub per_impact: DMatrix<f64>,
+}
+
+/// Projects the whitened signatures, one outputs × m block per impact of the fit.
+pub fn project(fit: &Fit, signatures: &[DMatrix<f64>]) -> Projected {
+    let m = signatures.first().map_or(0, DMatrix::ncols);
+    let p = fit.columns.len();
+    let mut cross = DMatrix::zeros(p, m);
+    let mut information = DMatrix::zeros(m, m);
+    for (g, a) in signatures.iter().zip(&fit.design) {
+        cross.gemm_tr(1.0, a, g, 1.0);
+        information.gemm_tr(1.0, g, g, 1.0);
+    }
+    let raw = information.diagonal();
+    let absorbed = &fit.covariance * &cross;
+    information -= cross.tr_mul(&absorbed);
+    let n = signatures.len();
+    let mut contributions = DMatrix::zeros(n + p, m);
+    let mut per_impact = DMatrix::zeros(n, m);
+    for (i, (g, a)) in signatures.iter().zip(&fit.design).enumerate() {
+        let left = g - a * &absorbed;
+        contributions.set_row(i, &left.tr_mul(&fit.impacts[i].z).transpose());
+        for j in 0..m {
+            per_impact[(i, j)] = left.column(j).norm_squared();
+        }
+    }
+    let prior = fit.prior_residual();
+    for j in 0..p {
+        let root = fit.prior_precision[j].sqrt();
+        if root > 0.0 {
+            contributions.set_row(n + j, &(absorbed.row(j) * (-root * prior[j])));
+        }
+    }
+    let score = contributions.row_sum().transpose();
+    Projected { contributions, score, information, raw, per_impact }
+}
+
+impl Projected {
+    /// The quadratic form of the terms `which`: their best joint gain in chi-square and the strengths that reach it.
+    /// `None` when they cannot be told apart here (condition number above 1e6).
+    pub fn joint(&self, which: &[usize]) -> Option<(f64, DVector<f64>)> {
+        let d = which.len();
+        let block = DMatrix::from_fn(d, d, |i, j| self.information[(which[i], which[j])]);
+        let score = DVector::from_fn(d, |i, _| self.score[which[i]]);
+        let root: Vec<f64> = (0..d).map(|i| block[(i, i)].max(1e-300).sqrt()).collect();
+        let scaled = DMatrix::from_fn(d, d, |i, j| block[(i, j)] / (root[i] * root[j]));
+        let eigen = scaled.clone().symmetric_eigen();
+        let (low, high) = (eigen.eigenvalues.min(), eigen.eigenvalues.max());
+        if !(low > 1e-6 * high) {
+            return None;
+        }
+        let solution = scaled.cholesky()?.solve(&DVector::from_fn(d, |i, _| score[i] / root[i]));
+        let strengths = DVector::from_fn(d, |i, _| solution[i] / root[i]);
+        Some((strengths.dot(&score), strengths))
+    }
+
+    /// Cosine between two projected signatures: 1 means that nothing on these impacts tells them apart.
+    pub fn cosine(&self, a: usize, b: usize) -> f64 {
+        self.information[(a, b)] / (self.information[(a, a)] * self.information[(b, b)]).max(1e-300).sqrt()
+    }
+
+    /// Variance of one score at noise scale 1: the larger of I and its sandwich estimate, which stands wrong noise.
+    pub fn variance(&self, term: usize, c: f64) -> f64 {
+        let information = self.information[(term, term)];
+        let (sum, squares) = self.per_impact.column(term).iter().fold((0.0, 0.0), |(s, q), v| (s + v, q + v * v));
+        let effective = if squares > 0.0 { sum * sum / squares } else { 0.0 };
+        if effective < 12.0 || c <= 0.0 {
+            return information;
+        }
+        let n = self.per_impact.nrows();
+        let mean = self.score[term] / n as f64;
+        let sandwich: f64 = self.contributions.column(term).iter().take(n).map(|u| (u - mean).powi(2)).sum::<f64>() * effective / (effective - 1.0);
+        information.max(sandwich / c)
+    }
+}

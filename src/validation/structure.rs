@@ -1,0 +1,244 @@
+//! Is anything missing at all? A generic set of smooth corrections, tested at once.
+//!
+//! Impulses at the contact point (along the normal, the slip, across it, along the face's axes), spin impulses on the
+//! ball, impulses and angular impulses on the racket, each times smooth features of the inputs. They span what almost
+//! any missing mechanism would do, whatever its name. Statistic T = U' I⁺ U of rank q; its p-value by a wild bootstrap
+//! (random signs on the impacts' contributions), which keeps its level with outliers and wrongly stated noise where
+//! chi-square and F tails do not (missing-physics.md, section 2). The noise scale c = (chi² − T)/(dof − q) is what is left
+//! when all structure is taken out: it tells a wrongly stated noise from a wrong model.
+
+use super::fit::Fit;
+use super::forward::Inputs;
+use super::observation::{Gear, Observation, Observations};
+use super::project::project;
+use nalgebra::{DMatrix, DVector, Vector3};
+use rand::{Rng, SeedableRng};
+use serde::{Deserialize, Serialize};
+
+/// Draws of the wild bootstrap.
+const DRAWS: usize = 400;
+/// The noise scale is not believed below this: deviations overstated more than twofold are a matter for the table.
+const SMALLEST_SCALE: f64 = 0.25;
+
+/// Outcome of the structure test.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct StructureTest {
+    /// T and its rank q.
+    pub statistic: f64,
+    pub rank: usize,
+    pub p_value: f64,
+    /// c: the variance of the residuals relative to the stated one, with all structure taken out.
+    pub noise_scale: f64,
+    /// chi-square less what noise of scale c explains: how much structure the residuals hold, in units of c.
+    pub excess: f64,
+    pub seed: u64,
+}
+
+/// Dimensionless inputs of an impact, as features and words use them.
+#[derive(Debug, Clone, Copy)]
+pub struct ContactInputs {
+    /// Approach speed along the normal, m/s.
+    pub approach_m_s: f64,
+    /// Tangential velocity of the ball's contact point relative to the strings (spin included), x and y, m/s.
+    pub slip_m_s: [f64; 2],
+    /// Tangential velocity of the ball's centre relative to the impact point, x and y, m/s.
+    pub tangential_m_s: [f64; 2],
+    /// +1 when the ball arrives from +z.
+    pub side: f64,
+}
+
+impl ContactInputs {
+    pub fn of(x: &Inputs, gear: &Gear) -> Self {
+        let ball = Vector3::new(x[0], x[1], x[2]);
+        let spin = Vector3::new(x[3], x[4], x[5]);
+        let racket = Vector3::new(x[6], x[7], x[8]);
+        let rate = Vector3::new(x[9], x[10], x[11]);
+        let lever = Vector3::new(x[12], x[13], 0.0) - gear.racket.com_local().coords;
+        let relative = ball - racket - rate.cross(&lever);
+        let side = if relative.z < 0.0 { 1.0 } else { -1.0 };
+        let contact = spin.cross(&Vector3::new(0.0, 0.0, -side * gear.ball.radius_m()));
+        ContactInputs {
+            approach_m_s: relative.z.abs(),
+            slip_m_s: [relative.x + contact.x, relative.y + contact.y],
+            tangential_m_s: [relative.x, relative.y],
+            side,
+        }
+    }
+}
+
+/// Names of the features, for reading; the order of [`features`].
+const FEATURES: usize = 19;
+
+/// Raw features of one impact: 1, v, v², X, Y, X², Y², |G|, |S|, torque, order, swing, G_x, G_y, S_x, S_y, S_z, XY, Y·torque.
+fn features(o: &Observation, x: &Inputs, gear: &Gear) -> [f64; FEATURES] {
+    let contact = ContactInputs::of(x, gear);
+    let v = contact.approach_m_s.max(1.0);
+    let r = gear.ball.radius_m();
+    let (lx, ly) = (0.5 * gear.racket.head.inner_length_m, 0.5 * gear.racket.head.inner_width_m);
+    let (px, py) = (x[12] / lx, x[13] / ly);
+    let g = contact.slip_m_s.map(|s| s / v);
+    let s = [x[3] * r / v, x[4] * r / v, x[5] * r / v];
+    let swing = (x[9] * x[9] + x[10] * x[10] + x[11] * x[11]).sqrt();
+    [1.0, v, v * v, px, py, px * px, py * py, g[0].hypot(g[1]), s[0].hypot(s[1]), x[14], o.order, swing, g[0], g[1], s[0], s[1], s[2], px * py, py * x[14]]
+}
+
+/// Responses of the 13 outputs to a unit of each channel; columns: normal, slip, across, x, y, spin n, spin slip, spin x,
+/// spin y, racket impulse z, x, y, racket angular impulse x, y, z. Impulses in N s, angular ones in N m s.
+fn channels(x: &Inputs, gear: &Gear) -> DMatrix<f64> {
+    let contact = ContactInputs::of(x, gear);
+    let n = contact.side;
+    let (m, big_m) = (gear.ball.mass_kg, gear.racket.mass_kg);
+    let (r, ball_inertia, inertia) = (gear.ball.radius_m(), gear.ball.inertia_kg_m2(), gear.racket.inertia_kg_m2());
+    let lever = Vector3::new(x[12], x[13], 0.0) - gear.racket.com_local().coords;
+    let length = contact.slip_m_s[0].hypot(contact.slip_m_s[1]).max(0.5);
+    let slip = Vector3::new(contact.slip_m_s[0] / length, contact.slip_m_s[1] / length, 0.0);
+    let across = Vector3::new(-slip.y, slip.x, 0.0);
+    let impulse = |j: Vector3<f64>| {
+        let spin = Vector3::new(0.0, 0.0, -n * r).cross(&j) / ball_inertia;
+        let turn = -lever.cross(&j).component_div(&inertia);
+        [j / m, spin, -j / big_m, turn]
+    };
+    let none = Vector3::zeros();
+    let about = |w: Vector3<f64>| [none, w / ball_inertia, none, none];
+    let columns = [
+        impulse(Vector3::z() * n),
+        impulse(slip),
+        impulse(across),
+        impulse(Vector3::x()),
+        impulse(Vector3::y()),
+        about(Vector3::z() * r),
+        about(across * r),
+        about(Vector3::x() * r),
+        about(Vector3::y() * r),
+        [none, none, Vector3::z() / big_m, none],
+        [none, none, Vector3::x() / big_m, none],
+        [none, none, Vector3::y() / big_m, none],
+        [none, none, none, Vector3::x() / inertia.x * 0.1],
+        [none, none, none, Vector3::y() / inertia.y * 0.1],
+        [none, none, none, Vector3::z() / inertia.z * 0.1],
+    ];
+    DMatrix::from_fn(13, columns.len(), |row, c| if row < 12 { columns[c][row / 3][row % 3] } else { 0.0 })
+}
+
+/// Which features go with which channel: smooth, of the symmetry a mechanism could have.
+const TERMS: [(usize, &[usize]); 15] = [
+    (0, &[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 17]),
+    (1, &[0, 1, 5, 6, 7, 8, 9, 10]),
+    (2, &[0, 1, 7, 16]),
+    (3, &[0, 1, 3, 4, 12, 13, 14, 15, 16]),
+    (4, &[0, 1, 3, 4, 12, 13, 14, 15, 16]),
+    (5, &[0, 3, 4, 12, 13, 16]),
+    (6, &[0, 1, 5, 6, 7, 8]),
+    (7, &[0, 1, 3, 4, 12, 13, 14, 15]),
+    (8, &[0, 1, 3, 4, 12, 13, 14, 15]),
+    (9, &[0, 1, 3, 4, 5, 6, 9, 10]),
+    (10, &[0, 1, 3, 4, 12, 13]),
+    (11, &[0, 1, 3, 4, 12, 13]),
+    (12, &[0, 1, 3, 4, 5, 6, 10, 18]),
+    (13, &[0, 1, 3, 4, 5, 6]),
+    (14, &[0, 1, 3, 4, 12, 13]),
+];
+
+/// Whitened signatures of all generic corrections, one outputs × terms block per impact of the fit.
+pub fn generic_signatures(fit: &Fit, observations: &Observations, impacts: &[&Observation]) -> Vec<DMatrix<f64>> {
+    let raw: Vec<[f64; FEATURES]> = fit.impacts.iter().zip(impacts).map(|(l, o)| features(o, &l.true_inputs, &observations.gear[o.gear])).collect();
+    let n = raw.len() as f64;
+    let mut mean = [0.0; FEATURES];
+    let mut sd = [0.0; FEATURES];
+    for f in 1..FEATURES {
+        mean[f] = raw.iter().map(|r| r[f]).sum::<f64>() / n;
+        sd[f] = (raw.iter().map(|r| (r[f] - mean[f]).powi(2)).sum::<f64>() / n).sqrt();
+    }
+    let varies = |f: usize| f == 0 || sd[f] > 1e-9 * (1.0 + mean[f].abs());
+    // Few impacts cannot carry the curved features of every channel.
+    let short = raw.len() < 60;
+    let terms: Vec<(usize, usize)> = TERMS
+        .iter()
+        .flat_map(|(c, list)| list.iter().map(move |f| (*c, *f)))
+        .filter(|(c, f)| varies(*f) && (!short || *c == 0 || matches!(f, 0 | 1 | 3 | 4 | 7 | 12 | 13)))
+        .collect();
+    fit.impacts
+        .iter()
+        .zip(impacts)
+        .zip(&raw)
+        .map(|((l, o), feature)| {
+            let response = channels(&l.true_inputs, &observations.gear[o.gear]);
+            let mut block = DMatrix::zeros(l.measured.len(), terms.len());
+            for (column, (c, f)) in terms.iter().enumerate() {
+                let value = if *f == 0 { 1.0 } else { (feature[*f] - mean[*f]) / sd[*f] };
+                for (row, &output) in l.measured.iter().enumerate() {
+                    block[(row, column)] = response[(output, *c)] * value;
+                }
+            }
+            &l.whitener * block
+        })
+        .collect()
+}
+
+/// The structure test of a fit.
+pub fn structure_test(fit: &Fit, observations: &Observations, impacts: &[&Observation], seed: u64) -> StructureTest {
+    let projected = project(fit, &generic_signatures(fit, observations, impacts));
+    let m = projected.score.len();
+    let root: Vec<f64> = (0..m).map(|i| projected.information[(i, i)].max(1e-300).sqrt()).collect();
+    let scaled = DMatrix::from_fn(m, m, |i, j| {
+        // Terms that the nuisance absorbs (below a millionth of what they were) say nothing.
+        let told = projected.information[(i, i)] > 1e-6 * projected.raw[i] && projected.information[(j, j)] > 1e-6 * projected.raw[j];
+        if told { projected.information[(i, j)] / (root[i] * root[j]) } else { 0.0 }
+    });
+    let eigen = scaled.symmetric_eigen();
+    let kept: Vec<usize> = (0..m).filter(|&i| eigen.eigenvalues[i] > 1e-6).collect();
+    let q = kept.len();
+    let mut directions = DMatrix::zeros(m, q);
+    for (column, &i) in kept.iter().enumerate() {
+        let scale = 1.0 / eigen.eigenvalues[i].sqrt();
+        for row in 0..m {
+            directions[(row, column)] = eigen.eigenvectors[(row, i)] * scale / root[row];
+        }
+    }
+    let parts = &projected.contributions * directions;
+    let statistic = parts.row_sum().norm_squared();
+    let prior_terms = fit.prior_precision.iter().filter(|p| **p > 0.0).count();
+    let chi2 = fit.chi2 + fit.prior_residual().norm_squared();
+    let dof = (fit.count() + prior_terms) as f64 - fit.columns.len() as f64;
+    let noise_scale = ((chi2 - statistic) / (dof - q as f64).max(1.0)).max(SMALLEST_SCALE);
+    let p_value = wild_p_value(&parts, statistic, seed);
+    StructureTest { statistic, rank: q, p_value, noise_scale, excess: (statistic / noise_scale - q as f64).max(0.0), seed }
+}
+
+/// Tail of |Σ ±s_i|² over random signs, as a scaled chi-square with the draws' mean and variance.
+fn wild_p_value(parts: &DMatrix<f64>, statistic: f64, seed: u64) -> f64 {
+    let (n, q) = parts.shape();
+    if q == 0 || n == 0 {
+        return 1.0;
+    }
+    let mut generator = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
+    let by_impact = parts.transpose();
+    let mut draws = Vec::with_capacity(DRAWS);
+    for _ in 0..DRAWS {
+        let mut sum = DVector::zeros(q);
+        for i in 0..n {
+            sum.axpy(if generator.random::<bool>() { 1.0 } else { -1.0 }, &by_impact.column(i), 1.0);
+        }
+        draws.push(sum.norm_squared());
+    }
+    let mean = draws.iter().sum::<f64>() / DRAWS as f64;
+    let variance = draws.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / (DRAWS - 1) as f64;
+    if !(variance > 0.0) {
+        return 1.0;
+    }
+    let freedom = 2.0 * mean * mean / variance;
+    chi2_tail(statistic * freedom / mean, freedom)
+}
+
+/// P(chi-square with `freedom` degrees > `value`).
+pub fn chi2_tail(value: f64, freedom: f64) -> f64 {
+    if !(value > 0.0) || !(freedom > 0.0) {
+        return 1.0;
+    }
+    statrs::function::gamma::checked_gamma_ur(0.5 * freedom, 0.5 * value).unwrap_or(0.0).clamp(0.0, 1.0)
+}
+
+/// P(standard normal > z).
+pub fn normal_tail(z: f64) -> f64 {
+    0.5 * statrs::function::erf::erfc(z / std::f64::consts::SQRT_2)
+}

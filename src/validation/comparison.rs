@@ -173,7 +173,11 @@ pub fn compare(forward: &dyn Forward, observations: &Observations, model: &str, 
         fit_error: error_of(&as_stated.impacts),
         heldout_error_refitted: error_of(&held_refitted),
         noise_floor: structure.noise_scale.sqrt(),
-        parameters_as_stated: forward.parameters().iter().map(|p| ParameterValue { name: p.name.clone(), value: p.value, sd: 0.0, at_limit: p.value <= p.min || p.value >= p.max }).collect(),
+        parameters_as_stated: forward
+            .parameters()
+            .iter()
+            .map(|p| ParameterValue { name: p.name.clone(), value: p.value, sd: 0.0, at_limit: p.value <= p.min || p.value >= p.max })
+            .collect(),
         parameters_refitted: parameter_values(forward, &refitted, structure.noise_scale),
         input_names: INPUTS.iter().map(|s| (*s).to_owned()).collect(),
         output_names: OUTPUTS.iter().map(|s| (*s).to_owned()).collect(),
@@ -181,7 +185,10 @@ pub fn compare(forward: &dyn Forward, observations: &Observations, model: &str, 
         face_maps: present
             .iter()
             .map(|&k| {
-                let points: Vec<_> = impacts.iter().flat_map(|i| i.outputs.iter().filter(move |p| p.output == k).map(move |p| (i.inputs[12], i.inputs[13], p.residual()))).collect();
+                let points: Vec<_> = impacts
+                    .iter()
+                    .flat_map(|i| i.outputs.iter().filter(move |p| p.output == k).map(move |p| (i.inputs[12], i.inputs[13], p.residual())))
+                    .collect();
                 FaceMap { output: OUTPUTS[k].to_owned(), cell_m: FACE_CELL_M, cells: face_map(&points, FACE_CELL_M) }
             })
             .collect(),
@@ -247,8 +254,11 @@ fn impact_points(observations: &Observations, fitted: &Fit, held: &[Linearised])
 pub fn summarise(seen: &[Linearised], held: &[Linearised]) -> Vec<OutputSummary> {
     (0..OUTPUTS.len())
         .filter_map(|k| {
-            let cells: Vec<(f64, f64)> =
-                seen.iter().chain(held).filter_map(|l| l.measured.iter().position(|m| *m == k).map(|row| (l.residual[row], l.covariance[(row, row)]))).collect();
+            let cells: Vec<(f64, f64)> = seen
+                .iter()
+                .chain(held)
+                .filter_map(|l| l.measured.iter().position(|m| *m == k).map(|row| (l.residual[row], l.covariance[(row, row)])))
+                .collect();
             if cells.is_empty() {
                 return None;
             }
@@ -303,10 +313,11 @@ pub fn outliers(seen: &[&Observation], fitted: &[Linearised], held: &[&Observati
         .zip(fitted)
         .chain(held.iter().zip(held_fitted))
         .flat_map(|(o, l)| {
-            l.outliers
-                .iter()
-                .filter(|c| c.standardised.abs() > OUTLIER_LISTED)
-                .map(|c| Outlier { id: o.id.clone(), column: c.name().to_owned(), standardised: c.standardised })
+            l.outliers.iter().filter(|c| c.standardised.abs() > OUTLIER_LISTED).map(|c| Outlier {
+                id: o.id.clone(),
+                column: c.name().to_owned(),
+                standardised: c.standardised,
+            })
         })
         .collect();
     found.sort_by(|a, b| b.standardised.abs().total_cmp(&a.standardised.abs()).then_with(|| a.id.cmp(&b.id)));

@@ -111,7 +111,13 @@ struct State {
 }
 
 /// Fits the free parameters of `forward` to `impacts`.
-pub fn fit(forward: &dyn Forward, observations: &Observations, impacts: &[&Observation], options: &FitOptions, start: Option<Start>) -> Result<Fit, ValidationError> {
+pub fn fit(
+    forward: &dyn Forward,
+    observations: &Observations,
+    impacts: &[&Observation],
+    options: &FitOptions,
+    start: Option<Start>,
+) -> Result<Fit, ValidationError> {
     let work = Work::new(forward, observations, impacts, options);
     let values: Vec<f64> = forward.parameters().iter().map(|p| p.value).collect();
     let mut columns_at = DVector::zeros(work.columns.len());
@@ -242,7 +248,14 @@ impl<'a> Work<'a> {
         clamped
     }
 
-    fn evaluate(&self, columns: &DVector<f64>, begin: &[Inputs], reuse: Option<&[Linearised]>, spread: &Spread, passes: usize) -> Result<State, ValidationError> {
+    fn evaluate(
+        &self,
+        columns: &DVector<f64>,
+        begin: &[Inputs],
+        reuse: Option<&[Linearised]>,
+        spread: &Spread,
+        passes: usize,
+    ) -> Result<State, ValidationError> {
         let (values, offsets) = self.unpack(columns);
         let prediction = self.forward.prepare(&values)?;
         let impacts = linearise_all(prediction.as_ref(), self.observations, self.impacts, &offsets, spread, begin, reuse, passes)?;
@@ -315,7 +328,8 @@ pub fn linearise_all(
     passes: usize,
 ) -> Result<Vec<Linearised>, ValidationError> {
     let setting = Setting { observations, offsets, spread };
-    let results: Vec<Option<Linearised>> = impacts.par_iter().enumerate().map(|(i, o)| linearise(prediction, o, &setting, &begin[i], reuse.map(|r| &r[i].jacobian), passes)).collect();
+    let results: Vec<Option<Linearised>> =
+        impacts.par_iter().enumerate().map(|(i, o)| linearise(prediction, o, &setting, &begin[i], reuse.map(|r| &r[i].jacobian), passes)).collect();
     let failed = results.iter().filter(|r| r.is_none()).count();
     if failed > 0 {
         let id = results.iter().zip(impacts).find(|(r, _)| r.is_none()).map(|(_, o)| o.id.clone()).unwrap_or_default();

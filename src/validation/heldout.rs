@@ -14,7 +14,12 @@ use super::observation::{Observation, Observations};
 const PASSES: usize = 3;
 
 /// Held-out impacts at a fit's parameters and offsets.
-pub fn linearise_held_out(forward: &dyn Forward, fit: &Fit, observations: &Observations, held_out: &[&Observation]) -> Result<Vec<Linearised>, ValidationError> {
+pub fn linearise_held_out(
+    forward: &dyn Forward,
+    fit: &Fit,
+    observations: &Observations,
+    held_out: &[&Observation],
+) -> Result<Vec<Linearised>, ValidationError> {
     let prediction = forward.prepare(&fit.values)?;
     let begin: Vec<_> = held_out.iter().map(|o| std::array::from_fn(|j| o.inputs[j] - fit.offsets[o.session][j])).collect();
     linearise_all(prediction.as_ref(), observations, held_out, &fit.offsets, &fit.spread, &begin, None, PASSES)

@@ -133,14 +133,7 @@ pub fn input_jacobian(p: &dyn Prediction, o: &Observation, x: &Inputs, at_x: &DV
 }
 
 /// Linearises one impact, starting from `start` for its true inputs; `reuse` is a Jacobian to keep.
-pub fn linearise(
-    p: &dyn Prediction,
-    o: &Observation,
-    setting: &Setting,
-    start: &Inputs,
-    reuse: Option<&DMatrix<f64>>,
-    passes: usize,
-) -> Option<Linearised> {
+pub fn linearise(p: &dyn Prediction, o: &Observation, setting: &Setting, start: &Inputs, reuse: Option<&DMatrix<f64>>, passes: usize) -> Option<Linearised> {
     let offset = &setting.offsets[o.session];
     let mut x = *start;
     let y = DVector::from_column_slice(&o.outputs);
@@ -221,12 +214,29 @@ fn whiten(o: &Observation, setting: &Setting, x: &Inputs, at_x: &DVector<f64>, j
         covariance.ger(extra, &direction, &direction, 1.0);
         let pulled = &precision * &direction;
         precision.ger(-extra / (1.0 + extra * information), &pulled, &pulled, 1.0);
-        outliers.push(OutlyingCell { output, column: if output { o.measured[index] } else { index }, standardised: if output { now_out[index] } else { now_in[index] } });
+        outliers.push(OutlyingCell {
+            output,
+            column: if output { o.measured[index] } else { index },
+            standardised: if output { now_out[index] } else { now_in[index] },
+        });
         (now_out, now_in) = standardise(&precision);
     }
     let lower = covariance.clone().cholesky()?.l();
     let whitener = lower.solve_lower_triangular(&DMatrix::identity(k, k))?;
     let z = &whitener * &residual;
     let log_det = 2.0 * lower.diagonal().iter().map(|d| d.ln()).sum::<f64>();
-    Some(Linearised { measured: o.measured.clone(), true_inputs: *x, predicted, residual, jacobian: jacobian.clone(), covariance, whitener, z, log_det, output_t, input_t, outliers })
+    Some(Linearised {
+        measured: o.measured.clone(),
+        true_inputs: *x,
+        predicted,
+        residual,
+        jacobian: jacobian.clone(),
+        covariance,
+        whitener,
+        z,
+        log_det,
+        output_t,
+        input_t,
+        outliers,
+    })
 }

@@ -83,7 +83,8 @@ fn polynomial_fit(impacts: &[ImpactPoint], varied: &[usize], output: usize) -> O
     let coefficients = &inverse * design.tr_mul(&y);
     let residual = &y - &design * &coefficients;
     let variance = residual.norm_squared() / (n - terms.len()).max(1) as f64;
-    let rms = |list: &[&(&ImpactPoint, f64)]| (list.iter().map(|(i, v)| (v - row(&scaled(i)).dot(&coefficients)).powi(2)).sum::<f64>() / list.len() as f64).sqrt();
+    let rms =
+        |list: &[&(&ImpactPoint, f64)]| (list.iter().map(|(i, v)| (v - row(&scaled(i)).dot(&coefficients)).powi(2)).sum::<f64>() / list.len() as f64).sqrt();
     let rmse_heldout = rms(&held);
     let held_mean = held.iter().map(|(_, v)| v).sum::<f64>() / held.len() as f64;
     let held_variance = held.iter().map(|(_, v)| (v - held_mean).powi(2)).sum::<f64>() / held.len() as f64;

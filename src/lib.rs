@@ -19,6 +19,7 @@
 pub mod calibration;
 pub mod cli;
 pub mod equipment;
+pub mod equipment_set;
 pub mod footage;
 pub mod impact;
 pub mod impact_table;

@@ -2,6 +2,8 @@
 
 use super::Shell;
 use super::error::CliError;
+use crate::impact::model_file::with_effect_added;
+use crate::impact::{ModelError, effect_card};
 use std::path::PathBuf;
 
 /// The model file with an effect added
@@ -18,6 +20,13 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
-    let _ = (arguments, shell);
-    Err(CliError::input("being built"))
+    let unreadable = |e: std::io::Error| ModelError::Unreadable { path: arguments.model.clone(), message: e.to_string() };
+    let text = std::fs::read_to_string(&arguments.model).map_err(unreadable)?;
+    let changed = with_effect_added(&text, &arguments.effect, &arguments.model)?;
+    shell.write(&arguments.output, changed.as_bytes())?;
+    let card = effect_card(&arguments.effect);
+    shell.print_json(&serde_json::json!({ "model": arguments.output, "added": card }))?;
+    let free: Vec<&str> = card.iter().flat_map(|c| c.parameters).filter(|p| p.fit).map(|p| p.name).collect();
+    shell.say(format_args!("{}: `{}` added; free for `sweetspot fit`: {}", arguments.output.display(), arguments.effect, free.join(", ")));
+    Ok(())
 }

@@ -2,6 +2,7 @@
 
 use crate::equipment::EquipmentError;
 use crate::footage::FootageError;
+use crate::impact::ModelError;
 use crate::impact_table::TableError;
 use crate::session::SessionError;
 use crate::tracking::TrackFileError;
@@ -83,4 +84,4 @@ macro_rules! input_errors {
 }
 
 // One line per room's error type.
-input_errors!(SessionError, EquipmentError, TableError, TrackFileError, FootageError);
+input_errors!(SessionError, EquipmentError, TableError, TrackFileError, FootageError, ModelError);

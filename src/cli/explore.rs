@@ -2,7 +2,6 @@
 
 use super::Shell;
 use super::error::CliError;
-use std::path::PathBuf;
 
 /// What-if studies of the model and of the measurement
 #[derive(Debug, clap::Args)]

@@ -2,6 +2,10 @@
 
 use super::Shell;
 use super::error::CliError;
+use crate::equipment_set::EquipmentSet;
+use crate::impact::batch::predict_table;
+use crate::impact::{ImpactOutput, Model};
+use crate::impact_table::{ImpactTable, OUTPUTS};
 use std::path::PathBuf;
 
 /// The model's outcome of every impact, to predictions.csv
@@ -22,6 +26,45 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
-    let _ = (arguments, shell);
-    Err(CliError::input("being built"))
+    let table = ImpactTable::read(&arguments.impacts)?;
+    let set = EquipmentSet::read(&arguments.racket, &arguments.ball)?;
+    let model = Model::read(&arguments.model)?;
+    let results = predict_table(&model, &set, &table)?;
+    let path = shell.results_beside(&arguments.impacts).join("predictions.csv");
+    let rows: Vec<(&str, Option<&ImpactOutput>)> = table.rows.iter().zip(&results).map(|(r, o)| (r.id.as_str(), o.as_ref().ok())).collect();
+    shell.write(&path, predictions_csv(&rows)?.as_bytes())?;
+    let failed: Vec<String> = results.iter().filter_map(|r| r.as_ref().err().map(ToString::to_string)).collect();
+    let json: Vec<serde_json::Value> = rows.iter().map(|(id, o)| as_json(id, *o)).collect();
+    shell.print_json(&serde_json::json!({ "predictions": json, "failed": failed, "file": path }))?;
+    shell.say(format_args!("{} of {} impacts predicted: {}", rows.len() - failed.len(), rows.len(), path.display()));
+    if failed.is_empty() { Ok(()) } else { Err(CliError::some_failed(failed.join("\n"))) }
+}
+
+/// `id` and the output columns; `contact_time` where the base has one. An impact without prediction keeps empty cells.
+fn predictions_csv(rows: &[(&str, Option<&ImpactOutput>)]) -> Result<String, CliError> {
+    let timed = rows.iter().any(|(_, o)| o.is_some_and(|o| o.contact_time.is_some()));
+    let columns = if timed { &OUTPUTS[..] } else { &OUTPUTS[..OUTPUTS.len() - 1] };
+    let mut csv = csv::Writer::from_writer(Vec::new());
+    csv.write_field("id").and_then(|()| csv.write_record(columns)).map_err(CliError::output)?;
+    for (id, output) in rows {
+        let cells = output.map_or([None; 13], ImpactOutput::as_columns);
+        // `{}` prints the shortest text that reads back as the same number.
+        let text = cells[..columns.len()].iter().map(|c| c.map_or_else(String::new, |v| v.to_string()));
+        csv.write_field(id).and_then(|()| csv.write_record(text)).map_err(CliError::output)?;
+    }
+    let bytes = csv.into_inner().map_err(CliError::output)?;
+    String::from_utf8(bytes).map_err(CliError::output)
+}
+
+fn as_json(id: &str, output: Option<&ImpactOutput>) -> serde_json::Value {
+    let mut row = serde_json::Map::new();
+    row.insert("id".into(), id.into());
+    if let Some(output) = output {
+        for (name, value) in OUTPUTS.iter().zip(output.as_columns()) {
+            if let Some(v) = value {
+                row.insert((*name).into(), v.into());
+            }
+        }
+    }
+    row.into()
 }

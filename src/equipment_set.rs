@@ -1,0 +1,59 @@
+//! Several rackets and balls, picked by the names in an impacts table.
+
+use crate::equipment::{Ball, EquipmentError, Racket};
+use crate::impact_table::ImpactRow;
+use std::path::PathBuf;
+
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum PickError {
+    #[error("impact {id}: no {kind} file has the name {name:?}; given: {given}")]
+    NoSuchName { id: String, kind: &'static str, name: String, given: String },
+    #[error("impact {id}: its `{kind}` column is empty and several {kind} files are given ({given}); name one")]
+    Ambiguous { id: String, kind: &'static str, given: String },
+}
+
+/// The rackets and balls given to a command.
+#[derive(Debug, Clone)]
+pub struct EquipmentSet {
+    pub rackets: Vec<Racket>,
+    pub balls: Vec<Ball>,
+}
+
+impl EquipmentSet {
+    /// Reads and checks all files.
+    ///
+    /// # Errors
+    /// The first file that cannot be read or holds a value out of range.
+    pub fn read(rackets: &[PathBuf], balls: &[PathBuf]) -> Result<Self, EquipmentError> {
+        Ok(EquipmentSet {
+            rackets: rackets.iter().map(|p| Racket::read(p)).collect::<Result<_, _>>()?,
+            balls: balls.iter().map(|p| Ball::read(p)).collect::<Result<_, _>>()?,
+        })
+    }
+
+    /// Places of a row's racket and ball in the two lists.
+    ///
+    /// With one file of a kind a row need not name it, but a name that contradicts it is refused.
+    ///
+    /// # Errors
+    /// A name no file has; no name although several files are given.
+    pub fn pick(&self, row: &ImpactRow) -> Result<(usize, usize), PickError> {
+        let rackets: Vec<&str> = self.rackets.iter().map(|r| r.name.as_str()).collect();
+        let balls: Vec<&str> = self.balls.iter().map(|b| b.name.as_str()).collect();
+        Ok((pick(&row.id, "racket", row.racket.as_deref(), &rackets)?, pick(&row.id, "ball", row.ball.as_deref(), &balls)?))
+    }
+}
+
+fn pick(id: &str, kind: &'static str, wanted: Option<&str>, names: &[&str]) -> Result<usize, PickError> {
+    let given = || names.join(", ");
+    match wanted {
+        Some(name) => names.iter().position(|n| *n == name).ok_or_else(|| PickError::NoSuchName {
+            id: id.to_owned(),
+            kind,
+            name: name.to_owned(),
+            given: given(),
+        }),
+        None if names.len() == 1 => Ok(0),
+        None => Err(PickError::Ambiguous { id: id.to_owned(), kind, given: given() }),
+    }
+}

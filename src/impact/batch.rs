@@ -1,0 +1,70 @@
+//! A whole impacts table through the model.
+
+use super::error::ModelError;
+use super::input::{ImpactInput, ImpactOutput};
+use super::model::{Model, PreparedModel};
+use crate::equipment_set::{EquipmentSet, PickError};
+use crate::impact_table::{INPUTS, ImpactRow, ImpactTable};
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+
+/// Why one impact of a table has no prediction.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum RowError {
+    #[error("impact {id}: `{column}` was not measured, and the model needs it")]
+    Missing { id: String, column: &'static str },
+    #[error(transparent)]
+    Pick(#[from] PickError),
+    #[error("impact {id}: {source}")]
+    Model { id: String, source: ModelError },
+}
+
+/// The model input of one row. `grip_torque` counts as 0 when it was not measured; `order` is the row's sequence minus
+/// `first_sequence` (the table's smallest).
+///
+/// # Errors
+/// [`RowError::Missing`] for any other input that was not measured.
+pub fn input_of_row(row: &ImpactRow, first_sequence: f64) -> Result<ImpactInput, RowError> {
+    let mut columns = [0.0; INPUTS.len()];
+    for (i, column) in INPUTS.into_iter().enumerate() {
+        columns[i] = match row.inputs[i] {
+            Some(m) => m.value,
+            None if column == "grip_torque" => 0.0,
+            None => return Err(RowError::Missing { id: row.id.clone(), column }),
+        };
+    }
+    Ok(ImpactInput::from_columns(&columns, row.sequence - first_sequence))
+}
+
+/// The smallest sequence number of a table: the order of an impact counts from it.
+pub fn first_sequence(table: &ImpactTable) -> f64 {
+    table.rows.iter().map(|r| r.sequence).fold(f64::INFINITY, f64::min)
+}
+
+/// The model prepared for every pair of racket and ball that occurs in a table.
+pub fn prepare_pairs(model: &Model, set: &EquipmentSet, table: &ImpactTable) -> Result<BTreeMap<(usize, usize), PreparedModel>, ModelError> {
+    let mut prepared = BTreeMap::new();
+    for row in &table.rows {
+        let Ok((r, b)) = set.pick(row) else { continue };
+        if let std::collections::btree_map::Entry::Vacant(slot) = prepared.entry((r, b)) {
+            slot.insert(model.prepare(&set.rackets[r], &set.balls[b])?);
+        }
+    }
+    Ok(prepared)
+}
+
+/// Predicts every row; rows that cannot be predicted say why, the others are complete.
+///
+/// # Errors
+/// A racket, ball or model that cannot be prepared at all.
+pub fn predict_table(model: &Model, set: &EquipmentSet, table: &ImpactTable) -> Result<Vec<Result<ImpactOutput, RowError>>, ModelError> {
+    let prepared = prepare_pairs(model, set, table)?;
+    let first = first_sequence(table);
+    let one = |row: &ImpactRow| -> Result<ImpactOutput, RowError> {
+        let input = input_of_row(row, first)?;
+        let pair = set.pick(row)?;
+        let model = prepared.get(&pair).ok_or(RowError::Model { id: row.id.clone(), source: ModelError::NotFinite })?;
+        model.predict(&input).map_err(|source| RowError::Model { id: row.id.clone(), source })
+    };
+    Ok(table.rows.par_iter().with_min_len(32).map(one).collect())
+}

@@ -1,0 +1,39 @@
+//! `friction-law`: friction that is not Coulomb's.
+
+use super::Effect;
+use crate::impact::card::{Bases, EffectCard, EffectKind, ParameterCard};
+use crate::impact::rigid::{Contact, Laws};
+
+pub(super) static CARD: EffectCard = EffectCard {
+    name: "friction-law",
+    kind: EffectKind::Physics,
+    physics: "Felt on strings does not obey Coulomb: the coefficient depends on the load and on the sliding speed. Both change how hard \
+              a ball that slides is held back.",
+    equation: "mu = mu_0 (1 + v_s^2 / 25)^(slip_exponent/2) / (1 + 15^2/25)^(slip_exponent/2) x (v_n / 25)^load_exponent",
+    parameters: &[
+        ParameterCard::strength("slip_exponent", "", "power of the slip speed at first touch", -0.3, (-3.0, 3.0), 0.2),
+        ParameterCard::strength("load_exponent", "", "power of the approach speed, which sets the load", 0.0, (-3.0, 3.0), 0.2),
+    ],
+    source: "Ashcroft and Stronge (0.45 to 0.54 up to 400 N); thesis 2.6.2 (0.11 to 0.42 at lighter load)",
+    signature: "Visible only where the ball slides throughout (shallow incidence, heavy backspin): tangential velocity and spin depart together, \
+                more or less as the slip or approach speed grows.",
+    confused_with: &["lateral-strings", "offset-normal-force"],
+    separated_by: "incidence swept to 50-70 degrees from the normal at two speeds",
+    bases: Bases { rigid: "as given", viscoelastic: "same law with the momentary slip speed and load" },
+    effect: &FrictionLaw,
+};
+
+/// Slip speed below which the coefficient hardly changes, m/s, and the slip and approach speed at which it keeps mu_0.
+const SOFT_SLIP: f64 = 5.0;
+const REFERENCE_SLIP: f64 = 15.0;
+const REFERENCE_APPROACH: f64 = 25.0;
+
+#[derive(Debug)]
+struct FrictionLaw;
+
+impl Effect for FrictionLaw {
+    fn change_laws(&self, p: &[f64], at: &Contact, laws: &mut Laws) {
+        let level = |v: f64| 1.0 + (v / SOFT_SLIP).powi(2);
+        laws.friction *= (level(at.slip_speed) / level(REFERENCE_SLIP)).powf(0.5 * p[0]) * (at.approach_speed / REFERENCE_APPROACH).powf(p[1]);
+    }
+}

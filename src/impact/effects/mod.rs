@@ -1,0 +1,89 @@
+//! The catalogue: one file per effect, one line in the list below.
+//!
+//! An effect is pure: it reads the impact and its own parameter values and changes what it is given. The order in a model
+//! file does not matter: effects act in the order of this list, then the user's own by name.
+
+use super::body::Body;
+use super::card::EffectCard;
+use super::input::{ImpactInput, ImpactOutput};
+use super::rigid::{Contact, Impulse, Laws};
+use std::fmt;
+
+/// One cause. `p` holds the effect's parameter values in the order of its card.
+///
+/// Every method does nothing unless the effect overrides it. With all strengths absent an effect must change nothing at
+/// all, bit for bit, and must be differentiable there from the side its range allows.
+pub trait Effect: fmt::Debug + Send + Sync {
+    /// Changes masses, inertias, centre of mass; called once per racket and ball.
+    fn change_body(&self, p: &[f64], body: &mut Body) {
+        let _ = (p, body);
+    }
+
+    /// Same, where the change depends on the impact; only called when [`Effect::body_varies`].
+    fn change_body_at(&self, p: &[f64], input: &ImpactInput, body: &mut Body) {
+        let _ = (p, input, body);
+    }
+
+    /// Whether [`Effect::change_body_at`] does anything.
+    fn body_varies(&self) -> bool {
+        false
+    }
+
+    /// Whether the effect reads [`Body::beam`].
+    fn needs_beam(&self) -> bool {
+        false
+    }
+
+    /// From the input as the user measured it to the true one (errors of measurement, flight).
+    fn true_input(&self, p: &[f64], body: &Body, input: &mut ImpactInput) {
+        let _ = (p, body, input);
+    }
+
+    /// Changes the contact laws of the rigid base.
+    fn change_laws(&self, p: &[f64], at: &Contact, laws: &mut Laws) {
+        let _ = (p, at, laws);
+    }
+
+    /// Changes the impulses of the rigid base.
+    fn change_impulse(&self, p: &[f64], at: &Contact, laws: &Laws, impulse: &mut Impulse) {
+        let _ = (p, at, laws, impulse);
+    }
+
+    /// Changes the outcome itself.
+    fn change_output(&self, p: &[f64], at: &Contact, impulse: &Impulse, output: &mut ImpactOutput) {
+        let _ = (p, at, impulse, output);
+    }
+
+    /// From the true outcome to the one the user would measure; the reverse of [`Effect::true_input`].
+    fn observed_output(&self, p: &[f64], body: &Body, input: &ImpactInput, output: &mut ImpactOutput) {
+        let _ = (p, body, input, output);
+    }
+}
+
+macro_rules! effects {
+    ($($module:ident),* $(,)?) => {
+        $(mod $module;)*
+        static CATALOGUE: &[&EffectCard] = &[$(&$module::CARD),*];
+    };
+}
+
+// In the order of the contract's section 8.
+effects! {
+    ball_damping,
+    frame_vibration,
+    hand_mass,
+    grip_torque,
+    lateral_strings,
+    friction_law,
+    scale_error,
+}
+
+/// The cards of all effects, in a fixed order.
+pub fn catalogue() -> &'static [&'static EffectCard] {
+    CATALOGUE
+}
+
+/// The card of one effect by its name.
+pub fn effect_card(name: &str) -> Option<&'static EffectCard> {
+    CATALOGUE.iter().copied().find(|c| c.name == name)
+}

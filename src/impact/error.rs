@@ -1,0 +1,72 @@
+//! Everything that can be wrong with a model, its file, or an impact given to it.
+
+use std::path::PathBuf;
+
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum ModelError {
+    #[error("{path}: cannot be read ({message}); check the name", path = .path.display())]
+    Unreadable { path: PathBuf, message: String },
+    #[error("{path}: {message}", path = .path.display())]
+    Toml { path: PathBuf, message: String },
+    #[error("{path}: `{place}` has no key `{key}`{near}; it has: {known}", path = .path.display())]
+    UnknownKey { path: PathBuf, place: String, key: String, near: String, known: String },
+    #[error("{path}: `{key}` is {seen}; allowed: {allowed}", path = .path.display())]
+    Value { path: PathBuf, key: String, seen: String, allowed: String },
+    #[error("no effect `{name}`{near}; `sweetspot effects` lists the catalogue")]
+    UnknownEffect { name: String, near: String },
+    #[error("effect `{name}` is in the model already; change its parameters instead")]
+    EffectTwice { name: String },
+    #[error("effect `{name}` does not exist in base \"{base}\": {reason}")]
+    NotInBase { name: String, base: &'static str, reason: &'static str },
+    #[error("the model has no parameter `{name}`{near}; it has: {known}")]
+    UnknownParameter { name: String, near: String, known: String },
+    #[error("parameter `{name}` = {seen}; allowed: {min} to {max}")]
+    ParameterRange { name: String, seen: f64, min: f64, max: f64 },
+    #[error("{what} = {seen}; allowed: {allowed}")]
+    Body { what: &'static str, seen: f64, allowed: String },
+    #[error("input `{what}` = {seen}; allowed: a finite number within ±{limit}")]
+    InputRange { what: &'static str, seen: f64, limit: f64 },
+    #[error("no contact: ball and impact point approach at {approach_m_s:e} m/s; the ball must move toward the strings (at least {min_m_s} m/s)")]
+    NoApproach { approach_m_s: f64, min_m_s: f64 },
+    #[error("the ball has not left the strings after {elapsed_s} s (force {force_n:.1} N); check mass, stiffness and damping of the model")]
+    NoRelease { elapsed_s: f64, force_n: f64 },
+    #[error("effect `{effect}`: `{quantity}` became {seen}; allowed: {allowed}")]
+    EffectRange { effect: String, quantity: &'static str, seen: f64, allowed: &'static str },
+    #[error("the outcome is not a finite number; an effect's parameters are outside what its equation can bear")]
+    NotFinite,
+    #[error("expression of `{effect}`: {message}\n  {expression}\n  {marker}")]
+    Expression { effect: String, expression: String, marker: String, message: String },
+}
+
+impl ModelError {
+    /// An effect the catalogue does not have, with the names nearest to it.
+    pub fn unknown_effect(name: &str) -> Self {
+        let near = near_matches(name, super::catalogue().iter().map(|c| c.name));
+        ModelError::UnknownEffect { name: name.to_owned(), near }
+    }
+}
+
+/// " (did you mean `a`, `b`?)" for the known names nearest to a mistyped one, or nothing.
+pub(crate) fn near_matches<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str>) -> String {
+    let mut close: Vec<(usize, &str)> = known.into_iter().map(|k| (edit_distance(wrong, k), k)).filter(|(d, k)| *d <= 1 + k.len() / 4).collect();
+    close.sort_unstable();
+    let names: Vec<String> = close.iter().take(3).map(|(_, k)| format!("`{k}`")).collect();
+    if names.is_empty() { String::new() } else { format!(" (did you mean {}?)", names.join(", ")) }
+}
+
+/// Levenshtein distance; long names are cut, since only near ones matter.
+fn edit_distance(a: &str, b: &str) -> usize {
+    let a: Vec<char> = a.chars().take(64).collect();
+    let b: Vec<char> = b.chars().take(64).collect();
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, ca) in a.iter().enumerate() {
+        let mut diagonal = row[0];
+        row[0] = i + 1;
+        for (j, cb) in b.iter().enumerate() {
+            let substituted = diagonal + usize::from(ca != cb);
+            diagonal = row[j + 1];
+            row[j + 1] = substituted.min(row[j] + 1).min(row[j + 1] + 1);
+        }
+    }
+    row[b.len()]
+}

@@ -1,0 +1,93 @@
+//! What goes into an impact and what comes out of it.
+
+use nalgebra::{Vector2, Vector3};
+
+/// State at first contact, along the racket's local axes at that instant (contract, section 1).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ImpactInput {
+    /// Ball centre velocity, m/s.
+    pub ball_velocity: Vector3<f64>,
+    /// Ball spin, rad/s.
+    pub ball_spin: Vector3<f64>,
+    /// Velocity of the racket's centre of mass, m/s.
+    pub racket_velocity: Vector3<f64>,
+    /// Racket angular velocity, rad/s.
+    pub racket_rate: Vector3<f64>,
+    /// Projection of the ball's centre on the face, from the stringbed centre, m.
+    pub position: Vector2<f64>,
+    /// Torque of the mount about the handle, N m; 0 when unknown.
+    pub grip_torque: f64,
+    /// Order of the impact in time (0 for the first), for effects that drift.
+    pub order: f64,
+}
+
+/// State at last contact, along the local axes at first contact.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ImpactOutput {
+    pub ball_velocity: Vector3<f64>,
+    pub ball_spin: Vector3<f64>,
+    /// Of the centre of mass of the racket as its file states it.
+    pub racket_velocity: Vector3<f64>,
+    pub racket_rate: Vector3<f64>,
+    /// s; `None` where the base has none (rigid).
+    pub contact_time: Option<f64>,
+}
+
+impl ImpactInput {
+    /// From the 15 columns of [`crate::impact_table::INPUTS`], in that order, plus the order in time.
+    pub fn from_columns(c: &[f64; 15], order: f64) -> Self {
+        let v = |i: usize| Vector3::new(c[i], c[i + 1], c[i + 2]);
+        ImpactInput {
+            ball_velocity: v(0),
+            ball_spin: v(3),
+            racket_velocity: v(6),
+            racket_rate: v(9),
+            position: Vector2::new(c[12], c[13]),
+            grip_torque: c[14],
+            order,
+        }
+    }
+
+    /// The 15 columns of [`crate::impact_table::INPUTS`], in that order.
+    pub fn as_columns(&self) -> [f64; 15] {
+        let mut c = [0.0; 15];
+        for (k, v) in [self.ball_velocity, self.ball_spin, self.racket_velocity, self.racket_rate].iter().enumerate() {
+            c[3 * k..3 * k + 3].copy_from_slice(v.as_slice());
+        }
+        c[12] = self.position.x;
+        c[13] = self.position.y;
+        c[14] = self.grip_torque;
+        c
+    }
+
+    /// True when no value is NaN or infinite.
+    pub fn is_finite(&self) -> bool {
+        self.as_columns().iter().all(|v| v.is_finite()) && self.order.is_finite()
+    }
+}
+
+impl ImpactOutput {
+    /// The 13 outputs in the order of [`crate::impact_table::OUTPUTS`]; the contact time is `None` for the rigid base.
+    pub fn as_columns(&self) -> [Option<f64>; 13] {
+        let mut c = [None; 13];
+        for (k, v) in self.as_vector().iter().enumerate() {
+            c[k] = Some(*v);
+        }
+        c[12] = self.contact_time;
+        c
+    }
+
+    /// The 12 velocities and rates in the order of [`crate::impact_table::OUTPUTS`], without the contact time.
+    pub fn as_vector(&self) -> [f64; 12] {
+        let mut c = [0.0; 12];
+        for (k, v) in [self.ball_velocity, self.ball_spin, self.racket_velocity, self.racket_rate].iter().enumerate() {
+            c[3 * k..3 * k + 3].copy_from_slice(v.as_slice());
+        }
+        c
+    }
+
+    /// True when no value is NaN or infinite.
+    pub fn is_finite(&self) -> bool {
+        self.as_vector().iter().all(|v| v.is_finite()) && self.contact_time.is_none_or(f64::is_finite)
+    }
+}

@@ -1,0 +1,408 @@
+//! A model: a base, its parameters, and the effects added to it; and the model made ready for one racket and ball.
+
+use super::body::Body;
+use super::card::{EffectCard, ParameterCard};
+use super::effects::{Effect, catalogue, effect_card};
+use super::error::{ModelError, near_matches};
+use super::input::{ImpactInput, ImpactOutput};
+use super::parameter::Parameter;
+use super::rigid::{Contact, Impulse, Laws, Sliding, collide};
+use crate::equipment::{Ball, Racket};
+use nalgebra::Vector3;
+use rayon::prelude::*;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// Which equations stand below the effects.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Base {
+    /// One impulse between two rigid bodies.
+    Rigid,
+    /// Ball and stringbed deform; six degrees of freedom, stepped through time.
+    Viscoelastic,
+}
+
+impl Base {
+    pub fn name(self) -> &'static str {
+        match self {
+            Base::Rigid => "rigid",
+            Base::Viscoelastic => "viscoelastic",
+        }
+    }
+
+    /// The base's parameters with their documented defaults.
+    pub fn parameters(self) -> &'static [ParameterCard] {
+        match self {
+            Base::Rigid => &RIGID,
+            Base::Viscoelastic => &VISCOELASTIC,
+        }
+    }
+}
+
+static RIGID: [ParameterCard; 2] = [
+    ParameterCard::base("restitution", "", "normal relative speed after over before, at the contact point", 0.8, (0.0, 1.0), 0.05),
+    ParameterCard::base("friction", "", "Coulomb coefficient of ball on strings", 0.45, (0.0, 5.0), 0.1),
+];
+
+static VISCOELASTIC: [ParameterCard; 14] = [
+    ParameterCard::base("k_B0", "N/m", "ball stiffness at first touch", 24e3, (1e3, 1e6), 3e3),
+    ParameterCard::base("A_K", "N/m^(1+alpha)", "growth of the ball's stiffness with its compression", 6.3e7, (0.0, 1e10), 1e7),
+    ParameterCard::base("alpha", "", "power of that growth", 2.0, (0.5, 4.0), 0.3),
+    ParameterCard::base("A_C", "N s/m^3", "ball damping per contact area", 1393.0, (0.0, 1e5), 300.0),
+    ParameterCard::base("beta_c", "", "power of the contact area in the damping", 2.0, (0.0, 4.0), 0.5),
+    ParameterCard::base("c_B0", "N s/m", "constant ball damping", 4.6, (0.0, 100.0), 2.0),
+    ParameterCard::base("kS0", "N/m", "stringbed stiffness; from the string tension when left out", 39e3, (5e3, 5e5), 4e3),
+    ParameterCard::base("kS2", "N/m^3", "stiffening of the stringbed with deflection", 25e6, (0.0, 1e9), 8e6),
+    ParameterCard::base("c_S", "N s/m", "string damping", 2.0, (0.0, 100.0), 1.5),
+    ParameterCard::base("mu", "", "Coulomb coefficient of ball on strings", 0.5, (0.0, 5.0), 0.1),
+    ParameterCard::base("lambda_r", "", "share of the compression by which the torque arm shortens", 0.5, (0.0, 1.0), 0.3),
+    ParameterCard::base("kappa_I", "1/m", "relative fall of the ball's inertia per metre of compression", 5.0, (0.0, 20.0), 3.0),
+    ParameterCard::base("k_t", "N/m", "sideways stiffness of the strings; 0: rigid sideways", 0.0, (0.0, 1e6), 3e4),
+    ParameterCard::base("c_t", "N s/m", "sideways damping of the strings", 20.0, (0.1, 1e3), 10.0),
+];
+
+/// An effect in a model: its name, what it does, and where its parameters stand in the flat list.
+#[derive(Debug, Clone)]
+pub struct AddedEffect {
+    pub name: String,
+    /// The catalogue's card; `None` for a user's own effect.
+    pub card: Option<&'static EffectCard>,
+    effect: Arc<dyn Effect>,
+    range: Range<usize>,
+}
+
+/// Delegates to the catalogue's own instance, so that all effects are held alike.
+#[derive(Debug)]
+struct OfCatalogue(&'static EffectCard);
+
+impl Effect for OfCatalogue {
+    fn change_body(&self, p: &[f64], body: &mut Body) {
+        self.0.effect.change_body(p, body);
+    }
+    fn change_body_at(&self, p: &[f64], input: &ImpactInput, body: &mut Body) {
+        self.0.effect.change_body_at(p, input, body);
+    }
+    fn body_varies(&self) -> bool {
+        self.0.effect.body_varies()
+    }
+    fn needs_beam(&self) -> bool {
+        self.0.effect.needs_beam()
+    }
+    fn true_input(&self, p: &[f64], body: &Body, input: &mut ImpactInput) {
+        self.0.effect.true_input(p, body, input);
+    }
+    fn change_laws(&self, p: &[f64], at: &Contact, laws: &mut Laws) {
+        self.0.effect.change_laws(p, at, laws);
+    }
+    fn change_impulse(&self, p: &[f64], at: &Contact, laws: &Laws, impulse: &mut Impulse) {
+        self.0.effect.change_impulse(p, at, laws, impulse);
+    }
+    fn change_output(&self, p: &[f64], at: &Contact, impulse: &Impulse, output: &mut ImpactOutput) {
+        self.0.effect.change_output(p, at, impulse, output);
+    }
+    fn observed_output(&self, p: &[f64], body: &Body, input: &ImpactInput, output: &mut ImpactOutput) {
+        self.0.effect.observed_output(p, body, input, output);
+    }
+}
+
+/// A base with parameters and effects. Cheap to clone; set values by name or index.
+#[derive(Debug, Clone)]
+pub struct Model {
+    base: Base,
+    sliding: Sliding,
+    /// Base parameters first, then each effect's, in the effects' order.
+    parameters: Vec<Parameter>,
+    /// In the catalogue's order, then the user's own by name.
+    effects: Vec<AddedEffect>,
+    /// Whether the stringbed's stiffness follows from racket.toml's tension (`kS0` left out).
+    stiffness_from_tension: bool,
+}
+
+impl Model {
+    /// The base alone, at its documented defaults.
+    pub fn new(base: Base) -> Self {
+        Model {
+            base,
+            sliding: Sliding::FirstTouch,
+            parameters: base.parameters().iter().map(|c| Parameter::from_card(None, c)).collect(),
+            effects: Vec::new(),
+            stiffness_from_tension: true,
+        }
+    }
+
+    pub fn base(&self) -> Base {
+        self.base
+    }
+
+    pub fn sliding(&self) -> Sliding {
+        self.sliding
+    }
+
+    pub fn set_sliding(&mut self, sliding: Sliding) {
+        self.sliding = sliding;
+    }
+
+    /// All parameters: the base's, then each effect's.
+    pub fn parameters(&self) -> &[Parameter] {
+        &self.parameters
+    }
+
+    /// One parameter's settings (`fit`, bounds, typical size), to change them. Values go through [`Model::set`].
+    pub fn parameter_mut(&mut self, index: usize) -> Option<&mut Parameter> {
+        self.parameters.get_mut(index)
+    }
+
+    /// Where a parameter stands in [`Model::parameters`].
+    ///
+    /// # Errors
+    /// [`ModelError::UnknownParameter`], naming near matches.
+    pub fn index_of(&self, name: &str) -> Result<usize, ModelError> {
+        self.parameters.iter().position(|p| p.name == name).ok_or_else(|| {
+            let known = self.parameters.iter().map(|p| p.name.as_str());
+            ModelError::UnknownParameter {
+                name: name.to_owned(),
+                near: near_matches(name, known.clone()),
+                known: known.collect::<Vec<_>>().join(", "),
+            }
+        })
+    }
+
+    /// Sets a parameter by name.
+    ///
+    /// # Errors
+    /// Unknown name; a value that is not finite. Bounds are the fit's business: derivatives step across them.
+    pub fn set(&mut self, name: &str, value: f64) -> Result<(), ModelError> {
+        let index = self.index_of(name)?;
+        self.set_at(index, value)
+    }
+
+    /// Sets a parameter by its place in [`Model::parameters`].
+    ///
+    /// # Errors
+    /// As [`Model::set`].
+    pub fn set_at(&mut self, index: usize, value: f64) -> Result<(), ModelError> {
+        let Some(p) = self.parameters.get_mut(index) else {
+            return Err(ModelError::UnknownParameter { name: format!("number {index}"), near: String::new(), known: format!("0 to {}", self.parameters.len()) });
+        };
+        if !value.is_finite() {
+            return Err(ModelError::ParameterRange { name: p.name.clone(), seen: value, min: p.min, max: p.max });
+        }
+        p.value = value;
+        if p.name == "kS0" {
+            self.stiffness_from_tension = false;
+        }
+        Ok(())
+    }
+
+    /// All values, in the order of [`Model::parameters`].
+    pub fn values(&self) -> Vec<f64> {
+        self.parameters.iter().map(|p| p.value).collect()
+    }
+
+    /// Effects in the order in which they act.
+    pub fn effects(&self) -> &[AddedEffect] {
+        &self.effects
+    }
+
+    pub fn has_effect(&self, name: &str) -> bool {
+        self.effects.iter().any(|e| e.name == name)
+    }
+
+    /// The parameters of one effect, as indices into [`Model::parameters`]; empty when the model does not have it.
+    pub fn effect_parameters(&self, name: &str) -> Range<usize> {
+        self.effects.iter().find(|e| e.name == name).map_or(0..0, |e| e.range.clone())
+    }
+
+    /// The model with a catalogue effect added at its card's defaults.
+    ///
+    /// # Errors
+    /// [`ModelError::UnknownEffect`] with near matches, [`ModelError::EffectTwice`].
+    pub fn with_effect(&self, name: &str) -> Result<Model, ModelError> {
+        let card = effect_card(name).ok_or_else(|| ModelError::unknown_effect(name))?;
+        let parameters = card.parameters.iter().map(|c| Parameter::from_card(Some(name), c)).collect();
+        self.with(name, Some(card), Arc::new(OfCatalogue(card)), parameters)
+    }
+
+    /// The model with an effect written in Rust; `parameters` are named `<name>.<key>` and passed to it in this order.
+    ///
+    /// # Errors
+    /// [`ModelError::EffectTwice`].
+    pub fn with_own_effect(&self, name: &str, effect: Arc<dyn Effect>, parameters: Vec<Parameter>) -> Result<Model, ModelError> {
+        self.with(name, None, effect, parameters)
+    }
+
+    fn with(&self, name: &str, card: Option<&'static EffectCard>, effect: Arc<dyn Effect>, parameters: Vec<Parameter>) -> Result<Model, ModelError> {
+        if self.has_effect(name) {
+            return Err(ModelError::EffectTwice { name: name.to_owned() });
+        }
+        let place = |card: Option<&'static EffectCard>, name: &str| -> (usize, String) {
+            (card.map_or(usize::MAX, |c| catalogue().iter().position(|k| k.name == c.name).unwrap_or(usize::MAX)), name.to_owned())
+        };
+        let own = place(card, name);
+        let at = self.effects.iter().position(|e| place(e.card, &e.name) > own).unwrap_or(self.effects.len());
+        let first = self.effects.get(at).map_or(self.parameters.len(), |e| e.range.start);
+        let count = parameters.len();
+        let mut model = self.clone();
+        model.parameters.splice(first..first, parameters);
+        for e in &mut model.effects[at..] {
+            e.range = e.range.start + count..e.range.end + count;
+        }
+        model.effects.insert(at, AddedEffect { name: name.to_owned(), card, effect, range: first..first + count });
+        Ok(model)
+    }
+
+    /// The model without an effect; the same model when it does not have it.
+    pub fn without_effect(&self, name: &str) -> Model {
+        let mut model = self.clone();
+        if let Some(at) = model.effects.iter().position(|e| e.name == name) {
+            let range = model.effects.remove(at).range;
+            for e in &mut model.effects[at..] {
+                e.range = e.range.start - range.len()..e.range.end - range.len();
+            }
+            model.parameters.drain(range);
+        }
+        model
+    }
+
+    /// The model made ready for one racket and ball: bodies changed by the effects, frame modes computed.
+    ///
+    /// # Errors
+    /// Bodies that cannot be; an effect that does not exist in this base.
+    pub fn prepare(&self, racket: &Racket, ball: &Ball) -> Result<PreparedModel, ModelError> {
+        PreparedModel::new(self.clone(), Body::new(racket, ball)?)
+    }
+}
+
+/// Inputs beyond this are mistakes of unit or of measurement, not impacts.
+const LIMITS: [(&str, f64); 6] = [
+    ("ball_in_v (m/s)", 500.0),
+    ("ball_in_w (rad/s)", 20_000.0),
+    ("racket_in_v (m/s)", 500.0),
+    ("racket_in_w (rad/s)", 2_000.0),
+    ("impact_x, impact_y (m)", 2.0),
+    ("grip_torque (N m)", 1_000.0),
+];
+
+fn check_input(input: &ImpactInput) -> Result<(), ModelError> {
+    let sizes = [
+        input.ball_velocity.amax(),
+        input.ball_spin.amax(),
+        input.racket_velocity.amax(),
+        input.racket_rate.amax(),
+        input.position.amax(),
+        input.grip_torque.abs(),
+    ];
+    // amax skips NaN, so finiteness is asked for apart.
+    if !input.is_finite() {
+        return Err(ModelError::InputRange { what: "an input or the order", seen: f64::NAN, limit: LIMITS[0].1 });
+    }
+    for ((what, limit), seen) in LIMITS.into_iter().zip(sizes) {
+        if seen > limit {
+            return Err(ModelError::InputRange { what, seen, limit });
+        }
+    }
+    Ok(())
+}
+
+/// A model with everything that does not depend on the single impact computed once.
+#[derive(Debug, Clone)]
+pub struct PreparedModel {
+    model: Model,
+    values: Vec<f64>,
+    body: Body,
+    body_varies: bool,
+}
+
+impl PreparedModel {
+    /// From bodies instead of files; see [`Model::prepare`].
+    ///
+    /// # Errors
+    /// As [`Model::prepare`].
+    pub fn new(model: Model, mut body: Body) -> Result<Self, ModelError> {
+        if model.base == Base::Viscoelastic {
+            return Err(ModelError::NotInBase { name: "any".into(), base: model.base.name(), reason: "being built" });
+        }
+        let values = model.values();
+        if model.effects.iter().any(|e| e.effect.needs_beam()) {
+            body.compute_beam()?;
+        }
+        for e in &model.effects {
+            e.effect.change_body(&values[e.range.clone()], &mut body);
+        }
+        body.check()?;
+        let body_varies = model.effects.iter().any(|e| e.effect.body_varies());
+        Ok(PreparedModel { model, values, body, body_varies })
+    }
+
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
+    /// The bodies with the effects' changes.
+    pub fn body(&self) -> &Body {
+        &self.body
+    }
+
+    fn each(&self) -> impl DoubleEndedIterator<Item = (&dyn Effect, &[f64])> {
+        self.model.effects.iter().map(|e| (&*e.effect, &self.values[e.range.clone()]))
+    }
+
+    /// The outcome of one impact, as the user would measure it.
+    ///
+    /// # Errors
+    /// Inputs that are not finite or out of range, no approach, a result that is not finite.
+    pub fn predict(&self, input: &ImpactInput) -> Result<ImpactOutput, ModelError> {
+        check_input(input)?;
+        let mut truth = *input;
+        for (effect, p) in self.each() {
+            effect.true_input(p, &self.body, &mut truth);
+        }
+        let output = if self.body_varies {
+            let mut body = self.body.clone();
+            for (effect, p) in self.each() {
+                effect.change_body_at(p, &truth, &mut body);
+            }
+            body.check()?;
+            self.collide(&body, truth)?
+        } else {
+            self.collide(&self.body, truth)?
+        };
+        let mut output = output;
+        for (effect, p) in self.each().rev() {
+            effect.observed_output(p, &self.body, &truth, &mut output);
+        }
+        if output.is_finite() { Ok(output) } else { Err(ModelError::NotFinite) }
+    }
+
+    /// The true outcome; the racket's velocity at the centre of mass that its file states, in and out.
+    fn collide(&self, body: &Body, mut input: ImpactInput) -> Result<ImpactOutput, ModelError> {
+        let shift = body.com_x - body.reported_com_x;
+        if shift != 0.0 {
+            input.racket_velocity += input.racket_rate.cross(&Vector3::new(shift, 0.0, 0.0));
+        }
+        let at = Contact::new(body, &input)?;
+        let mut laws = Laws::new(self.values[0], self.values[1], self.model.sliding, body.ball_radius, body.ball_inertia);
+        for (effect, p) in self.each() {
+            effect.change_laws(p, &at, &mut laws);
+        }
+        laws.friction = laws.friction.max(0.0);
+        let (impulse, mut output) = collide(&at, &laws, &|at, laws, impulse| {
+            for (effect, p) in self.each() {
+                effect.change_impulse(p, at, laws, impulse);
+            }
+        });
+        for (effect, p) in self.each() {
+            effect.change_output(p, &at, &impulse, &mut output);
+        }
+        if shift != 0.0 {
+            output.racket_velocity -= output.racket_rate.cross(&Vector3::new(shift, 0.0, 0.0));
+        }
+        Ok(output)
+    }
+
+    /// The outcomes of many impacts, in their order; the same for any number of threads.
+    pub fn predict_all(&self, inputs: &[ImpactInput]) -> Vec<Result<ImpactOutput, ModelError>> {
+        // Large pieces: one rigid impact takes well under a microsecond.
+        inputs.par_iter().with_min_len(256).map(|input| self.predict(input)).collect()
+    }
+}

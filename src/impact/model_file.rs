@@ -1,0 +1,246 @@
+//! The model file (contract, section 7): reading it strictly, and changing it without losing the user's comments.
+
+use super::card::ParameterCard;
+use super::effects::effect_card;
+use super::error::{ModelError, near_matches};
+use super::model::{Base, Model};
+use super::parameter::Parameter;
+use super::rigid::Sliding;
+use std::path::Path;
+use toml_edit::{DocumentMut, InlineTable, Item, Table, TableLike, Value};
+
+impl Model {
+    /// Reads and checks a model file.
+    ///
+    /// # Errors
+    /// Unreadable or invalid TOML; unknown bases, keys, effects (with near matches); values out of range.
+    pub fn read(path: &Path) -> Result<Model, ModelError> {
+        let text = std::fs::read_to_string(path).map_err(|e| ModelError::Unreadable { path: path.into(), message: e.to_string() })?;
+        Model::parse(&text, path)
+    }
+
+    /// From the text of a model file; `path` is for messages.
+    ///
+    /// # Errors
+    /// As [`Model::read`].
+    pub fn parse(text: &str, path: &Path) -> Result<Model, ModelError> {
+        let document = parse_document(text, path)?;
+        only_keys(path, "the file", document.as_table(), &["base", "parameters", "effects"])?;
+        let value = |key: &str, seen: String, allowed: &str| ModelError::Value { path: path.into(), key: key.into(), seen, allowed: allowed.into() };
+        let bases = "\"rigid\" or \"viscoelastic\"";
+        let base = match document.get("base").map(|b| b.as_str().ok_or_else(|| value("base", shown(b), bases))) {
+            Some(Ok("rigid")) => Base::Rigid,
+            Some(Ok("viscoelastic")) => Base::Viscoelastic,
+            Some(Ok(other)) => return Err(value("base", format!("{other:?}"), bases)),
+            Some(Err(e)) => return Err(e),
+            None => return Err(value("base", "missing".into(), bases)),
+        };
+        let mut model = Model::new(base);
+        if let Some(item) = document.get("parameters") {
+            let table = item.as_table_like().ok_or_else(|| value("parameters", shown(item), "a table [parameters]"))?;
+            let mut known: Vec<&str> = base.parameters().iter().map(|c| c.name).collect();
+            if base == Base::Rigid {
+                known.push("sliding");
+            }
+            only_keys(path, "[parameters]", table, &known)?;
+            if let Some(sliding) = table.get("sliding") {
+                model.set_sliding(match sliding.as_str() {
+                    Some("first-touch") => Sliding::FirstTouch,
+                    Some("exact") => Sliding::Exact,
+                    _ => return Err(value("parameters.sliding", shown(sliding), "\"first-touch\" (default) or \"exact\"")),
+                });
+            }
+            read_parameters(path, &mut model, table, None, base.parameters())?;
+        }
+        if let Some(item) = document.get("effects") {
+            let table = item.as_table_like().ok_or_else(|| value("effects", shown(item), "tables [effects.<name>]"))?;
+            for (name, item) in table.iter() {
+                let place = format!("effects.{name}");
+                let own = item.as_table_like().ok_or_else(|| value(&place, shown(item), "a table"))?;
+                model = read_effect(path, &model, name, own)?;
+            }
+        }
+        Ok(model)
+    }
+}
+
+fn read_effect(path: &Path, model: &Model, name: &str, table: &dyn TableLike) -> Result<Model, ModelError> {
+    let Some(card) = effect_card(name) else {
+        return Err(ModelError::unknown_effect(name));
+    };
+    let known: Vec<&str> = card.parameters.iter().map(|c| c.name).collect();
+    only_keys(path, &format!("[effects.{name}]"), table, &known)?;
+    let mut model = model.with_effect(name)?;
+    // What the file says decides what is fitted; what it leaves out stays at its default.
+    for index in model.effect_parameters(name) {
+        if let Some(p) = model.parameter_mut(index) {
+            p.fit = false;
+        }
+    }
+    read_parameters(path, &mut model, table, Some(name), card.parameters)?;
+    Ok(model)
+}
+
+fn read_parameters(path: &Path, model: &mut Model, table: &dyn TableLike, effect: Option<&str>, cards: &[ParameterCard]) -> Result<(), ModelError> {
+    for card in cards {
+        let Some(item) = table.get(card.name) else { continue };
+        let mut parameter = Parameter::from_card(effect, card);
+        parameter.fit = false;
+        read_parameter(path, item, &mut parameter)?;
+        let index = model.index_of(&parameter.name)?;
+        model.set_at(index, parameter.value)?;
+        if let Some(p) = model.parameter_mut(index) {
+            *p = parameter;
+        }
+    }
+    Ok(())
+}
+
+/// Reads `0.8` or `{ value = 0.8, fit = true, min = 0.3, max = 1.0 }` into a parameter that holds the allowed range.
+pub(crate) fn read_parameter(path: &Path, item: &Item, parameter: &mut Parameter) -> Result<(), ModelError> {
+    let place = match parameter.name.split_once('.') {
+        Some((effect, key)) => format!("effects.{effect}.{key}"),
+        None => format!("parameters.{}", parameter.name),
+    };
+    let (hard_min, hard_max) = (parameter.min, parameter.max);
+    let wrong = |key: &str, seen: String, allowed: String| ModelError::Value { path: path.into(), key: key.into(), seen, allowed };
+    let number = |key: &str, item: &Item| -> Result<f64, ModelError> {
+        let v = item.as_float().or_else(|| item.as_integer().map(|i| i as f64));
+        v.filter(|v| v.is_finite()).ok_or_else(|| wrong(key, shown(item), "a finite number".into()))
+    };
+    let within = |key: &str, v: f64| -> Result<f64, ModelError> {
+        if v >= hard_min && v <= hard_max { Ok(v) } else { Err(wrong(key, v.to_string(), format!("{hard_min} to {hard_max}"))) }
+    };
+    let Some(table) = item.as_table_like() else {
+        let v = item.as_float().or_else(|| item.as_integer().map(|i| i as f64));
+        let v = v.ok_or_else(|| wrong(&place, shown(item), "a number, or { value = .., fit = .., min = .., max = .. }".into()))?;
+        parameter.value = within(&place, v)?;
+        return Ok(());
+    };
+    only_keys(path, &place, table, &["value", "fit", "min", "max"])?;
+    if let Some(item) = table.get("fit") {
+        parameter.fit = item.as_bool().ok_or_else(|| wrong(&format!("{place}.fit"), shown(item), "true or false".into()))?;
+    }
+    for (key, bound) in [("min", &mut parameter.min), ("max", &mut parameter.max)] {
+        if let Some(item) = table.get(key) {
+            let key = format!("{place}.{key}");
+            *bound = within(&key, number(&key, item)?)?;
+        }
+    }
+    if parameter.min > parameter.max {
+        return Err(wrong(&format!("{place}.min"), parameter.min.to_string(), format!("at most max = {}", parameter.max)));
+    }
+    if let Some(item) = table.get("value") {
+        parameter.value = number(&format!("{place}.value"), item)?;
+    }
+    if !(parameter.value >= parameter.min && parameter.value <= parameter.max) {
+        return Err(wrong(&format!("{place}.value"), parameter.value.to_string(), format!("{} to {}", parameter.min, parameter.max)));
+    }
+    Ok(())
+}
+
+fn parse_document(text: &str, path: &Path) -> Result<DocumentMut, ModelError> {
+    text.parse().map_err(|e: toml_edit::TomlError| ModelError::Toml { path: path.into(), message: e.to_string() })
+}
+
+pub(crate) fn only_keys(path: &Path, place: &str, table: &dyn TableLike, known: &[&str]) -> Result<(), ModelError> {
+    for (key, _) in table.iter() {
+        if !known.contains(&key) {
+            return Err(ModelError::UnknownKey {
+                path: path.into(),
+                place: place.to_owned(),
+                key: key.to_owned(),
+                near: near_matches(key, known.iter().copied()),
+                known: known.join(", "),
+            });
+        }
+    }
+    Ok(())
+}
+
+fn shown(item: &Item) -> String {
+    item.to_string().trim().to_owned()
+}
+
+fn inline(parameter: &Parameter) -> Item {
+    let mut table = InlineTable::new();
+    table.insert("value", parameter.value.into());
+    table.insert("fit", parameter.fit.into());
+    table.insert("min", parameter.min.into());
+    table.insert("max", parameter.max.into());
+    Item::Value(Value::InlineTable(table))
+}
+
+/// The model file's text with a catalogue effect added at its defaults; comments and layout stay.
+///
+/// # Errors
+/// The text is no valid model; the effect is unknown or already there.
+pub fn with_effect_added(text: &str, effect: &str, path: &Path) -> Result<String, ModelError> {
+    let model = Model::parse(text, path)?.with_effect(effect)?;
+    let mut document = parse_document(text, path)?;
+    let mut table = Table::new();
+    for index in model.effect_parameters(effect) {
+        let p = &model.parameters()[index];
+        table.insert(p.key(), if p.fit { inline(p) } else { Item::Value(p.value.into()) });
+    }
+    if let Some(card) = effect_card(effect) {
+        let first = card.physics.split(". ").next().unwrap_or(card.physics).trim_end_matches('.');
+        table.decor_mut().set_prefix(format!("\n# {first}.\n"));
+    }
+    let effects = document.entry("effects").or_insert_with(|| {
+        let mut t = Table::new();
+        t.set_implicit(true);
+        Item::Table(t)
+    });
+    match effects.as_table_like_mut() {
+        Some(t) => t.insert(effect, Item::Table(table)),
+        None => None,
+    };
+    let text = document.to_string();
+    Model::parse(&text, path)?;
+    Ok(text)
+}
+
+/// The model file's text with new values for parameters named as in [`Model::parameters`]; comments and layout stay.
+///
+/// # Errors
+/// The text is no valid model, a name it does not have, or a value outside its bounds.
+pub fn with_values(text: &str, values: &[(String, f64)], path: &Path) -> Result<String, ModelError> {
+    let model = Model::parse(text, path)?;
+    let mut document = parse_document(text, path)?;
+    for (name, value) in values {
+        let parameter = &model.parameters()[model.index_of(name)?];
+        let (section, key): (Vec<&str>, &str) = match name.split_once('.') {
+            Some((effect, key)) => (vec!["effects", effect], key),
+            None => (vec!["parameters"], name),
+        };
+        let mut item = document.as_item_mut();
+        for part in section {
+            item = item.as_table_like_mut().ok_or_else(|| ModelError::NotFinite)?.entry(part).or_insert(Item::Table(Table::new()));
+        }
+        let Some(table) = item.as_table_like_mut() else { continue };
+        match table.get_mut(key) {
+            Some(existing) => match existing.as_table_like_mut() {
+                Some(inner) => replace_value(inner.entry("value").or_insert(Item::None), *value),
+                None => replace_value(existing, *value),
+            },
+            None => {
+                let p = Parameter { value: *value, ..parameter.clone() };
+                table.insert(key, if p.fit { inline(&p) } else { Item::Value(p.value.into()) });
+            }
+        }
+    }
+    let text = document.to_string();
+    Model::parse(&text, path)?;
+    Ok(text)
+}
+
+/// Puts a number where another stood, keeping spaces and comments around it.
+fn replace_value(item: &mut Item, value: f64) {
+    let decor = item.as_value().map(|v| v.decor().clone());
+    let mut new = Value::from(value);
+    if let Some(d) = decor {
+        *new.decor_mut() = d;
+    }
+    *item = Item::Value(new);
+}

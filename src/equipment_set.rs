@@ -47,12 +47,9 @@ impl EquipmentSet {
 fn pick(id: &str, kind: &'static str, wanted: Option<&str>, names: &[&str]) -> Result<usize, PickError> {
     let given = || names.join(", ");
     match wanted {
-        Some(name) => names.iter().position(|n| *n == name).ok_or_else(|| PickError::NoSuchName {
-            id: id.to_owned(),
-            kind,
-            name: name.to_owned(),
-            given: given(),
-        }),
+        Some(name) => {
+            names.iter().position(|n| *n == name).ok_or_else(|| PickError::NoSuchName { id: id.to_owned(), kind, name: name.to_owned(), given: given() })
+        }
         None if names.len() == 1 => Ok(0),
         None => Err(PickError::Ambiguous { id: id.to_owned(), kind, given: given() }),
     }

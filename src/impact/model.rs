@@ -159,11 +159,7 @@ impl Model {
     pub fn index_of(&self, name: &str) -> Result<usize, ModelError> {
         self.parameters.iter().position(|p| p.name == name).ok_or_else(|| {
             let known = self.parameters.iter().map(|p| p.name.as_str());
-            ModelError::UnknownParameter {
-                name: name.to_owned(),
-                near: near_matches(name, known.clone()),
-                known: known.collect::<Vec<_>>().join(", "),
-            }
+            ModelError::UnknownParameter { name: name.to_owned(), near: near_matches(name, known.clone()), known: known.collect::<Vec<_>>().join(", ") }
         })
     }
 
@@ -182,7 +178,11 @@ impl Model {
     /// As [`Model::set`].
     pub fn set_at(&mut self, index: usize, value: f64) -> Result<(), ModelError> {
         let Some(p) = self.parameters.get_mut(index) else {
-            return Err(ModelError::UnknownParameter { name: format!("number {index}"), near: String::new(), known: format!("0 to {}", self.parameters.len()) });
+            return Err(ModelError::UnknownParameter {
+                name: format!("number {index}"),
+                near: String::new(),
+                known: format!("0 to {}", self.parameters.len()),
+            });
         };
         if !value.is_finite() {
             return Err(ModelError::ParameterRange { name: p.name.clone(), seen: value, min: p.min, max: p.max });

@@ -1,8 +1,14 @@
 //! `footage`: pictures and numbered folders of pictures, as 8-bit grey.
 //!
-//! Comes in: paths. Goes out: [`GreyImage`] and the sorted list of a folder's pictures. Everything read here is untrusted:
-//! sizes are checked before memory is taken, and a file that ends early is an error, never a half-grey picture.
+//! Comes in: paths. Goes out: [`GreyImage`], a [`Clip`] of paired frames and [`GreyView`]s of them. Everything read here is
+//! untrusted: sizes are checked before memory is taken, and a file that ends early is an error, never a half-grey picture.
 
+mod clip;
+mod frame_source;
+mod grey_view;
 mod image_file;
 
+pub use clip::{Clip, FramePair};
+pub use frame_source::{FrameBuffer, FrameSource};
+pub use grey_view::GreyView;
 pub use image_file::{FootageError, GreyImage, numbered_images, read_grey};

@@ -2,11 +2,25 @@
 //!
 //! Comes in: frames, a stereo rig, the racket's marker figure. Goes out: [`Tracks`] with an uncertainty per point.
 
+mod background;
+mod ball_fit;
+mod ball_search;
+mod ball_track;
+mod band;
+mod band_search;
+mod face;
 mod racket_figure;
 mod racket_pose;
+mod racket_search;
+mod racket_track;
+mod shot_tracker;
+mod space_points;
 pub mod spin;
 mod track_file;
 
+pub use ball_track::BallFrame;
 pub use racket_figure::RacketFigure;
 pub use racket_pose::{MarkerObservation, PoseError, RacketPose, View, fit_pose, fit_pose_in, rigid_from_points};
+pub use racket_track::RacketFrame;
+pub use shot_tracker::{ShotSetup, ShotTracks, TrackingError, track_shot};
 pub use track_file::{ImagePoint, PointState, SpacePoint, Target, TrackFileError, TrackPoint, Tracks, points_to_csv};

@@ -94,21 +94,31 @@ impl<'a> View<'a> {
         Some(self.rotation[camera.index()].tr_mul(&Vector3::new(n.x, n.y, 1.0)).normalize())
     }
 
+    /// The middle of the volume both cameras look at: where the rays through the picture centres come nearest.
+    pub fn focus(&self) -> Option<Point3<f64>> {
+        let centre = Vector2::new(0.5 * self.rig.image_size[0] as f64, 0.5 * self.rig.image_size[1] as f64);
+        Some(self.triangulate(centre, centre)?.0)
+    }
+
     /// Point nearest to both rays and their distance, m; `None` for rays that are nearly parallel or meet behind.
     pub fn triangulate(&self, left: Vector2<f64>, right: Vector2<f64>) -> Option<(Point3<f64>, f64)> {
-        let (a, b) = (self.ray(CameraId::Left, left)?, self.ray(CameraId::Right, right)?);
+        self.nearest_to_rays(&self.ray(CameraId::Left, left)?, &self.ray(CameraId::Right, right)?)
+    }
+
+    /// [`View::triangulate`] for unit rays of the left (`a`) and right (`b`) camera.
+    pub fn nearest_to_rays(&self, a: &Vector3<f64>, b: &Vector3<f64>) -> Option<(Point3<f64>, f64)> {
         let base = self.eye[1] - self.eye[0];
-        let cos = a.dot(&b);
+        let cos = a.dot(b);
         let sin2 = 1.0 - cos * cos;
         if sin2 < 1e-8 {
             return None;
         }
-        let s = (base.dot(&a) - cos * base.dot(&b)) / sin2;
-        let t = (cos * base.dot(&a) - base.dot(&b)) / sin2;
+        let s = (base.dot(a) - cos * base.dot(b)) / sin2;
+        let t = (cos * base.dot(a) - base.dot(b)) / sin2;
         if s <= 0.0 || t <= 0.0 {
             return None;
         }
-        let (p, q) = (self.eye[0] + s * a, self.eye[1] + t * b);
+        let (p, q) = (self.eye[0] + a * s, self.eye[1] + b * t);
         Some((nalgebra::center(&p, &q), (p - q).norm()))
     }
 }

@@ -1,0 +1,75 @@
+//! One shot's recording: the frames of both cameras, paired by the number in their names; gaps stay gaps.
+
+use super::{FootageError, numbered_images};
+use std::path::{Path, PathBuf};
+
+/// One instant: the picture of each camera, where there is one.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct FramePair {
+    pub number: u64,
+    /// `[left, right]`.
+    pub files: [Option<PathBuf>; 2],
+}
+
+/// Frames sorted by number.
+#[derive(Debug, Clone, Default)]
+pub struct Clip {
+    pub pairs: Vec<FramePair>,
+}
+
+impl Clip {
+    /// Lists `left/` and `right/` below the shot's folder.
+    pub fn list(left: &Path, right: &Path) -> Result<Self, FootageError> {
+        let (left, right) = (numbered_images(left)?, numbered_images(right)?);
+        let (mut l, mut r) = (left.into_iter().peekable(), right.into_iter().peekable());
+        let mut pairs = Vec::new();
+        loop {
+            let number = match (l.peek(), r.peek()) {
+                (Some(a), Some(b)) => a.0.min(b.0),
+                (Some(a), None) => a.0,
+                (None, Some(b)) => b.0,
+                (None, None) => return Ok(Clip { pairs }),
+            };
+            let files = [l.next_if(|f| f.0 == number).map(|f| f.1), r.next_if(|f| f.0 == number).map(|f| f.1)];
+            pairs.push(FramePair { number, files });
+        }
+    }
+
+    /// Frame numbers that one camera (0 left, 1 right) lacks between its clip's first and last frame.
+    pub fn missing(&self, camera: usize) -> Vec<u64> {
+        let (Some(first), Some(last)) = (self.pairs.first(), self.pairs.last()) else { return Vec::new() };
+        let mut out = Vec::new();
+        let mut at = 0;
+        for number in first.number..=last.number {
+            let here = self.pairs.get(at).filter(|p| p.number == number);
+            if here.is_none_or(|p| p.files[camera].is_none()) {
+                out.push(number);
+                if out.len() >= 10_000 {
+                    break; // a wild number in one name must not fill the memory
+                }
+            }
+            at += usize::from(here.is_some());
+        }
+        out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn truth_frames_pair_by_number_and_gaps_are_named() {
+        let folder = tempfile::tempdir().expect("folder");
+        for (side, numbers) in [("left", [8, 9, 11]), ("right", [9, 10, 11])] {
+            std::fs::create_dir(folder.path().join(side)).expect("made");
+            for n in numbers {
+                std::fs::write(folder.path().join(side).join(format!("{side}_{n}.bmp")), b"BM").expect("written");
+            }
+        }
+        let clip = Clip::list(&folder.path().join("left"), &folder.path().join("right")).expect("listed");
+        assert_eq!(clip.pairs.iter().map(|p| p.number).collect::<Vec<_>>(), [8, 9, 10, 11]);
+        assert!(clip.pairs[0].files[1].is_none() && clip.pairs[1].files.iter().all(Option::is_some));
+        assert_eq!((clip.missing(0), clip.missing(1)), (vec![10], vec![8]));
+    }
+}

@@ -1,0 +1,53 @@
+//! Where tracking gets its frames from: a recorded clip, or pictures in memory (tests, synthetic worlds).
+
+use super::{Clip, FootageError, GreyImage, GreyView, read_grey};
+
+/// Frames of both cameras by index. Reading is independent per index, so that several threads may read at once.
+pub trait FrameSource: Sync {
+    fn len(&self) -> usize;
+
+    fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Number of a frame, as in its file name. Ascending; gaps are allowed.
+    fn number(&self, index: usize) -> u64;
+
+    /// Reads camera 0 (left) or 1 (right) into the buffer; `false` when that camera lacks the frame. `rows` (first, count)
+    /// are the only rows needed; more may be read.
+    fn read(&self, index: usize, camera: usize, rows: Option<(usize, usize)>, buffer: &mut FrameBuffer) -> Result<bool, FootageError>;
+}
+
+/// A reusable place for one picture.
+#[derive(Debug, Default)]
+pub struct FrameBuffer {
+    whole: Option<GreyImage>,
+}
+
+impl FrameBuffer {
+    /// What was read last.
+    pub fn view(&self) -> Option<GreyView<'_>> {
+        self.whole.as_ref().map(GreyView::of)
+    }
+
+    /// Puts a whole picture in.
+    pub fn put(&mut self, image: GreyImage) {
+        self.whole = Some(image);
+    }
+}
+
+impl FrameSource for Clip {
+    fn len(&self) -> usize {
+        self.pairs.len()
+    }
+
+    fn number(&self, index: usize) -> u64 {
+        self.pairs.get(index).map_or(0, |p| p.number)
+    }
+
+    fn read(&self, index: usize, camera: usize, _rows: Option<(usize, usize)>, buffer: &mut FrameBuffer) -> Result<bool, FootageError> {
+        let Some(path) = self.pairs.get(index).and_then(|p| p.files[camera].as_ref()) else { return Ok(false) };
+        buffer.put(read_grey(path)?);
+        Ok(true)
+    }
+}

@@ -1,0 +1,163 @@
+//! Follows the ball from frame to frame in space: predicted place in both pictures, outline fit, one point from two rays.
+
+use super::ball_fit::{self, BallFit};
+use super::ball_search::BallCandidate;
+use super::racket_pose::View;
+use super::track_file::ImagePoint;
+use crate::calibration::CameraId;
+use crate::footage::{GreyImage, GreyView};
+use nalgebra::{Point3, Vector2, Vector3};
+
+/// Least deviation of the ball's centre, px.
+const FLOOR_SD_PX: f64 = 0.02;
+/// Share of the outline that must stand out from the surroundings.
+const LEAST_OUTLINE: f64 = 0.35;
+/// The two rays of one ball may miss each other by this, px (deviations are added).
+const RAY_TOLERANCE_PX: f64 = 0.8;
+/// Slowest and fastest motion that is taken for a ball in play, m per frame at 1000 frames a second scaled by the rate.
+const SPEEDS_M_S: (f64, f64) = (1.5, 90.0);
+/// A free ball's second difference of position, m per frame²: rays good to 3 px in depth.
+const BEND_M: f64 = 0.02;
+
+/// The ball in one frame.
+#[derive(Debug, Clone, Copy)]
+pub struct BallFrame {
+    pub points: [Option<ImagePoint>; 2],
+    /// Where both rays meet, global, m; from one camera alone, on that ray at the predicted depth.
+    pub position: Point3<f64>,
+    /// Both cameras measured it.
+    pub stereo: bool,
+}
+
+/// What all frames share.
+#[derive(Clone, Copy)]
+pub struct BallScene<'a> {
+    pub view: &'a View<'a>,
+    pub radius_m: f64,
+    pub blur_px: f64,
+    pub background: [Option<&'a GreyImage>; 2],
+    pub frame_rate_hz: f64,
+}
+
+impl BallScene<'_> {
+    /// Radius of the ball's outline in a picture, px, at a global place.
+    pub fn radius_px(&self, camera: CameraId, at: &Point3<f64>) -> Option<f64> {
+        let toward = (self.view.eye(camera) - at).normalize();
+        let (_, j) = self.view.project_with_jacobian(camera, at)?;
+        let a = toward.cross(&Vector3::y()).try_normalize(1e-6)?;
+        let b = toward.cross(&a);
+        // A sphere's outline is tangent to it: sin instead of tan of half the angle makes it larger by (r/z)²/2, below 1e-5.
+        Some(self.radius_m * 0.5 * ((j * a).norm() + (j * b).norm()))
+    }
+
+    fn difference(&self, image: &GreyView, camera: CameraId, centre: Vector2<f64>, radius_px: f64) -> Option<f64> {
+        let background = self.background[camera.index()]?;
+        let at = |x: f64, y: f64| -> Option<f64> {
+            let (x, y) = (x.round() as i64, y.round() as i64);
+            let here = image.get(x, y)?;
+            Some(f64::from(here.abs_diff(background.get(x as usize, y as usize)?)))
+        };
+        let (mut inside, mut outside) = (at(centre.x, centre.y)?, 0.0);
+        for k in 0..12 {
+            let a = std::f64::consts::TAU * k as f64 / 12.0;
+            let (c, s) = (a.cos() * radius_px, a.sin() * radius_px);
+            inside += at(centre.x + 0.45 * c, centre.y + 0.45 * s)? + at(centre.x + 0.8 * c, centre.y + 0.8 * s)?;
+            outside += at(centre.x + 1.3 * c, centre.y + 1.3 * s)?;
+        }
+        Some(inside / 25.0 - outside / 12.0)
+    }
+
+    /// Best integer shift within `reach_px` by the difference from the background, disc less ring.
+    fn coarse(&self, image: &GreyView, camera: CameraId, centre: Vector2<f64>, radius_px: f64, reach_px: i32) -> Vector2<f64> {
+        let mut best = (f64::NEG_INFINITY, centre);
+        for j in -reach_px..=reach_px {
+            for i in -reach_px..=reach_px {
+                let c = centre + Vector2::new(f64::from(i), f64::from(j));
+                if let Some(d) = self.difference(image, camera, c, radius_px)
+                    && d > best.0
+                {
+                    best = (d, c);
+                }
+            }
+        }
+        best.1
+    }
+
+    fn good(f: &BallFit) -> bool {
+        f.outline >= LEAST_OUTLINE && f.edge > 3.0 * f.residual.max(0.7) && f.covariance[(0, 0)] + f.covariance[(1, 1)] < 0.5
+    }
+
+    /// The ball near a predicted place (global, m). `reach_px` is how far the prediction may be off.
+    pub fn measure(&self, images: &[Option<GreyView>; 2], predicted: &Point3<f64>, reach_px: i32) -> Option<BallFrame> {
+        let mut points = [None, None];
+        for camera in CameraId::BOTH {
+            let Some(image) = &images[camera.index()] else { continue };
+            let (Some(centre), Some(radius)) = (self.view.project(camera, predicted), self.radius_px(camera, predicted)) else { continue };
+            let start = self.coarse(image, camera, centre, radius, reach_px);
+            points[camera.index()] = ball_fit::fit(image, start, radius, self.blur_px)
+                .filter(|f| Self::good(f) && (f.uv - centre).norm() < f64::from(reach_px) + 2.0)
+                .map(|f| image_point(&f));
+        }
+        self.join(points, predicted)
+    }
+
+    fn join(&self, points: [Option<ImagePoint>; 2], predicted: &Point3<f64>) -> Option<BallFrame> {
+        match points {
+            [Some(l), Some(r)] => {
+                let (p, gap) = self.view.triangulate(l.uv, r.uv)?;
+                let px = self.radius_px(CameraId::Left, &p)? / self.radius_m;
+                let tolerance = RAY_TOLERANCE_PX + 3.0 * (l.sd.norm() + r.sd.norm());
+                (gap * px < tolerance).then_some(BallFrame { points, position: p, stereo: true })
+            }
+            [Some(one), None] | [None, Some(one)] => {
+                let camera = if points[0].is_some() { CameraId::Left } else { CameraId::Right };
+                let ray = self.view.ray(camera, one.uv)?;
+                let eye = self.view.eye(camera);
+                let position = eye + ray * (predicted - eye).dot(&ray);
+                Some(BallFrame { points, position, stereo: false })
+            }
+            _ => None,
+        }
+    }
+
+    /// Space points of candidates of one frame: the outline fit must succeed in both pictures and the rays must meet.
+    pub fn space_candidates(&self, images: &[Option<GreyView>; 2], candidates: &[Vec<BallCandidate>; 2], depth_at: &Point3<f64>) -> Vec<BallFrame> {
+        let fits = CameraId::BOTH.map(|camera| {
+            let (Some(image), Some(radius)) = (&images[camera.index()], self.radius_px(camera, depth_at)) else { return Vec::new() };
+            candidates[camera.index()].iter().filter_map(|c| ball_fit::fit(image, c.uv, radius, self.blur_px).filter(Self::good)).collect::<Vec<_>>()
+        });
+        let mut out = Vec::new();
+        for l in &fits[0] {
+            for r in &fits[1] {
+                let points = [Some(image_point(l)), Some(image_point(r))];
+                if let Some(b) = self.join(points, depth_at) {
+                    out.push(b);
+                }
+            }
+        }
+        out
+    }
+
+    /// The free flights through three successive frames: pairs (third position, step per frame).
+    pub fn flights(&self, frames: &[Vec<BallFrame>; 3]) -> Vec<[BallFrame; 3]> {
+        let (slow, fast) = (SPEEDS_M_S.0 / self.frame_rate_hz, SPEEDS_M_S.1 / self.frame_rate_hz);
+        let mut out = Vec::new();
+        for a in &frames[0] {
+            for b in &frames[1] {
+                for c in &frames[2] {
+                    let (u, v) = (b.position - a.position, c.position - b.position);
+                    let step = 0.5 * (c.position - a.position).norm();
+                    if step > slow && step < fast && (v - u).norm() < BEND_M.min(0.5 * step + 0.006) {
+                        out.push([*a, *b, *c]);
+                    }
+                }
+            }
+        }
+        out
+    }
+}
+
+fn image_point(f: &BallFit) -> ImagePoint {
+    let sd = |v: f64| v.sqrt().hypot(FLOOR_SD_PX);
+    ImagePoint { uv: f.uv, sd: Vector2::new(sd(f.covariance[(0, 0)]), sd(f.covariance[(1, 1)])) }
+}

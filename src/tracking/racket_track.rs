@@ -1,0 +1,144 @@
+//! Follows the racket from frame to frame: predicted windows, band fits, one pose from both cameras, honest occlusion.
+
+use super::band::{self, BandFit, BandShape, BandView};
+use super::racket_figure::RacketFigure;
+use super::racket_pose::{MarkerObservation, RacketPose, View, fit_pose_in};
+use super::track_file::ImagePoint;
+use crate::calibration::CameraId;
+use crate::footage::GreyView;
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector2, Vector3};
+
+/// Least deviation of a marker's image point, px: what the model of the tape itself is good to.
+const FLOOR_SD_PX: f64 = 0.03;
+/// A point farther than this many deviations (with the tolerance below) from the common pose is another thing.
+const OUTLIER: f64 = 4.0;
+/// What a good point may miss the pose by, px, beyond its own deviation (tape put on by hand, tube of another shape).
+const MODEL_TOLERANCE_PX: f64 = 0.25;
+
+/// The racket in one frame.
+#[derive(Debug, Clone)]
+pub struct RacketFrame {
+    pub pose: RacketPose,
+    /// By camera and marker; `None` is occluded.
+    pub points: [[Option<ImagePoint>; 5]; 2],
+}
+
+impl RacketFrame {
+    pub fn count(&self) -> usize {
+        self.points.iter().flatten().flatten().count()
+    }
+
+    pub fn observations(&self) -> Vec<MarkerObservation> {
+        let mut out = Vec::with_capacity(10);
+        for camera in CameraId::BOTH {
+            for marker in 0..5 {
+                if let Some(point) = self.points[camera.index()][marker] {
+                    out.push(MarkerObservation { camera, marker, point });
+                }
+            }
+        }
+        out
+    }
+}
+
+/// What all frames share.
+#[derive(Clone, Copy)]
+pub struct RacketScene<'a> {
+    pub view: &'a View<'a>,
+    pub figure: &'a RacketFigure,
+    pub shape: &'a BandShape,
+}
+
+/// Measures every marker near a predicted pose. `reach_px` is how far the prediction may be off; `least_contrast` the
+/// contrast a band must have, by camera. `None` when fewer than three markers or five image points agree on one pose.
+pub fn measure(
+    scene: &RacketScene,
+    images: &[Option<GreyView>; 2],
+    predicted: &Isometry3<f64>,
+    reach_px: i32,
+    least_contrast: &[f64; 2],
+) -> Option<RacketFrame> {
+    let mut fits: Vec<(CameraId, usize, BandFit)> = Vec::with_capacity(10);
+    for camera in CameraId::BOTH {
+        let Some(image) = &images[camera.index()] else { continue };
+        for marker in 0..5 {
+            if let Some(f) = find(scene, image, predicted, camera, marker, reach_px, least_contrast[camera.index()]) {
+                fits.push((camera, marker, f));
+            }
+        }
+    }
+    let mut pose = agree(scene, &mut fits, predicted)?;
+    // Once more where the pose now says: bands that were dropped or not found get a second chance close by.
+    let rough = pose.global_from_racket;
+    let mut again: Vec<(CameraId, usize, BandFit)> = Vec::with_capacity(10);
+    for camera in CameraId::BOTH {
+        let Some(image) = &images[camera.index()] else { continue };
+        for marker in 0..5 {
+            if let Some(f) = find(scene, image, &rough, camera, marker, 1, least_contrast[camera.index()]) {
+                again.push((camera, marker, f));
+            }
+        }
+    }
+    if let Some(better) = agree(scene, &mut again, &rough) {
+        (pose, fits) = (better, again);
+    }
+    let mut points = [[None; 5]; 2];
+    for (camera, marker, f) in &fits {
+        points[camera.index()][*marker] = Some(image_point(f));
+    }
+    Some(RacketFrame { pose, points })
+}
+
+/// One band near its expected place.
+fn find(scene: &RacketScene, image: &GreyView, pose: &Isometry3<f64>, camera: CameraId, marker: usize, reach_px: i32, least_contrast: f64) -> Option<BandFit> {
+    let band = BandView::at(scene.view, scene.figure, pose, camera, marker)?;
+    let (t, s, contrast) = band.search(image, scene.shape, reach_px)?;
+    if contrast < least_contrast {
+        return None;
+    }
+    let f = band::fit(image, &band, scene.shape, (t, s))?;
+    (f.white - f.black > least_contrast).then_some(f)
+}
+
+fn image_point(f: &BandFit) -> ImagePoint {
+    let sd = |v: f64| v.sqrt().hypot(FLOOR_SD_PX);
+    ImagePoint { uv: f.uv, sd: Vector2::new(sd(f.covariance[(0, 0)]), sd(f.covariance[(1, 1)])) }
+}
+
+/// The pose most bands agree on; bands that do not are removed, worst first.
+fn agree(scene: &RacketScene, fits: &mut Vec<(CameraId, usize, BandFit)>, start: &Isometry3<f64>) -> Option<RacketPose> {
+    loop {
+        let mut markers = [false; 5];
+        fits.iter().for_each(|f| markers[f.1] = true);
+        if fits.len() < 5 || markers.iter().filter(|m| **m).count() < 3 {
+            return None;
+        }
+        let observations: Vec<MarkerObservation> =
+            fits.iter().map(|(camera, marker, f)| MarkerObservation { camera: *camera, marker: *marker, point: image_point(f) }).collect();
+        let pose = fit_pose_in(scene.view, scene.figure, &observations, Some(start)).ok()?;
+        let mut worst: Option<(usize, f64)> = None;
+        for (i, o) in observations.iter().enumerate() {
+            let (p, _) = scene.figure.patch_in_global(o.marker, &pose.global_from_racket, scene.view.eye(o.camera));
+            let r = o.point.uv - scene.view.project(o.camera, &p)?;
+            let z = (r.x / o.point.sd.x.hypot(MODEL_TOLERANCE_PX)).hypot(r.y / o.point.sd.y.hypot(MODEL_TOLERANCE_PX));
+            if worst.is_none_or(|w| z > w.1) {
+                worst = Some((i, z));
+            }
+        }
+        match worst {
+            Some((i, z)) if z > OUTLIER => {
+                fits.remove(i);
+            }
+            _ => return Some(pose),
+        }
+    }
+}
+
+/// Constant velocity and constant spin over one more frame; from one pose alone, the same pose.
+pub fn predict(previous: Option<&Isometry3<f64>>, last: &Isometry3<f64>, frames_between: f64, frames_ahead: f64) -> Isometry3<f64> {
+    let Some(previous) = previous else { return *last };
+    let k = frames_ahead / frames_between;
+    let shift: Vector3<f64> = (last.translation.vector - previous.translation.vector) * k;
+    let turn = (last.rotation * previous.rotation.inverse()).scaled_axis() * k;
+    Isometry3::from_parts(Translation3::from(last.translation.vector + shift), UnitQuaternion::from_scaled_axis(turn) * last.rotation)
+}

@@ -1,0 +1,406 @@
+//! One shot from beginning to end: find the racket and the ball, follow both ways in time, name what was seen.
+
+use super::background::background;
+use super::ball_search;
+use super::ball_track::{BallFrame, BallScene};
+use super::band::{BandShape, BandView};
+use super::band_search;
+use super::face;
+use super::racket_figure::RacketFigure;
+use super::racket_pose::View;
+use super::racket_search;
+use super::racket_track::{self, RacketFrame, RacketScene};
+use super::space_points;
+use super::track_file::{PointState, SpacePoint, Target, TrackPoint, Tracks};
+use crate::calibration::{CameraId, StereoRig};
+use crate::equipment::{Ball, Racket};
+use crate::footage::{FootageError, FrameBuffer, FrameSource, GreyView};
+use nalgebra::{Isometry3, Point3};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Why a shot cannot be tracked.
+#[derive(Debug, thiserror::Error)]
+pub enum TrackingError {
+    #[error("no frames in left/ and right/; put the recording there, numbered file names, both cameras")]
+    NoFrames,
+    #[error("the racket file has no [markers]; add m1 to m5 (middle of each tape band, m, from the stringbed centre)")]
+    NoMarkers,
+    #[error(
+        "no racket found in {searched} frame pairs; most tape-like places in one picture: left {left}, right {right}; check that five white bands between black ones are on the frame, that racket.toml matches and that the calibration belongs to this recording"
+    )]
+    NoRacket { searched: usize, left: usize, right: usize },
+    #[error(
+        "frame {frame}: the picture is {width}x{height} px, the calibration is for {calibrated_width}x{calibrated_height} px; calibrate with pictures of the same size"
+    )]
+    Size { frame: u64, width: usize, height: usize, calibrated_width: usize, calibrated_height: usize },
+    #[error("the cameras' viewing directions do not meet in front of them; check calibration.json")]
+    NoVolume,
+    #[error("interrupted")]
+    Cancelled,
+    #[error(transparent)]
+    Footage(#[from] FootageError),
+}
+
+/// Everything tracking knows about a shot.
+#[derive(Debug, Clone)]
+pub struct ShotTracks {
+    pub tracks: Tracks,
+    /// By frame index of the clip.
+    pub racket: Vec<Option<RacketFrame>>,
+    pub ball: Vec<Option<BallFrame>>,
+    pub points: Vec<SpacePoint>,
+    /// First contact, in frames (fractional frame number): ball's centre one radius from the string plane.
+    pub contact_frame: Option<f64>,
+    /// Things the user should know, in order.
+    pub notes: Vec<String>,
+}
+
+/// What a shot is tracked with.
+pub struct ShotSetup<'a> {
+    pub rig: &'a StereoRig,
+    pub racket: &'a Racket,
+    pub ball: &'a Ball,
+    pub frame_rate_hz: f64,
+}
+
+/// Frames over which a lost racket or ball is still expected where it was going.
+const PATIENCE: usize = 6;
+/// Least share of the usual contrast that still counts as tape.
+const LEAST_CONTRAST: f64 = 0.45;
+
+/// Tracks a whole shot. `progress` is called with the number of frames done, from any thread.
+pub fn track_shot(source: &impl FrameSource, setup: &ShotSetup, cancel: &AtomicBool, progress: &(dyn Fn(usize) + Sync)) -> Result<ShotTracks, TrackingError> {
+    if source.is_empty() {
+        return Err(TrackingError::NoFrames);
+    }
+    let figure = RacketFigure::of(setup.racket).ok_or(TrackingError::NoMarkers)?;
+    let view = View::new(setup.rig);
+    let focus = view.focus().ok_or(TrackingError::NoVolume)?;
+    let shape = BandShape::default();
+    let shot = Shot { source, setup, view: &view, figure: &figure, shape, focus, cancel, progress };
+    let start = shot.acquire_racket()?;
+    let mut racket = shot.follow_racket(&start)?;
+    let ball = shot.find_and_follow_ball(&racket)?;
+    face::settle(&mut racket, &ball, &figure);
+    let contact_frame = space_points::first_contact(source, &racket, &ball, setup.ball.radius_m());
+    let points = space_points::space_points(source, &view, &figure, &racket, &ball, contact_frame, setup.frame_rate_hz);
+    let tracks = named(source, &racket, &ball);
+    Ok(ShotTracks { tracks, racket, ball, points, contact_frame, notes: Vec::new() })
+}
+
+struct Shot<'a, S: FrameSource> {
+    source: &'a S,
+    setup: &'a ShotSetup<'a>,
+    view: &'a View<'a>,
+    figure: &'a RacketFigure,
+    shape: BandShape,
+    focus: Point3<f64>,
+    cancel: &'a AtomicBool,
+    progress: &'a (dyn Fn(usize) + Sync),
+}
+
+struct RacketStart {
+    index: usize,
+    frame: RacketFrame,
+    least_contrast: [f64; 2],
+}
+
+impl<S: FrameSource> Shot<'_, S> {
+    fn scene(&self) -> RacketScene<'_> {
+        RacketScene { view: self.view, figure: self.figure, shape: &self.shape }
+    }
+
+    fn check_cancelled(&self) -> Result<(), TrackingError> {
+        if self.cancel.load(Ordering::Relaxed) { Err(TrackingError::Cancelled) } else { Ok(()) }
+    }
+
+    /// Reads both pictures of a frame; a picture that is missing or broken is `None`.
+    fn read<'b>(&self, index: usize, buffers: &'b mut [FrameBuffer; 2]) -> Result<[Option<GreyView<'b>>; 2], TrackingError> {
+        self.check_cancelled()?;
+        let mut there = [false; 2];
+        for camera in 0..2 {
+            there[camera] = self.source.read(index, camera, None, &mut buffers[camera]).unwrap_or(false);
+        }
+        let [l, r] = buffers;
+        let views = [if there[0] { l.view() } else { None }, if there[1] { r.view() } else { None }];
+        let [width, height] = self.setup.rig.image_size;
+        for v in views.iter().flatten() {
+            if (v.width, v.height) != (width, height) {
+                return Err(TrackingError::Size {
+                    frame: self.source.number(index),
+                    width: v.width,
+                    height: v.height,
+                    calibrated_width: width,
+                    calibrated_height: height,
+                });
+            }
+        }
+        Ok(views)
+    }
+
+    /// Pixels per metre at the middle of the volume.
+    fn px_per_m(&self, camera: CameraId) -> f64 {
+        self.setup.rig.camera(camera).fx / (self.view.eye(camera) - self.focus).norm()
+    }
+
+    /// Finds the racket in some frame: the middle first, then halves, quarters, ...
+    fn acquire_racket(&self) -> Result<RacketStart, TrackingError> {
+        let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
+        let (mut searched, mut most) = (0, [0, 0]);
+        for index in spread(self.source.len()) {
+            let images = self.read(index, &mut buffers)?;
+            let [Some(l), Some(r)] = &images else { continue };
+            searched += 1;
+            let candidates = [(l, CameraId::Left), (r, CameraId::Right)].map(|(v, c)| band_search::candidates(v, self.px_per_m(c), self.shape.white_half_m));
+            for c in 0..2 {
+                most[c] = most[c].max(candidates[c].len());
+            }
+            let Some(found) = racket_search::search(self.view, self.figure, &candidates) else { continue };
+            if let Some(start) = self.confirm(index, &images, &found.global_from_racket) {
+                return Ok(start);
+            }
+        }
+        Err(TrackingError::NoRacket { searched, left: most[0], right: most[1] })
+    }
+
+    /// A racket is believed when the bands themselves, not only candidate places, agree on one pose.
+    fn confirm(&self, index: usize, images: &[Option<GreyView>; 2], pose: &Isometry3<f64>) -> Option<RacketStart> {
+        let scene = self.scene();
+        let frame = racket_track::measure(&scene, images, pose, 2, &[4.0, 4.0])?;
+        if frame.count() < 6 || frame.pose.chi2 > 40.0 * frame.pose.dof as f64 {
+            return None;
+        }
+        let mut least_contrast = [0.0; 2];
+        for camera in CameraId::BOTH {
+            let image = images[camera.index()].as_ref()?;
+            let mut contrasts: Vec<f64> = (0..5)
+                .filter(|m| frame.points[camera.index()][*m].is_some())
+                .filter_map(|m| BandView::at(self.view, self.figure, &frame.pose.global_from_racket, camera, m)?.contrast(image, &self.shape, 0.0, 0.0))
+                .collect();
+            contrasts.sort_by(f64::total_cmp);
+            least_contrast[camera.index()] = LEAST_CONTRAST * contrasts.get(contrasts.len() / 2)?;
+        }
+        Some(RacketStart { index, frame, least_contrast })
+    }
+
+    /// Follows the racket from the frame where it was found to both ends of the clip.
+    fn follow_racket(&self, start: &RacketStart) -> Result<Vec<Option<RacketFrame>>, TrackingError> {
+        let n = self.source.len();
+        let (back, forth) = rayon::join(|| self.follow_racket_one_way(start, (0..start.index).rev()), || self.follow_racket_one_way(start, start.index + 1..n));
+        let mut all = vec![None; n];
+        all[start.index] = Some(start.frame.clone());
+        for (index, frame) in back?.into_iter().chain(forth?) {
+            all[index] = Some(frame);
+        }
+        Ok(all)
+    }
+
+    fn follow_racket_one_way(&self, start: &RacketStart, indices: impl Iterator<Item = usize>) -> Result<Vec<(usize, RacketFrame)>, TrackingError> {
+        let scene = self.scene();
+        let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
+        let mut out: Vec<(usize, RacketFrame)> = Vec::new();
+        let mut last = (self.source.number(start.index) as f64, start.frame.pose.global_from_racket);
+        let mut previous: Option<(f64, Isometry3<f64>)> = None;
+        let mut lost = 0;
+        for index in indices {
+            (self.progress)(1);
+            let images = self.read(index, &mut buffers)?;
+            if images.iter().all(Option::is_none) {
+                continue;
+            }
+            let now = self.source.number(index) as f64;
+            let mut found = None;
+            if lost <= PATIENCE {
+                let predicted = racket_track::predict(previous.as_ref().map(|p| &p.1), &last.1, previous.map_or(1.0, |p| last.0 - p.0), now - last.0);
+                let reach = if previous.is_none() { 5 } else { (3 + 2 * lost as i32).min(7) };
+                found = racket_track::measure(&scene, &images, &predicted, reach, &start.least_contrast);
+            }
+            if found.is_none()
+                && lost >= 2
+                && let [Some(l), Some(r)] = &images
+            {
+                // Lost: search the whole pictures again.
+                let candidates =
+                    [(l, CameraId::Left), (r, CameraId::Right)].map(|(v, c)| band_search::candidates(v, self.px_per_m(c), self.shape.white_half_m));
+                found = racket_search::search(self.view, self.figure, &candidates)
+                    .and_then(|p| racket_track::measure(&scene, &images, &p.global_from_racket, 2, &start.least_contrast))
+                    .filter(|f| f.count() >= 6)
+                    .map(|f| face::nearest_twin(f, &last.1));
+            }
+            match found {
+                Some(frame) => {
+                    let pose = frame.pose.global_from_racket;
+                    previous = if lost <= PATIENCE { Some(last) } else { None };
+                    last = (now, pose);
+                    lost = 0;
+                    out.push((index, frame));
+                }
+                None => lost += 1,
+            }
+        }
+        Ok(out)
+    }
+
+    /// Finds the ball that meets the racket and follows it both ways.
+    fn find_and_follow_ball(&self, racket: &[Option<RacketFrame>]) -> Result<Vec<Option<BallFrame>>, TrackingError> {
+        let n = self.source.len();
+        let mut backgrounds = [None, None];
+        for (camera, b) in backgrounds.iter_mut().enumerate() {
+            *b = background(self.source, camera)?;
+        }
+        let scene = BallScene {
+            view: self.view,
+            radius_m: self.setup.ball.radius_m(),
+            blur_px: self.shape.blur_px,
+            background: [backgrounds[0].as_ref(), backgrounds[1].as_ref()],
+            frame_rate_hz: self.setup.frame_rate_hz,
+        };
+        let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
+        let mut best: (f64, Vec<Option<BallFrame>>) = (f64::INFINITY, vec![None; n]);
+        let mut claimed: Vec<Vec<Option<BallFrame>>> = Vec::new();
+        for first in spread(n.saturating_sub(2)).into_iter().take(24) {
+            let mut frames: [Vec<BallFrame>; 3] = Default::default();
+            for (k, found) in frames.iter_mut().enumerate() {
+                let images = self.read(first + k, &mut buffers)?;
+                let candidates = CameraId::BOTH.map(|c| match (&images[c.index()], scene.background[c.index()], scene.radius_px(c, &self.focus)) {
+                    (Some(v), Some(b), Some(r)) => ball_search::candidates(v, b, r),
+                    _ => Vec::new(),
+                });
+                *found = scene.space_candidates(&images, &candidates, &self.focus);
+                if found.is_empty() {
+                    break;
+                }
+            }
+            for flight in scene.flights(&frames) {
+                let known = |t: &Vec<Option<BallFrame>>| t[first + 1].is_some_and(|b| (b.position - flight[1].position).norm() < 0.03);
+                if claimed.iter().any(known) {
+                    continue;
+                }
+                let track = self.follow_ball(&scene, first, &flight)?;
+                let count = track.iter().flatten().count();
+                if count >= 6 {
+                    // Distance from the stringbed's centre at the nearest, m; longer tracks win a draw.
+                    let near = track
+                        .iter()
+                        .zip(racket)
+                        .filter_map(|(b, r)| Some((b.as_ref()?.position.coords - r.as_ref()?.pose.global_from_racket.translation.vector).norm()))
+                        .fold(f64::INFINITY, f64::min);
+                    let score = near.max(0.15) - 1e-4 * count as f64;
+                    if score < best.0 {
+                        best = (score, track.clone());
+                    }
+                }
+                claimed.push(track);
+            }
+            if best.0 < 0.25 {
+                break;
+            }
+        }
+        Ok(best.1)
+    }
+
+    fn follow_ball(&self, scene: &BallScene, first: usize, flight: &[BallFrame; 3]) -> Result<Vec<Option<BallFrame>>, TrackingError> {
+        let n = self.source.len();
+        let mut all = vec![None; n];
+        for (k, b) in flight.iter().enumerate() {
+            all[first + k] = Some(*b);
+        }
+        let back = self.follow_ball_one_way(scene, (first + 1, flight[1]), (first, flight[0]), (0..first).rev())?;
+        let forth = self.follow_ball_one_way(scene, (first + 1, flight[1]), (first + 2, flight[2]), first + 3..n)?;
+        for (index, b) in back.into_iter().chain(forth) {
+            all[index] = Some(b);
+        }
+        Ok(all)
+    }
+
+    fn follow_ball_one_way(
+        &self,
+        scene: &BallScene,
+        before: (usize, BallFrame),
+        last: (usize, BallFrame),
+        indices: impl Iterator<Item = usize>,
+    ) -> Result<Vec<(usize, BallFrame)>, TrackingError> {
+        let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
+        let at = |i: usize| self.source.number(i) as f64;
+        let (mut previous, mut last) = ((at(before.0), before.1.position), (at(last.0), last.1.position));
+        let mut out = Vec::new();
+        let mut lost = 0;
+        for index in indices {
+            let images = self.read(index, &mut buffers)?;
+            if images.iter().all(Option::is_none) {
+                continue;
+            }
+            let now = at(index);
+            let predicted = last.1 + (last.1 - previous.1) * ((now - last.0) / (last.0 - previous.0));
+            match scene.measure(&images, &predicted, (4 + 2 * lost as i32).min(12)) {
+                Some(b) => {
+                    previous = last;
+                    last = (now, b.position);
+                    lost = 0;
+                    out.push((index, b));
+                }
+                None => {
+                    lost += 1;
+                    if lost > PATIENCE {
+                        break;
+                    }
+                }
+            }
+        }
+        Ok(out)
+    }
+}
+
+/// Frame indices from the middle outward by halving: 1/2, 1/4, 3/4, 1/8, ...
+fn spread(n: usize) -> Vec<usize> {
+    let mut out = Vec::with_capacity(n);
+    let mut step = n.next_power_of_two();
+    while step > 1 {
+        let half = step / 2;
+        out.extend((half..n).step_by(step));
+        step = half;
+    }
+    if n > 0 {
+        out.push(0);
+    }
+    out
+}
+
+/// All points of a shot: every target in every picture that exists, measured or occluded.
+fn named(source: &impl FrameSource, racket: &[Option<RacketFrame>], ball: &[Option<BallFrame>]) -> Tracks {
+    let mut points = Vec::new();
+    for index in 0..source.len() {
+        if racket[index].is_none() && ball[index].is_none() {
+            continue;
+        }
+        for camera in CameraId::BOTH {
+            for target in Target::ALL {
+                let point = if target == Target::Ball {
+                    ball[index].as_ref().and_then(|b| b.points[camera.index()])
+                } else {
+                    racket[index].as_ref().and_then(|r| r.points[camera.index()][target.index()])
+                };
+                let state = if point.is_some() { PointState::Measured } else { PointState::Occluded };
+                points.push(TrackPoint { frame: source.number(index), camera, target, point, state });
+            }
+        }
+    }
+    Tracks { points }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn law_spread_visits_every_frame_once_middle_first() {
+        for n in [0, 1, 2, 3, 7, 44, 300] {
+            let mut order = spread(n);
+            if n > 2 {
+                assert!(order[0] > n / 4 && order[0] < 3 * n / 4 + 1, "{n} {}", order[0]);
+            }
+            order.sort_unstable();
+            assert_eq!(order, (0..n).collect::<Vec<_>>());
+        }
+    }
+}

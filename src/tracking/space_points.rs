@@ -1,0 +1,110 @@
+//! Tracks in space: the five markers from the fitted pose, the ball from both rays, and the instant of first contact.
+
+use super::ball_track::BallFrame;
+use super::racket_figure::RacketFigure;
+use super::racket_pose::View;
+use super::racket_track::RacketFrame;
+use super::track_file::{SpacePoint, Target};
+use crate::calibration::CameraId;
+use crate::footage::FrameSource;
+use nalgebra::{Matrix3, Point3, Vector3};
+
+/// First contact as a fractional frame number: the ball's centre, still in free flight, one radius from the string plane.
+///
+/// A straight line through the last distances before contact; kinematics refines it. `None` when the ball never comes
+/// that near while both are seen.
+pub fn first_contact(source: &impl FrameSource, racket: &[Option<RacketFrame>], ball: &[Option<BallFrame>], radius_m: f64) -> Option<f64> {
+    let heights: Vec<(f64, f64)> = (0..source.len())
+        .filter_map(|i| {
+            let pose = racket[i].as_ref()?.pose.global_from_racket;
+            let local = pose.inverse() * ball[i].as_ref()?.position;
+            Some((source.number(i) as f64, local.z))
+        })
+        .collect();
+    let side = heights.first()?.1.signum();
+    let touching = heights.iter().position(|(_, z)| z * side <= radius_m)?;
+    // Six frames in which the ball is clear of the strings.
+    let before = &heights[touching.saturating_sub(6)..touching];
+    line_at(before, side * radius_m)
+}
+
+/// Where a straight line through (x, y) reaches `level`.
+fn line_at(points: &[(f64, f64)], level: f64) -> Option<f64> {
+    let n = points.len() as f64;
+    if points.len() < 2 {
+        return None;
+    }
+    let (mx, my) = (points.iter().map(|p| p.0).sum::<f64>() / n, points.iter().map(|p| p.1).sum::<f64>() / n);
+    let sxx: f64 = points.iter().map(|p| (p.0 - mx).powi(2)).sum();
+    let sxy: f64 = points.iter().map(|p| (p.0 - mx) * (p.1 - my)).sum();
+    let slope = sxy / sxx;
+    (slope.abs() > 1e-9).then(|| mx + (level - my) / slope)
+}
+
+/// Points of `points.csv`, sorted by frame and target. Without a contact, t = 0 is the first frame.
+pub fn space_points(
+    source: &impl FrameSource,
+    view: &View,
+    figure: &RacketFigure,
+    racket: &[Option<RacketFrame>],
+    ball: &[Option<BallFrame>],
+    contact_frame: Option<f64>,
+    frame_rate_hz: f64,
+) -> Vec<SpacePoint> {
+    let zero = contact_frame.unwrap_or(source.number(0) as f64);
+    let mut out = Vec::new();
+    for index in 0..source.len() {
+        let frame = source.number(index);
+        let t = (frame as f64 - zero) / frame_rate_hz;
+        if let Some(r) = &racket[index] {
+            for (marker, local) in figure.points.iter().enumerate() {
+                let (position, covariance) = r.pose.point(local);
+                let residual_px = marker_residual(view, figure, r, marker);
+                let sd = covariance.diagonal().map(f64::sqrt);
+                out.push(SpacePoint { frame, t, target: Target::MARKERS[marker], position, sd, residual_px });
+            }
+        }
+        if let Some((position, covariance, residual_px)) = ball[index].as_ref().and_then(|b| meet(view, b)) {
+            out.push(SpacePoint { frame, t, target: Target::Ball, position, sd: covariance.diagonal().map(f64::sqrt), residual_px });
+        }
+    }
+    out
+}
+
+/// Root-mean-square distance of a marker's image points from the pose's own, px; 0 for a marker seen by neither camera.
+fn marker_residual(view: &View, figure: &RacketFigure, frame: &RacketFrame, marker: usize) -> f64 {
+    let (mut sum, mut n) = (0.0, 0);
+    for camera in CameraId::BOTH {
+        let Some(point) = frame.points[camera.index()][marker] else { continue };
+        let (p, _) = figure.patch_in_global(marker, &frame.pose.global_from_racket, view.eye(camera));
+        if let Some(uv) = view.project(camera, &p) {
+            sum += (point.uv - uv).norm_squared();
+            n += 1;
+        }
+    }
+    if n == 0 { 0.0 } else { (sum / n as f64).sqrt() }
+}
+
+/// The ball's place that fits both image points best, with covariance (m²) and residual, px. `None` from one camera.
+pub fn meet(view: &View, ball: &BallFrame) -> Option<(Point3<f64>, Matrix3<f64>, f64)> {
+    let points = [ball.points[0]?, ball.points[1]?];
+    let mut p = ball.position;
+    let mut h = Matrix3::zeros();
+    let mut miss = 0.0;
+    for _ in 0..4 {
+        h = Matrix3::zeros();
+        let mut g = Vector3::zeros();
+        miss = 0.0;
+        for camera in CameraId::BOTH {
+            let o = points[camera.index()];
+            let (uv, j) = view.project_with_jacobian(camera, &p)?;
+            let r = o.uv - uv;
+            let w = nalgebra::Matrix2::new(o.sd.x.powi(-2), 0.0, 0.0, o.sd.y.powi(-2));
+            h += j.transpose() * w * j;
+            g += j.transpose() * w * r;
+            miss += r.norm_squared() / 2.0;
+        }
+        p += h.cholesky()?.solve(&g);
+    }
+    Some((p, h.try_inverse()?, miss.sqrt()))
+}

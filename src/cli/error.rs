@@ -4,8 +4,10 @@ use crate::equipment::EquipmentError;
 use crate::footage::FootageError;
 use crate::impact::ModelError;
 use crate::impact_table::TableError;
+use crate::kinematics::KinematicsError;
 use crate::session::SessionError;
 use crate::tracking::TrackFileError;
+use crate::tracking::spin::SpinFileError;
 use std::path::Path;
 
 /// What kind of failure it was; the kind decides the exit status.
@@ -84,4 +86,4 @@ macro_rules! input_errors {
 }
 
 // One line per room's error type.
-input_errors!(SessionError, EquipmentError, TableError, TrackFileError, FootageError, ModelError);
+input_errors!(SessionError, EquipmentError, TableError, TrackFileError, FootageError, ModelError, KinematicsError, SpinFileError);

@@ -1,1 +1,61 @@
-//! `kinematics`
+//! `kinematics`: from image points of markers and ball to the characteristics of a shot, each with its uncertainty.
+//!
+//! Comes in: a stereo rig, tracks, racket, ball, the ball's spin where it was measured. Goes out: [`Shot`] (the motions on
+//! both sides of the contact and every quantity of contract section 5) and the row of the impacts table. Global axes and
+//! racket-local axes of contract section 1; SI. Definitions with equation numbers: docs/kinematics.md. Sources: thesis
+//! chapters 4 and 5, physics.md B.
+
+mod ball_flight;
+mod characteristics;
+mod contact;
+mod least_squares;
+mod racket_motion;
+mod shot;
+mod shot_file;
+mod shot_motion;
+mod shot_state;
+mod sighting;
+mod space_points;
+mod stereo_point;
+mod sweet_spot;
+
+pub use ball_flight::{FlightEstimate, FlightLaw};
+pub use contact::{BodyMotion, PointMotion, ball_in_racket, crossing};
+pub use racket_motion::{MotionEstimate, MotionLaw, MotionState, MovingRacket};
+pub use shot::{ImpactTiming, MeasuredShot, MomentumVerdict, Quantities, Shot, ShotInput, ShotSpin, WindowReport, Windows, measure_shot};
+pub use shot_file::{SHOT_FILE, ShotFileError, ShotRecord};
+pub use shot_motion::{FEWEST_FRAMES, FrameView, GRAVITY_M_S2, MeasureSettings, ShotMotion, measure_motion};
+pub use shot_state::SpinVector;
+pub use sighting::FrameClock;
+pub use space_points::space_points;
+pub use stereo_point::{StereoPoint, stereo_point};
+pub use sweet_spot::{centre_of_percussion, dead_spot, effective_mass, ideal_point, rebound_speed};
+
+/// Why a shot's characteristics cannot be given.
+#[derive(Debug, thiserror::Error)]
+pub enum KinematicsError {
+    #[error("racket {racket:?} has no [markers]; give the five marker positions in racket.toml (`sweetspot racket` measures them from a photograph)")]
+    NoMarkers { racket: String },
+    #[error("the tracks hold no points; run `sweetspot track` again or look at the footage")]
+    NoPoints,
+    #[error("only {seen} frames show the ball in both cameras and the racket's pose; at least {need} are needed")]
+    NoCommonFrames { seen: usize, need: usize },
+    #[error("impact_frame is {frame}; the tracks run from {first} to {last}")]
+    ImpactFrameOutside { frame: u64, first: u64, last: u64 },
+    #[error(
+        "no impact: the ball's centre comes no nearer to the string plane than {nearest_m:.3} m (an impact needs {reach_m:.3} m over the face); \
+         if there is one, give `impact_frame` in shot.toml"
+    )]
+    NoImpact { nearest_m: f64, reach_m: f64 },
+    #[error("{seen} frames show the {body} {when} contact; at least {need} are needed")]
+    TooFewFrames { body: &'static str, when: &'static str, seen: usize, need: usize },
+    #[error("the paths of ball and string plane {when} contact do not cross near the impact frame; check the tracks around it, or give `impact_frame` in shot.toml")]
+    NoCrossing { when: &'static str },
+    #[error("the motion of the {body} {when} contact cannot be fitted: {source}")]
+    Fit { body: &'static str, when: &'static str, source: FitError },
+}
+
+/// Why a fit ended without a result.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error(transparent)]
+pub struct FitError(#[from] least_squares::SolveError);

@@ -1,0 +1,394 @@
+//! The racket as a moving rigid body: candidate laws of motion, fitted straight to the image points of both cameras.
+//!
+//! A state is position of the centre of mass, attitude, velocity, angular velocity at a reference time (the contact), so
+//! nothing has to be carried from the middle of a window to its edge afterwards (physics.md B.8). A law says how the
+//! state goes on from there. Which law holds is a matter of evidence: each law's marginal likelihood weighs its result,
+//! and the spread between laws is part of the uncertainty.
+
+use super::least_squares::{Problem, Solution, SolveError, solve};
+use super::sighting::{CommonError, Sighting, deviations, whiten};
+use crate::calibration::{CameraId, StereoRig};
+use crate::tracking::RacketFigure;
+use nalgebra::{DVector, Isometry3, Point3, SMatrix, Translation3, UnitQuaternion, Vector2, Vector3};
+
+/// 12×12 covariance of (centre of mass, small rotation about global axes, velocity, angular velocity in body axes).
+pub type MotionCovariance = SMatrix<f64, 12, 12>;
+
+/// How the racket may move in a window of some 20 ms.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum MotionLaw {
+    /// Hangs still (a laboratory racket before impact), up to a slow sway.
+    Rest,
+    /// Constant velocity, constant angular velocity.
+    Coasting,
+    /// Falls freely, constant angular velocity.
+    SteadyFall,
+    /// Falls freely, torque-free rotation with the racket's own inertia (Euler).
+    FreeBody,
+    /// A swing: constant angular velocity, force on the centre of mass constant in body axes (an arc).
+    SteadySwing,
+    /// A swing with constant angular acceleration as well.
+    DrivenSwing,
+    /// A swing whose force and angular acceleration change at constant rates.
+    ChangingSwing,
+}
+
+impl MotionLaw {
+    pub const ALL: [MotionLaw; 7] = [
+        MotionLaw::Rest,
+        MotionLaw::Coasting,
+        MotionLaw::SteadyFall,
+        MotionLaw::FreeBody,
+        MotionLaw::SteadySwing,
+        MotionLaw::DrivenSwing,
+        MotionLaw::ChangingSwing,
+    ];
+
+    /// Number of estimated three-vectors, in the order of [`MotionState`]'s fields.
+    fn vectors(self) -> usize {
+        match self {
+            MotionLaw::Rest | MotionLaw::Coasting | MotionLaw::SteadyFall | MotionLaw::FreeBody => 4,
+            MotionLaw::SteadySwing => 5,
+            MotionLaw::DrivenSwing => 6,
+            MotionLaw::ChangingSwing => 8,
+        }
+    }
+
+    fn falls(self) -> bool {
+        !matches!(self, MotionLaw::Rest | MotionLaw::Coasting)
+    }
+
+    /// Prior standard deviations of velocity, rate, force, rate of rate, and the slopes of the last two (SI). Wide: they
+    /// weigh the laws against each other and hardly move an estimate. A hung racket sways by millimetres per second.
+    fn priors(self) -> [Option<f64>; 8] {
+        let (v, w) = if self == MotionLaw::Rest { (0.005, 0.02) } else { (20.0, 30.0) };
+        // Forces: a centre of mass 0.4 m from the pivot at 30 rad/s, and the blow of a hand; angular accelerations: a
+        // swing gains 30 rad/s within 0.05 to 0.1 s (physics.md E.7); slopes: either changing by its own size in 15 ms.
+        [None, None, Some(v), Some(w), Some(300.0), Some(500.0), Some(2.0e4), Some(3.0e4)]
+    }
+}
+
+/// State at the reference time. Global axes, SI, unless it says body.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MotionState {
+    pub com: Point3<f64>,
+    pub global_from_racket: UnitQuaternion<f64>,
+    pub velocity: Vector3<f64>,
+    /// Angular velocity, body axes, rad/s.
+    pub rate_body: Vector3<f64>,
+    /// Acceleration of the centre of mass beyond gravity, body axes, m/s².
+    pub force_body: Vector3<f64>,
+    /// Angular acceleration, body axes, rad/s².
+    pub rate_dot_body: Vector3<f64>,
+    /// Slopes in time of the two above.
+    pub force_slope_body: Vector3<f64>,
+    pub rate_ddot_body: Vector3<f64>,
+}
+
+impl MotionState {
+    pub fn at_rest(pose: &Isometry3<f64>, com_local: &Point3<f64>) -> Self {
+        let zero = Vector3::zeros();
+        MotionState {
+            com: pose * com_local,
+            global_from_racket: pose.rotation,
+            velocity: zero,
+            rate_body: zero,
+            force_body: zero,
+            rate_dot_body: zero,
+            force_slope_body: zero,
+            rate_ddot_body: zero,
+        }
+    }
+
+    /// `global_from_racket` with the origin at the stringbed centre.
+    pub fn pose(&self, com_local: &Point3<f64>) -> Isometry3<f64> {
+        let origin = self.com - self.global_from_racket * com_local.coords;
+        Isometry3::from_parts(Translation3::from(origin.coords), self.global_from_racket)
+    }
+
+    /// Angular velocity along global axes.
+    pub fn rate_global(&self) -> Vector3<f64> {
+        self.global_from_racket * self.rate_body
+    }
+}
+
+/// What the racket is and where gravity points.
+#[derive(Debug, Clone)]
+pub struct MovingRacket {
+    pub figure: RacketFigure,
+    pub com_local: Point3<f64>,
+    /// Principal inertias about the centre of mass, kg m².
+    pub inertia: Vector3<f64>,
+    pub gravity: Vector3<f64>,
+}
+
+/// Longest integration step, s: at 50 rad/s the fourth-order error of a step is below 1e-9 rad.
+const STEP_S: f64 = 1.0e-3;
+
+impl MovingRacket {
+    fn rate_dot(&self, law: MotionLaw, s: &MotionState, rate: &Vector3<f64>, dt: f64) -> Vector3<f64> {
+        if law == MotionLaw::FreeBody {
+            let i = self.inertia;
+            return Vector3::new((i.y - i.z) * rate.y * rate.z / i.x, (i.z - i.x) * rate.z * rate.x / i.y, (i.x - i.y) * rate.x * rate.y / i.z);
+        }
+        s.rate_dot_body + s.rate_ddot_body * dt
+    }
+
+    /// Poses (origin at the stringbed centre) at times `dt` after the reference time, in any order.
+    pub fn poses(&self, law: MotionLaw, state: &MotionState, dts: &[f64]) -> Vec<Isometry3<f64>> {
+        let mut order: Vec<usize> = (0..dts.len()).collect();
+        order.sort_by(|a, b| dts[*a].abs().total_cmp(&dts[*b].abs()));
+        let mut out = vec![Isometry3::identity(); dts.len()];
+        for sign in [-1.0, 1.0] {
+            let (mut t, mut moving) = (0.0, state.clone());
+            for &i in order.iter().filter(|&&i| if sign < 0.0 { dts[i] < 0.0 } else { dts[i] >= 0.0 }) {
+                self.advance(law, state, &mut moving, &mut t, dts[i]);
+                out[i] = moving.pose(&self.com_local);
+            }
+        }
+        out
+    }
+
+    /// The whole state `dt` after the reference time (reference values of force and angular acceleration moved along).
+    pub fn state_at(&self, law: MotionLaw, state: &MotionState, dt: f64) -> MotionState {
+        let (mut t, mut moving) = (0.0, state.clone());
+        self.advance(law, state, &mut moving, &mut t, dt);
+        moving.force_body = state.force_body + state.force_slope_body * dt;
+        moving.rate_dot_body = self.rate_dot(law, state, &moving.rate_body, dt);
+        moving
+    }
+
+    /// Acceleration of the centre of mass (global) and angular acceleration (body) at the reference time.
+    pub fn accelerations(&self, law: MotionLaw, s: &MotionState) -> (Vector3<f64>, Vector3<f64>) {
+        let g = if law.falls() { self.gravity } else { Vector3::zeros() };
+        (g + s.global_from_racket * s.force_body, self.rate_dot(law, s, &s.rate_body, 0.0))
+    }
+
+    fn advance(&self, law: MotionLaw, start: &MotionState, s: &mut MotionState, t: &mut f64, to: f64) {
+        let steps = ((to - *t).abs() / STEP_S).ceil().max(1.0) as usize;
+        let h = (to - *t) / steps as f64;
+        if h == 0.0 {
+            return;
+        }
+        let gravity = if law.falls() { self.gravity } else { Vector3::zeros() };
+        let force = |q: &UnitQuaternion<f64>, at: f64| gravity + q * (start.force_body + start.force_slope_body * at);
+        for _ in 0..steps {
+            // Rates by fourth-order Runge-Kutta; the attitude by the rotation of the Simpson-averaged rate, with the
+            // commutator term of Magnus's expansion.
+            let w0 = s.rate_body;
+            let k1 = self.rate_dot(law, start, &w0, *t);
+            let k2 = self.rate_dot(law, start, &(w0 + k1 * (h / 2.0)), *t + h / 2.0);
+            let k3 = self.rate_dot(law, start, &(w0 + k2 * (h / 2.0)), *t + h / 2.0);
+            let k4 = self.rate_dot(law, start, &(w0 + k3 * h), *t + h);
+            let middle = w0 + k2 * (h / 2.0);
+            let w1 = w0 + (k1 + 2.0 * k2 + 2.0 * k3 + k4) * (h / 6.0);
+            let turn = (w0 + middle * 4.0 + w1) * (h / 6.0) + w0.cross(&w1) * (h * h / 12.0);
+            let half = (w0 * 5.0 + middle * 8.0 - w1) * (h / 24.0);
+            let q0 = s.global_from_racket;
+            let qm = q0 * UnitQuaternion::from_scaled_axis(half);
+            let q1 = q0 * UnitQuaternion::from_scaled_axis(turn);
+            let (a0, am, a1) = (force(&q0, *t), force(&qm, *t + h / 2.0), force(&q1, *t + h));
+            s.com += s.velocity * h + (a0 + am * 2.0) * (h * h / 6.0);
+            s.velocity += (a0 + am * 4.0 + a1) * (h / 6.0);
+            s.rate_body = w1;
+            s.global_from_racket = q1;
+            *t += h;
+        }
+    }
+}
+
+/// Everything a fit of the racket looks at.
+pub struct MotionView<'a> {
+    pub rig: &'a StereoRig,
+    pub racket: &'a MovingRacket,
+    /// Sorted by target, camera, frame; markers only.
+    pub sightings: &'a [Sighting],
+    /// Reference time, s, on the clock of the sightings.
+    pub reference_t: f64,
+    pub common: CommonError,
+    /// Factor on all stated deviations, from the fit of the richest law.
+    pub noise_scale: f64,
+}
+
+struct LawFit<'a> {
+    view: &'a MotionView<'a>,
+    law: MotionLaw,
+    times: Vec<f64>,
+    frame_of: Vec<usize>,
+    centres: [Point3<f64>; 2],
+    cameras: [Isometry3<f64>; 2],
+}
+
+impl<'a> LawFit<'a> {
+    fn new(view: &'a MotionView<'a>, law: MotionLaw) -> Self {
+        let mut times: Vec<f64> = view.sightings.iter().map(|s| s.t - view.reference_t).collect();
+        times.sort_by(f64::total_cmp);
+        times.dedup();
+        let frame_of = view.sightings.iter().map(|s| times.partition_point(|t| *t < s.t - view.reference_t)).collect();
+        let cameras = CameraId::BOTH.map(|c| view.rig.camera_from_global(c));
+        LawFit { view, law, times, frame_of, centres: cameras.map(|c| c.inverse() * Point3::origin()), cameras }
+    }
+
+    fn misfits(&self, state: &MotionState) -> Option<Vec<Vector2<f64>>> {
+        let poses = self.view.racket.poses(self.law, state, &self.times);
+        self.view
+            .sightings
+            .iter()
+            .zip(&self.frame_of)
+            .map(|(s, &k)| {
+                let c = s.camera.index();
+                let eye = poses[k].inverse_transform_point(&self.centres[c]);
+                let p = poses[k] * self.view.racket.figure.patch_point(s.target.index(), &eye).0;
+                Some(self.view.rig.camera(s.camera).project(&(self.cameras[c] * p))? - s.uv)
+            })
+            .collect()
+    }
+
+    fn fields(s: &MotionState) -> [Vector3<f64>; 8] {
+        [s.com.coords, Vector3::zeros(), s.velocity, s.rate_body, s.force_body, s.rate_dot_body, s.force_slope_body, s.rate_ddot_body]
+    }
+}
+
+impl Problem for LawFit<'_> {
+    type State = MotionState;
+
+    fn scales(&self) -> Vec<f64> {
+        let per_vector = if self.law == MotionLaw::Rest {
+            [1e-3, 1e-2, 1e-3, 1e-2, 1.0, 1.0, 1.0, 1.0]
+        } else {
+            [1e-3, 1e-2, 0.3, 1.0, 30.0, 100.0, 3e3, 1e4]
+        };
+        per_vector.iter().take(self.law.vectors()).flat_map(|s| [*s; 3]).collect()
+    }
+
+    fn moved(&self, state: &MotionState, step: &DVector<f64>) -> MotionState {
+        let part = |k: usize| if k < self.law.vectors() { Vector3::new(step[3 * k], step[3 * k + 1], step[3 * k + 2]) } else { Vector3::zeros() };
+        MotionState {
+            com: state.com + part(0),
+            global_from_racket: UnitQuaternion::from_scaled_axis(part(1)) * state.global_from_racket,
+            velocity: state.velocity + part(2),
+            rate_body: state.rate_body + part(3),
+            force_body: state.force_body + part(4),
+            rate_dot_body: state.rate_dot_body + part(5),
+            force_slope_body: state.force_slope_body + part(6),
+            rate_ddot_body: state.rate_ddot_body + part(7),
+        }
+    }
+
+    fn residuals(&self, state: &MotionState) -> Option<DVector<f64>> {
+        let misfits = self.misfits(state)?;
+        let seen = whiten(self.view.sightings, &misfits, self.view.common, self.view.noise_scale);
+        let priors = self.law.priors();
+        let fields = Self::fields(state);
+        let prior_rows = (0..self.law.vectors()).filter_map(|k| priors[k].map(|sd| fields[k] / sd));
+        let mut all: Vec<f64> = seen.iter().copied().collect();
+        for row in prior_rows {
+            all.extend(row.iter());
+        }
+        Some(DVector::from_vec(all))
+    }
+}
+
+/// One law's result: state, covariance, and the logarithm of its evidence up to a constant all laws share.
+#[derive(Debug, Clone)]
+pub struct LawResult {
+    pub law: MotionLaw,
+    pub state: MotionState,
+    pub covariance: MotionCovariance,
+    pub ln_evidence: f64,
+    pub chi2: f64,
+}
+
+/// Fits one law from a starting state.
+pub(crate) fn fit_law(view: &MotionView<'_>, law: MotionLaw, start: &MotionState) -> Result<LawResult, SolveError> {
+    let problem = LawFit::new(view, law);
+    let mut start = start.clone();
+    if law == MotionLaw::Rest {
+        (start.velocity, start.rate_body) = (Vector3::zeros(), Vector3::zeros());
+    }
+    let unused = Vector3::zeros();
+    if law.vectors() < 8 {
+        (start.force_slope_body, start.rate_ddot_body) = (unused, unused);
+    }
+    if law.vectors() < 6 {
+        start.rate_dot_body = unused;
+    }
+    if law.vectors() < 5 {
+        start.force_body = unused;
+    }
+    let Solution { state, covariance, cost, ln_det_information } = solve(&problem, start)?;
+    let ln_prior: f64 = (0..law.vectors()).filter_map(|k| law.priors()[k]).map(|sd| -3.0 * sd.ln()).sum();
+    let chi2 = problem.misfits(&state).map_or(f64::INFINITY, |m| whiten(view.sightings, &m, view.common, view.noise_scale).norm_squared());
+    Ok(LawResult {
+        law,
+        state,
+        covariance: covariance.fixed_view::<12, 12>(0, 0).into_owned(),
+        ln_evidence: -0.5 * cost - 0.5 * ln_det_information + ln_prior,
+        chi2,
+    })
+}
+
+/// Size of each sighting's residual under a law's result, in its own stated deviations.
+pub(crate) fn sighting_deviations(view: &MotionView<'_>, result: &LawResult) -> Vec<f64> {
+    LawFit::new(view, result.law)
+        .misfits(&result.state)
+        .map_or_else(|| vec![f64::INFINITY; view.sightings.len()], |m| deviations(view.sightings, &m, view.common))
+}
+
+/// The racket at the reference time, averaged over the laws by their evidence.
+#[derive(Debug, Clone)]
+pub struct MotionEstimate {
+    pub reference_t: f64,
+    pub state: MotionState,
+    /// Acceleration of the centre of mass, global axes.
+    pub acceleration: Vector3<f64>,
+    /// Angular acceleration, body axes.
+    pub rate_dot_body: Vector3<f64>,
+    pub covariance: MotionCovariance,
+    /// Laws with their probability, best first.
+    pub laws: Vec<(MotionLaw, f64)>,
+    /// The best law's own state, for poses at other times.
+    pub best: LawResult,
+    pub noise_scale: f64,
+    pub frames: usize,
+    pub rejected: usize,
+}
+
+/// Averages results by evidence; the spread between them joins the covariance.
+pub(crate) fn average(racket: &MovingRacket, mut results: Vec<LawResult>, reference_t: f64) -> Option<MotionEstimate> {
+    results.sort_by(|a, b| b.ln_evidence.total_cmp(&a.ln_evidence));
+    let best = results.first()?.clone();
+    let mut weights: Vec<f64> = results.iter().map(|r| (r.ln_evidence - best.ln_evidence).exp()).collect();
+    let total: f64 = weights.iter().sum();
+    weights.iter_mut().for_each(|w| *w /= total);
+    let offset = |r: &LawResult| -> SMatrix<f64, 12, 1> {
+        let turn = (r.state.global_from_racket * best.state.global_from_racket.inverse()).scaled_axis();
+        let parts = [r.state.com - best.state.com, turn, r.state.velocity - best.state.velocity, r.state.rate_body - best.state.rate_body];
+        SMatrix::from_iterator(parts.iter().flat_map(|v| [v.x, v.y, v.z]))
+    };
+    let mut mean = SMatrix::<f64, 12, 1>::zeros();
+    let (mut acceleration, mut rate_dot) = (Vector3::zeros(), Vector3::zeros());
+    for (r, w) in results.iter().zip(&weights) {
+        mean += offset(r) * *w;
+        let (a, d) = racket.accelerations(r.law, &r.state);
+        acceleration += a * *w;
+        rate_dot += d * *w;
+    }
+    let mut covariance = MotionCovariance::zeros();
+    for (r, w) in results.iter().zip(&weights) {
+        let d = offset(r) - mean;
+        covariance += (r.covariance + d * d.transpose()) * *w;
+    }
+    let part = |k: usize| Vector3::new(mean[3 * k], mean[3 * k + 1], mean[3 * k + 2]);
+    let state = MotionState {
+        com: best.state.com + part(0),
+        global_from_racket: UnitQuaternion::from_scaled_axis(part(1)) * best.state.global_from_racket,
+        velocity: best.state.velocity + part(2),
+        rate_body: best.state.rate_body + part(3),
+        ..best.state.clone()
+    };
+    let laws = results.iter().zip(&weights).map(|(r, w)| (r.law, *w)).collect();
+    Some(MotionEstimate { reference_t, state, acceleration, rate_dot_body: rate_dot, covariance, laws, best, noise_scale: 1.0, frames: 0, rejected: 0 })
+}
+

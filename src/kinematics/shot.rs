@@ -1,0 +1,260 @@
+//! One shot measured: motions, contact, every characteristic with its uncertainty, and its row of the impacts table.
+
+use super::KinematicsError;
+use super::ball_flight::FlightLaw;
+use super::characteristics::{ShotEquipment, characteristics};
+use super::racket_motion::MotionLaw;
+use super::shot_motion::{MeasureSettings, ShotMotion, measure_motion};
+use super::shot_state::{SpinVector, UncertainShot};
+use super::space_points::space_points;
+use crate::calibration::StereoRig;
+use crate::equipment::{Ball, Racket};
+use crate::impact_table::{INPUTS, ImpactRow, Measured, OUTPUTS};
+use crate::quantity::Quantity;
+use crate::tracking::{SpacePoint, Tracks};
+use nalgebra::{Matrix3, Vector2, Vector3};
+use serde::de::{Deserializer, MapAccess, Visitor};
+use serde::ser::{SerializeMap, Serializer};
+use serde::{Deserialize, Serialize};
+
+/// Named quantities in the order in which shot.json shows them.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Quantities(pub Vec<(String, Quantity)>);
+
+impl Quantities {
+    pub fn get(&self, name: &str) -> Option<&Quantity> {
+        self.0.iter().find(|(n, _)| n == name).map(|(_, q)| q)
+    }
+}
+
+impl Serialize for Quantities {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(Some(self.0.len()))?;
+        for (name, quantity) in &self.0 {
+            map.serialize_entry(name, quantity)?;
+        }
+        map.end()
+    }
+}
+
+impl<'de> Deserialize<'de> for Quantities {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct InOrder;
+        impl<'de> Visitor<'de> for InOrder {
+            type Value = Quantities;
+
+            fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str("an object of named quantities {value, sd, unit}")
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Quantities, A::Error> {
+                let mut all = Vec::new();
+                while let Some(entry) = map.next_entry()? {
+                    all.push(entry);
+                }
+                Ok(Quantities(all))
+            }
+        }
+        deserializer.deserialize_map(InOrder)
+    }
+}
+
+/// How a window was fitted.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct WindowReport {
+    pub frames: usize,
+    /// Image points left out as outliers.
+    pub rejected_points: usize,
+    /// Factor by which the residuals exceed the tracks' own deviations.
+    pub noise_scale: f64,
+    /// Laws of motion with their probability, best first.
+    pub laws: Vec<(String, f64)>,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Windows {
+    pub ball_in: WindowReport,
+    pub racket_in: WindowReport,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ball_out: Option<WindowReport>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub racket_out: Option<WindowReport>,
+}
+
+/// Whether anything but ball and racket took part in the exchange of momentum.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MomentumVerdict {
+    /// χ² of the unexplained impulse with three degrees of freedom.
+    pub chi2: f64,
+    /// Probability of a χ² this large if the hand did nothing.
+    pub p_value: f64,
+    pub hand_interferes: bool,
+}
+
+/// Rising, apex or falling: the sign of the ball's vertical velocity at first contact (thesis 5.5.1), apex when its 95 %
+/// interval holds zero.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum ImpactTiming {
+    Rising,
+    Apex,
+    Falling,
+}
+
+/// The content of shot.json.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Shot {
+    pub id: String,
+    pub racket: String,
+    pub ball: String,
+    /// `+z` or `-z`: the face the ball came to.
+    pub ball_side_of_face: String,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub groups: Vec<(String, String)>,
+    pub quantities: Quantities,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub impact_timing: Option<ImpactTiming>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub momentum: Option<MomentumVerdict>,
+    pub windows: Windows,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub remarks: Vec<String>,
+}
+
+/// A shot with what else the shell writes.
+#[derive(Debug, Clone)]
+pub struct MeasuredShot {
+    pub shot: Shot,
+    pub points: Vec<SpacePoint>,
+    pub motion: ShotMotion,
+}
+
+/// Spin of the ball on both sides of the contact, where it was measured.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct ShotSpin {
+    pub before: Option<SpinVector>,
+    pub after: Option<SpinVector>,
+    pub remarks: Vec<String>,
+}
+
+/// What is measured on: everything a shot's files say.
+pub struct ShotInput<'a> {
+    pub id: &'a str,
+    pub rig: &'a StereoRig,
+    pub tracks: &'a Tracks,
+    pub racket: &'a Racket,
+    pub ball: &'a Ball,
+    pub spin: &'a ShotSpin,
+    pub groups: &'a [(String, String)],
+    /// Local points whose velocity is asked for, m.
+    pub asked_points: &'a [Vector2<f64>],
+}
+
+/// Measures a shot.
+///
+/// # Errors  [`KinematicsError`]; nothing after contact is not an error, the shot then has no outputs and says why.
+pub fn measure_shot(input: &ShotInput<'_>, settings: &MeasureSettings) -> Result<MeasuredShot, KinematicsError> {
+    let motion = measure_motion(input.rig, input.tracks, input.racket, input.ball, settings)?;
+    let uncertain = UncertainShot::new(&motion, input.racket, input.ball, input.spin.before.as_ref(), input.spin.after.as_ref());
+    let equipment = ShotEquipment {
+        racket: input.racket,
+        ball: input.ball,
+        points: input.asked_points,
+        clock: motion.clock,
+        up: -settings.gravity().normalize(),
+    };
+    let (measures, covariance) = uncertain.propagate(|s| characteristics(s, &equipment));
+    let impulse: Vec<usize> = ["x", "y", "z"].iter().filter_map(|a| measures.iter().position(|(m, _)| m.name == format!("unexplained_impulse_{a}"))).collect();
+    let momentum = (|| {
+        let [i, j, k] = impulse[..] else { return None };
+        let v = Vector3::new(measures[i].0.value?, measures[j].0.value?, measures[k].0.value?);
+        let c = Matrix3::from_fn(|a, b| covariance[([i, j, k][a], [i, j, k][b])]);
+        let chi2 = v.dot(&(c.try_inverse()? * v));
+        let p_value = chi2_tail_3(chi2);
+        Some(MomentumVerdict { chi2, p_value, hand_interferes: p_value < 0.05 })
+    })();
+    let quantities = Quantities(measures.iter().filter_map(|(m, sd)| Some((m.name.clone(), m.quantity(*sd)?))).collect());
+    let impact_timing = quantities.get("ball_in_global_vy").filter(|_| settings.axes_known).map(|v| {
+        if v.value.abs() < 1.96 * v.sd {
+            ImpactTiming::Apex
+        } else if v.value > 0.0 {
+            ImpactTiming::Rising
+        } else {
+            ImpactTiming::Falling
+        }
+    });
+    let mut remarks = motion.remarks.clone();
+    remarks.extend(input.spin.remarks.iter().cloned());
+    let points = space_points(input.rig, input.tracks, &motion);
+    let shot = Shot {
+        id: input.id.to_owned(),
+        racket: input.racket.name.clone(),
+        ball: input.ball.name.clone(),
+        ball_side_of_face: (if motion.side > 0.0 { "+z" } else { "-z" }).to_owned(),
+        groups: input.groups.to_vec(),
+        quantities,
+        impact_timing,
+        momentum,
+        windows: windows(&motion),
+        remarks,
+    };
+    Ok(MeasuredShot { shot, points, motion })
+}
+
+fn windows(m: &ShotMotion) -> Windows {
+    let flight = |f: &super::FlightEstimate| WindowReport {
+        frames: f.frames,
+        rejected_points: f.rejected,
+        noise_scale: f.noise_scale,
+        laws: f.laws.iter().map(|(l, p)| (flight_word(*l).to_owned(), *p)).collect(),
+    };
+    let motion = |f: &super::MotionEstimate| WindowReport {
+        frames: f.frames,
+        rejected_points: f.rejected,
+        noise_scale: f.noise_scale,
+        laws: f.laws.iter().map(|(l, p)| (motion_word(*l).to_owned(), *p)).collect(),
+    };
+    Windows {
+        ball_in: flight(&m.ball_in),
+        racket_in: motion(&m.racket_in),
+        ball_out: m.ball_out.as_ref().map(flight),
+        racket_out: m.racket_out.as_ref().map(motion),
+    }
+}
+
+fn flight_word(l: FlightLaw) -> &'static str {
+    match l {
+        FlightLaw::Gravity => "gravity",
+        FlightLaw::Air => "air",
+    }
+}
+
+fn motion_word(l: MotionLaw) -> &'static str {
+    match l {
+        MotionLaw::Rest => "rest",
+        MotionLaw::Coasting => "coasting",
+        MotionLaw::SteadyFall => "steady-fall",
+        MotionLaw::FreeBody => "free-body",
+        MotionLaw::SteadySwing => "steady-swing",
+        MotionLaw::DrivenSwing => "driven-swing",
+        MotionLaw::ChangingSwing => "changing-swing",
+    }
+}
+
+/// P(χ²₃ > x) = erfc(√(x/2)) + √(2x/π) e^(−x/2).
+fn chi2_tail_3(x: f64) -> f64 {
+    statrs::function::erf::erfc((0.5 * x).sqrt()) + (2.0 * x / std::f64::consts::PI).sqrt() * (-0.5 * x).exp()
+}
+
+impl Shot {
+    /// The shot's row of the impacts table (contract section 4).
+    pub fn impact_row(&self, sequence: f64) -> ImpactRow {
+        let mut row = ImpactRow::new(&self.id);
+        (row.racket, row.ball, row.sequence) = (Some(self.racket.clone()), Some(self.ball.clone()), sequence);
+        for name in INPUTS.iter().chain(OUTPUTS.iter()) {
+            row.set(name, self.quantities.get(name).map(|q| Measured { value: q.value, sd: Some(q.sd) }));
+        }
+        row.groups = self.groups.iter().cloned().collect();
+        row
+    }
+}

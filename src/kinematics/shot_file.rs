@@ -1,0 +1,37 @@
+//! `shots/<id>/shot.json`: a shot's characteristics with what made them.
+
+use super::shot::Shot;
+use crate::provenance::Provenance;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// Name of the file in a shot's results folder.
+pub const SHOT_FILE: &str = "shot.json";
+
+#[derive(Debug, thiserror::Error)]
+pub enum ShotFileError {
+    #[error("{path}: cannot be read ({source}); run `sweetspot shots` first", path = .path.display())]
+    Unreadable { path: PathBuf, source: std::io::Error },
+    #[error("{path}: not a shot file ({source}); run `sweetspot shots --force` to write it again", path = .path.display())]
+    Format { path: PathBuf, source: serde_json::Error },
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ShotRecord {
+    #[serde(flatten)]
+    pub shot: Shot,
+    pub provenance: Provenance,
+}
+
+impl ShotRecord {
+    pub fn read(path: &Path) -> Result<Self, ShotFileError> {
+        let text = std::fs::read_to_string(path).map_err(|source| ShotFileError::Unreadable { path: path.into(), source })?;
+        serde_json::from_str(&text).map_err(|source| ShotFileError::Format { path: path.into(), source })
+    }
+
+    /// The file's text.
+    pub fn to_json(&self) -> String {
+        // Plain numbers and strings: serialising cannot fail.
+        serde_json::to_string_pretty(self).unwrap_or_default() + "\n"
+    }
+}

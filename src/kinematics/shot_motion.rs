@@ -1,0 +1,444 @@
+//! From tracks to the motions of ball and racket on both sides of the contact, and the contact itself.
+//!
+//! The windows never reach across the contact: which frames belong to which side follows from the fits' own first and
+//! last contact, until it no longer changes.
+
+use super::{FitError, KinematicsError};
+use super::ball_flight::{FlightEstimate, FlightLaw, FlightResult, FlightState, FlightView, average_flight, fit_flight, flight_deviations};
+use super::contact::{PointMotion, body_at, crossing};
+use super::racket_motion::{MotionEstimate, MotionLaw, MotionState, MotionView, MovingRacket, average, fit_law, sighting_deviations};
+use super::sighting::{CommonError, FrameClock, Sighting, sightings};
+use super::stereo_point::{StereoPoint, stereo_point};
+use crate::calibration::{CameraId, StereoRig};
+use crate::equipment::{Ball, Racket};
+use crate::tracking::{MarkerObservation, RacketFigure, Target, Tracks, View, fit_pose_in};
+use nalgebra::{Isometry3, Point3, Vector3};
+use std::collections::BTreeMap;
+
+/// Standard acceleration of gravity, m/s².
+pub const GRAVITY_M_S2: f64 = 9.80665;
+
+/// How the measurement is made. The defaults suit 500 to 2000 frames per second.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MeasureSettings {
+    pub frame_period_s: f64,
+    pub exposure_s: f64,
+    /// Longest window on either side of the contact, s. The thesis takes 0.010 s because it fits lines; laws of motion
+    /// with an arc and angular acceleration hold longer.
+    pub window_s: f64,
+    /// Global V points up. When the session has no axes pictures gravity is taken along the left camera's downward axis.
+    pub axes_known: bool,
+    /// Prior odds of air drag against none; the session's other shots may know better than 1.
+    pub air_odds: f64,
+    /// Constant image error of a tape band and of the ball over a window, px (one sd).
+    pub tape_error_px: f64,
+    pub ball_error_px: f64,
+    /// Frame near the impact, from shot.toml.
+    pub impact_frame: Option<u64>,
+}
+
+impl MeasureSettings {
+    pub fn new(frame_rate_hz: f64, exposure_s: f64) -> Self {
+        MeasureSettings {
+            frame_period_s: 1.0 / frame_rate_hz,
+            exposure_s,
+            window_s: 0.030,
+            axes_known: true,
+            air_odds: 1.0,
+            tape_error_px: 0.10,
+            ball_error_px: 0.03,
+            impact_frame: None,
+        }
+    }
+
+    pub fn gravity(&self) -> Vector3<f64> {
+        // Without axes the global frame is the left camera's, whose y points down in a camera held upright.
+        Vector3::new(0.0, if self.axes_known { -GRAVITY_M_S2 } else { GRAVITY_M_S2 }, 0.0)
+    }
+}
+
+/// One frame seen alone: the ball's place and the racket's rough pose.
+#[derive(Debug, Clone)]
+pub struct FrameView {
+    pub t: f64,
+    pub ball: Option<StereoPoint>,
+    pub pose: Option<Isometry3<f64>>,
+}
+
+/// Motions on both sides of the contact. Times on the clock's origin; `*_out` are `None` when too little was seen after.
+#[derive(Debug, Clone)]
+pub struct ShotMotion {
+    pub clock: FrameClock,
+    /// +1 when the ball comes from the racket's +z side.
+    pub side: f64,
+    pub moving: MovingRacket,
+    pub frames: BTreeMap<u64, FrameView>,
+    pub first_contact_t: f64,
+    pub ball_in: FlightEstimate,
+    pub racket_in: MotionEstimate,
+    pub last_contact_t: Option<f64>,
+    pub ball_out: Option<FlightEstimate>,
+    pub racket_out: Option<MotionEstimate>,
+    /// What was limited, in words, for the person who reads shot.json.
+    pub remarks: Vec<String>,
+}
+
+/// Fewest frames of a body on one side: below that its velocity is a guess.
+pub const FEWEST_FRAMES: usize = 4;
+/// The face's half extents around the stringbed centre within which an approach counts as an impact, m.
+const FACE: (f64, f64) = (0.30, 0.20);
+/// Contact lasts 3 to 7 ms (physics.md E.2); frames this long after first contact are surely free again.
+const SURELY_FREE_S: f64 = 0.0075;
+/// Deviations (in scaled standard deviations over both axes) beyond which a point is an outlier. Among 500 good points
+/// one is beyond 4.2 in every ten shots (Rayleigh).
+const OUTLIER: f64 = 4.2;
+
+struct Bench<'a> {
+    rig: &'a StereoRig,
+    tracks: &'a Tracks,
+    ball: &'a Ball,
+    moving: MovingRacket,
+    settings: &'a MeasureSettings,
+    clock: FrameClock,
+}
+
+/// Measures one shot's motions.
+pub fn measure_motion(rig: &StereoRig, tracks: &Tracks, racket: &Racket, ball: &Ball, settings: &MeasureSettings) -> Result<ShotMotion, KinematicsError> {
+    let figure = RacketFigure::of(racket).ok_or_else(|| KinematicsError::NoMarkers { racket: racket.name.clone() })?;
+    let moving = MovingRacket { figure, com_local: racket.com_local(), inertia: racket.inertia_kg_m2(), gravity: settings.gravity() };
+    let all = tracks.frames();
+    let (Some(&first), Some(&last)) = (all.first(), all.last()) else {
+        return Err(KinematicsError::NoPoints);
+    };
+    let mut clock = FrameClock { origin: first, period_s: settings.frame_period_s };
+    let frames = frame_views(rig, tracks, &moving, clock);
+    let (impact_frame, side) = find_impact(&frames, ball, settings, (first, last))?;
+    // Count time from the impact: no cancellation in powers of t.
+    let shift = clock.time_s(impact_frame);
+    clock.origin = impact_frame;
+    let frames = frames.into_iter().map(|(k, f)| (k, FrameView { t: f.t - shift, ..f })).collect();
+    let bench = Bench { rig, tracks, ball, moving, settings, clock };
+    bench.measure(frames, side)
+}
+
+/// Every frame by itself.
+fn frame_views(rig: &StereoRig, tracks: &Tracks, moving: &MovingRacket, clock: FrameClock) -> BTreeMap<u64, FrameView> {
+    let view = View::new(rig);
+    let mut views = BTreeMap::new();
+    let mut last: Option<Isometry3<f64>> = None;
+    for frame in tracks.frames() {
+        let point = |target| {
+            let (l, r) = (tracks.get(frame, CameraId::Left, target)?, tracks.get(frame, CameraId::Right, target)?);
+            stereo_point(rig, [&l, &r])
+        };
+        let observations: Vec<MarkerObservation> = CameraId::BOTH
+            .iter()
+            .flat_map(|&camera| Target::MARKERS.map(|t| (camera, t)))
+            .filter_map(|(camera, t)| Some(MarkerObservation { camera, marker: t.index(), point: tracks.get(frame, camera, t)? }))
+            .collect();
+        let pose = fit_pose_in(&view, &moving.figure, &observations, last.as_ref()).ok().map(|p| p.global_from_racket);
+        last = pose.or(last);
+        views.insert(frame, FrameView { t: clock.time_s(frame), ball: point(Target::Ball), pose });
+    }
+    views
+}
+
+/// The frame at which the ball is nearest to the face, and the side it came from.
+fn find_impact(
+    frames: &BTreeMap<u64, FrameView>,
+    ball: &Ball,
+    settings: &MeasureSettings,
+    span: (u64, u64),
+) -> Result<(u64, f64), KinematicsError> {
+    let reach = 2.0 * ball.diameter_m;
+    let local: Vec<(u64, Point3<f64>)> = frames
+        .iter()
+        .filter_map(|(k, f)| Some((*k, f.pose?.inverse_transform_point(&f.ball?.position))))
+        .collect();
+    if local.len() < 2 * FEWEST_FRAMES {
+        return Err(KinematicsError::NoCommonFrames { seen: local.len(), need: 2 * FEWEST_FRAMES });
+    }
+    let over_face = |p: &Point3<f64>| p.x.abs() < FACE.0 && p.y.abs() < FACE.1;
+    let nearest = match settings.impact_frame {
+        Some(frame) if (span.0..=span.1).contains(&frame) => Some(frame),
+        Some(frame) => return Err(KinematicsError::ImpactFrameOutside { frame, first: span.0, last: span.1 }),
+        None => local.iter().filter(|(_, p)| over_face(p) && p.z.abs() < reach).min_by(|a, b| a.1.z.abs().total_cmp(&b.1.z.abs())).map(|(k, _)| *k),
+    };
+    // The ball may be hidden around the contact: then the approach is read from the frames before the gap.
+    let nearest = match nearest {
+        Some(frame) => frame,
+        None => approach_end(&local, settings.frame_period_s).ok_or_else(|| KinematicsError::NoImpact {
+            nearest_m: local.iter().map(|(_, p)| p.z.abs()).fold(f64::INFINITY, f64::min),
+            reach_m: reach,
+        })?,
+    };
+    let before: Vec<f64> = local.iter().filter(|(k, _)| *k < nearest).rev().take(12).map(|(_, p)| p.z).collect();
+    if before.len() < FEWEST_FRAMES {
+        return Err(KinematicsError::TooFewFrames { body: "ball and racket", when: "before", seen: before.len(), need: FEWEST_FRAMES });
+    }
+    Ok((nearest, before.iter().sum::<f64>().signum()))
+}
+
+/// Where the straight approach of the distance to the face reaches zero, when no frame shows the ball near the face.
+fn approach_end(local: &[(u64, Point3<f64>)], period_s: f64) -> Option<u64> {
+    local.windows(2).find_map(|w| {
+        let ((k0, p0), (k1, p1)) = (w[0], w[1]);
+        let dt = (k1 - k0) as f64 * period_s;
+        let toward = (p1.z.abs() - p0.z.abs()) / dt;
+        // A gap of at most 10 ms in which the ball came from one side and left again.
+        (k1 - k0 > 1 && dt < 0.015 && toward.abs() < 40.0 && p0.z.abs() < 0.15 && p1.z.abs() < 0.25).then_some((k0 + k1) / 2)
+    })
+}
+
+enum When {
+    Before,
+    After,
+}
+
+impl When {
+    fn word(&self) -> &'static str {
+        match self {
+            When::Before => "before",
+            When::After => "after",
+        }
+    }
+}
+
+impl Bench<'_> {
+    fn measure(&self, frames: BTreeMap<u64, FrameView>, side: f64) -> Result<ShotMotion, KinematicsError> {
+        let radius = self.ball.radius_m();
+        let guard = 0.5 * self.settings.exposure_s;
+        let half = 0.5 * self.settings.frame_period_s;
+        // Before: start well clear of the face, then take every frame up to the contact.
+        let mut end = self.last_clear(&frames, side);
+        let mut contact = end + half;
+        let mut fits = None;
+        for _ in 0..6 {
+            let from = contact - self.settings.window_s;
+            let ball_in = self.flight(&frames, When::Before, from, end, contact)?;
+            let racket_in = self.motion(&frames, When::Before, from, end, contact)?;
+            let dt = crossing(&PointMotion::from(&ball_in), &body_at(&self.moving, &racket_in, contact), &self.moving.com_local, side, radius)
+                .ok_or(KinematicsError::NoCrossing { when: "before" })?;
+            contact += dt;
+            let next = contact - guard;
+            let same = self.same_frames(end, next);
+            end = next;
+            fits = Some((ball_in, racket_in));
+            if same && dt.abs() < 2e-6 {
+                break;
+            }
+        }
+        let (ball_in, racket_in) = fits.ok_or(KinematicsError::NoCrossing { when: "before" })?;
+        let mut shot = ShotMotion {
+            clock: self.clock,
+            side,
+            moving: self.moving.clone(),
+            frames,
+            first_contact_t: contact,
+            ball_in,
+            racket_in,
+            last_contact_t: None,
+            ball_out: None,
+            racket_out: None,
+            remarks: Vec::new(),
+        };
+        if let Err(e) = self.measure_after(&mut shot) {
+            shot.remarks.push(format!("nothing after contact: {e}"));
+        }
+        Ok(shot)
+    }
+
+    fn measure_after(&self, shot: &mut ShotMotion) -> Result<(), KinematicsError> {
+        let radius = self.ball.radius_m();
+        // A frame stays out until the ball has surely left: its shape still swings and the crossing has its own error.
+        let guard = 0.5 * self.settings.exposure_s + 0.0002;
+        let mut start = shot.first_contact_t + SURELY_FREE_S;
+        let mut contact = shot.first_contact_t + 0.005;
+        for _ in 0..6 {
+            let to = contact + self.settings.window_s;
+            let ball_out = self.flight(&shot.frames, When::After, start, to, contact)?;
+            let racket_out = self.motion(&shot.frames, When::After, start, to, contact)?;
+            let dt = crossing(&PointMotion::from(&ball_out), &body_at(&self.moving, &racket_out, contact), &self.moving.com_local, shot.side, radius)
+                .ok_or(KinematicsError::NoCrossing { when: "after" })?;
+            contact = (contact + dt).clamp(shot.first_contact_t + 0.001, shot.first_contact_t + SURELY_FREE_S);
+            let next = contact + guard;
+            let same = self.same_frames(start, next);
+            start = next;
+            shot.last_contact_t = Some(contact);
+            (shot.ball_out, shot.racket_out) = (Some(ball_out), Some(racket_out));
+            if same && dt.abs() < 2e-6 {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// Time of the last frame in which the ball is surely clear of the face, before the impact frame.
+    fn last_clear(&self, frames: &BTreeMap<u64, FrameView>, side: f64) -> f64 {
+        let clear = self.ball.radius_m() + 0.01;
+        frames
+            .iter()
+            .rev()
+            .filter(|(k, _)| **k <= self.clock.origin)
+            .find(|(_, f)| {
+                let z = f.pose.zip(f.ball).map(|(p, b)| side * p.inverse_transform_point(&b.position).z);
+                z.is_some_and(|z| z > clear)
+            })
+            .map_or(-2.0 * self.settings.frame_period_s, |(_, f)| f.t)
+    }
+
+    fn same_frames(&self, a: f64, b: f64) -> bool {
+        (a / self.clock.period_s).floor() == (b / self.clock.period_s).floor()
+    }
+
+    fn flight(&self, frames: &BTreeMap<u64, FrameView>, when: When, from: f64, to: f64, reference_t: f64) -> Result<FlightEstimate, KinematicsError> {
+        let mut seen = sightings(self.tracks, self.clock, &[Target::Ball], from, to);
+        let known: Vec<(f64, Point3<f64>)> =
+            frames.values().filter(|f| (from..=to).contains(&f.t)).filter_map(|f| Some((f.t, f.ball?.position))).collect();
+        if known.len() < FEWEST_FRAMES {
+            return Err(KinematicsError::TooFewFrames { body: "ball", when: when.word(), seen: known.len(), need: FEWEST_FRAMES });
+        }
+        let (position, velocity) = straight_line(&known, reference_t);
+        let start = FlightState::new(position, velocity);
+        let total = seen.len();
+        let failed = |source| KinematicsError::Fit { body: "ball", when: when.word(), source: FitError::from(source) };
+        let fit = |seen: &[Sighting], scale: f64| -> Result<Vec<FlightResult>, KinematicsError> {
+            let view = self.flight_view(seen, reference_t, scale);
+            FlightLaw::ALL.iter().map(|law| fit_flight(&view, *law, &start).map_err(failed)).collect()
+        };
+        for _ in 0..5 {
+            let results = fit(&seen, 1.0)?;
+            let Some(richest) = results.last() else { break };
+            let deviations = flight_deviations(&self.flight_view(&seen, reference_t, 1.0), richest);
+            if !drop_outliers(&mut seen, &deviations) {
+                break;
+            }
+        }
+        let results = fit(&seen, 1.0)?;
+        let scale = noise_scale(results.last().map_or(0.0, |r| r.chi2), 2 * seen.len(), 8);
+        let results = fit(&seen, scale)?;
+        let view = self.flight_view(&seen, reference_t, scale);
+        let mut estimate = average_flight(&view, results, self.settings.air_odds).ok_or(KinematicsError::NoPoints)?;
+        (estimate.noise_scale, estimate.frames, estimate.rejected) = (scale, frames_in(&seen), total - seen.len());
+        Ok(estimate)
+    }
+
+    fn flight_view<'b>(&'b self, sightings: &'b [Sighting], reference_t: f64, noise_scale: f64) -> FlightView<'b> {
+        FlightView {
+            rig: self.rig,
+            ball: self.ball,
+            sightings,
+            reference_t,
+            gravity: self.moving.gravity,
+            common: CommonError(self.settings.ball_error_px),
+            noise_scale,
+        }
+    }
+
+    fn motion(&self, frames: &BTreeMap<u64, FrameView>, when: When, from: f64, to: f64, reference_t: f64) -> Result<MotionEstimate, KinematicsError> {
+        let mut seen = sightings(self.tracks, self.clock, &Target::MARKERS, from, to);
+        let poses: Vec<(f64, Isometry3<f64>)> =
+            frames.values().filter(|f| (from..=to).contains(&f.t)).filter_map(|f| Some((f.t, f.pose?))).collect();
+        if poses.len() < FEWEST_FRAMES {
+            return Err(KinematicsError::TooFewFrames { body: "racket", when: when.word(), seen: poses.len(), need: FEWEST_FRAMES });
+        }
+        let start = self.starting_motion(&poses, reference_t);
+        let total = seen.len();
+        let failed = |source| KinematicsError::Fit { body: "racket", when: when.word(), source: FitError::from(source) };
+        for _ in 0..5 {
+            let view = self.motion_view(&seen, reference_t, 1.0);
+            let richest = fit_law(&view, MotionLaw::ChangingSwing, &start).map_err(failed)?;
+            let deviations = sighting_deviations(&view, &richest);
+            if !drop_outliers(&mut seen, &deviations) {
+                break;
+            }
+        }
+        let richest = fit_law(&self.motion_view(&seen, reference_t, 1.0), MotionLaw::ChangingSwing, &start).map_err(failed)?;
+        let scale = noise_scale(richest.chi2, 2 * seen.len(), 24);
+        let view = self.motion_view(&seen, reference_t, scale);
+        let results: Vec<_> = MotionLaw::ALL.iter().filter_map(|law| fit_law(&view, *law, &richest.state).ok()).collect();
+        let mut estimate = average(&self.moving, results, reference_t).ok_or(KinematicsError::NoPoints)?;
+        (estimate.noise_scale, estimate.frames, estimate.rejected) = (scale, frames_in(&seen), total - seen.len());
+        Ok(estimate)
+    }
+
+    fn motion_view<'b>(&'b self, sightings: &'b [Sighting], reference_t: f64, noise_scale: f64) -> MotionView<'b> {
+        MotionView { rig: self.rig, racket: &self.moving, sightings, reference_t, common: CommonError(self.settings.tape_error_px), noise_scale }
+    }
+
+    /// Pose nearest to the reference time, carried there at the median rate of the per-frame poses.
+    fn starting_motion(&self, poses: &[(f64, Isometry3<f64>)], reference_t: f64) -> MotionState {
+        let com = |p: &Isometry3<f64>| p * self.moving.com_local;
+        let places: Vec<(f64, Point3<f64>)> = poses.iter().map(|(t, p)| (*t, com(p))).collect();
+        let (_, velocity) = straight_line(&places, reference_t);
+        let span = poses.len() / 2;
+        let mut rates: Vec<Vector3<f64>> = Vec::new();
+        for i in 0..poses.len() - span {
+            let ((t0, a), (t1, b)) = (&poses[i], &poses[i + span]);
+            if t1 > t0 {
+                rates.push((a.rotation.inverse() * b.rotation).scaled_axis() / (t1 - t0));
+            }
+        }
+        let median = |k: usize| {
+            let mut v: Vec<f64> = rates.iter().map(|r| r[k]).collect();
+            v.sort_by(f64::total_cmp);
+            v.get(v.len() / 2).copied().unwrap_or(0.0)
+        };
+        let rate = Vector3::new(median(0), median(1), median(2));
+        let nearest = poses.iter().min_by(|a, b| (a.0 - reference_t).abs().total_cmp(&(b.0 - reference_t).abs()));
+        let (t, pose) = nearest.copied().unwrap_or((reference_t, Isometry3::identity()));
+        let dt = reference_t - t;
+        let mut state = MotionState::at_rest(&pose, &self.moving.com_local);
+        state.com += velocity * dt;
+        state.global_from_racket *= nalgebra::UnitQuaternion::from_scaled_axis(rate * dt);
+        (state.velocity, state.rate_body) = (velocity, rate);
+        state
+    }
+}
+
+/// Line through points by least absolute deviation in its slope (Theil-Sen), evaluated at `t`: position and velocity.
+fn straight_line(points: &[(f64, Point3<f64>)], t: f64) -> (Point3<f64>, Vector3<f64>) {
+    let span = (points.len() / 2).max(1);
+    let mut out = (Point3::origin(), Vector3::zeros());
+    for k in 0..3 {
+        let mut slopes: Vec<f64> =
+            (0..points.len() - span).map(|i| (points[i + span].1[k] - points[i].1[k]) / (points[i + span].0 - points[i].0)).filter(|s| s.is_finite()).collect();
+        slopes.sort_by(f64::total_cmp);
+        let slope = slopes.get(slopes.len() / 2).copied().unwrap_or(0.0);
+        let mut offsets: Vec<f64> = points.iter().map(|(at, p)| p[k] + slope * (t - at)).collect();
+        offsets.sort_by(f64::total_cmp);
+        out.0[k] = offsets.get(offsets.len() / 2).copied().unwrap_or(0.0);
+        out.1[k] = slope;
+    }
+    out
+}
+
+/// Drops points whose deviation stands out from the others (scaled by their median); `false` when none does.
+fn drop_outliers(seen: &mut Vec<Sighting>, deviations: &[f64]) -> bool {
+    let mut sorted = deviations.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    // The median length of a two-dimensional Gaussian deviation is √(2 ln 2) = 1.177.
+    let scale = (sorted.get(sorted.len() / 2).copied().unwrap_or(0.0) / 1.177).max(0.3);
+    let keep: Vec<bool> = deviations.iter().map(|d| *d <= OUTLIER * scale).collect();
+    let before = seen.len();
+    let mut i = 0;
+    seen.retain(|_| {
+        i += 1;
+        keep[i - 1]
+    });
+    seen.len() < before
+}
+
+/// Factor on the stated deviations that makes χ² per degree of freedom one, drawn toward 1 by ten degrees of freedom.
+fn noise_scale(chi2: f64, residuals: usize, parameters: usize) -> f64 {
+    const OWN_WORD: f64 = 10.0;
+    let freedom = residuals.saturating_sub(parameters) as f64;
+    ((chi2 + OWN_WORD) / (freedom + OWN_WORD)).sqrt().max(0.05)
+}
+
+fn frames_in(seen: &[Sighting]) -> usize {
+    let mut frames: Vec<u64> = seen.iter().map(|s| s.frame).collect();
+    frames.sort_unstable();
+    frames.dedup();
+    frames.len()
+}

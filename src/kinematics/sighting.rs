@@ -1,0 +1,137 @@
+//! What the cameras saw of one body in one window: image points with times, grouped by target and camera.
+
+use crate::calibration::CameraId;
+use crate::tracking::{Target, Tracks};
+use nalgebra::{DVector, Vector2};
+
+/// One image point of one target. `t` in s from the shot's time origin (a frame number), pixels.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sighting {
+    pub frame: u64,
+    pub t: f64,
+    pub camera: CameraId,
+    pub target: Target,
+    pub uv: Vector2<f64>,
+    pub sd: Vector2<f64>,
+}
+
+/// Turns frame numbers into seconds: time = (frame − origin) × period, the middle of the exposure.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FrameClock {
+    pub origin: u64,
+    pub period_s: f64,
+}
+
+impl FrameClock {
+    pub fn time_s(&self, frame: u64) -> f64 {
+        (frame as f64 - self.origin as f64) * self.period_s
+    }
+
+    /// Frame number, with its fraction, of a time.
+    pub fn frame_at(&self, t: f64) -> f64 {
+        self.origin as f64 + t / self.period_s
+    }
+}
+
+/// The sightings of `targets` with `from ≤ t ≤ to`, sorted by target, camera, frame.
+pub fn sightings(tracks: &Tracks, clock: FrameClock, targets: &[Target], from: f64, to: f64) -> Vec<Sighting> {
+    let mut seen: Vec<Sighting> = tracks
+        .points
+        .iter()
+        .filter(|p| targets.contains(&p.target))
+        .filter_map(|p| {
+            let t = clock.time_s(p.frame);
+            let point = p.point.filter(|_| (from..=to).contains(&t))?;
+            Some(Sighting { frame: p.frame, t, camera: p.camera, target: p.target, uv: point.uv, sd: point.sd })
+        })
+        .collect();
+    seen.sort_by_key(|s| (s.target, s.camera, s.frame));
+    seen
+}
+
+/// A constant error of one target in one camera over a window (tape, string shadow, edge of the disc), px, one standard
+/// deviation. It is marginalised exactly: residuals of a group share the covariance σ² I + τ² 11ᵀ.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CommonError(pub f64);
+
+/// Groups of equal target and camera, as ranges of `sightings` (which must be sorted).
+fn groups(sightings: &[Sighting]) -> Vec<std::ops::Range<usize>> {
+    let mut ranges = Vec::new();
+    let mut start = 0;
+    for i in 1..=sightings.len() {
+        if i == sightings.len() || (sightings[i].target, sightings[i].camera) != (sightings[start].target, sightings[start].camera) {
+            if i > start {
+                ranges.push(start..i);
+            }
+            start = i;
+        }
+    }
+    ranges
+}
+
+/// Residuals divided by the square root of their covariance σ² I + τ² 11ᵀ, group by group and axis by axis.
+///
+/// With y = r/σ and u the unit vector along 1/σ, the square root of the precision is I − (1 − √(1−c)) u uᵀ,
+/// c = S/(1/τ² + S), S = Σ 1/σ².
+pub(crate) fn whiten(sightings: &[Sighting], misfit_px: &[Vector2<f64>], common: CommonError, scale: f64) -> DVector<f64> {
+    let mut out = DVector::zeros(2 * sightings.len());
+    for range in groups(sightings) {
+        for axis in 0..2 {
+            let mut sum = 0.0; // Σ 1/σ²
+            let mut dot = 0.0; // Σ r/σ²
+            for i in range.clone() {
+                let sd = sightings[i].sd[axis] * scale;
+                sum += 1.0 / (sd * sd);
+                dot += misfit_px[i][axis] / (sd * sd);
+            }
+            let c = sum / (1.0 / common.0.powi(2) + sum);
+            let k = (1.0 - (1.0 - c).sqrt()) * dot / sum;
+            for i in range.clone() {
+                out[2 * i + axis] = (misfit_px[i][axis] - k) / (sightings[i].sd[axis] * scale);
+            }
+        }
+    }
+    out
+}
+
+/// Size of each sighting's residual (both axes, in its own standard deviations) after its group's common error is taken out.
+/// The common error is the group's median, so that one bad point cannot hide itself.
+pub(crate) fn deviations(sightings: &[Sighting], misfit_px: &[Vector2<f64>], common: CommonError) -> Vec<f64> {
+    let mut out = vec![0.0; sightings.len()];
+    for range in groups(sightings) {
+        for axis in 0..2 {
+            let mut values: Vec<f64> = range.clone().map(|i| misfit_px[i][axis]).collect();
+            values.sort_by(f64::total_cmp);
+            let shift = values[values.len() / 2].clamp(-3.0 * common.0, 3.0 * common.0);
+            for i in range.clone() {
+                out[i] += ((misfit_px[i][axis] - shift) / sightings[i].sd[axis]).powi(2);
+            }
+        }
+    }
+    out.into_iter().map(f64::sqrt).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn truth_whitening_is_the_inverse_root_of_the_stated_covariance() {
+        // Hand calculation for two points, σ = (1, 2), τ = 3: covariance [[1+9, 9], [9, 4+9]].
+        let at = |frame, sd| Sighting {
+            frame,
+            t: 0.0,
+            camera: CameraId::Left,
+            target: Target::M1,
+            uv: Vector2::zeros(),
+            sd: Vector2::new(sd, 1.0),
+        };
+        let seen = [at(0, 1.0), at(1, 2.0)];
+        let r = [Vector2::new(0.7, 0.0), Vector2::new(-1.3, 0.0)];
+        let white = whiten(&seen, &r, CommonError(3.0), 1.0);
+        let covariance = nalgebra::Matrix2::new(10.0, 9.0, 9.0, 13.0);
+        let v = nalgebra::Vector2::new(0.7, -1.3);
+        let expected = v.dot(&(covariance.try_inverse().expect("positive") * v));
+        assert!((white.norm_squared() - expected).abs() < 1e-12);
+    }
+}

@@ -142,8 +142,7 @@ pub struct FlightResult {
 pub(crate) fn fit_flight(view: &FlightView<'_>, law: FlightLaw, start: &FlightState) -> Result<FlightResult, SolveError> {
     let speed = start.velocity.norm();
     let drag = DRAG.0 * view.drag_per_m() * speed * speed;
-    let problem =
-        FlightFit { view, law, cameras: CameraId::BOTH.map(|c| view.rig.camera_from_global(c)), lift_sd: (LIFT_SHARE * drag).max(0.05) };
+    let problem = FlightFit { view, law, cameras: CameraId::BOTH.map(|c| view.rig.camera_from_global(c)), lift_sd: (LIFT_SHARE * drag).max(0.05) };
     let mut start = start.clone();
     start.drag_coefficient = if law == FlightLaw::Air { DRAG.0 } else { 0.0 };
     start.lift = Vector3::zeros();

@@ -2,9 +2,7 @@
 
 use super::contact::{ball_in_racket, crossing};
 use super::shot_state::{Measure, ShotState};
-use super::sweet_spot::{
-    NODE_OF_LENGTH, THESIS_NODE_OF_LENGTH, centre_of_percussion, dead_spot, effective_mass, ideal_point,
-};
+use super::sweet_spot::{NODE_OF_LENGTH, THESIS_NODE_OF_LENGTH, centre_of_percussion, dead_spot, effective_mass, ideal_point};
 use crate::equipment::{Ball, Racket};
 use nalgebra::{Point3, Vector2, Vector3};
 

@@ -1,7 +1,7 @@
 //! First and last contact: ball and face carried to the instant when the ball's centre stands one radius from the strings.
 
-use super::racket_motion::{MotionEstimate, MovingRacket};
 use super::ball_flight::FlightEstimate;
+use super::racket_motion::{MotionEstimate, MovingRacket};
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
 /// A point mass near a reference time: position, velocity, acceleration; global axes, SI.

@@ -49,7 +49,9 @@ pub enum KinematicsError {
     NoImpact { nearest_m: f64, reach_m: f64 },
     #[error("{seen} frames show the {body} {when} contact; at least {need} are needed")]
     TooFewFrames { body: &'static str, when: &'static str, seen: usize, need: usize },
-    #[error("the paths of ball and string plane {when} contact do not cross near the impact frame; check the tracks around it, or give `impact_frame` in shot.toml")]
+    #[error(
+        "the paths of ball and string plane {when} contact do not cross near the impact frame; check the tracks around it, or give `impact_frame` in shot.toml"
+    )]
     NoCrossing { when: &'static str },
     #[error("the motion of the {body} {when} contact cannot be fitted: {source}")]
     Fit { body: &'static str, when: &'static str, source: FitError },

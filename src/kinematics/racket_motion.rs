@@ -254,11 +254,7 @@ impl Problem for LawFit<'_> {
     type State = MotionState;
 
     fn scales(&self) -> Vec<f64> {
-        let per_vector = if self.law == MotionLaw::Rest {
-            [1e-3, 1e-2, 1e-3, 1e-2, 1.0, 1.0, 1.0, 1.0]
-        } else {
-            [1e-3, 1e-2, 0.3, 1.0, 30.0, 100.0, 3e3, 1e4]
-        };
+        let per_vector = if self.law == MotionLaw::Rest { [1e-3, 1e-2, 1e-3, 1e-2, 1.0, 1.0, 1.0, 1.0] } else { [1e-3, 1e-2, 0.3, 1.0, 30.0, 100.0, 3e3, 1e4] };
         per_vector.iter().take(self.law.vectors()).flat_map(|s| [*s; 3]).collect()
     }
 
@@ -391,4 +387,3 @@ pub(crate) fn average(racket: &MovingRacket, mut results: Vec<LawResult>, refere
     let laws = results.iter().zip(&weights).map(|(r, w)| (r.law, *w)).collect();
     Some(MotionEstimate { reference_t, state, acceleration, rate_dot_body: rate_dot, covariance, laws, best, noise_scale: 1.0, frames: 0, rejected: 0 })
 }
-

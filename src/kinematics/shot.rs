@@ -156,13 +156,8 @@ pub struct ShotInput<'a> {
 pub fn measure_shot(input: &ShotInput<'_>, settings: &MeasureSettings) -> Result<MeasuredShot, KinematicsError> {
     let motion = measure_motion(input.rig, input.tracks, input.racket, input.ball, settings)?;
     let uncertain = UncertainShot::new(&motion, input.racket, input.ball, input.spin.before.as_ref(), input.spin.after.as_ref());
-    let equipment = ShotEquipment {
-        racket: input.racket,
-        ball: input.ball,
-        points: input.asked_points,
-        clock: motion.clock,
-        up: -settings.gravity().normalize(),
-    };
+    let equipment =
+        ShotEquipment { racket: input.racket, ball: input.ball, points: input.asked_points, clock: motion.clock, up: -settings.gravity().normalize() };
     let (measures, covariance) = uncertain.propagate(|s| characteristics(s, &equipment));
     let impulse: Vec<usize> = ["x", "y", "z"].iter().filter_map(|a| measures.iter().position(|(m, _)| m.name == format!("unexplained_impulse_{a}"))).collect();
     let momentum = (|| {

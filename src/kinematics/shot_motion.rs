@@ -3,12 +3,12 @@
 //! The windows never reach across the contact: which frames belong to which side follows from the fits' own first and
 //! last contact, until it no longer changes.
 
-use super::{FitError, KinematicsError};
 use super::ball_flight::{FlightEstimate, FlightLaw, FlightResult, FlightState, FlightView, average_flight, fit_flight, flight_deviations};
 use super::contact::{PointMotion, body_at, crossing};
 use super::racket_motion::{MotionEstimate, MotionLaw, MotionState, MotionView, MovingRacket, average, fit_law, sighting_deviations};
 use super::sighting::{CommonError, FrameClock, Sighting, sightings};
 use super::stereo_point::{StereoPoint, stereo_point};
+use super::{FitError, KinematicsError};
 use crate::calibration::{CameraId, StereoRig};
 use crate::equipment::{Ball, Racket};
 use crate::tracking::{MarkerObservation, RacketFigure, Target, Tracks, View, fit_pose_in};
@@ -144,17 +144,9 @@ fn frame_views(rig: &StereoRig, tracks: &Tracks, moving: &MovingRacket, clock: F
 }
 
 /// The frame at which the ball is nearest to the face, and the side it came from.
-fn find_impact(
-    frames: &BTreeMap<u64, FrameView>,
-    ball: &Ball,
-    settings: &MeasureSettings,
-    span: (u64, u64),
-) -> Result<(u64, f64), KinematicsError> {
+fn find_impact(frames: &BTreeMap<u64, FrameView>, ball: &Ball, settings: &MeasureSettings, span: (u64, u64)) -> Result<(u64, f64), KinematicsError> {
     let reach = 2.0 * ball.diameter_m;
-    let local: Vec<(u64, Point3<f64>)> = frames
-        .iter()
-        .filter_map(|(k, f)| Some((*k, f.pose?.inverse_transform_point(&f.ball?.position))))
-        .collect();
+    let local: Vec<(u64, Point3<f64>)> = frames.iter().filter_map(|(k, f)| Some((*k, f.pose?.inverse_transform_point(&f.ball?.position)))).collect();
     if local.len() < 2 * FEWEST_FRAMES {
         return Err(KinematicsError::NoCommonFrames { seen: local.len(), need: 2 * FEWEST_FRAMES });
     }
@@ -167,10 +159,8 @@ fn find_impact(
     // The ball may be hidden around the contact: then the approach is read from the frames before the gap.
     let nearest = match nearest {
         Some(frame) => frame,
-        None => approach_end(&local, settings.frame_period_s).ok_or_else(|| KinematicsError::NoImpact {
-            nearest_m: local.iter().map(|(_, p)| p.z.abs()).fold(f64::INFINITY, f64::min),
-            reach_m: reach,
-        })?,
+        None => approach_end(&local, settings.frame_period_s)
+            .ok_or_else(|| KinematicsError::NoImpact { nearest_m: local.iter().map(|(_, p)| p.z.abs()).fold(f64::INFINITY, f64::min), reach_m: reach })?,
     };
     let before: Vec<f64> = local.iter().filter(|(k, _)| *k < nearest).rev().take(12).map(|(_, p)| p.z).collect();
     if before.len() < FEWEST_FRAMES {
@@ -293,8 +283,7 @@ impl Bench<'_> {
 
     fn flight(&self, frames: &BTreeMap<u64, FrameView>, when: When, from: f64, to: f64, reference_t: f64) -> Result<FlightEstimate, KinematicsError> {
         let mut seen = sightings(self.tracks, self.clock, &[Target::Ball], from, to);
-        let known: Vec<(f64, Point3<f64>)> =
-            frames.values().filter(|f| (from..=to).contains(&f.t)).filter_map(|f| Some((f.t, f.ball?.position))).collect();
+        let known: Vec<(f64, Point3<f64>)> = frames.values().filter(|f| (from..=to).contains(&f.t)).filter_map(|f| Some((f.t, f.ball?.position))).collect();
         if known.len() < FEWEST_FRAMES {
             return Err(KinematicsError::TooFewFrames { body: "ball", when: when.word(), seen: known.len(), need: FEWEST_FRAMES });
         }
@@ -337,8 +326,7 @@ impl Bench<'_> {
 
     fn motion(&self, frames: &BTreeMap<u64, FrameView>, when: When, from: f64, to: f64, reference_t: f64) -> Result<MotionEstimate, KinematicsError> {
         let mut seen = sightings(self.tracks, self.clock, &Target::MARKERS, from, to);
-        let poses: Vec<(f64, Isometry3<f64>)> =
-            frames.values().filter(|f| (from..=to).contains(&f.t)).filter_map(|f| Some((f.t, f.pose?))).collect();
+        let poses: Vec<(f64, Isometry3<f64>)> = frames.values().filter(|f| (from..=to).contains(&f.t)).filter_map(|f| Some((f.t, f.pose?))).collect();
         if poses.len() < FEWEST_FRAMES {
             return Err(KinematicsError::TooFewFrames { body: "racket", when: when.word(), seen: poses.len(), need: FEWEST_FRAMES });
         }

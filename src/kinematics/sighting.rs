@@ -118,14 +118,7 @@ mod tests {
     #[test]
     fn truth_whitening_is_the_inverse_root_of_the_stated_covariance() {
         // Hand calculation for two points, σ = (1, 2), τ = 3: covariance [[1+9, 9], [9, 4+9]].
-        let at = |frame, sd| Sighting {
-            frame,
-            t: 0.0,
-            camera: CameraId::Left,
-            target: Target::M1,
-            uv: Vector2::zeros(),
-            sd: Vector2::new(sd, 1.0),
-        };
+        let at = |frame, sd| Sighting { frame, t: 0.0, camera: CameraId::Left, target: Target::M1, uv: Vector2::zeros(), sd: Vector2::new(sd, 1.0) };
         let seen = [at(0, 1.0), at(1, 2.0)];
         let r = [Vector2::new(0.7, 0.0), Vector2::new(-1.3, 0.0)];
         let white = whiten(&seen, &r, CommonError(3.0), 1.0);

@@ -115,6 +115,10 @@ pub struct Session {
     pub exposure_s: f64,
     pub racket: Racket,
     pub ball: Ball,
+    /// Every racket file that the session or one of its shots names, without repeats; the session's own first.
+    pub racket_files: Vec<PathBuf>,
+    /// Likewise for balls.
+    pub ball_files: Vec<PathBuf>,
     pub board: BoardSettings,
     pub axes: Option<AxesSettings>,
     pub shots: Vec<ShotFolder>,
@@ -153,8 +157,10 @@ impl Session {
             )?;
         }
         let inside = |key: &'static str, named: &str| inside(root, &file, key, named);
-        let racket = Racket::read(&inside("racket", &table.racket)?)?;
-        let ball = Ball::read(&inside("ball", &table.ball)?)?;
+        let racket_files = vec![inside("racket", &table.racket)?];
+        let ball_files = vec![inside("ball", &table.ball)?];
+        let racket = Racket::read(&racket_files[0])?;
+        let ball = Ball::read(&ball_files[0])?;
         let board = BoardSettings { columns: c.board_columns, rows: c.board_rows, square_m: c.square_m, images: inside("calibration.images", &c.images)? };
         let axes = match &table.axes {
             Some(a) => Some(AxesSettings { images: inside("axes.images", &a.images)?, arm_u_m: a.arm_u_m, arm_w_m: a.arm_w_m }),
@@ -167,6 +173,8 @@ impl Session {
             exposure_s: table.exposure_s,
             racket,
             ball,
+            racket_files,
+            ball_files,
             board,
             axes,
             shots: Vec::new(),
@@ -193,7 +201,7 @@ impl Session {
         Ok(())
     }
 
-    fn read_shot(&self, id: &str) -> Result<ShotFolder, SessionError> {
+    fn read_shot(&mut self, id: &str) -> Result<ShotFolder, SessionError> {
         let path = self.root.join("shots").join(id);
         let file = path.join("shot.toml");
         let own: ShotFile = if file.exists() {
@@ -203,11 +211,11 @@ impl Session {
             ShotFile::default()
         };
         let racket = match &own.racket {
-            Some(name) => Racket::read(&inside(&self.root, &file, "racket", name)?)?,
+            Some(name) => named(&inside(&self.root, &file, "racket", name)?, &mut self.racket_files, Racket::read)?,
             None => self.racket.clone(),
         };
         let ball = match &own.ball {
-            Some(name) => Ball::read(&inside(&self.root, &file, "ball", name)?)?,
+            Some(name) => named(&inside(&self.root, &file, "ball", name)?, &mut self.ball_files, Ball::read)?,
             None => self.ball.clone(),
         };
         let groups = own.groups.iter().map(|(k, v)| (k.clone(), v.as_str().map_or_else(|| v.to_string(), str::to_owned))).collect();
@@ -229,6 +237,15 @@ impl Session {
             })
             .collect()
     }
+}
+
+/// Reads a file that a shot names and remembers it.
+fn named<T>(path: &Path, files: &mut Vec<PathBuf>, read: impl Fn(&Path) -> Result<T, EquipmentError>) -> Result<T, EquipmentError> {
+    let value = read(path)?;
+    if !files.iter().any(|f| f == path) {
+        files.push(path.to_path_buf());
+    }
+    Ok(value)
 }
 
 /// Joins a user's relative path to the session folder; refuses anything that would leave it.

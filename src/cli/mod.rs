@@ -82,6 +82,16 @@ impl Shell {
         self.args.out.clone().unwrap_or_else(|| input.parent().map_or_else(PathBuf::new, Path::to_path_buf))
     }
 
+    /// Runs another command as if typed, with this shell's `--force` and cancel flag, its results going to `out`.
+    ///
+    /// For commands that chain others (`validate`, `demo`): they stay thin, and a step behaves exactly as it does by hand.
+    pub fn run_step(&self, arguments: &[&std::ffi::OsStr], out: &Path) -> Result<(), CliError> {
+        let words = std::iter::once(std::ffi::OsStr::new("sweetspot")).chain(arguments.iter().copied());
+        let cli = Cli::try_parse_from(words).map_err(|e| CliError::input(format!("this program cannot run that step: {e}")))?;
+        let args = ShellArgs { json: false, threads: None, force: self.args.force, out: Some(out.to_path_buf()) };
+        dispatch(cli.command, &Shell { args, cancelled: self.cancelled.clone() })
+    }
+
     /// A progress bar on stderr, hidden when stderr is not a terminal.
     pub fn progress(&self, total: u64, what: &'static str) -> indicatif::ProgressBar {
         if !std::io::stderr().is_terminal() {

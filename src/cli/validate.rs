@@ -1,20 +1,136 @@
 //! `sweetspot validate`.
 
 use super::Shell;
-use super::error::CliError;
-use std::path::PathBuf;
+use super::error::{CliError, Kind, existing};
+use crate::session::Session;
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
 
-/// Batch: everything that is still to do for a session, against a model
+/// The model that a session is compared with when the user names none: the rigid base of the contract.
+const RIGID_MODEL: &str = "\
+base = \"rigid\"
+
+[parameters]
+restitution = { value = 0.80, fit = true, min = 0.3, max = 1.0 }
+friction    = { value = 0.45, fit = true, min = 0.0, max = 1.5 }
+";
+
+/// Below this many measured shots the fitted model would have more free numbers than it can be judged by.
+const FEWEST_FOR_DIAGNOSIS: usize = 8;
+
+/// Batch: everything that is still to do for one or more sessions, against a model
+///
+/// Calibrates, tracks, measures the shots, compares them with the model, diagnoses and writes report.html. What an
+/// earlier run finished is kept; a shot that fails is named and the others go on.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// The session folder (holds session.toml)
-    pub session: PathBuf,
-    /// Model file
+    /// Session folders (each holds session.toml)
+    #[arg(required = true)]
+    pub sessions: Vec<PathBuf>,
+    /// Model file (default: the rigid base, written to the results as model.toml)
     #[arg(long, value_name = "F")]
-    pub model: PathBuf,
+    pub model: Option<PathBuf>,
+}
+
+/// What became of one session, for `--json`.
+#[derive(Debug, serde::Serialize)]
+struct Outcome {
+    session: PathBuf,
+    results: PathBuf,
+    shots_measured: usize,
+    /// Failures by step, in the order they happened.
+    failed: Vec<Failure>,
+}
+
+#[derive(Debug, serde::Serialize)]
+struct Failure {
+    step: &'static str,
+    reason: String,
 }
 
 pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
-    let _ = (arguments, shell);
-    Err(CliError::input("being built"))
+    if let Some(model) = &arguments.model {
+        crate::impact::Model::read(existing(model, "model file")?)?;
+    }
+    // Every session is read before the first is worked on: a slip of the pen shows at once, not after an hour.
+    let sessions: Vec<Session> = arguments.sessions.iter().map(|s| Ok(Session::open(existing(s, "session folder")?)?)).collect::<Result<_, CliError>>()?;
+    let mut outcomes = Vec::new();
+    for session in &sessions {
+        let results = place(session, sessions.len() > 1, shell);
+        shell.say(format_args!("== {} ({})", session.name, session.root.display()));
+        outcomes.push(one_session(session, &results, arguments.model.as_deref(), shell)?);
+    }
+    shell.print_json(&outcomes)?;
+    let failures: Vec<String> = outcomes.iter().flat_map(|o| o.failed.iter().map(|f| format!("{}: {}: {}", o.session.display(), f.step, f.reason))).collect();
+    if failures.is_empty() {
+        return Ok(());
+    }
+    let message = failures.join("\n");
+    Err(if outcomes.iter().any(|o| o.shots_measured > 0) { CliError::some_failed(message) } else { CliError::input(message) })
+}
+
+/// Results of a session; with several sessions and `--out`, each gets a folder of its own name there.
+fn place(session: &Session, several: bool, shell: &Shell) -> PathBuf {
+    match (&shell.args.out, several, session.root.file_name()) {
+        (Some(out), true, Some(name)) => out.join(name),
+        _ => shell.results_of_session(&session.root),
+    }
+}
+
+fn one_session(session: &Session, results: &Path, model: Option<&Path>, shell: &Shell) -> Result<Outcome, CliError> {
+    let mut outcome = Outcome { session: session.root.clone(), results: results.to_path_buf(), shots_measured: 0, failed: Vec::new() };
+    let root = session.root.as_os_str();
+    // A step that fails for some shots leaves the others to the next step; one that fails altogether ends the session.
+    for step in ["calibrate", "track", "shots"] {
+        shell.check_cancelled()?;
+        if step == "calibrate" && cfg!(not(feature = "vision")) && results.join("calibration.json").exists() {
+            continue; // a program without OpenCV works from a calibration made elsewhere
+        }
+        match shell.run_step(&[OsStr::new(step), root], results) {
+            Ok(()) => {}
+            Err(e) if e.kind == Kind::Interrupted => return Err(e),
+            Err(e) => {
+                let ends = e.kind != Kind::SomeFailed;
+                outcome.failed.push(Failure { step, reason: e.message });
+                if ends {
+                    return Ok(outcome);
+                }
+            }
+        }
+    }
+    let impacts = results.join("impacts.csv");
+    outcome.shots_measured = crate::impact_table::ImpactTable::read(&impacts)?.rows.len();
+    let model = match model {
+        Some(path) => path.to_path_buf(),
+        None => {
+            let path = results.join("model.toml");
+            if !path.exists() {
+                shell.write(&path, RIGID_MODEL.as_bytes())?;
+            }
+            path
+        }
+    };
+    let mut words: Vec<&OsStr> = vec![OsStr::new("--impacts"), impacts.as_os_str(), OsStr::new("--model"), model.as_os_str()];
+    for (flag, files) in [("--racket", &session.racket_files), ("--ball", &session.ball_files)] {
+        words.extend(files.iter().flat_map(|f| [OsStr::new(flag), f.as_os_str()]));
+    }
+    let mut steps = vec!["predict", "compare"];
+    if outcome.shots_measured >= FEWEST_FOR_DIAGNOSIS {
+        steps.push("diagnose");
+    } else {
+        shell.say(format_args!(
+            "diagnose: {} measured shots are too few to tell what a model is missing; it needs {FEWEST_FOR_DIAGNOSIS} or more, better 60",
+            outcome.shots_measured
+        ));
+    }
+    for step in steps {
+        shell.check_cancelled()?;
+        let line: Vec<&OsStr> = std::iter::once(OsStr::new(step)).chain(words.iter().copied()).collect();
+        match shell.run_step(&line, results) {
+            Ok(()) => {}
+            Err(e) if e.kind == Kind::Interrupted => return Err(e),
+            Err(e) => outcome.failed.push(Failure { step, reason: e.message }),
+        }
+    }
+    Ok(outcome)
 }

@@ -210,7 +210,7 @@ pub(super) fn cells(svg: &mut Svg, plane: &Plane, layer: &Cells) {
     for (step, d) in by_step.iter().enumerate() {
         let paint = colour(low + (high - low) * step as f64 / STEPS as f64);
         // The stroke closes the hair lines between neighbours.
-        svg.path(d, &format!("fill=\"{paint}\" stroke=\"{paint}\" stroke-width=\"0.4\""));
+        svg.path(d, &format!("fill=\"{paint}\" stroke=\"{paint}\" stroke-width=\"0.8\""));
     }
     let (x, height) = (plane.right + 8.0, (plane.bottom - plane.top).min(180.0));
     let top = plane.top + TEXT + 6.0;
@@ -237,13 +237,17 @@ pub(super) fn arrows(svg: &mut Svg, plane: &Plane, layer: &Arrows, colour: Colou
 }
 
 pub(super) fn shape(svg: &mut Svg, plane: &Plane, layer: &Shape) {
-    let d = polyline(layer.corners.iter().filter(|c| finite(**c)).map(|c| Some(plane.clamp(plane.at(*c)))));
+    let outline = |corners: &[(f64, f64)]| polyline(corners.iter().filter(|c| finite(**c)).map(|c| Some(plane.clamp(plane.at(*c)))));
+    let (mut d, hole) = (outline(&layer.corners), outline(&layer.hole));
     if d.is_empty() {
         return;
     }
+    if !hole.is_empty() {
+        let _ = write!(d, "z{hole}");
+    }
     let ink = layer.colour.map_or("currentColor".to_owned(), |c| c.to_string());
     let fill = if layer.filled { ink.as_str() } else { "none" };
-    svg.path(&format!("{d}z"), &format!("fill=\"{fill}\" stroke=\"{ink}\" stroke-width=\"{}\" opacity=\"{}\"", px(layer.width), layer.opacity));
+    svg.path(&format!("{d}z"), &format!("fill=\"{fill}\" fill-rule=\"evenodd\" stroke=\"{ink}\" stroke-width=\"{}\" opacity=\"{}\"", px(layer.width), layer.opacity));
 }
 
 pub(super) fn rule(svg: &mut Svg, plane: &Plane, layer: &Rule) {

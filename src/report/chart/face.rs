@@ -1,10 +1,14 @@
 //! The racket's face, seen from +z: tip at the top (local x points down to the handle), marker 2 to marker 3 left to right.
 //! Millimetres from the stringbed centre.
 
-use super::layer::{Label, Points, Shape, Symbol};
+use super::layer::{Points, Shape, Symbol};
+use super::palette::Colour;
 use super::plot::Chart;
 use crate::equipment::Racket;
 use std::f64::consts::TAU;
+
+/// Grey of the tube, seen on light and dark paper.
+const FRAME: Colour = Colour(0x9a, 0xa2, 0xab);
 
 /// A special point on the face: its name, local x and y in m.
 #[derive(Debug, Clone, PartialEq)]
@@ -25,13 +29,14 @@ pub fn bare(title: &str, racket: &Racket) -> Chart {
     let (half_length, half_width) = half_sizes_mm(racket);
     let com = 1000.0 * racket.com_local().x;
     Chart::new(title)
-        .size(300.0, 420.0)
+        .size(340.0, 400.0)
+        .height_from_width()
         .x("across the face", "mm")
         .y("from stringbed centre to handle", "mm")
         .x_include(-half_width - 30.0)
         .x_include(half_width + 30.0)
         .y_include(-half_length - 25.0)
-        .y_include(com.max(half_length) + 25.0)
+        .y_include(com.max(half_length) + 40.0)
         .y_reversed()
         .equal_scales()
         .without_grid()
@@ -48,16 +53,14 @@ pub fn outline(mut chart: Chart, racket: &Racket) -> Chart {
         chart = chart.add(Shape::new(&[(y, -reach_x), (y, reach_x)]).width(0.5).opacity(0.22));
         chart = chart.add(Shape::new(&[(-reach_y, x), (reach_y, x)]).width(0.5).opacity(0.22));
     }
-    chart = chart.add(Shape::new(&ellipse(a, b)).width(1.2).opacity(0.75));
-    chart = chart.add(Shape::new(&ellipse(a + 2.0 * tube, b + 2.0 * tube)).width(1.2).opacity(0.75));
     // The throat's two arms run from the head's flanks to the handle.
     let com = 1000.0 * racket.com_local().x;
     for side in [-1.0, 1.0] {
-        let start = (side * 0.62 * (b + 2.0 * tube), 0.785 * (a + 2.0 * tube));
-        chart = chart.add(Shape::new(&[start, (side * 16.0, com.max(a) + 22.0)]).width(1.2).opacity(0.5));
+        let start = (side * 0.62 * (b + tube), 0.785 * (a + tube));
+        chart = chart.add(Shape::new(&[start, (side * 14.0, com.max(a) + 40.0)]).width(3.0).colour(FRAME));
     }
-    let name = Points::new(&[(0.0, com)]).symbol(Symbol::Plus).size(8.0).colour(super::Colour::GREY);
-    chart.add(name).add(Label::new((6.0, com + 4.0), "centre of mass"))
+    chart = chart.add(Shape::new(&ellipse(a + 2.0 * tube, b + 2.0 * tube)).hole(&ellipse(a, b)).filled().width(0.6).colour(FRAME));
+    chart.add(Points::new(&[(0.0, com)]).symbol(Symbol::Plus).size(9.0).colour(Colour::GREY).name("centre of mass"))
 }
 
 /// Marks special points (sweet spots) with their names.
@@ -79,7 +82,7 @@ pub fn cells(racket: &Racket, across: usize) -> (Vec<(f64, f64)>, f64) {
     for i in -rows..=rows {
         for j in -columns..=columns {
             let (x, y) = (f64::from(i) * side, f64::from(j) * side);
-            if (x / a).powi(2) + (y / b).powi(2) <= 1.0 {
+            if (x / (a + 0.6 * side)).powi(2) + (y / (b + 0.6 * side)).powi(2) <= 1.0 {
                 at.push((y, x));
             }
         }

@@ -13,8 +13,8 @@ pub fn bin_edges<'a>(values: impl IntoIterator<Item = &'a f64>) -> Vec<f64> {
     let n = sorted.len();
     let iqr = sorted[(3 * n / 4).min(n - 1)] - sorted[n / 4];
     let span = if high > low { high - low } else { 0.1 * low.abs().max(1e-3) };
-    // Between four and forty bins, however odd the sample.
-    let wanted = (2.0 * iqr / (n as f64).cbrt()).clamp(span / 40.0, span / 4.0);
+    // Between eight and forty bins, however odd the sample (a mixture of groups has a wide quartile range).
+    let wanted = (2.0 * iqr / (n as f64).cbrt()).clamp(span / 40.0, span / 10.0);
     let width = step(wanted, 1);
     let first = (low / width).floor();
     let count = ((high / width).floor() - first + 1.0).clamp(1.0, 100.0) as usize;

@@ -232,6 +232,7 @@ impl Arrows {
 #[derive(Debug, Clone)]
 pub struct Shape {
     pub(super) corners: Vec<(f64, f64)>,
+    pub(super) hole: Vec<(f64, f64)>,
     pub(super) width: f64,
     pub(super) opacity: f64,
     pub(super) filled: bool,
@@ -241,7 +242,7 @@ pub struct Shape {
 
 impl Shape {
     pub fn new(corners: &[(f64, f64)]) -> Self {
-        Shape { corners: corners.to_vec(), width: 1.2, opacity: 1.0, filled: false, name: String::new(), colour: None }
+        Shape { corners: corners.to_vec(), hole: Vec::new(), width: 1.2, opacity: 1.0, filled: false, name: String::new(), colour: None }
     }
     pub fn width(mut self, width: f64) -> Self {
         self.width = width;
@@ -249,6 +250,11 @@ impl Shape {
     }
     pub fn opacity(mut self, opacity: f64) -> Self {
         self.opacity = opacity;
+        self
+    }
+    /// Cuts a hole out of the filling.
+    pub fn hole(mut self, corners: &[(f64, f64)]) -> Self {
+        self.hole = corners.to_vec();
         self
     }
     pub fn filled(mut self) -> Self {

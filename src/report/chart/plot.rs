@@ -4,7 +4,7 @@ use super::axis::{Axis, Scale};
 use super::draw::{self, Plane, arrow, marks, stroke};
 use super::layer::{Layer, extent};
 use super::palette::{Colour, SERIES};
-use super::svg::{Anchor, Svg, TEXT, px, shorten, text_width, wrap};
+use super::svg::{Anchor, Svg, TEXT, px, shorten, text_width};
 use std::fmt::Write;
 
 /// Where the legend stands.
@@ -25,6 +25,7 @@ pub struct Chart {
     x: Axis,
     y: Axis,
     equal: bool,
+    own_height: bool,
     identity: bool,
     grid: bool,
     legend: Legend,
@@ -42,6 +43,7 @@ impl Chart {
             x: Axis::default(),
             y: Axis::default(),
             equal: false,
+            own_height: false,
             identity: false,
             grid: true,
             legend: Legend::Above,
@@ -116,6 +118,11 @@ impl Chart {
         self.equal = true;
         self
     }
+    /// One unit is as long on both axes, and the height follows from the width.
+    pub fn height_from_width(mut self) -> Self {
+        (self.equal, self.own_height) = (true, true);
+        self
+    }
     /// Draws y = x and gives both axes the same range.
     pub fn identity_line(mut self) -> Self {
         self.identity = true;
@@ -138,13 +145,15 @@ impl Chart {
 
     /// The figure as a complete SVG element.
     pub fn to_svg(&self) -> String {
-        let mut svg = Svg::new(self.width, self.height, &self.title, &self.description);
-        let mut top = 4.0;
-        for line in wrap(&self.title, TEXT + 1.0, self.width - 8.0, 2) {
-            top += TEXT + 3.0;
-            svg.text(4.0, top - 2.0, Anchor::Start, &line, &format!("font-weight=\"600\" font-size=\"{}\"", px(TEXT + 1.0)));
+        if self.own_height {
+            let top = self.draw_head(&mut Svg::new(self.width, self.height, "", ""));
+            let plane = Chart { equal: false, ..self.clone() }.plane(top);
+            let unit = (plane.right - plane.left) / (plane.x.high - plane.x.low);
+            let height = self.height - (plane.bottom - plane.top) + unit * (plane.y.high - plane.y.low);
+            return Chart { own_height: false, ..self.clone() }.size(self.width, height).to_svg();
         }
-        let top = self.draw_legend(&mut svg, top) + 8.0;
+        let mut svg = Svg::new(self.width, self.height, &self.title, &self.description);
+        let top = self.draw_head(&mut svg);
         let plane = self.plane(top);
         self.draw_axes(&mut svg, &plane);
         let mut next = 0;
@@ -153,6 +162,12 @@ impl Chart {
         }
         self.draw_notes(&mut svg, &plane);
         svg.finish()
+    }
+
+    /// Title and legend; returns where the plane begins.
+    fn draw_head(&self, svg: &mut Svg) -> f64 {
+        let top = svg.heading(&self.title, self.width);
+        self.draw_legend(svg, top) + 8.0
     }
 
     fn data_range(&self, pick: impl Fn(&(f64, f64)) -> f64) -> Option<(f64, f64)> {

@@ -3,7 +3,7 @@
 use super::draw::{arrow, marks, stroke};
 use super::layer::Symbol;
 use super::palette::{Colour, SERIES};
-use super::svg::{Anchor, Svg, TEXT, polyline, px, shorten, text_width, wrap};
+use super::svg::{Anchor, Svg, TEXT, polyline, px, shorten, text_width};
 use nalgebra::{Point3, Vector3};
 
 const AZIMUTH_RAD: f64 = 0.55;
@@ -90,17 +90,13 @@ impl Scene {
             Item::Text { at, .. } => vec![*at],
             Item::Arrow { from, to, .. } => vec![*from, *to],
         });
-        each.filter(|p| p.coords.iter().all(|c| c.is_finite() && c.abs() < 1e6)).collect()
+        each.filter(finite).collect()
     }
 
     pub fn to_svg(&self) -> String {
         let mut svg = Svg::new(self.width, self.height, &self.title, &self.description);
-        let mut top = 4.0;
-        for line in wrap(&self.title, TEXT + 1.0, self.width - 8.0, 2) {
-            top += TEXT + 3.0;
-            svg.text(4.0, top - 2.0, Anchor::Start, &line, &format!("font-weight=\"600\" font-size=\"{}\"", px(TEXT + 1.0)));
-        }
-        top = self.draw_legend(&mut svg, top) + 8.0;
+        let top = svg.heading(&self.title, self.width);
+        let top = self.draw_legend(&mut svg, top) + 14.0;
         let points = self.all_points();
         let Some(ground) = Ground::below(&points) else {
             return svg.finish();
@@ -116,6 +112,13 @@ impl Scene {
             (shift.0 + unit * (x - x0), shift.1 - unit * (y - y0))
         };
         ground.draw(&mut svg, &at, &self.axes, self.width);
+        // Each path's shadow on the floor: without it an oblique view says little about depth.
+        for item in &self.items {
+            if let Item::Path { through, closed: false, name, .. } = item && !name.is_empty() {
+                let shadow = through.iter().map(|p| finite(p).then(|| at(&Point3::new(p.x, ground.low.y, p.z))));
+                svg.path(&polyline(shadow), "fill=\"none\" stroke=\"currentColor\" stroke-opacity=\"0.35\" stroke-dasharray=\"1.5 2.5\"");
+            }
+        }
         for item in &self.items {
             draw(&mut svg, item, &at, self.width);
         }
@@ -165,8 +168,11 @@ fn project(p: &Point3<f64>) -> (f64, f64) {
     (right, p.y * cos_e - toward * sin_e)
 }
 
+fn finite(p: &Point3<f64>) -> bool {
+    p.coords.iter().all(|c| c.is_finite() && c.abs() < 1e6)
+}
+
 fn draw(svg: &mut Svg, item: &Item, at: &impl Fn(&Point3<f64>) -> (f64, f64), width: f64) {
-    let finite = |p: &Point3<f64>| p.coords.iter().all(|c| c.is_finite() && c.abs() < 1e6);
     match item {
         Item::Path { through, closed, width, dashed, colour, .. } => {
             let d = polyline(through.iter().map(|p| finite(p).then(|| at(p))));

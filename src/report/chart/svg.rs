@@ -105,6 +105,16 @@ impl Svg {
         self.out
     }
 
+    /// The title in bold at the top; returns its lower edge.
+    pub fn heading(&mut self, title: &str, width: f64) -> f64 {
+        let mut top = 4.0;
+        for line in wrap(title, 1.08 * (TEXT + 1.0), width - 8.0, 2) {
+            top += TEXT + 3.0;
+            self.text(4.0, top - 2.0, Anchor::Start, &line, &format!("font-weight=\"600\" font-size=\"{}\"", px(TEXT + 1.0)));
+        }
+        top
+    }
+
     /// A path with the given presentation attributes; nothing when `d` is empty.
     pub fn path(&mut self, d: &str, attributes: &str) {
         if !d.is_empty() {

@@ -5,9 +5,12 @@
 //! `None` when it has no data; [`page`] puts sections together. Text that a user wrote is escaped on the way in.
 
 pub mod chart;
+mod column;
 mod markup;
+mod model_reports;
 mod page;
 pub mod sections;
 
 pub use markup::escape;
+pub use model_reports::{comparison_report, diagnosis_report};
 pub use page::{Layout, Report, Section, Table, Tone};

@@ -8,5 +8,6 @@ mod cli;
 mod layout;
 mod report;
 mod report_gallery;
+mod report_mock;
 mod shared;
 mod spin;

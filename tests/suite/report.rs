@@ -1,8 +1,10 @@
 //! The report: well-formed, self-contained, safe with hostile names, small.
 
+use super::report_mock::{comparison, diagnosis, ledger_entry};
 use sweetspot::equipment::{Head, Racket, Strings};
 use sweetspot::report::chart::{Chart, Points, Scene};
-use sweetspot::report::{Report, Section, Table};
+use sweetspot::report::{Report, Section, Table, comparison_report, diagnosis_report};
+use sweetspot::validation::Verdict;
 
 /// A name as an unkind user might write it.
 pub const HOSTILE: &str = "</title><script>alert('x')</script>\"&<svg onload=x>\u{0}\u{202e}]]>%s{{x}}";
@@ -89,4 +91,37 @@ fn law_heavy_scatter_stays_small() {
     let svg = Chart::new("900 points").add(Points::new(&many).x_error(&vec![0.2; 900]).y_error(&vec![0.2; 900])).to_svg();
     // 12 outputs against 14 inputs must fit in 5 MB.
     assert!(svg.len() * 12 * 14 < 5_000_000, "{} bytes", svg.len());
+}
+
+fn keep(name: &str, page: &str) {
+    std::fs::write(std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join(name), page).unwrap();
+}
+
+#[test]
+fn law_model_reports_hold_every_section_with_plain_and_hostile_names() {
+    let racket = racket("r");
+    for (file, name) in [("plain", "frame-vibration"), ("hostile", HOSTILE)] {
+        let (before, after) = (comparison(60, 0.8, name), comparison(60, 0.0, name));
+        let steps = [ledger_entry("first model", 1.8, name), ledger_entry(&format!("added {name}"), 1.05, name), ledger_entry("fitted", 1.01, name)];
+        let path: Vec<_> = steps.iter().collect();
+        let page = comparison_report(name, &after, Some(&racket), &path, Some(&before));
+        assert_page(&page);
+        keep(&format!("compare-{file}.html"), &page);
+        for verdict in [Verdict::Adequate, Verdict::EffectMissing, Verdict::Unexplained] {
+            let d = diagnosis(verdict, name);
+            let page = diagnosis_report(name, &d, Some(&before), Some(&after), Some(&racket), &path);
+            assert_page(&page);
+            assert_eq!(page, diagnosis_report(name, &d, Some(&before), Some(&after), Some(&racket), &path));
+            keep(&format!("diagnose-{file}-{verdict}.html"), &page);
+            assert_page(&diagnosis_report(name, &d, None, None, None, &[]));
+        }
+        assert_page(&comparison_report(name, &before, None, &[], None));
+    }
+}
+
+#[test]
+fn law_a_report_of_900_impacts_stays_below_5_mb() {
+    let page = comparison_report("large", &comparison(900, 0.5, "rigid"), Some(&racket("r")), &[], None);
+    assert_page(&page);
+    keep("compare-900.html", &page);
 }

@@ -5,7 +5,7 @@ use super::report::{assert_page, racket};
 use nalgebra::{Point3, Vector3};
 use rand::{Rng, SeedableRng};
 use rand_distr::StandardNormal;
-use sweetspot::report::chart::{Arrows, Band, Bars, Cells, Chart, Colour, Line, Points, Rule, SERIES, Scene, Symbol, bin_edges, face, histogram, local_linear};
+use sweetspot::report::chart::{Arrows, Band, Bars, Cells, Chart, Colour, Line, Points, Rule, SERIES, Scene, Symbol, bin_edges, face, histogram};
 use sweetspot::report::{Layout, Report, Section, Table, Tone};
 
 fn gallery() -> String {
@@ -25,14 +25,16 @@ fn gallery() -> String {
             (x, 0.0004 * x * x + noise(1.0))
         })
         .collect();
-    let smooth = local_linear(&many, 0.4, 60).unwrap();
+    let smooth = sweetspot::validation::smooth::smooth(&many, 60).unwrap();
+    let line: Vec<(f64, f64)> = smooth.x.iter().copied().zip(smooth.mean.iter().copied()).collect();
+    let band: Vec<(f64, f64, f64)> = (0..smooth.x.len()).map(|i| (smooth.x[i], smooth.low[i], smooth.high[i])).collect();
     let residual = Chart::new("Residual against impact position along the racket, a title that needs two lines")
         .x("impact_x", "mm")
         .y("residual", "own sd")
         .y_range(-4.0, 4.0)
         .add(Points::new(&many).name("impacts").colour(Colour::GREY))
-        .add(Band::new(&smooth.band()).name("95 % band").colour(Colour::ORANGE))
-        .add(Line::new(&smooth.line()).name("local mean").colour(Colour::ORANGE))
+        .add(Band::new(&band).name("95 % band").colour(Colour::ORANGE))
+        .add(Line::new(&line).name("local mean").colour(Colour::ORANGE))
         .add(Rule::horizontal(0.0).solid())
         .to_svg();
     let groups: Vec<Vec<f64>> = [(16.0, 3.0), (6.2, 4.2), (-4.4, 2.9)].iter().map(|(m, s)| (0..80).map(|_| m + noise(*s)).collect()).collect();

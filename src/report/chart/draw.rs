@@ -247,7 +247,10 @@ pub(super) fn shape(svg: &mut Svg, plane: &Plane, layer: &Shape) {
     }
     let ink = layer.colour.map_or("currentColor".to_owned(), |c| c.to_string());
     let fill = if layer.filled { ink.as_str() } else { "none" };
-    svg.path(&format!("{d}z"), &format!("fill=\"{fill}\" fill-rule=\"evenodd\" stroke=\"{ink}\" stroke-width=\"{}\" opacity=\"{}\"", px(layer.width), layer.opacity));
+    svg.path(
+        &format!("{d}z"),
+        &format!("fill=\"{fill}\" fill-rule=\"evenodd\" stroke=\"{ink}\" stroke-width=\"{}\" opacity=\"{}\"", px(layer.width), layer.opacity),
+    );
 }
 
 pub(super) fn rule(svg: &mut Svg, plane: &Plane, layer: &Rule) {

@@ -25,7 +25,6 @@ mod layer;
 mod palette;
 mod plot;
 mod scene;
-mod smooth;
 mod svg;
 
 pub use histogram::{bin_edges, histogram};
@@ -33,4 +32,3 @@ pub use layer::{Arrows, Band, Bars, Cells, Label, Layer, Line, Points, Rule, Sha
 pub use palette::{Colour, SERIES, diverging, sequential};
 pub use plot::{Chart, Legend};
 pub use scene::Scene;
-pub use smooth::{Smooth, local_linear};

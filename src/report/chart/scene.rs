@@ -114,7 +114,9 @@ impl Scene {
         ground.draw(&mut svg, &at, &self.axes, self.width);
         // Each path's shadow on the floor: without it an oblique view says little about depth.
         for item in &self.items {
-            if let Item::Path { through, closed: false, name, .. } = item && !name.is_empty() {
+            if let Item::Path { through, closed: false, name, .. } = item
+                && !name.is_empty()
+            {
                 let shadow = through.iter().map(|p| finite(p).then(|| at(&Point3::new(p.x, ground.low.y, p.z))));
                 svg.path(&polyline(shadow), "fill=\"none\" stroke=\"currentColor\" stroke-opacity=\"0.35\" stroke-dasharray=\"1.5 2.5\"");
             }

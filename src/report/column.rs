@@ -1,0 +1,49 @@
+//! Columns of the impacts table as people read them: words, unit and scale.
+
+use crate::impact_table::unit;
+
+/// A column's name in words, the unit it is shown in, and the factor from SI to that unit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ColumnWords {
+    pub words: String,
+    pub unit: &'static str,
+    pub factor: f64,
+}
+
+/// Words for a column of the impacts table; an unknown column keeps its own name.
+pub fn column_words(column: &str) -> ColumnWords {
+    let plain = |words: &str, unit, factor| ColumnWords { words: words.to_owned(), unit, factor };
+    match column {
+        "impact_x" => return plain("impact position x", "mm", 1000.0),
+        "impact_y" => return plain("impact position y", "mm", 1000.0),
+        "grip_torque" => return plain("grip torque", "N m", 1.0),
+        "contact_time" => return plain("contact time", "ms", 1000.0),
+        _ => {}
+    }
+    let parts: Vec<&str> = column.split('_').collect();
+    let (body, side, kind) = match parts.as_slice() {
+        [body @ ("ball" | "racket"), side @ ("in" | "out"), kind] if kind.len() == 2 => (*body, *side, *kind),
+        _ => return plain(column, unit(column), 1.0),
+    };
+    let when = if side == "in" { "before" } else { "after" };
+    let quantity = match (body, kind.starts_with('w')) {
+        ("ball", true) => "ball spin",
+        ("ball", false) => "ball velocity",
+        (_, true) => "racket rate",
+        (_, false) => "racket velocity",
+    };
+    plain(&format!("{quantity} {} {when}", &kind[1..]), unit(column), 1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn truth_columns_read_as_words() {
+        assert_eq!(column_words("ball_out_vz").words, "ball velocity z after");
+        assert_eq!(column_words("racket_in_wy").unit, "rad/s");
+        assert_eq!(column_words("impact_x").factor, 1000.0);
+        assert_eq!(column_words("player").words, "player");
+    }
+}

@@ -1,0 +1,51 @@
+//! The comparison's verdict in words, with the figures that matter.
+
+use crate::report::column::column_words;
+use crate::report::markup::{fixed, percent, significant};
+use crate::report::page::{Section, Tone};
+use crate::validation::Comparison;
+use crate::validation::comparison::OutputSummary;
+
+/// Verdict, cards and notes of a comparison.
+pub fn comparison_verdict(c: &Comparison) -> Section {
+    let adequate = c.verdict == "adequate";
+    let mut lines = vec![if adequate {
+        format!("The model “{}” is adequate: nothing in these {} impacts speaks against it beyond their noise.", c.model, c.n_impacts)
+    } else {
+        format!("The model “{}” is not adequate: its errors on these {} impacts have structure that noise does not explain.", c.model, c.n_impacts)
+    }];
+    lines.push(format!(
+        "With its free parameters at their best, the error on {} impacts that the fit never saw is {} of the noise (as its file states them: {}); a model without fault would have {}.",
+        c.n_held_out,
+        fixed(c.heldout_error_refitted, 2),
+        fixed(c.heldout_error, 2),
+        fixed(c.noise_floor, 2)
+    ));
+    if let Some(worst) = worst(&c.outputs) {
+        let w = column_words(&worst.name);
+        lines.push(format!(
+            "Furthest from its noise: {}, rms error {} {u} where the noise is {} {u}.",
+            w.words,
+            significant(w.factor * worst.rmse, 3),
+            significant(w.factor * worst.noise_sd, 3),
+            u = w.unit
+        ));
+    }
+    let p = if c.structure.p_value < 0.001 { "p < 0.001".to_owned() } else { format!("p = {}", fixed(c.structure.p_value, 3)) };
+    lines.push(format!(
+        "Structure test: {p} ({} directions looked at, wild bootstrap). A sound model is called inadequate in {} of tables, by design.",
+        c.structure.rank,
+        percent(c.false_alarm_rate)
+    ));
+    let cards = [
+        (fixed(c.heldout_error_refitted, 2), "held-out error, in units of the noise (fitted)".to_owned()),
+        (fixed(c.noise_floor, 2), "noise floor on this data".to_owned()),
+        (format!("{} + {}", c.n_impacts.saturating_sub(c.n_held_out), c.n_held_out), "impacts to fit + held out".to_owned()),
+    ];
+    Section::new("verdict", "Verdict").verdict(if adequate { Tone::Good } else { Tone::Bad }, &lines).cards(&cards).list(&c.notes)
+}
+
+/// The output furthest above its noise.
+fn worst(outputs: &[OutputSummary]) -> Option<&OutputSummary> {
+    outputs.iter().filter(|o| o.chi2_reduced.is_finite()).max_by(|a, b| a.chi2_reduced.total_cmp(&b.chi2_reduced))
+}

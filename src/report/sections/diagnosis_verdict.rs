@@ -1,0 +1,32 @@
+//! The diagnosis in words: is something missing, and what.
+
+use crate::report::markup::{fixed, percent};
+use crate::report::page::{Section, Tone};
+use crate::validation::diagnosis::{Diagnosis, Verdict};
+
+/// Verdict, the answer's sentences and the figures that matter.
+pub fn diagnosis_verdict(d: &Diagnosis) -> Section {
+    let (tone, head) = match d.verdict {
+        Verdict::Adequate => (Tone::Good, format!("Nothing is missing that these {} impacts could show.", d.n_impacts)),
+        Verdict::EffectMissing if d.recommended.is_empty() => (Tone::Bad, "The model is missing an effect.".to_owned()),
+        Verdict::EffectMissing => (Tone::Bad, format!("The model is missing {}.", d.recommended.join(" and "))),
+        Verdict::Unexplained => (Tone::Doubt, "The model fails, and no effect of the catalogue explains why.".to_owned()),
+    };
+    let mut lines = vec![head];
+    lines.extend(d.words.iter().cloned());
+    if let Some(name) = &d.other_form {
+        lines.push(format!("It acts like {name}, but not with the catalogue's formula: see the better form below."));
+    }
+    let best = d.candidates.first().filter(|_| d.verdict != Verdict::Adequate);
+    let mut cards = vec![(fixed(d.heldout_error, 2), "held-out error now (1 = the stated noise)".to_owned())];
+    match (&d.together, best) {
+        (Some(t), _) => cards.push((fixed(t.heldout_error_after, 2), format!("with {}", t.effects.join(" and ")))),
+        (None, Some(c)) => cards.push((fixed(c.heldout_error_after, 2), format!("with {}", c.effect))),
+        _ => {}
+    }
+    cards.push((fixed(d.noise_floor, 2), "noise floor".to_owned()));
+    if let Some(c) = best {
+        cards.push((percent(c.probability), format!("probability of {}", c.effect)));
+    }
+    Section::new("verdict", "Verdict").verdict(tone, &lines).cards(&cards).list(&d.notes)
+}

@@ -1,0 +1,114 @@
+//! The error falls: the staircase from the first model to the noise floor, and the pictures before and after.
+
+use super::residuals::{Trend, panel, trends};
+use crate::report::chart::{Bars, Chart, Colour, Points, Rule, Symbol};
+use crate::report::markup::{fixed, with_sd};
+use crate::report::page::{Layout, Section, Table};
+use crate::validation::{Comparison, LedgerEntry};
+
+/// Trends shown before and after.
+const PAIRS: usize = 4;
+
+/// `path`: the versions from the first to this one, measured on the same data. `before` and `after`: the comparisons of an
+/// earlier and the present version, for the small multiples.
+pub fn ledger(path: &[&LedgerEntry], before: Option<&Comparison>, after: Option<&Comparison>) -> Option<Section> {
+    if path.len() < 2 && (before.is_none() || after.is_none()) {
+        return None;
+    }
+    let mut section = Section::new("ledger", "The error falls");
+    if path.len() >= 2 {
+        section = section.figure(
+            &staircase(path),
+            "Error on the same held-out impacts, version by version; dashed: what a model without fault would show on this data. Dots: error on the impacts the fit used.",
+        );
+        section = section.table(table(path));
+        let refused: Vec<String> = path
+            .iter()
+            .flat_map(|e| e.refused.iter())
+            .map(|r| {
+                format!(
+                    "{} was tried and refused: {} (held-out error {} → {})",
+                    r.effect,
+                    r.reason,
+                    fixed(r.heldout_error_before, 3),
+                    fixed(r.heldout_error_after, 3)
+                )
+            })
+            .collect();
+        section = section.list(&refused);
+    }
+    if let (Some(before), Some(after)) = (before, after) {
+        let figures = before_and_after(before, after);
+        if !figures.is_empty() {
+            section = section.heading("The same residuals, before and after").figures(Layout::Small, &figures);
+        }
+    }
+    Some(section)
+}
+
+fn step_name(e: &LedgerEntry) -> String {
+    e.step.strip_prefix("added ").map_or_else(|| e.step.clone(), |effect| format!("+ {effect}"))
+}
+
+fn staircase(path: &[&LedgerEntry]) -> String {
+    let names: Vec<String> = path.iter().map(|e| step_name(e)).collect();
+    let bars: Vec<(f64, f64, f64)> = path.iter().enumerate().map(|(i, e)| (i as f64 - 0.5, i as f64 + 0.5, e.heldout_error)).collect();
+    let fit: Vec<(f64, f64)> = path.iter().enumerate().map(|(i, e)| (i as f64, e.fit_error)).collect();
+    let floor = path.last().map_or(1.0, |e| e.noise_floor);
+    let (first, last) = (path.first().map_or(f64::NAN, |e| e.heldout_error), path.last().map_or(f64::NAN, |e| e.heldout_error));
+    Chart::new("Error on impacts no fit has seen")
+        .describe(&format!(
+            "The held-out error goes from {} to {} in {} steps; the noise floor is {}.",
+            fixed(first, 2),
+            fixed(last, 2),
+            path.len() - 1,
+            fixed(floor, 2)
+        ))
+        .size((120.0 + 85.0 * path.len() as f64).clamp(300.0, 760.0), 270.0)
+        .x_categories(&names)
+        .y("rms residual, noise = 1", "")
+        .y_include(0.0)
+        .add(Bars::new(&bars).name("held out").colour(Colour::BLUE))
+        .add(Points::new(&fit).symbol(Symbol::Diamond).size(7.0).name("impacts of the fit").colour(Colour::ORANGE))
+        .add(Rule::horizontal(floor).name("noise floor"))
+        .to_svg()
+}
+
+fn table(path: &[&LedgerEntry]) -> Table {
+    let mut table = Table::new("Versions of the model")
+        .column("step")
+        .numbers("held-out error")
+        .numbers("fit error")
+        .column("verdict")
+        .column("parameters (± sd)")
+        .column("file")
+        .column("date");
+    for e in path {
+        let parameters: Vec<String> = e.parameters.iter().map(|p| format!("{} {}", p.name, with_sd(p.value, p.sd))).collect();
+        table = table.row(&[
+            step_name(e),
+            fixed(e.heldout_error, 3),
+            fixed(e.fit_error, 3),
+            e.verdict.clone(),
+            parameters.join(", "),
+            e.model_file.clone(),
+            e.date.clone(),
+        ]);
+    }
+    table
+}
+
+fn before_and_after(before: &Comparison, after: &Comparison) -> Vec<(String, String)> {
+    let (mut old, new) = (trends(before), trends(after));
+    old.sort_by(|a, b| b.strength.total_cmp(&a.strength));
+    let twin = |t: &Trend| new.iter().position(|n| n.output == t.output && n.input == t.input);
+    let mut figures = Vec::new();
+    for t in old.iter().take(PAIRS) {
+        let Some(n) = twin(t) else { continue };
+        let every = t.points.len().div_ceil(900).max(1);
+        let output = crate::report::column::column_words(&t.output).words;
+        figures.push((panel(t, every, (210.0, 170.0)), format!("{output}, before")));
+        figures.push((panel(&new[n], every, (210.0, 170.0)), format!("{output}, after")));
+    }
+    figures
+}

@@ -1,0 +1,78 @@
+//! Where the model fails: ranges of an input over which an output is off, in words, a table and pictures.
+
+use super::residuals::{Trend, trends};
+use crate::report::chart::{Band, Chart, Colour, Legend, Line, Points, Rule, Shape};
+use crate::report::column::column_words;
+use crate::report::markup::{fixed, significant};
+use crate::report::page::{Layout, Section, Table};
+use crate::validation::Comparison;
+use crate::validation::diagnosis::{Diagnosis, Place};
+
+/// Pictures drawn; the table lists all.
+const DRAWN: usize = 6;
+
+/// `comparison` gives the points behind the pictures; without it words and table stand alone.
+pub fn places(d: &Diagnosis, comparison: Option<&Comparison>) -> Option<Section> {
+    if d.places.is_empty() {
+        return None;
+    }
+    let trends = comparison.map(trends).unwrap_or_default();
+    let drawn = d.places.iter().take(DRAWN).filter_map(|p| {
+        let trend = trends.iter().find(|t| t.output == p.output && t.input == p.input)?;
+        Some((picture(p, trend, comparison?), p.words.clone()))
+    });
+    let drawn: Vec<(String, String)> = drawn.collect();
+    let mut table = Table::new("Measured less predicted, inside the range and elsewhere; p counts all ranges looked at.")
+        .column("output")
+        .column("where")
+        .numbers("mean there")
+        .column("95 % interval")
+        .numbers("elsewhere")
+        .column("unit")
+        .numbers("impacts")
+        .numbers("p");
+    for p in &d.places {
+        let (o, i) = (column_words(&p.output), column_words(&p.input));
+        let show = |v: f64| significant(o.factor * v, 3);
+        let range = format!("{} {} to {} {}", i.words, significant(i.factor * p.from, 3), significant(i.factor * p.to, 3), i.unit);
+        let interval = format!("{} to {}", show(p.ci_low), show(p.ci_high));
+        let odds = if p.p_value < 0.001 { "< 0.001".to_owned() } else { fixed(p.p_value, 3) };
+        table = table.row(&[o.words.clone(), range, show(p.mean_residual), interval, show(p.mean_elsewhere), o.unit.to_owned(), p.n.to_string(), odds]);
+    }
+    let mut section = Section::new("where", "Where it fails");
+    if drawn.is_empty() {
+        section = section.list(&d.places.iter().map(|p| p.words.clone()).collect::<Vec<_>>());
+    }
+    Some(section.figures(Layout::Normal, &drawn).table(table))
+}
+
+fn picture(p: &Place, trend: &Trend, comparison: &Comparison) -> String {
+    let (o, i) = (column_words(&p.output), column_words(&p.input));
+    // Back from own deviations to the output's unit: the typical deviation scales the smooth, the points have their own.
+    let scale = comparison.outputs.iter().find(|s| s.name == p.output).map_or(1.0, |s| o.factor * s.noise_sd);
+    let at: Vec<(f64, f64)> = trend.points.iter().map(|(x, z)| (*x, z * scale)).collect();
+    let mut sizes: Vec<f64> = at.iter().map(|a| a.1.abs()).filter(|v| v.is_finite()).collect();
+    sizes.sort_by(f64::total_cmp);
+    let usual = sizes.get(sizes.len() * 97 / 100).copied().unwrap_or(1.0);
+    let reach = (1.4 * usual).max(1.3 * (o.factor * p.ci_low).abs().max((o.factor * p.ci_high).abs())).max(1e-12);
+    let (from, to) = (i.factor * p.from, i.factor * p.to);
+    let low = trend.points.iter().map(|a| a.0).filter(|v| v.is_finite()).fold(f64::INFINITY, f64::min);
+    let high = trend.points.iter().map(|a| a.0).filter(|v| v.is_finite()).fold(f64::NEG_INFINITY, f64::max);
+    let (from, to) = (from.max(low), to.min(high));
+    let mut chart = Chart::new(&format!("{} against {}", o.words, i.words))
+        .describe(&p.words)
+        .size(340.0, 240.0)
+        .x(&i.words, i.unit)
+        .y("measured − predicted", o.unit)
+        .y_range(-reach, reach)
+        .legend(Legend::Hidden)
+        .add(Shape::new(&[(from, -reach), (to, -reach), (to, reach), (from, reach)]).filled().opacity(0.14).colour(Colour::AMBER))
+        .add(Points::new(&at).colour(Colour::GREY));
+    if let Some(c) = &trend.curve {
+        let band: Vec<(f64, f64, f64)> = (0..c.x.len()).map(|k| (c.x[k], scale * c.low[k], scale * c.high[k])).collect();
+        let line: Vec<(f64, f64)> = c.x.iter().copied().zip(c.mean.iter().map(|m| scale * m)).collect();
+        chart = chart.add(Band::new(&band).colour(Colour::BLUE)).add(Line::new(&line).colour(Colour::BLUE));
+    }
+    let level = o.factor * p.mean_residual;
+    chart.add(Rule::horizontal(0.0).solid()).add(Line::new(&[(from, level), (to, level)]).colour(Colour::ORANGE).width(3.0)).to_svg()
+}

@@ -1,0 +1,136 @@
+//! Residuals in units of their own deviation against every input, with a smooth and its 95 % band: where the model fails.
+
+use super::agreement::points_of;
+use crate::report::chart::{Band, Cells, Chart, Colour, Legend, Line, Points, Rule};
+use crate::report::column::column_words;
+use crate::report::markup::fixed;
+use crate::report::page::{Layout, Section};
+use crate::validation::Comparison;
+use crate::validation::smooth::{SmoothCurve, smooth};
+
+/// Points drawn on all residual panels together; above it every k-th impact is drawn (the smooth uses all).
+const MOST_MARKS: usize = 100_000;
+const CURVE_POINTS: usize = 41;
+/// Panels shown at once, those with the clearest trend; the rest is behind a click.
+const SHOWN: usize = 6;
+
+/// A residual panel in data form.
+pub(super) struct Trend {
+    pub output: String,
+    pub input: String,
+    /// (input in its shown unit, standardised residual)
+    pub points: Vec<(f64, f64)>,
+    pub curve: Option<SmoothCurve>,
+    /// Greatest distance of the smooth from zero in half-widths of its band: above 1 somewhere, the band leaves zero.
+    pub strength: f64,
+}
+
+/// All pairs of output and varied input.
+pub(super) fn trends(comparison: &Comparison) -> Vec<Trend> {
+    let mut inputs: Vec<&str> = Vec::new();
+    for c in &comparison.residual_curves {
+        if !inputs.contains(&c.input.as_str()) {
+            inputs.push(&c.input);
+        }
+    }
+    let mut all = Vec::new();
+    for o in &comparison.outputs {
+        let points = points_of(comparison, &o.name);
+        for input in &inputs {
+            let Some(j) = comparison.input_names.iter().position(|n| n == input) else { continue };
+            let factor = column_words(input).factor;
+            let at: Vec<(f64, f64)> = points.iter().filter_map(|(i, p)| i.inputs.get(j).map(|x| (factor * x, p.standardised()))).collect();
+            let curve = smooth(&at, CURVE_POINTS);
+            let strength = curve.as_ref().map_or(0.0, strength);
+            all.push(Trend { output: o.name.clone(), input: (*input).to_owned(), points: at, curve, strength });
+        }
+    }
+    all
+}
+
+fn strength(curve: &SmoothCurve) -> f64 {
+    let each = curve.mean.iter().zip(curve.low.iter().zip(&curve.high)).map(|(m, (l, h))| m.abs() / (0.5 * (h - l)).max(1e-9));
+    each.fold(0.0, f64::max)
+}
+
+/// The overview matrix, the clearest trends, and all panels folded per output.
+pub fn residuals(comparison: &Comparison) -> Option<Section> {
+    let trends = trends(comparison);
+    if trends.is_empty() {
+        return None;
+    }
+    let marks: usize = trends.iter().map(|t| t.points.len()).sum();
+    let every = marks.div_ceil(MOST_MARKS).max(1);
+    let mut order: Vec<&Trend> = trends.iter().collect();
+    order.sort_by(|a, b| b.strength.total_cmp(&a.strength).then_with(|| (&a.output, &a.input).cmp(&(&b.output, &b.input))));
+    let clearest: Vec<(String, String)> = order.iter().take(SHOWN).map(|t| (panel(t, every, (340.0, 230.0)), String::new())).collect();
+    let mut section = Section::new("residuals", "Residuals against every input")
+        .note("Measured less predicted, each in units of its own standard deviation. A sound model scatters about zero with unit spread whatever the input; the band is the 95 % interval of the local mean.")
+        .figure(&matrix(comparison, &trends), "Where the local mean leaves zero: its greatest distance from zero in half-widths of its 95 % band. Values up to about 2 are what chance gives over a curve.")
+        .heading("The clearest trends")
+        .figures(Layout::Normal, &clearest);
+    if every > 1 {
+        section = section.note(&format!("Every {every}th impact is drawn; the curves use all."));
+    }
+    for o in &comparison.outputs {
+        let own: Vec<(String, String)> = trends.iter().filter(|t| t.output == o.name).map(|t| (panel(t, every, (210.0, 160.0)), String::new())).collect();
+        section = section.folded(&format!("{}: all inputs", column_words(&o.name).words), |s| s.figures(Layout::Small, &own));
+    }
+    Some(section)
+}
+
+/// One residual panel.
+pub(super) fn panel(trend: &Trend, every: usize, size: (f64, f64)) -> String {
+    let (output, input) = (column_words(&trend.output), column_words(&trend.input));
+    let small = size.0 < 300.0;
+    let title = if small { format!("against {}", input.words) } else { format!("{} against {}", output.words, input.words) };
+    let drawn: Vec<(f64, f64)> = trend.points.iter().step_by(every.max(1)).copied().collect();
+    let most = drawn.iter().map(|p| p.1.abs()).filter(|v| v.is_finite()).fold(0.0, f64::max);
+    // A few outliers must not flatten the picture; they stand as rings on the edge.
+    let mut sizes: Vec<f64> = drawn.iter().map(|p| p.1.abs()).filter(|v| v.is_finite()).collect();
+    sizes.sort_by(f64::total_cmp);
+    let usual = sizes.get(sizes.len() * 97 / 100).copied().unwrap_or(3.0);
+    let reach = (1.3 * usual).clamp(3.2, most.max(3.2));
+    let mut chart = Chart::new(&title)
+        .size(size.0, size.1)
+        .describe(&format!("Residual of {} in own standard deviations against {}.", output.words, input.words))
+        .x(&input.words, input.unit)
+        .y("residual", "own sd")
+        .y_range(-reach, reach)
+        .legend(Legend::Hidden)
+        .add(Points::new(&drawn).colour(Colour::GREY).size(if drawn.len() > 200 { 2.0 } else { 3.2 }));
+    if let Some(c) = &trend.curve {
+        let band: Vec<(f64, f64, f64)> = (0..c.x.len()).map(|i| (c.x[i], c.low[i], c.high[i])).collect();
+        let line: Vec<(f64, f64)> = c.x.iter().copied().zip(c.mean.iter().copied()).collect();
+        chart = chart.add(Band::new(&band).colour(Colour::BLUE)).add(Line::new(&line).colour(Colour::BLUE));
+    }
+    chart.add(Rule::horizontal(0.0).solid()).to_svg()
+}
+
+fn matrix(comparison: &Comparison, trends: &[Trend]) -> String {
+    let mut inputs: Vec<&str> = Vec::new();
+    for t in trends {
+        if !inputs.contains(&t.input.as_str()) {
+            inputs.push(&t.input);
+        }
+    }
+    let place = |names: &[&str], name: &str| names.iter().position(|n| *n == name).unwrap_or(0) as f64;
+    let outputs: Vec<&str> = comparison.outputs.iter().map(|o| o.name.as_str()).collect();
+    let cells: Vec<(f64, f64, f64)> = trends.iter().map(|t| (place(&outputs, &t.output), place(&inputs, &t.input), t.strength)).collect();
+    let short = |name: &str| name.replace("racket_", "r ").replace("ball_", "b ").replace("_", " ").replace("in ", "").replace("out ", "");
+    let most = trends.iter().map(|t| t.strength).fold(4.0, f64::max);
+    let words: Vec<String> = inputs.iter().map(|i| column_words(i).words).collect();
+    let strongest = trends.iter().max_by(|a, b| a.strength.total_cmp(&b.strength));
+    let told = strongest.map_or_else(String::new, |t| {
+        format!("Strongest: {} against {}, {} half-widths.", column_words(&t.output).words, column_words(&t.input).words, fixed(t.strength, 1))
+    });
+    Chart::new("Trend of each output against each input")
+        .describe(&told)
+        .size(420.0, 70.0 + 18.0 * inputs.len() as f64)
+        .x("output after impact (b ball, r racket)", "")
+        .x_categories(&outputs.iter().map(|o| short(o)).collect::<Vec<_>>())
+        .y_categories(&words)
+        .without_grid()
+        .add(Cells::new(&cells, (1.0, 1.0), "half-widths").range(0.0, most))
+        .to_svg()
+}

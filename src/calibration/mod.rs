@@ -1,10 +1,35 @@
 //! `calibration`: from pairs of checkerboard pictures to a stereo rig with its uncertainty.
 //!
 //! Comes in: images of one board from both cameras, the board's size, the three-sphere frame. Goes out: [`StereoRig`].
-//! Camera frames are OpenCV's (x right, y down, z forward); metres and pixels. Sources: thesis chapter 3, Zhang (2000).
+//! Camera frames are OpenCV's (x right, y down, z forward); metres and pixels. Sources: thesis chapter 3, Zhang (2000),
+//! Triggs et al. (2000).
 
+mod axes;
+mod board;
+mod bundle;
+mod calibrator;
 mod camera_model;
+#[cfg(feature = "vision")]
+mod corners_opencv;
+mod distortion;
+mod error;
+mod homography;
+mod model_choice;
 mod rig;
+mod rig_file;
+mod sphere;
+mod stereo_start;
+mod view;
+mod zhang;
 
+pub use axes::{AxesFrame, AxesReport, global_axes};
+pub use board::Checkerboard;
+pub use bundle::{Bundle, BundleError, BundleFit, BundleOptions, BundleView, CornerPixel};
+pub use calibrator::{Calibration, CalibrationOptions, PairViews, calibrate_views};
 pub use camera_model::Camera;
+#[cfg(feature = "vision")]
+pub use corners_opencv::find_corners;
+pub use distortion::DistortionModel;
+pub use error::CalibrationError;
 pub use rig::{CameraId, PairFate, RigidTransform, SquareSize, StereoRig};
+pub use view::{BoardView, ViewFault};

@@ -1,8 +1,16 @@
 //! `sweetspot calibrate`.
 
 use super::Shell;
-use super::error::CliError;
-use std::path::PathBuf;
+use super::error::{CliError, existing};
+use crate::calibration::{
+    AxesFrame, CalibrationError, CalibrationOptions, Checkerboard, PairViews, StereoRig, ViewFault, calibrate_views, find_corners, global_axes,
+};
+use crate::footage::{numbered_images, read_grey};
+use crate::provenance::Provenance;
+use crate::session::Session;
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 
 /// Checkerboard pairs to calibration.json and calibration.yml
 #[derive(Debug, clap::Args)]
@@ -12,6 +20,126 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
-    let _ = (arguments, shell);
-    Err(CliError::input("being built"))
+    let session = Session::open(existing(&arguments.session, "session folder")?)?;
+    let out = shell.results_of_session(&arguments.session);
+    let json = out.join("calibration.json");
+    let provenance = inputs(&session)?;
+    if !shell.args.force
+        && let Ok(rig) = StereoRig::read(&json)
+        && rig.more.get("provenance").is_some_and(|p| serde_json::to_value(&provenance).is_ok_and(|q| *p == q))
+    {
+        shell.say(format!("{} is up to date (--force calibrates again)", json.display()));
+        return shell.print_json(&rig);
+    }
+    let rig = calibrate(&session, provenance, shell)?;
+    shell.write(&json, rig.to_json().map_err(CliError::output)?.as_bytes())?;
+    shell.write(&out.join("calibration.yml"), rig.to_opencv_yaml().as_bytes())?;
+    summarise(&rig, &json, shell);
+    shell.print_json(&rig)
+}
+
+/// The pictures of one camera; a missing folder is an input error that names it.
+fn pictures(folder: &Path, camera: &'static str) -> Result<BTreeMap<u64, PathBuf>, CliError> {
+    let path = folder.join(camera);
+    let list = numbered_images(existing(&path, "folder of checkerboard pictures")?)?;
+    if list.is_empty() {
+        return Err(CalibrationError::NoPictures { path, camera }.into());
+    }
+    Ok(list.into_iter().collect())
+}
+
+fn axes_picture(folder: &Path, camera: &str) -> Result<PathBuf, CliError> {
+    let entries = std::fs::read_dir(folder).map_err(|e| CliError::input(format!("{}: cannot be read ({e})", folder.display())))?;
+    let mut found: Vec<PathBuf> = entries.filter_map(|e| e.ok()).map(|e| e.path()).filter(|p| p.is_file() && p.file_stem().is_some_and(|s| s == camera)).collect();
+    found.sort();
+    match found.len() {
+        1 => Ok(found.remove(0)),
+        0 => Err(CliError::input(format!("{}: no picture named `{camera}`; the three-sphere frame needs left and right", folder.display()))),
+        n => Err(CliError::input(format!("{}: {n} pictures named `{camera}`; keep one", folder.display()))),
+    }
+}
+
+/// Hashes of everything the calibration reads.
+fn inputs(session: &Session) -> Result<Provenance, CliError> {
+    let unreadable = |e: std::io::Error| CliError::input(format!("an input cannot be read ({e})"));
+    let mut provenance = Provenance::new("calibrate").with_file(&session.root.join("session.toml")).map_err(unreadable)?;
+    for camera in ["left", "right"] {
+        for path in pictures(&session.board.images, camera)?.values() {
+            let hash = crate::provenance::sha256_file(path).map_err(unreadable)?;
+            provenance.inputs.insert(format!("calib/{camera}/{}", path.file_name().unwrap_or_default().to_string_lossy()), hash);
+        }
+    }
+    if let Some(axes) = &session.axes {
+        for camera in ["left", "right"] {
+            let hash = crate::provenance::sha256_file(&axes_picture(&axes.images, camera)?).map_err(unreadable)?;
+            provenance.inputs.insert(format!("axes/{camera}"), hash);
+        }
+    }
+    Ok(provenance)
+}
+
+fn calibrate(session: &Session, provenance: Provenance, shell: &Shell) -> Result<StereoRig, CliError> {
+    let board = Checkerboard { columns: session.board.columns, rows: session.board.rows, square_m: session.board.square_m };
+    let (left, right) = (pictures(&session.board.images, "left")?, pictures(&session.board.images, "right")?);
+    let mut numbers: Vec<u64> = left.keys().chain(right.keys()).copied().collect();
+    numbers.sort_unstable();
+    numbers.dedup();
+
+    let jobs: Vec<(u64, &PathBuf)> = numbers.iter().flat_map(|n| [left.get(n), right.get(n)].into_iter().flatten().map(move |p| (*n, p))).collect();
+    let progress = shell.progress(jobs.len() as u64, "corners");
+    let found = jobs
+        .par_iter()
+        .map(|(_, path)| {
+            shell.check_cancelled()?;
+            let view = match read_grey(path) {
+                Ok(image) => (Some([image.width, image.height]), find_corners(&image, &board)?),
+                Err(e) => (None, Err(ViewFault::Unreadable(e.to_string()))),
+            };
+            progress.inc(1);
+            Ok((path.as_path(), view))
+        })
+        .collect::<Result<Vec<_>, CliError>>()?;
+    progress.finish_and_clear();
+
+    // One size for all: the first readable picture's.
+    let image_size = found.iter().find_map(|(_, (size, _))| *size).ok_or_else(|| CliError::input("no checkerboard picture can be read"))?;
+    for (path, (size, _)) in &found {
+        if let Some(size) = size.filter(|s| *s != image_size) {
+            let name = path.display().to_string();
+            return Err(CalibrationError::PictureSize { name, width: size[0], height: size[1], expected_width: image_size[0], expected_height: image_size[1] }.into());
+        }
+    }
+    let by_path: BTreeMap<&Path, _> = found.into_iter().map(|(path, (_, view))| (path, view)).collect();
+    let view = |path: Option<&PathBuf>| path.and_then(|p| by_path.get(p.as_path()).cloned()).unwrap_or(Err(ViewFault::NoPicture));
+    let pairs: Vec<PairViews> =
+        numbers.iter().map(|n| PairViews { name: pair_name(*n, left.get(n).or(right.get(n))), left: view(left.get(n)), right: view(right.get(n)) }).collect();
+
+    let calibration = calibrate_views(&board, image_size, &pairs, &CalibrationOptions::default())?;
+    let mut rig = calibration.rig();
+    if let Some(axes) = &session.axes {
+        let images = [read_grey(&axes_picture(&axes.images, "left")?)?, read_grey(&axes_picture(&axes.images, "right")?)?];
+        let (global_from_left, report) = global_axes(&rig, &images[0], &images[1], &AxesFrame { arm_u_m: axes.arm_u_m, arm_w_m: axes.arm_w_m })?;
+        rig.global_from_left = global_from_left;
+        rig.more.insert("axes".into(), serde_json::to_value(report).map_err(CliError::output)?);
+    }
+    rig.more.insert("provenance".into(), serde_json::to_value(provenance).map_err(CliError::output)?);
+    Ok(rig)
+}
+
+/// The number as the file name shows it, leading zeros included.
+fn pair_name(number: u64, path: Option<&PathBuf>) -> String {
+    let plain = number.to_string();
+    let stem = path.and_then(|p| p.file_stem()).map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+    let digits: String = stem.chars().rev().skip_while(|c| !c.is_ascii_digit()).take_while(char::is_ascii_digit).collect();
+    let shown: String = digits.chars().rev().collect();
+    if shown.parse() == Ok(number) { shown } else { plain }
+}
+
+fn summarise(rig: &StereoRig, json: &Path, shell: &Shell) {
+    let used = rig.pairs.iter().filter(|p| p.used).count();
+    shell.say(format!("{used} of {} pairs used; {:.3} px left, {:.3} px right", rig.pairs.len(), rig.left.rms_px, rig.right.rms_px));
+    for p in rig.pairs.iter().filter(|p| !p.used) {
+        shell.say(format!("  pair {}: {}", p.name, p.reason));
+    }
+    shell.say(format!("written: {}", json.display()));
 }

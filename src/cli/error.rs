@@ -1,5 +1,6 @@
 //! Every way a command can end badly, as the exit status of the contract: 1 some shots failed, 2 bad usage or input.
 
+use crate::calibration::CalibrationError;
 use crate::equipment::EquipmentError;
 use crate::footage::FootageError;
 use crate::impact::ModelError;
@@ -86,4 +87,4 @@ macro_rules! input_errors {
 }
 
 // One line per room's error type.
-input_errors!(SessionError, EquipmentError, TableError, TrackFileError, FootageError, ModelError, KinematicsError, SpinFileError);
+input_errors!(SessionError, EquipmentError, TableError, TrackFileError, FootageError, ModelError, KinematicsError, SpinFileError, CalibrationError);

@@ -1,0 +1,311 @@
+//! The global axes from the three-sphere frame: corner sphere = origin, the arms along U and W, V = W x U.
+
+use super::sphere::{Spot, SphereImage, bright_spots, fit_sphere};
+use super::{CalibrationError, CameraId, RigidTransform, StereoRig};
+use crate::footage::GreyImage;
+use nalgebra::{Isometry3, Matrix2x3, Matrix3, Matrix6, Point3, Rotation3, SMatrix, Translation3, UnitQuaternion, Vector2, Vector3, Vector6};
+use serde::{Deserialize, Serialize};
+
+/// Measured lengths of the frame's arms between sphere centres, m.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AxesFrame {
+    pub arm_u_m: f64,
+    pub arm_w_m: f64,
+}
+
+/// The axes with what was seen of the frame, for `calibration.json` (`axes`).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct AxesReport {
+    /// Angle between the measured arms minus 90 degrees.
+    pub orthogonality_error_deg: f64,
+    pub orthogonality_sd_deg: f64,
+    /// Measured lengths of the arms, mm, to be compared with the stated ones.
+    pub arm_u_mm: f64,
+    pub arm_w_mm: f64,
+    pub arm_sd_mm: f64,
+    /// Radius of the spheres, mm.
+    pub sphere_radius_mm: f64,
+    /// Root-mean-square distance between seen and predicted sphere centres, px.
+    pub rms_px: f64,
+    /// Centres of corner, U and W sphere in each picture, px.
+    pub left_px: [[f64; 2]; 3],
+    pub right_px: [[f64; 2]; 3],
+    pub warnings: Vec<String>,
+}
+
+/// Where the spheres of the frame lie in its own axes, m.
+fn frame_points(frame: &AxesFrame) -> [Point3<f64>; 3] {
+    [Point3::origin(), Point3::new(frame.arm_u_m, 0.0, 0.0), Point3::new(0.0, 0.0, frame.arm_w_m)]
+}
+
+/// The outline of a sphere is not centred on its centre's picture: it is centred where the point `(X, Y, Z - r²/Z)` falls
+/// (the ellipse cut from the tangent cone; exact before distortion).
+fn outline_point(p: &Point3<f64>, radius_m: f64) -> Point3<f64> {
+    Point3::new(p.x, p.y, p.z - radius_m * radius_m / p.z)
+}
+
+fn axes_error(what: impl Into<String>) -> CalibrationError {
+    CalibrationError::Axes { what: what.into() }
+}
+
+/// Finds the frame in both pictures and lays the global axes.
+///
+/// # Returns  `global_from_left` with its standard deviations (picture noise only), and the report
+/// # Errors  [`CalibrationError::Axes`] when no three bright spots of both pictures have the frame's shape
+pub fn global_axes(rig: &StereoRig, left: &GreyImage, right: &GreyImage, frame: &AxesFrame) -> Result<(RigidTransform, AxesReport), CalibrationError> {
+    for (image, name) in [(left, "left"), (right, "right")] {
+        if [image.width, image.height] != rig.image_size {
+            let (w, h, want) = (image.width, image.height, rig.image_size);
+            return Err(axes_error(format!("{name} is {w}x{h} px, the boards are {}x{}; take them with the same setting", want[0], want[1])));
+        }
+    }
+    let spots = [bright_spots(left), bright_spots(right)];
+    let triple = frame_among_spots(rig, &spots, frame)?;
+    // Centres to a small part of a pixel, first with free radii, then with the one radius all six pictures share.
+    let images = [left, right];
+    let fit = |sphere: usize, camera: usize, radius: Option<f64>| {
+        let spot = &spots[camera][triple[sphere][camera]];
+        fit_sphere(images[camera], spot, radius)
+            .ok_or_else(|| axes_error(format!("the sphere at ({:.0}, {:.0}) of the {} picture cannot be fitted", spot.centre.x, spot.centre.y, CameraId::BOTH[camera].name())))
+    };
+    let mut seen = [[None; 2]; 3];
+    let mut radii_m = Vec::new();
+    for (sphere, row) in seen.iter_mut().enumerate() {
+        for (camera, cell) in row.iter_mut().enumerate() {
+            *cell = Some(fit(sphere, camera, None)?);
+        }
+        let p = midpoint(rig, &[row[0], row[1]].map(|s: Option<SphereImage>| s.map_or(Vector2::zeros(), |s| s.centre))).ok_or_else(|| axes_error("the rays to a sphere do not meet"))?;
+        for (camera, cell) in row.iter().enumerate() {
+            let id = CameraId::BOTH[camera];
+            let depth = if camera == 0 { p.z } else { (rig.right_from_left() * p).z };
+            if let Some(s) = cell {
+                radii_m.push(s.radius_px * depth / rig.camera(id).fx);
+            }
+        }
+    }
+    let radius_m = super::view::median(&mut radii_m).unwrap_or(0.0);
+    let mut centres = [[Vector2::zeros(); 2]; 3];
+    let mut sds = [[Vector2::zeros(); 2]; 3];
+    for sphere in 0..3 {
+        for camera in 0..2 {
+            let free = seen[sphere][camera].ok_or_else(|| axes_error("a sphere is missing"))?;
+            let p = midpoint(rig, &[0, 1].map(|c| seen[sphere][c].map_or(Vector2::zeros(), |s| s.centre))).ok_or_else(|| axes_error("the rays to a sphere do not meet"))?;
+            let depth = if camera == 0 { p.z } else { (rig.right_from_left() * p).z };
+            let radius_px = radius_m * rig.camera(CameraId::BOTH[camera]).fx / depth;
+            let s = fit(sphere, camera, Some(radius_px)).unwrap_or(free);
+            centres[sphere][camera] = s.centre;
+            // Shading that is not linear and the rods leave about 0.03 px that the fit's own spread does not show.
+            sds[sphere][camera] = s.sd.map(|v| v.hypot(0.03));
+        }
+    }
+    lay_axes(rig, &centres, &sds, radius_m, frame)
+}
+
+/// Indices `[sphere][camera]` of the three spots that have the frame's shape.
+fn frame_among_spots(rig: &StereoRig, spots: &[Vec<Spot>; 2], frame: &AxesFrame) -> Result<[[usize; 2]; 3], CalibrationError> {
+    struct Candidate {
+        at: [usize; 2],
+        p: Point3<f64>,
+        miss_px: f64,
+        contrast: f64,
+    }
+    let mut candidates = Vec::new();
+    let to_right = rig.right_from_left();
+    for (i, l) in spots[0].iter().enumerate() {
+        for (j, r) in spots[1].iter().enumerate() {
+            let Some(p) = midpoint(rig, &[l.centre, r.centre]) else { continue };
+            let (Some(a), Some(b)) = (rig.left.project(&p), rig.right.project(&(to_right * p))) else { continue };
+            // Spots are centred to a pixel or two before the fit, so the limit is wide; the frame's shape decides.
+            let miss_px = (a - l.centre).norm().max((b - r.centre).norm());
+            if miss_px < 1.5 + 0.4 * l.radius_px.min(r.radius_px) {
+                candidates.push(Candidate { at: [i, j], p, miss_px, contrast: l.contrast.min(r.contrast) });
+            }
+        }
+    }
+    candidates.sort_by(|a, b| b.contrast.total_cmp(&a.contrast).then(a.at.cmp(&b.at)));
+    candidates.truncate(400);
+    let (u, w) = (frame.arm_u_m, frame.arm_w_m);
+    let hypotenuse = u.hypot(w);
+    let allowed = 0.04 * hypotenuse;
+    let mut best: Option<(f64, [[usize; 2]; 3])> = None;
+    for c in &candidates {
+        for e in candidates.iter().filter(|e| ((e.p - c.p).norm() - u).abs() < allowed && distinct(c.at, e.at)) {
+            for f in candidates.iter().filter(|f| ((f.p - c.p).norm() - w).abs() < allowed && distinct(c.at, f.at) && distinct(e.at, f.at)) {
+                let off = [(e.p - c.p).norm() - u, (f.p - c.p).norm() - w, (e.p - f.p).norm() - hypotenuse];
+                if off.iter().any(|d| d.abs() > allowed) {
+                    continue;
+                }
+                let shape: f64 = off.iter().map(|d| (d / (0.01 * hypotenuse)).powi(2)).sum();
+                let rays: f64 = [c, e, f].iter().map(|s| s.miss_px.powi(2)).sum();
+                let brightness: f64 = [c, e, f].iter().map(|s| s.contrast).fold(f64::INFINITY, f64::min);
+                let cost = shape + rays - 4.0 * (brightness / MIN_BRIGHTNESS).ln();
+                if best.is_none_or(|(b, _)| cost < b) {
+                    best = Some((cost, [c.at, e.at, f.at]));
+                }
+            }
+        }
+    }
+    best.map(|b| b.1).ok_or_else(|| {
+        axes_error(format!(
+            "no three of {} and {} bright spots are {u:.3} m and {w:.3} m apart at a right angle; check arm_u_m and arm_w_m, and that all three spheres are in both pictures",
+            spots[0].len(),
+            spots[1].len()
+        ))
+    })
+}
+
+/// Grey levels above the surroundings that make a spot neither likely nor unlikely to be a sphere.
+const MIN_BRIGHTNESS: f64 = 20.0;
+
+fn distinct(a: [usize; 2], b: [usize; 2]) -> bool {
+    a[0] != b[0] && a[1] != b[1]
+}
+
+/// Midpoint of the two rays' closest approach in the left camera's frame; `None` for parallel rays or behind a camera.
+fn midpoint(rig: &StereoRig, uv: &[Vector2<f64>; 2]) -> Option<Point3<f64>> {
+    let left_from_right = rig.right_from_left().inverse();
+    let a = rig.left.normalise(uv[0])?;
+    let b = rig.right.normalise(uv[1])?;
+    let d1 = Vector3::new(a.x, a.y, 1.0).normalize();
+    let d2 = (left_from_right.rotation * Vector3::new(b.x, b.y, 1.0)).normalize();
+    let o2 = left_from_right.translation.vector;
+    let c = d1.dot(&d2);
+    let denominator = 1.0 - c * c;
+    if denominator < 1e-10 {
+        return None;
+    }
+    let s = (d1.dot(&o2) - c * d2.dot(&o2)) / denominator;
+    let t = (c * d1.dot(&o2) - d2.dot(&o2)) / denominator;
+    (s > 0.0 && t > 0.0).then(|| Point3::from((d1 * s + o2 + d2 * t) / 2.0))
+}
+
+/// Maximum-likelihood pose of the frame from its six outline centres, by Gauss-Newton on `global_from_left`.
+fn lay_axes(
+    rig: &StereoRig,
+    centres: &[[Vector2<f64>; 2]; 3],
+    sds: &[[Vector2<f64>; 2]; 3],
+    radius_m: f64,
+    frame: &AxesFrame,
+) -> Result<(RigidTransform, AxesReport), CalibrationError> {
+    let mut measured = [Point3::origin(); 3];
+    for (m, uv) in measured.iter_mut().zip(centres) {
+        *m = midpoint(rig, uv).ok_or_else(|| axes_error("the rays to a sphere do not meet"))?;
+    }
+    let (pose, normal, chi2) = fit_frame(rig, centres, sds, radius_m, frame, &measured).ok_or_else(|| axes_error("the frame's pose does not settle"))?;
+    let covariance = normal.try_inverse().ok_or_else(|| axes_error("the frame's pose is not determined"))? * (chi2 / 6.0).max(1.0);
+    let mut out = RigidTransform::from_isometry(&pose);
+    out.sd.insert("rotation_rad".into(), [0, 1, 2].map(|i| covariance[(i, i)].max(0.0).sqrt()));
+    out.sd.insert("t_m".into(), [3, 4, 5].map(|i| covariance[(i, i)].max(0.0).sqrt()));
+
+    let (u, w) = (measured[1] - measured[0], measured[2] - measured[0]);
+    let angle = u.angle(&w).to_degrees();
+    // Depth is the weakest direction of two cameras: the spread of a sphere's place from its rays' noise.
+    let spread = sphere_spread(rig, &measured[0], sds[0]).unwrap_or(0.0);
+    let orthogonality_sd_deg = (spread * (1.0 / u.norm().powi(2) + 1.0 / w.norm().powi(2)).sqrt()).to_degrees();
+    let arm_sd = spread * std::f64::consts::SQRT_2;
+    let mut warnings = Vec::new();
+    if (angle - 90.0).abs() > 3.0 * orthogonality_sd_deg + 0.1 {
+        warnings.push(format!("the arms of the frame meet at {angle:.2} degrees instead of 90"));
+    }
+    for (name, seen, stated) in [("arm_u_m", u.norm(), frame.arm_u_m), ("arm_w_m", w.norm(), frame.arm_w_m)] {
+        if (seen - stated).abs() > 3.0 * arm_sd + 0.002 * stated {
+            warnings.push(format!("{name} is {stated:.4} m in session.toml and {seen:.4} m in the pictures"));
+        }
+    }
+    let mut squares = 0.0;
+    for (sphere, uv) in frame_points(frame).iter().zip(centres) {
+        for id in CameraId::BOTH {
+            let seen = predicted(rig, &pose, sphere, id, radius_m).ok_or_else(|| axes_error("the frame lies behind a camera"))?;
+            squares += (seen.0 - uv[id.index()]).norm_squared();
+        }
+    }
+    let report = AxesReport {
+        orthogonality_error_deg: angle - 90.0,
+        orthogonality_sd_deg,
+        arm_u_mm: 1e3 * u.norm(),
+        arm_w_mm: 1e3 * w.norm(),
+        arm_sd_mm: 1e3 * arm_sd,
+        sphere_radius_mm: 1e3 * radius_m,
+        rms_px: (squares / 6.0).sqrt(),
+        left_px: [0, 1, 2].map(|i| centres[i][0].into()),
+        right_px: [0, 1, 2].map(|i| centres[i][1].into()),
+        warnings,
+    };
+    Ok((out, report))
+}
+
+/// Pixel of a sphere's outline centre, and its derivative with respect to the point in the left camera's frame.
+fn predicted(rig: &StereoRig, pose: &Isometry3<f64>, sphere: &Point3<f64>, id: CameraId, radius_m: f64) -> Option<(Vector2<f64>, Matrix2x3<f64>)> {
+    let in_left = pose.inverse() * sphere;
+    match id {
+        CameraId::Left => rig.left.project_with_jacobian(&outline_point(&in_left, radius_m)),
+        CameraId::Right => {
+            let to_right = rig.right_from_left();
+            let (uv, j) = rig.right.project_with_jacobian(&outline_point(&(to_right * in_left), radius_m))?;
+            Some((uv, j * to_right.rotation.to_rotation_matrix().matrix()))
+        }
+    }
+}
+
+fn fit_frame(
+    rig: &StereoRig,
+    centres: &[[Vector2<f64>; 2]; 3],
+    sds: &[[Vector2<f64>; 2]; 3],
+    radius_m: f64,
+    frame: &AxesFrame,
+    measured: &[Point3<f64>; 3],
+) -> Option<(Isometry3<f64>, Matrix6<f64>, f64)> {
+    let u = (measured[1] - measured[0]).normalize();
+    let arm_w = measured[2] - measured[0];
+    let w = (arm_w - u * u.dot(&arm_w)).normalize();
+    let r = Matrix3::from_rows(&[u.transpose(), w.cross(&u).transpose(), w.transpose()]);
+    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(r));
+    let mut pose = Isometry3::from_parts(Translation3::from(-(rotation * measured[0].coords)), rotation);
+    for _ in 0..30 {
+        let mut normal = Matrix6::zeros();
+        let mut gradient = Vector6::zeros();
+        let mut chi2 = 0.0;
+        let back = pose.rotation.to_rotation_matrix().matrix().transpose();
+        for (i, sphere) in frame_points(frame).iter().enumerate() {
+            for id in CameraId::BOTH {
+                let (uv, j) = predicted(rig, &pose, sphere, id, radius_m)?;
+                let arm = sphere.coords - pose.translation.vector;
+                let mut d = SMatrix::<f64, 2, 6>::zeros();
+                d.fixed_view_mut::<2, 3>(0, 0).copy_from(&(j * back * arm.cross_matrix()));
+                d.fixed_view_mut::<2, 3>(0, 3).copy_from(&(j * -back));
+                for k in 0..2 {
+                    let weight = 1.0 / sds[i][id.index()][k].powi(2);
+                    let residual = centres[i][id.index()][k] - uv[k];
+                    normal += d.row(k).transpose() * d.row(k) * weight;
+                    gradient += d.row(k).transpose() * (residual * weight);
+                    chi2 += residual * residual * weight;
+                }
+            }
+        }
+        let step = normal.cholesky()?.solve(&gradient);
+        let turn = UnitQuaternion::from_scaled_axis(Vector3::new(step[0], step[1], step[2]));
+        pose = Isometry3::from_parts(Translation3::from(pose.translation.vector + Vector3::new(step[3], step[4], step[5])), turn * pose.rotation);
+        if step.norm() < 1e-12 {
+            return Some((pose, normal, chi2));
+        }
+        if !step.norm().is_finite() {
+            return None;
+        }
+    }
+    None
+}
+
+/// Largest standard deviation of one sphere's place from the noise of its two centres, m.
+fn sphere_spread(rig: &StereoRig, p: &Point3<f64>, sds: [Vector2<f64>; 2]) -> Option<f64> {
+    let to_right = rig.right_from_left();
+    let (_, jl) = rig.left.project_with_jacobian(p)?;
+    let (_, jr) = rig.right.project_with_jacobian(&(to_right * p))?;
+    let jr = jr * to_right.rotation.to_rotation_matrix().matrix();
+    let mut normal = Matrix3::zeros();
+    for (j, sd) in [(jl, sds[0]), (jr, sds[1])] {
+        for k in 0..2 {
+            normal += j.row(k).transpose() * j.row(k) / sd[k].powi(2);
+        }
+    }
+    normal.try_inverse().map(|c| c.symmetric_eigenvalues().max().max(0.0).sqrt())
+}

@@ -1,0 +1,270 @@
+//! The calibration itself: views of the board from both cameras in, cameras, rig and each pair's fate out.
+
+use super::board::Checkerboard;
+use super::bundle::{Bundle, BundleFit, BundleOptions, BundleView};
+use super::distortion::{CAMERA_NAMES, DistortionModel, ROTATION, SHIFT};
+use super::error::CalibrationError;
+use super::model_choice::{ModelFit, adjust_all, weights};
+use super::stereo_start::{HUBER_PX, common_pose, corner_pixels, single_camera};
+use super::view::{BoardView, ViewFault, median};
+use super::{Camera, CameraId, PairFate, RigidTransform, StereoRig};
+use nalgebra::{Isometry3, Vector2};
+
+/// Fewest pairs seen by both cameras; below that the shared parameters hang on single boards.
+pub const MIN_PAIRS: usize = 3;
+/// A view is inconsistent when its residual is above this many times the median view's ...
+const VIEW_FACTOR: f64 = 4.0;
+/// ... and above this, px: sharp pictures differ among themselves by less.
+const VIEW_FLOOR_PX: f64 = 0.3;
+/// A corner is an outlier beyond this many robust standard deviations of one coordinate.
+const CORNER_SD: f64 = 6.0;
+
+/// What both cameras saw of one position of the board.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PairViews {
+    /// The pair's number as the file names show it.
+    pub name: String,
+    pub left: Result<BoardView, ViewFault>,
+    pub right: Result<BoardView, ViewFault>,
+}
+
+/// Choices of a calibration; the defaults are right for everyday use.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CalibrationOptions {
+    /// Distortion terms; `None` chooses by evidence.
+    pub model: Option<DistortionModel>,
+    /// Leave out views and corners that do not fit the others. Off: plain least squares over everything.
+    pub reject_outliers: bool,
+    pub max_iterations: usize,
+}
+
+impl Default for CalibrationOptions {
+    fn default() -> Self {
+        CalibrationOptions { model: None, reject_outliers: true, max_iterations: 200 }
+    }
+}
+
+/// A finished calibration, before it is turned into files.
+#[derive(Debug, Clone)]
+pub struct Calibration {
+    pub image_size: [usize; 2],
+    pub board: Checkerboard,
+    /// Cameras, rig and boards at the optimum of the chosen model.
+    pub bundle: Bundle,
+    pub fit: BundleFit,
+    pub model: DistortionModel,
+    /// Every model that settled, for the comparison.
+    pub models: Vec<ModelFit>,
+    pub pairs: Vec<PairFate>,
+    /// For each view of `bundle`, which pair it is.
+    pub pair_of_view: Vec<usize>,
+    /// Corners left out as outliers.
+    pub corners_left_out: usize,
+}
+
+/// Calibrates from corners. Pure: same views, same numbers, on any number of threads.
+///
+/// # Inputs  `pairs` in any order, corners in the board's order up to a turn of the board in its plane; `image_size` in px
+/// # Errors  [`CalibrationError`]: too few pairs, no camera that fits, cameras that do not keep their places
+pub fn calibrate_views(
+    board: &Checkerboard,
+    image_size: [usize; 2],
+    pairs: &[PairViews],
+    options: &CalibrationOptions,
+) -> Result<Calibration, CalibrationError> {
+    let mut fates: Vec<PairFate> = pairs.iter().map(|p| PairFate { name: p.name.clone(), used: false, reason: reason(p), rms_px: None }).collect();
+    let both: Vec<usize> = (0..pairs.len()).filter(|&i| pairs[i].left.is_ok() && pairs[i].right.is_ok()).collect();
+    if both.len() < MIN_PAIRS {
+        return Err(too_few(both.len(), &fates));
+    }
+    let (mut bundle, mut pair_of_view) = start(board, image_size, pairs, &both)?;
+    if options.reject_outliers {
+        for _ in 0..4 {
+            let mut robust = bundle.clone();
+            let model = options.model.unwrap_or(DistortionModel::K1K2);
+            match robust.adjust(&BundleOptions { active: model.active(), huber_px: Some(HUBER_PX), max_iterations: options.max_iterations }) {
+                Ok(_) | Err(super::bundle::BundleError::NotConverged { .. }) => bundle = robust,
+                Err(e) => return Err(e.into()),
+            }
+            if !drop_inconsistent(&mut bundle, &mut pair_of_view, pairs, &mut fates) {
+                break;
+            }
+        }
+    }
+    let in_both = |b: &Bundle| b.views.iter().filter(|v| !v.left.is_empty() && !v.right.is_empty()).count();
+    if in_both(&bundle) < MIN_PAIRS {
+        return Err(too_few(in_both(&bundle), &fates));
+    }
+    let mut corners_left_out = 0;
+    let fit_models = |bundle: &Bundle| -> Result<(Vec<ModelFit>, usize), CalibrationError> {
+        let mut models = adjust_all(bundle, options.max_iterations)?;
+        if let Some(only) = options.model {
+            models.retain(|m| m.model == only);
+        }
+        let w = weights(&models);
+        let best = (0..w.len()).max_by(|&a, &b| w[a].total_cmp(&w[b])).ok_or(super::bundle::BundleError::Singular)?;
+        Ok((models, best))
+    };
+    let (mut models, mut best) = fit_models(&bundle)?;
+    if options.reject_outliers {
+        let mut trimmed = models[best].bundle.clone();
+        corners_left_out = drop_outlying_corners(&mut trimmed);
+        if corners_left_out > 0 {
+            (models, best) = fit_models(&trimmed)?;
+        }
+    }
+    let ModelFit { model, bundle, fit, .. } = models[best].clone();
+    for (view, &pair) in bundle.views.iter().zip(&pair_of_view) {
+        fates[pair].used = !view.left.is_empty() && !view.right.is_empty();
+        fates[pair].rms_px = bundle.view_rms_px(view);
+    }
+    Ok(Calibration { image_size, board: *board, bundle, fit, model, models, pairs: fates, pair_of_view, corners_left_out })
+}
+
+fn reason(pair: &PairViews) -> String {
+    match (&pair.left, &pair.right) {
+        (Ok(_), Ok(_)) => String::new(),
+        (Ok(_), Err(e)) => format!("used for the left camera alone; right: {e}"),
+        (Err(e), Ok(_)) => format!("used for the right camera alone; left: {e}"),
+        (Err(l), Err(r)) if l == r => l.to_string(),
+        (Err(l), Err(r)) => format!("left: {l}; right: {r}"),
+    }
+}
+
+fn too_few(used: usize, fates: &[PairFate]) -> CalibrationError {
+    let list: Vec<String> = fates.iter().filter(|f| !f.reason.is_empty()).take(12).map(|f| format!("{}: {}", f.name, f.reason)).collect();
+    CalibrationError::TooFewPairs { used, given: fates.len(), needed: MIN_PAIRS, fates: list.join("; ") }
+}
+
+/// Each camera alone, one corner order for both, the common relative pose, and all boards in place.
+fn start(board: &Checkerboard, image_size: [usize; 2], pairs: &[PairViews], both: &[usize]) -> Result<(Bundle, Vec<usize>), CalibrationError> {
+    let seen: Vec<(usize, &BoardView)> = pairs.iter().enumerate().filter_map(|(i, p)| p.left.as_ref().ok().map(|v| (i, v))).collect();
+    let left_views: Vec<&[Vector2<f64>]> = seen.iter().map(|(_, v)| v.corners.as_slice()).collect();
+    let (left, left_poses) = single_camera(board, &left_views, image_size, "left")?;
+    let left_pose = |pair: usize| seen.iter().position(|s| s.0 == pair).map(|k| left_poses[k]);
+
+    let seen_right: Vec<(usize, &BoardView)> = pairs.iter().enumerate().filter_map(|(i, p)| p.right.as_ref().ok().map(|v| (i, v))).collect();
+    let right_views: Vec<&[Vector2<f64>]> = seen_right.iter().map(|(_, v)| v.corners.as_slice()).collect();
+    let (right, right_poses) = single_camera(board, &right_views, image_size, "right")?;
+    let right_pose = |pair: usize| seen_right.iter().position(|s| s.0 == pair).map(|k| right_poses[k]);
+
+    // A turn of the order is a turn of the board in its plane about its middle: the pose of the turned order follows.
+    let turns: Vec<Isometry3<f64>> = (0..board.turns()).map(|t| board_turn(board, t)).collect();
+    let candidates: Vec<(Isometry3<f64>, Vec<Isometry3<f64>>)> =
+        both.iter().filter_map(|&i| Some((left_pose(i)?, turns.iter().map(|t| right_pose(i).map(|r| r * t)).collect::<Option<Vec<_>>>()?))).collect();
+    let (right_from_left, turn_of, agreeing) = common_pose(&candidates).ok_or(CalibrationError::NoCommonPose { agreeing: 0, pairs: both.len() })?;
+    if agreeing < MIN_PAIRS || 2 * agreeing < both.len() {
+        return Err(CalibrationError::NoCommonPose { agreeing, pairs: both.len() });
+    }
+    let mut views = Vec::with_capacity(pairs.len());
+    let mut pair_of_view = Vec::with_capacity(pairs.len());
+    for (i, pair) in pairs.iter().enumerate() {
+        let turn = both.iter().position(|&b| b == i).map_or(0, |k| turn_of[k]);
+        let left = pair.left.as_ref().map_or_else(|_| Vec::new(), |v| corner_pixels(&v.corners));
+        let right = pair.right.as_ref().map_or_else(|_| Vec::new(), |v| corner_pixels(&board.turned(&v.corners, turn)));
+        let Some(pose) = left_pose(i).or_else(|| right_pose(i)) else { continue };
+        views.push(BundleView { pose, left, right });
+        pair_of_view.push(i);
+    }
+    Ok((Bundle { board: board.corners(), left, right, right_from_left, views }, pair_of_view))
+}
+
+/// `board_from_turned_board`: where corner `i` of the turned order lies on the board.
+fn board_turn(board: &Checkerboard, turn: usize) -> Isometry3<f64> {
+    let corners = board.corners();
+    let turned = board.turned(&corners, turn);
+    let x = (turned[board.columns - 1] - turned[0]).normalize();
+    let y = (turned[corners.len() - board.columns] - turned[0]).normalize();
+    let r = nalgebra::Matrix3::from_columns(&[x, y, x.cross(&y)]);
+    let rotation = nalgebra::UnitQuaternion::from_rotation_matrix(&nalgebra::Rotation3::from_matrix_unchecked(r));
+    Isometry3::from_parts(turned[0].into(), rotation)
+}
+
+/// Leaves out whole views whose corners lie far from where all the others put them. Says whether it did.
+fn drop_inconsistent(bundle: &mut Bundle, pair_of_view: &mut Vec<usize>, pairs: &[PairViews], fates: &mut [PairFate]) -> bool {
+    let rms: Vec<f64> = bundle.views.iter().map(|v| bundle.view_rms_px(v).unwrap_or(f64::INFINITY)).collect();
+    let allowed_px = (VIEW_FACTOR * median(&mut rms.clone()).unwrap_or(0.0)).max(VIEW_FLOOR_PX);
+    let keep: Vec<bool> = rms.iter().map(|r| *r <= allowed_px).collect();
+    for (k, &rms_px) in rms.iter().enumerate().filter(|(k, _)| !keep[*k]) {
+        let fate = &mut fates[pair_of_view[k]];
+        let alone = reason(&pairs[pair_of_view[k]]);
+        let fault = ViewFault::Inconsistent { rms_px, allowed_px };
+        fate.reason = if alone.is_empty() { fault.to_string() } else { format!("{fault}; {}", alone.trim_start_matches("used for ")) };
+        fate.rms_px = Some(rms_px);
+    }
+    let mut k = keep.iter();
+    bundle.views.retain(|_| k.next().copied().unwrap_or(true));
+    let mut k = keep.iter();
+    pair_of_view.retain(|_| k.next().copied().unwrap_or(true));
+    keep.contains(&false)
+}
+
+/// Leaves out single corners far outside the spread of all; at most a twentieth of a view, else the view stays whole.
+fn drop_outlying_corners(bundle: &mut Bundle) -> usize {
+    let residuals: Vec<_> = bundle.views.iter().filter_map(|v| bundle.residuals(v)).collect();
+    if residuals.len() != bundle.views.len() {
+        return 0;
+    }
+    let mut sizes: Vec<f64> = residuals.iter().flat_map(|(l, r)| l.iter().chain(r)).flat_map(|d| [d.x.abs(), d.y.abs()]).collect();
+    let limit = CORNER_SD * 1.4826 * median(&mut sizes).unwrap_or(f64::INFINITY);
+    let mut left_out = 0;
+    for (view, (l, r)) in bundle.views.iter_mut().zip(&residuals) {
+        for (corners, residual) in [(&mut view.left, l), (&mut view.right, r)] {
+            let outliers = residual.iter().filter(|d| d.norm() > limit).count();
+            if outliers > 0 && 20 * outliers <= corners.len() {
+                let mut at = residual.iter();
+                corners.retain(|_| at.next().is_none_or(|d| d.norm() <= limit));
+                left_out += outliers;
+            }
+        }
+    }
+    left_out
+}
+
+impl Calibration {
+    /// Root-mean-square distance between seen and predicted corners of one camera (`None`: both), px.
+    pub fn rms_px(&self, camera: Option<CameraId>) -> f64 {
+        let (mut sum, mut n) = (0.0, 0usize);
+        for (l, r) in self.bundle.views.iter().filter_map(|v| self.bundle.residuals(v)) {
+            for (id, residuals) in [(CameraId::Left, l), (CameraId::Right, r)] {
+                if camera.is_none_or(|c| c == id) {
+                    sum += residuals.iter().map(|d| d.norm_squared()).sum::<f64>();
+                    n += residuals.len();
+                }
+            }
+        }
+        (sum / n.max(1) as f64).sqrt()
+    }
+
+    /// One standard deviation of a shared parameter by its place.
+    pub fn sd(&self, place: usize) -> f64 {
+        self.fit.covariance[(place, place)].max(0.0).sqrt()
+    }
+
+    /// The rig as the other rooms use it; global axes are the left camera's until the axes are measured.
+    pub fn rig(&self) -> StereoRig {
+        let camera = |c: &Camera, id: CameraId| {
+            let on = self.model.active();
+            let sd = CAMERA_NAMES.iter().enumerate().filter(|(i, _)| on[9 * id.index() + i]).map(|(i, n)| ((*n).to_owned(), self.sd(9 * id.index() + i))).collect();
+            Camera { rms_px: self.rms_px(Some(id)), sd, ..c.clone() }
+        };
+        let pose = RigidTransform::from_isometry(&self.bundle.right_from_left);
+        StereoRig {
+            image_size: self.image_size,
+            left: camera(&self.bundle.left, CameraId::Left),
+            right: camera(&self.bundle.right, CameraId::Right),
+            r: pose.r,
+            t: pose.t,
+            rms_stereo_px: self.rms_px(None),
+            pairs: self.pairs.clone(),
+            square_mm: None,
+            global_from_left: RigidTransform::from_isometry(&Isometry3::identity()),
+            more: Default::default(),
+        }
+    }
+
+    /// One standard deviation of the rotation (rad, about the right camera's axes) and shift (m) of `right_from_left`.
+    pub fn pose_sd(&self) -> ([f64; 3], [f64; 3]) {
+        ([0, 1, 2].map(|i| self.sd(ROTATION + i)), [0, 1, 2].map(|i| self.sd(SHIFT + i)))
+    }
+}

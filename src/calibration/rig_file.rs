@@ -1,0 +1,218 @@
+//! `calibration.json` and `calibration.yml` (contract, section 3): reading, checking and writing a rig.
+
+use super::{Camera, CalibrationError, RigidTransform, StereoRig};
+use crate::provenance::write_atomically;
+use nalgebra::Matrix3;
+use std::fmt::Write;
+use std::path::Path;
+
+/// Largest calibration file, bytes; ours are below a megabyte.
+const MAX_BYTES: u64 = 64 << 20;
+
+impl StereoRig {
+    /// Reads and checks `calibration.json`.
+    pub fn read(path: &Path) -> Result<Self, CalibrationError> {
+        let text = read_limited(path)?;
+        let rig: StereoRig = serde_json::from_str(&text).map_err(|e| CalibrationError::Format { path: path.into(), what: e.to_string() })?;
+        rig.check(path)?;
+        Ok(rig)
+    }
+
+    /// Writes `calibration.json` whole or not at all.
+    pub fn write(&self, path: &Path) -> std::io::Result<()> {
+        write_atomically(path, self.to_json()?.as_bytes())
+    }
+
+    /// The text of `calibration.json`.
+    pub fn to_json(&self) -> std::io::Result<String> {
+        let mut text = serde_json::to_string_pretty(self).map_err(std::io::Error::other)?;
+        text.push('\n');
+        Ok(text)
+    }
+
+    /// Refuses numbers no camera can have, so that later rooms need not look again.
+    pub(crate) fn check(&self, path: &Path) -> Result<(), CalibrationError> {
+        let bad = |key: &str, seen: String, allowed: &'static str| CalibrationError::Value { path: path.into(), key: key.into(), seen, allowed };
+        if self.image_size.iter().any(|s| !(1..=65_536).contains(s)) {
+            return Err(bad("image_size", format!("{:?}", self.image_size), "1 to 65536 px a side"));
+        }
+        for (name, c) in [("left", &self.left), ("right", &self.right)] {
+            if !(c.fx > 0.0 && c.fy > 0.0 && c.fx < 1e9 && c.fy < 1e9) {
+                return Err(bad(&format!("{name}.fx, fy"), format!("{}, {}", c.fx, c.fy), "above 0, px"));
+            }
+            if !(c.cx.is_finite() && c.cy.is_finite() && c.distortion.iter().all(|k| k.is_finite())) {
+                return Err(bad(&format!("{name}.cx, cy, distortion"), format!("{}, {}, {:?}", c.cx, c.cy, c.distortion), "finite numbers"));
+            }
+        }
+        for (name, r, t) in [("R", &self.r, &self.t), ("global_from_left", &self.global_from_left.r, &self.global_from_left.t)] {
+            let m = Matrix3::from_fn(|i, j| r[i][j]);
+            let off = (m.transpose() * m - Matrix3::identity()).norm();
+            if !(off < 1e-3 && m.determinant() > 0.0) {
+                return Err(bad(name, format!("{r:?}"), "a rotation matrix"));
+            }
+            if !t.iter().all(|v| v.is_finite()) {
+                return Err(bad(name, format!("{t:?}"), "finite shifts, m"));
+            }
+        }
+        if self.t.iter().map(|v| v * v).sum::<f64>() <= 0.0 {
+            return Err(bad("T", format!("{:?}", self.t), "two cameras at different places"));
+        }
+        Ok(())
+    }
+
+    /// The cameras as an OpenCV FileStorage: `M1 D1 M2 D2 R T E F image_size`.
+    pub fn to_opencv_yaml(&self) -> String {
+        let camera = |c: &Camera| Matrix3::new(c.fx, 0.0, c.cx, 0.0, c.fy, c.cy, 0.0, 0.0, 1.0);
+        let (k1, k2) = (camera(&self.left), camera(&self.right));
+        let r = Matrix3::from_fn(|i, j| self.r[i][j]);
+        let t = nalgebra::Vector3::from(self.t);
+        let essential = t.cross_matrix() * r;
+        let inverse = |c: &Camera| Matrix3::new(1.0 / c.fx, 0.0, -c.cx / c.fx, 0.0, 1.0 / c.fy, -c.cy / c.fy, 0.0, 0.0, 1.0);
+        let mut fundamental = inverse(&self.right).transpose() * essential * inverse(&self.left);
+        if fundamental[(2, 2)].abs() > 1e-12 * fundamental.norm() {
+            fundamental /= fundamental[(2, 2)];
+        }
+        let mut out = String::from("%YAML:1.0\n---\n");
+        let _ = writeln!(out, "image_size: [ {}, {} ]", self.image_size[0], self.image_size[1]);
+        let rows = |m: &Matrix3<f64>| m.transpose().iter().copied().collect::<Vec<f64>>();
+        for (name, rows_count, columns, values) in [
+            ("M1", 3, 3, rows(&k1)),
+            ("D1", 1, 5, self.left.distortion.to_vec()),
+            ("M2", 3, 3, rows(&k2)),
+            ("D2", 1, 5, self.right.distortion.to_vec()),
+            ("R", 3, 3, rows(&r)),
+            ("T", 3, 1, self.t.to_vec()),
+            ("E", 3, 3, rows(&essential)),
+            ("F", 3, 3, rows(&fundamental)),
+        ] {
+            // `{:?}` of an f64 keeps every digit and always looks like a real number, as the reader wants it.
+            let list: Vec<String> = values.iter().map(|v| format!("{v:?}")).collect();
+            let _ = write!(out, "{name}: !!opencv-matrix\n   rows: {rows_count}\n   cols: {columns}\n   dt: d\n   data: [ {} ]\n", list.join(",\n       "));
+        }
+        out
+    }
+
+    /// Reads the cameras of an OpenCV FileStorage (`M1 D1 M2 D2 R T`, and `image_size` or `image_size: [w, h]`).
+    ///
+    /// The names of OpenCV's stereo samples; a distortion list shorter than five is filled with zeros.
+    pub fn read_opencv_yaml(path: &Path) -> Result<Self, CalibrationError> {
+        let text = read_limited(path)?;
+        let wrong = |what: String| CalibrationError::Format { path: path.into(), what };
+        let matrix = |name: &str| opencv_matrix(&text, name).ok_or_else(|| wrong(format!("no matrix `{name}`; needed: M1 D1 M2 D2 R T image_size")));
+        let camera = |m: &str, d: &str| -> Result<Camera, CalibrationError> {
+            let (k, list) = (matrix(m)?, matrix(d)?);
+            if k.len() != 9 || k[1] != 0.0 {
+                return Err(wrong(format!("`{m}` must be a 3x3 camera matrix without skew")));
+            }
+            if list.len() > 5 && list[5..].iter().any(|v| *v != 0.0) {
+                return Err(wrong(format!("`{d}` has {} terms; allowed: k1 k2 p1 p2 k3", list.len())));
+            }
+            let mut distortion = [0.0; 5];
+            for (to, from) in distortion.iter_mut().zip(&list) {
+                *to = *from;
+            }
+            Ok(Camera { fx: k[0], fy: k[4], cx: k[2], cy: k[5], distortion, rms_px: 0.0, sd: Default::default() })
+        };
+        let (left, right) = (camera("M1", "D1")?, camera("M2", "D2")?);
+        let (r, t) = (matrix("R")?, matrix("T")?);
+        if r.len() != 9 || t.len() != 3 {
+            return Err(wrong("`R` must be 3x3 and `T` 3x1".into()));
+        }
+        let size = sequence(&text, "image_size").filter(|s| s.len() == 2).ok_or_else(|| wrong("no `image_size: [ width, height ]`".into()))?;
+        let rig = StereoRig {
+            image_size: [size[0] as usize, size[1] as usize],
+            left,
+            right,
+            r: [[r[0], r[1], r[2]], [r[3], r[4], r[5]], [r[6], r[7], r[8]]],
+            t: [t[0], t[1], t[2]],
+            rms_stereo_px: 0.0,
+            pairs: Vec::new(),
+            square_mm: None,
+            global_from_left: RigidTransform::from_isometry(&nalgebra::Isometry3::identity()),
+            more: Default::default(),
+        };
+        rig.check(path)?;
+        Ok(rig)
+    }
+}
+
+fn read_limited(path: &Path) -> Result<String, CalibrationError> {
+    let unreadable = |source| CalibrationError::Unreadable { path: path.into(), source };
+    let bytes = std::fs::metadata(path).map_err(unreadable)?.len();
+    if bytes > MAX_BYTES {
+        return Err(CalibrationError::Format { path: path.into(), what: format!("{bytes} bytes; allowed: up to {MAX_BYTES}") });
+    }
+    std::fs::read_to_string(path).map_err(unreadable)
+}
+
+/// The numbers after `name: !!opencv-matrix ... data: [ ... ]`.
+fn opencv_matrix(text: &str, name: &str) -> Option<Vec<f64>> {
+    let (_, block) = entry(text, name)?;
+    let data = block.split_once("data:")?.1;
+    numbers(data)
+}
+
+/// The numbers of `name: [ a, b ]`.
+fn sequence(text: &str, name: &str) -> Option<Vec<f64>> {
+    let (line, block) = entry(text, name)?;
+    numbers(&format!("{line}\n{block}"))
+}
+
+/// The rest of the line of a top-level key, and the indented lines below it.
+fn entry<'a>(text: &'a str, name: &str) -> Option<(&'a str, String)> {
+    let mut lines = text.lines();
+    let first = lines.by_ref().find_map(|l| l.strip_prefix(name)?.strip_prefix(':'))?;
+    let block: Vec<&str> = lines.take_while(|l| l.is_empty() || l.starts_with(' ') || l.starts_with('\t') || l.starts_with('-')).collect();
+    Some((first, block.join("\n")))
+}
+
+fn numbers(text: &str) -> Option<Vec<f64>> {
+    let inside = text.split_once('[')?.1.split_once(']')?.0;
+    inside.split(',').map(|n| n.trim().parse::<f64>().ok().filter(|v| v.is_finite())).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn rig() -> StereoRig {
+        let camera = |fx| Camera { fx, fy: fx - 1.5, cx: 250.25, cy: 260.0, distortion: [-0.6, 3.0, 1e-3, -2e-3, 0.0], rms_px: 0.1, sd: Default::default() };
+        let turn = nalgebra::Rotation3::from_euler_angles(0.01, 0.6, -0.02);
+        StereoRig {
+            image_size: [512, 512],
+            left: camera(3000.0),
+            right: camera(3100.0),
+            r: [0, 1, 2].map(|i| [0, 1, 2].map(|j| turn[(i, j)])),
+            t: [-7.0, 0.1, 2.0],
+            rms_stereo_px: 0.1,
+            pairs: Vec::new(),
+            square_mm: None,
+            global_from_left: RigidTransform::from_isometry(&nalgebra::Isometry3::identity()),
+            more: Default::default(),
+        }
+    }
+
+    #[test]
+    fn law_json_and_yaml_give_the_same_cameras_back() {
+        let folder = tempfile::tempdir().expect("folder");
+        let (json, yml) = (folder.path().join("calibration.json"), folder.path().join("calibration.yml"));
+        rig().write(&json).expect("written");
+        assert_eq!(StereoRig::read(&json).expect("read"), rig());
+        std::fs::write(&yml, rig().to_opencv_yaml()).expect("written");
+        let back = StereoRig::read_opencv_yaml(&yml).expect("read");
+        assert_eq!((back.left.fx, back.right.cy, back.r, back.t, back.image_size), (3000.0, 260.0, rig().r, rig().t, [512, 512]));
+        assert_eq!(back.left.distortion, rig().left.distortion);
+    }
+
+    #[test]
+    fn fails_numbers_no_camera_can_have() {
+        let path = Path::new("calibration.json");
+        let cases: [fn(&mut StereoRig); 5] =
+            [|r| r.left.fx = -1.0, |r| r.right.cx = f64::NAN, |r| r.r[0][0] = 5.0, |r| r.t = [0.0; 3], |r| r.image_size = [0, 5]];
+        for spoil in cases {
+            let mut bad = rig();
+            spoil(&mut bad);
+            assert!(matches!(bad.check(path), Err(CalibrationError::Value { .. })));
+        }
+    }
+}

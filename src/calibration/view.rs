@@ -1,0 +1,167 @@
+//! One picture of the board: its corners, how sharp and how well exposed it is, and why a picture is refused.
+
+use super::board::Checkerboard;
+use super::homography::{homography, homography_rms_px};
+use crate::footage::GreyImage;
+use nalgebra::Vector2;
+
+/// The board's corners in one picture, in the board's order, with what the picture's quality is judged by.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BoardView {
+    /// One per corner of the board, row by row, px.
+    pub corners: Vec<Vector2<f64>>,
+    /// Smallest distance between neighbouring corners, px.
+    pub spacing_px: f64,
+    /// Standard deviation of the blur across the edges between squares, px; `None` when it was not measured.
+    pub blur_px: Option<f64>,
+    /// How far the bright squares have grown over their edges, px; positive where they bloom.
+    pub bloom_px: Option<f64>,
+}
+
+/// Why one picture of the board is not used.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum ViewFault {
+    #[error("no picture")]
+    NoPicture,
+    #[error("{0}")]
+    Unreadable(String),
+    #[error("board not found")]
+    NotFound,
+    #[error("the corners found do not lie on a plane grid ({rms_px:.1} px off, allowed {allowed_px:.1})")]
+    WrongGrid { rms_px: f64, allowed_px: f64 },
+    #[error("blurred (edges {blur_px:.2} px wide, allowed {allowed_px:.2})")]
+    Blurred { blur_px: f64, allowed_px: f64 },
+    #[error("bloomed (bright squares {bloom_px:.2} px too large, allowed {allowed_px:.2})")]
+    Bloomed { bloom_px: f64, allowed_px: f64 },
+    #[error("corners {rms_px:.2} px from where the other boards put them (allowed {allowed_px:.2})")]
+    Inconsistent { rms_px: f64, allowed_px: f64 },
+}
+
+/// A grid found in the picture is refused when a plane homography misses its corners by more than this share of the
+/// smallest spacing. Good views of the Bouguet set (strong lens distortion) stay below 0.04, wrong grids are above 2.
+const WRONG_GRID_SHARE: f64 = 0.2;
+/// Blur (sd) as a share of the corner spacing at which neighbouring edges begin to pull each other. Good practice views
+/// stay below 0.09.
+const BLUR_SHARE: f64 = 0.16;
+/// Growth of the bright squares as a share of the corner spacing; good practice views stay below 0.03.
+const BLOOM_SHARE: f64 = 0.08;
+
+impl BoardView {
+    /// A view of known corners without its picture.
+    pub fn from_corners(board: &Checkerboard, corners: Vec<Vector2<f64>>) -> Result<Self, ViewFault> {
+        let spacing_px = board.smallest_spacing_px(&corners);
+        let points = board.corners();
+        let allowed_px = WRONG_GRID_SHARE * spacing_px;
+        let rms_px = homography(&points, &corners).map_or(f64::INFINITY, |h| homography_rms_px(&h, &points, &corners));
+        // Written so that a NaN is refused too.
+        if !(rms_px <= allowed_px) {
+            return Err(ViewFault::WrongGrid { rms_px, allowed_px });
+        }
+        Ok(BoardView { corners, spacing_px, blur_px: None, bloom_px: None })
+    }
+
+    /// Measures blur and bloom on the picture; refuses views in which they move the corners.
+    pub fn judged(mut self, board: &Checkerboard, image: &GreyImage) -> Result<Self, ViewFault> {
+        let (blur_px, bloom_px) = edge_quality(board, &self.corners, image);
+        self.blur_px = blur_px;
+        self.bloom_px = bloom_px;
+        if let Some(blur_px) = blur_px {
+            let allowed_px = (BLUR_SHARE * self.spacing_px).max(1.0);
+            if blur_px > allowed_px {
+                return Err(ViewFault::Blurred { blur_px, allowed_px });
+            }
+        }
+        if let Some(bloom_px) = bloom_px {
+            let allowed_px = (BLOOM_SHARE * self.spacing_px).max(0.4);
+            if bloom_px.abs() > allowed_px {
+                return Err(ViewFault::Bloomed { bloom_px, allowed_px });
+            }
+        }
+        Ok(self)
+    }
+}
+
+/// Whether the inner squares at even places (row + column even) are the dark ones.
+pub fn even_squares_dark(board: &Checkerboard, corners: &[Vector2<f64>], image: &GreyImage) -> bool {
+    let mut sums = [0.0; 2];
+    let mut counts = [0usize; 2];
+    for r in 0..board.rows - 1 {
+        for c in 0..board.columns - 1 {
+            let i = r * board.columns + c;
+            let centre = (corners[i] + corners[i + 1] + corners[i + board.columns] + corners[i + board.columns + 1]) / 4.0;
+            if let Some(v) = sample(image, centre) {
+                sums[(r + c) % 2] += v;
+                counts[(r + c) % 2] += 1;
+            }
+        }
+    }
+    sums[0] / counts[0].max(1) as f64 <= sums[1] / counts[1].max(1) as f64
+}
+
+/// Bilinear grey value; `None` outside.
+pub fn sample(image: &GreyImage, p: Vector2<f64>) -> Option<f64> {
+    if !(p.x >= 0.0 && p.y >= 0.0) {
+        return None;
+    }
+    let (x, y) = (p.x.floor() as usize, p.y.floor() as usize);
+    let (fx, fy) = (p.x - x as f64, p.y - y as f64);
+    let at = |dx: usize, dy: usize| image.get(x + dx, y + dy).map(f64::from);
+    let (a, b, c, d) = (at(0, 0)?, at(1, 0)?, at(0, 1)?, at(1, 1)?);
+    Some((a * (1.0 - fx) + b * fx) * (1.0 - fy) + (c * (1.0 - fx) + d * fx) * fy)
+}
+
+/// Median blur (sd, px) and median growth of the bright side (px) over the edges between inner corners.
+///
+/// Across the middle of each edge the profile is sampled: its steepest slope gives the blur of a straight edge,
+/// `sd = contrast / (slope sqrt(2 pi))`; where it crosses the mean of both sides gives the edge's place.
+fn edge_quality(board: &Checkerboard, corners: &[Vector2<f64>], image: &GreyImage) -> (Option<f64>, Option<f64>) {
+    let (mut blurs, mut blooms) = (Vec::new(), Vec::new());
+    for (a, b) in board.neighbours() {
+        let along = corners[b] - corners[a];
+        let (ra, ca) = (a / board.columns, a % board.columns);
+        let horizontal = b == a + 1;
+        // Only edges with a full square on both sides: at the board's rim the neighbour may be cut.
+        let inner = if horizontal { ra > 0 && ra + 1 < board.rows } else { ca > 0 && ca + 1 < board.columns };
+        if !inner {
+            continue;
+        }
+        let (before, after) = if horizontal { (a - board.columns, a + board.columns) } else { (a - 1, a + 1) };
+        let across = (corners[after] - corners[before]) / 2.0;
+        let normal = Vector2::new(-along.y, along.x) / along.norm().max(1e-9);
+        let reach = 0.5 * across.dot(&normal).abs();
+        let middle = (corners[a] + corners[b]) / 2.0;
+        let step = 0.25;
+        let n = (reach / step) as i64;
+        if n < 4 {
+            continue;
+        }
+        let Some(profile) = (-n..=n).map(|i| sample(image, middle + normal * (i as f64 * step))).collect::<Option<Vec<f64>>>() else { continue };
+        let ends = (profile.len() / 8).max(1);
+        let mean = |s: &[f64]| s.iter().sum::<f64>() / s.len() as f64;
+        let (low, high) = (mean(&profile[..ends]), mean(&profile[profile.len() - ends..]));
+        let contrast = high - low;
+        if contrast.abs() < 8.0 {
+            continue;
+        }
+        let slope = profile.windows(5).map(|w| ((w[4] - w[0]) / (4.0 * step) / contrast).max(0.0)).fold(0.0, f64::max);
+        if slope <= 0.0 {
+            continue;
+        }
+        blurs.push(1.0 / (slope * (2.0 * std::f64::consts::PI).sqrt()));
+        // The signed area under the normalised profile is the edge's place without a threshold's noise.
+        let share: f64 = profile.iter().map(|v| (v - low) / contrast).sum::<f64>() / profile.len() as f64;
+        let edge = (0.5 - share) * 2.0 * n as f64 * step;
+        blooms.push(if contrast > 0.0 { -edge } else { edge });
+    }
+    (median(&mut blurs), median(&mut blooms))
+}
+
+/// The middle value; `None` of nothing.
+pub fn median(values: &mut [f64]) -> Option<f64> {
+    if values.is_empty() {
+        return None;
+    }
+    values.sort_by(f64::total_cmp);
+    let n = values.len();
+    Some((values[(n - 1) / 2] + values[n / 2]) / 2.0)
+}

@@ -109,29 +109,47 @@ const UNKNOWNS: usize = 10;
 /// Fits a blurred disc with linear shading on a linear background to the grey values around a spot.
 ///
 /// Unknowns: centre (2), radius, blur, three of the disc's brightness, three of the background. Pixels that follow neither
-/// (the frame's rods) lose weight (Tukey). `radius_px` fixes the radius when it is known.
+/// (the frame's rods) lose weight (Tukey). Several starts around the spot are tried, because a rod that touches the sphere
+/// makes a second, worse optimum; the one that explains most pixels wins. `radius_px` fixes the radius when it is known.
 pub fn fit_sphere(image: &GreyImage, spot: &Spot, radius_px: Option<f64>) -> Option<SphereImage> {
-    let r0 = radius_px.unwrap_or(spot.radius_px);
-    let reach = 1.5 * r0 + 3.0;
-    let inside = sample(image, spot.centre)?;
+    let mut best: Option<(f64, SphereImage)> = None;
+    for radius in radius_px.map_or_else(|| vec![0.8 * spot.radius_px, spot.radius_px, 1.25 * spot.radius_px], |r| vec![r]) {
+        for (dx, dy) in [(0.0, 0.0), (0.4, 0.0), (-0.4, 0.0), (0.0, 0.4), (0.0, -0.4)] {
+            let start = Spot { centre: spot.centre + Vector2::new(dx, dy) * radius, radius_px: radius, contrast: spot.contrast };
+            if let Some((cost, fit)) = fit_from(image, spot, &start, radius_px.is_some())
+                && best.as_ref().is_none_or(|b| cost < b.0 - 1e-9)
+            {
+                best = Some((cost, fit));
+            }
+        }
+    }
+    best.map(|b| b.1)
+}
+
+/// One descent; returns the mean robust cost over the pixels near the spot, and the fit.
+fn fit_from(image: &GreyImage, spot: &Spot, start: &Spot, fixed_radius: bool) -> Option<(f64, SphereImage)> {
+    let r0 = start.radius_px;
+    let reach = 1.5 * r0 + 2.5;
+    let inside = sample(image, start.centre)?;
     let mut p = SVector::<f64, UNKNOWNS>::zeros();
-    p[0] = spot.centre.x;
-    p[1] = spot.centre.y;
+    p[0] = start.centre.x;
+    p[1] = start.centre.y;
     p[2] = r0;
     p[3] = 0.8;
     p[4] = spot.contrast.max(1.0);
     p[7] = inside - spot.contrast;
-    let mut last: Option<(SMatrix<f64, UNKNOWNS, UNKNOWNS>, f64, usize)> = None;
-    let mut scale = f64::INFINITY; // robust spread of the residuals, grey levels
-    for iteration in 0..40 {
+    // Misfit beyond which a pixel is something else: shading and texture stay within a tenth of the contrast.
+    let loose = (0.25 * spot.contrast).max(6.0);
+    let tight = (0.1 * spot.contrast).max(4.0);
+    let mut answer = None;
+    for iteration in 0..60 {
+        let limit = if iteration < 8 { loose } else { tight };
         let centre = Vector2::new(p[0], p[1]);
         let (x0, x1) = ((centre.x - reach).ceil() as i64, (centre.x + reach).floor() as i64);
         let (y0, y1) = ((centre.y - reach).ceil() as i64, (centre.y + reach).floor() as i64);
         let mut normal = SMatrix::<f64, UNKNOWNS, UNKNOWNS>::zeros();
         let mut gradient = SVector::<f64, UNKNOWNS>::zeros();
-        let mut residuals = Vec::new();
-        let mut squared = 0.0;
-        let mut weights = 0.0;
+        let (mut squared, mut weights, mut cost, mut n) = (0.0, 0.0, 0.0, 0usize);
         for y in y0..=y1 {
             for x in x0..=x1 {
                 let (dx, dy) = (x as f64 - centre.x, y as f64 - centre.y);
@@ -142,29 +160,26 @@ pub fn fit_sphere(image: &GreyImage, spot: &Spot, radius_px: Option<f64>) -> Opt
                 let Some(grey) = image.get(x as usize, y as usize).map(f64::from) else { continue };
                 let (value, derivative) = disc(&p, dx, dy, d);
                 let residual = grey - value;
-                residuals.push(residual.abs());
-                let u = residual / (6.0 * scale);
-                // The first steps see everything; later ones leave out what is neither disc nor background.
-                let w = if iteration < 4 || !scale.is_finite() { 1.0 / (1.0 + residual.abs() / 10.0) } else if u.abs() < 1.0 { (1.0 - u * u).powi(2) } else { 0.0 };
+                let u = residual / limit;
+                let w = if u.abs() < 1.0 { (1.0 - u * u).powi(2) } else { 0.0 };
                 normal += derivative * derivative.transpose() * w;
                 gradient += derivative * (residual * w);
                 squared += w * residual * residual;
                 weights += w;
+                cost += if u.abs() < 1.0 { 1.0 - (1.0 - u * u).powi(3) } else { 1.0 };
+                n += 1;
             }
         }
-        if residuals.len() < 2 * UNKNOWNS || weights < 1.5 * UNKNOWNS as f64 {
+        if weights < 2.0 * UNKNOWNS as f64 {
             return None;
         }
-        residuals.sort_by(f64::total_cmp);
-        // Quantised grey values alone spread by 0.3.
-        scale = (1.4826 * residuals[residuals.len() / 2]).max(0.5);
-        if radius_px.is_some() {
+        if fixed_radius {
             normal.row_mut(2).fill(0.0);
             normal.column_mut(2).fill(0.0);
             normal[(2, 2)] = 1.0;
             gradient[2] = 0.0;
         }
-        last = Some((normal, squared / (weights - UNKNOWNS as f64), residuals.len()));
+        answer = Some((cost / n as f64, normal, squared / (weights - UNKNOWNS as f64)));
         let mut damped = normal;
         for i in 0..UNKNOWNS {
             damped[(i, i)] = damped[(i, i)] * 1.001 + 1e-9;
@@ -175,13 +190,13 @@ pub fn fit_sphere(image: &GreyImage, spot: &Spot, radius_px: Option<f64>) -> Opt
             step *= 0.5 / longest;
         }
         p += step;
-        p[2] = p[2].clamp(0.5 * r0, 2.0 * r0);
-        p[3] = p[3].clamp(0.25, 0.6 * r0 + 0.5);
-        if iteration > 8 && longest < 1e-5 {
+        p[2] = p[2].clamp(0.6 * r0, 1.6 * r0);
+        p[3] = p[3].clamp(0.25, 0.4 * r0 + 0.5);
+        if iteration > 12 && longest < 1e-6 {
             break;
         }
     }
-    let (normal, variance, _) = last?;
+    let (cost, normal, variance) = answer?;
     let covariance = normal.cholesky()?.inverse() * variance;
     let out = SphereImage {
         centre: Vector2::new(p[0], p[1]),
@@ -190,7 +205,7 @@ pub fn fit_sphere(image: &GreyImage, spot: &Spot, radius_px: Option<f64>) -> Opt
         misfit: variance.max(0.0).sqrt() / p[4].abs().max(1e-9),
     };
     let moved = (out.centre - spot.centre).norm();
-    (p[4] > MIN_CONTRAST && moved < 2.0 * r0 && out.centre.norm().is_finite() && out.sd.norm().is_finite()).then_some(out)
+    (p[4] > MIN_CONTRAST && moved < 1.5 * spot.radius_px + 2.0 && out.sd.norm().is_finite()).then_some((cost, out))
 }
 
 /// Grey value of the model at an offset from the centre, and its derivatives.

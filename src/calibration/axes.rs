@@ -1,6 +1,6 @@
 //! The global axes from the three-sphere frame: corner sphere = origin, the arms along U and W, V = W x U.
 
-use super::sphere::{Spot, SphereImage, bright_spots, fit_sphere};
+use super::sphere::{SphereImage, Spot, bright_spots, fit_sphere};
 use super::{CalibrationError, CameraId, RigidTransform, StereoRig};
 use crate::footage::GreyImage;
 use nalgebra::{Isometry3, Matrix2x3, Matrix3, Matrix6, Point3, Rotation3, SMatrix, Translation3, UnitQuaternion, Vector2, Vector3, Vector6};
@@ -65,8 +65,9 @@ pub fn global_axes(rig: &StereoRig, left: &GreyImage, right: &GreyImage, frame: 
     let images = [left, right];
     let fit = |sphere: usize, camera: usize, radius: Option<f64>| {
         let spot = &spots[camera][triple[sphere][camera]];
-        fit_sphere(images[camera], spot, radius)
-            .ok_or_else(|| axes_error(format!("the sphere at ({:.0}, {:.0}) of the {} picture cannot be fitted", spot.centre.x, spot.centre.y, CameraId::BOTH[camera].name())))
+        fit_sphere(images[camera], spot, radius).ok_or_else(|| {
+            axes_error(format!("the sphere at ({:.0}, {:.0}) of the {} picture cannot be fitted", spot.centre.x, spot.centre.y, CameraId::BOTH[camera].name()))
+        })
     };
     let mut seen = [[None; 2]; 3];
     let mut radii_m = Vec::new();
@@ -74,7 +75,8 @@ pub fn global_axes(rig: &StereoRig, left: &GreyImage, right: &GreyImage, frame: 
         for (camera, cell) in row.iter_mut().enumerate() {
             *cell = Some(fit(sphere, camera, None)?);
         }
-        let p = midpoint(rig, &[row[0], row[1]].map(|s: Option<SphereImage>| s.map_or(Vector2::zeros(), |s| s.centre))).ok_or_else(|| axes_error("the rays to a sphere do not meet"))?;
+        let p = midpoint(rig, &[row[0], row[1]].map(|s: Option<SphereImage>| s.map_or(Vector2::zeros(), |s| s.centre)))
+            .ok_or_else(|| axes_error("the rays to a sphere do not meet"))?;
         for (camera, cell) in row.iter().enumerate() {
             let id = CameraId::BOTH[camera];
             let depth = if camera == 0 { p.z } else { (rig.right_from_left() * p).z };
@@ -89,7 +91,8 @@ pub fn global_axes(rig: &StereoRig, left: &GreyImage, right: &GreyImage, frame: 
     for sphere in 0..3 {
         for camera in 0..2 {
             let free = seen[sphere][camera].ok_or_else(|| axes_error("a sphere is missing"))?;
-            let p = midpoint(rig, &[0, 1].map(|c| seen[sphere][c].map_or(Vector2::zeros(), |s| s.centre))).ok_or_else(|| axes_error("the rays to a sphere do not meet"))?;
+            let p = midpoint(rig, &[0, 1].map(|c| seen[sphere][c].map_or(Vector2::zeros(), |s| s.centre)))
+                .ok_or_else(|| axes_error("the rays to a sphere do not meet"))?;
             let depth = if camera == 0 { p.z } else { (rig.right_from_left() * p).z };
             let radius_px = radius_m * rig.camera(CameraId::BOTH[camera]).fx / depth;
             let s = fit(sphere, camera, Some(radius_px)).unwrap_or(free);

@@ -245,7 +245,8 @@ impl Calibration {
     pub fn rig(&self) -> StereoRig {
         let camera = |c: &Camera, id: CameraId| {
             let on = self.model.active();
-            let sd = CAMERA_NAMES.iter().enumerate().filter(|(i, _)| on[9 * id.index() + i]).map(|(i, n)| ((*n).to_owned(), self.sd(9 * id.index() + i))).collect();
+            let sd =
+                CAMERA_NAMES.iter().enumerate().filter(|(i, _)| on[9 * id.index() + i]).map(|(i, n)| ((*n).to_owned(), self.sd(9 * id.index() + i))).collect();
             Camera { rms_px: self.rms_px(Some(id)), sd, ..c.clone() }
         };
         let pose = RigidTransform::from_isometry(&self.bundle.right_from_left);

@@ -1,6 +1,6 @@
 //! `calibration.json` and `calibration.yml` (contract, section 3): reading, checking and writing a rig.
 
-use super::{Camera, CalibrationError, RigidTransform, StereoRig};
+use super::{CalibrationError, Camera, RigidTransform, StereoRig};
 use crate::provenance::write_atomically;
 use nalgebra::Matrix3;
 use std::fmt::Write;

@@ -54,7 +54,11 @@ pub fn triangulate(rig: &StereoRig, left: &ImagePoint, right: &ImagePoint) -> Re
 
 impl Triangulator {
     pub fn new(rig: &StereoRig) -> Self {
-        Triangulator { cameras: [rig.left.clone(), rig.right.clone()], right_from_left: rig.right_from_left(), global_from_left: rig.global_from_left.isometry() }
+        Triangulator {
+            cameras: [rig.left.clone(), rig.right.clone()],
+            right_from_left: rig.right_from_left(),
+            global_from_left: rig.global_from_left.isometry(),
+        }
     }
 
     /// The maximum-likelihood point: least squares of pixel distances weighted by their deviations (Gauss-Newton from the
@@ -152,8 +156,10 @@ mod tests {
     use nalgebra::{Translation3, UnitQuaternion};
 
     fn rig() -> StereoRig {
-        let camera = |fx: f64, k1| Camera { fx, fy: fx - 3.0, cx: 250.0, cy: 262.0, distortion: [k1, 1.5, 1e-3, -5e-4, 0.0], rms_px: 0.0, sd: Default::default() };
-        let pose = RigidTransform::from_isometry(&Isometry3::from_parts(Translation3::new(-7.5, 0.1, 2.4), UnitQuaternion::from_euler_angles(0.02, 0.65, -0.03)));
+        let camera =
+            |fx: f64, k1| Camera { fx, fy: fx - 3.0, cx: 250.0, cy: 262.0, distortion: [k1, 1.5, 1e-3, -5e-4, 0.0], rms_px: 0.0, sd: Default::default() };
+        let pose =
+            RigidTransform::from_isometry(&Isometry3::from_parts(Translation3::new(-7.5, 0.1, 2.4), UnitQuaternion::from_euler_angles(0.02, 0.65, -0.03)));
         let global = Isometry3::from_parts(Translation3::new(11.0, 1.5, 4.0), UnitQuaternion::from_euler_angles(0.3, -1.2, 2.0));
         StereoRig {
             image_size: [512, 512],

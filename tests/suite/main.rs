@@ -5,6 +5,8 @@
 #![allow(clippy::unwrap_used)]
 
 mod cli;
+mod impact;
+mod impact_scene;
 mod layout;
 mod report;
 mod report_gallery;

@@ -69,13 +69,33 @@ macro_rules! effects {
 
 // In the order of the contract's section 8.
 effects! {
-    ball_damping,
     frame_vibration,
+    frame_torsion,
     hand_mass,
     grip_torque,
+    ball_damping,
+    momentum_flux,
+    ball_stiffening,
+    string_tension,
+    string_stiffening,
+    stringbed_edge,
+    string_damping,
     lateral_strings,
+    offset_normal_force,
+    ball_deformation,
     friction_law,
+    ball_wear,
+    swing_drive,
+    finite_contact,
+    string_tilt,
+    racket_inertia,
+    air_flight,
     scale_error,
+    time_base_error,
+    face_plane_offset,
+    ball_centre_bias,
+    camera_skew,
+    window_bias,
 }
 
 /// The cards of all effects, in a fixed order.

@@ -1,0 +1,65 @@
+//! `face-plane-offset`: the markers' plane is not the strings' plane.
+
+use super::Effect;
+use crate::impact::body::Body;
+use crate::impact::card::{Bases, EffectCard, EffectKind, ParameterCard};
+use crate::impact::input::{ImpactInput, ImpactOutput};
+use nalgebra::{Rotation3, Vector3};
+
+pub(super) static CARD: EffectCard = EffectCard {
+    name: "face-plane-offset",
+    kind: EffectKind::Measurement,
+    physics: "Tape wraps the frame, so the plane of the markers can lie some millimetres from the strings and be tilted against them. \
+              The contact then comes earlier or later, elsewhere on the face, and with another normal.",
+    equation: "strings at z = offset_m: position += offset_m u_t/u_z, V += Omega x offset_m z; axes turned by (tilt_x_rad, tilt_y_rad)",
+    parameters: &[
+        ParameterCard::strength("offset_m", "m", "string plane above the markers' plane along z", 0.005, (-0.05, 0.05), 0.005),
+        ParameterCard::strength("tilt_x_rad", "rad", "turn of the true face about x against the markers' plane", 0.0, (-0.3, 0.3), 0.01),
+        ParameterCard::strength("tilt_y_rad", "rad", "turn about y", 0.0, (-0.3, 0.3), 0.01),
+    ],
+    source: "thesis 4.4 and 5.5 (markers around the frame)",
+    signature: "Impact position off in proportion to the tangent of the incidence; a tilt bends every exit direction the same way over \
+                the whole face.",
+    confused_with: &["string-tilt", "ball-centre-bias", "finite-contact"],
+    separated_by: "impact dye on the strings; balls at opposite incidence",
+    bases: Bases { rigid: "acts on the observation", viscoelastic: "acts on the observation" },
+    effect: &FacePlaneOffset,
+};
+
+/// Approach speed below which the instant of contact cannot be moved, m/s.
+const SLOWEST: f64 = 0.5;
+
+#[derive(Debug)]
+struct FacePlaneOffset;
+
+impl Effect for FacePlaneOffset {
+    fn true_input(&self, p: &[f64], body: &Body, input: &mut ImpactInput) {
+        if p[1] != 0.0 || p[2] != 0.0 {
+            let true_from_seen = Rotation3::from_scaled_axis(Vector3::new(p[1], p[2], 0.0)).inverse();
+            for v in [&mut input.ball_velocity, &mut input.ball_spin, &mut input.racket_velocity, &mut input.racket_rate] {
+                *v = true_from_seen * *v;
+            }
+        }
+        if p[0] != 0.0 {
+            let up = Vector3::new(0.0, 0.0, p[0]);
+            let strings = input.racket_velocity + input.racket_rate.cross(&body.lever(&input.position));
+            let u = input.ball_velocity - strings;
+            if u.z.abs() > SLOWEST {
+                input.position += u.xy() * (p[0] / u.z);
+            }
+            input.racket_velocity += input.racket_rate.cross(&up);
+        }
+    }
+
+    fn observed_output(&self, p: &[f64], _: &Body, _: &ImpactInput, output: &mut ImpactOutput) {
+        if p[0] != 0.0 {
+            output.racket_velocity -= output.racket_rate.cross(&Vector3::new(0.0, 0.0, p[0]));
+        }
+        if p[1] != 0.0 || p[2] != 0.0 {
+            let seen_from_true = Rotation3::from_scaled_axis(Vector3::new(p[1], p[2], 0.0));
+            for v in [&mut output.ball_velocity, &mut output.ball_spin, &mut output.racket_velocity, &mut output.racket_rate] {
+                *v = seen_from_true * *v;
+            }
+        }
+    }
+}

@@ -21,11 +21,13 @@ pub struct FitOptions {
     pub most_rounds: usize,
     /// Whether the free parameters move at all (`compare` judges the model as it stands).
     pub move_parameters: bool,
+    /// Where the free parameters start; `None`: at the model's own values.
+    pub start_values: Option<Vec<f64>>,
 }
 
 impl Default for FitOptions {
     fn default() -> Self {
-        FitOptions { offset_share: 0.5, robust: true, most_rounds: 12, move_parameters: true }
+        FitOptions { offset_share: 0.5, robust: true, most_rounds: 12, move_parameters: true, start_values: None }
     }
 }
 
@@ -119,7 +121,10 @@ pub fn fit(
     start: Option<Start>,
 ) -> Result<Fit, ValidationError> {
     let work = Work::new(forward, observations, impacts, options);
-    let values: Vec<f64> = forward.parameters().iter().map(|p| p.value).collect();
+    let values: Vec<f64> = match &options.start_values {
+        Some(given) => given.clone(),
+        None => forward.parameters().iter().map(|p| p.value).collect(),
+    };
     let mut columns_at = DVector::zeros(work.columns.len());
     for (i, column) in work.columns.iter().enumerate() {
         columns_at[i] = match *column {

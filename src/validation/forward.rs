@@ -41,3 +41,54 @@ pub trait Prediction: Sync {
     /// `None` when the model has no answer (the ball does not approach).
     fn predict(&self, gear: usize, order: f64, inputs: &Inputs) -> Option<Outputs>;
 }
+
+/// A strength of an effect: how much of it there is.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Strength {
+    /// The free parameter's name in the model with the effect.
+    pub parameter: String,
+    /// Value at which the prediction is that without the effect.
+    pub absent: f64,
+    pub typical: f64,
+    /// Physically only on one side of `absent` (above it).
+    pub one_sided: bool,
+}
+
+/// What is known of an effect before it is added.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EffectOutline {
+    pub name: String,
+    /// "physics" or "measurement".
+    pub kind: &'static str,
+    pub strengths: Vec<Strength>,
+    pub confused_with: Vec<String>,
+    pub separated_by: String,
+    /// Why it cannot be added to this model, when it cannot (there already, not in this base).
+    pub excluded: Option<String>,
+}
+
+/// The models that can be reached from the current one by adding effects.
+pub trait Library: Sync {
+    /// The current model.
+    fn current(&self) -> &dyn Forward;
+
+    /// Every effect of the catalogue, in a fixed order.
+    fn effects(&self) -> &[EffectOutline];
+
+    /// The current model with these effects. Its parameters are the current ones first, in the same order, then those of
+    /// each effect in the order given: strengths as outlined, at `absent`, then shapes that the fit may move.
+    fn with(&self, effects: &[&str]) -> Result<Box<dyn Forward + '_>, ValidationError>;
+
+    /// The same plus the user's own effect: an expression that replaces a quantity, with parameters that start at 0.
+    fn with_expression(&self, effects: &[&str], expressions: &[OwnEffect]) -> Result<Box<dyn Forward + '_>, ValidationError>;
+}
+
+/// An effect written as an expression, as the model file holds it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct OwnEffect {
+    pub name: String,
+    pub replaces: String,
+    pub expression: String,
+    /// Name and typical size of each parameter; all start at 0.
+    pub parameters: Vec<(String, f64)>,
+}

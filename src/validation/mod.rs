@@ -21,6 +21,8 @@ pub mod noise;
 pub mod observation;
 pub mod polynomial;
 pub mod project;
+pub mod rank;
+pub mod screen;
 pub mod smooth;
 pub mod structure;
 

@@ -1,0 +1,212 @@
+//! Screening the catalogue: how much would each effect, alone and in pairs, explain of what the fit left over?
+//!
+//! Signature of an effect: the whitened difference of predictions for a fifth of a typical strength either way, nuisance
+//! projected out. Its score and information give a p-value and an approximate gain without a refit (missing-physics.md,
+//! section 3). An effect that a typical size would not move by half a deviation is "not visible here" and is left out of
+//! the count for which p-values are corrected.
+
+use super::error::ValidationError;
+use super::fit::Fit;
+use super::forward::{EffectOutline, Library};
+use super::linearise::predict_measured;
+use super::observation::Observation;
+use super::project::{Projected, project};
+use super::structure::{chi2_tail, normal_tail};
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+/// Step of the signature, as a share of the typical strength.
+const STEP: f64 = 0.2;
+/// A typical effect below this many deviations cannot be seen.
+const VISIBLE: f64 = 0.5;
+/// A nuisance that takes away more than this share of a signature's information hides the effect.
+const ABSORBED: f64 = 0.999;
+
+/// One effect of the catalogue against the current fit.
+#[derive(Debug, Clone)]
+pub struct Screened {
+    /// Index into [`Library::effects`].
+    pub effect: usize,
+    /// Its terms: columns of the common projection.
+    pub terms: Vec<usize>,
+    /// Approximate gain in chi-square, at noise scale c.
+    pub gain: f64,
+    /// Approximate best strengths, as differences from `absent`.
+    pub strengths: Vec<f64>,
+    pub p_value: f64,
+    /// Deviations by which a typical size would show.
+    pub typical_signal: f64,
+    pub hidden_because: Option<String>,
+}
+
+/// The whole catalogue, screened.
+#[derive(Debug, Clone)]
+pub struct Screening {
+    pub effects: Vec<Screened>,
+    pub projected: Projected,
+    /// Smallest p-value times the number of effects that could be seen.
+    pub library_p_value: f64,
+    pub tested: usize,
+}
+
+/// Two effects scored together.
+#[derive(Debug, Clone)]
+pub struct ScreenedPair {
+    /// Indices into [`Library::effects`].
+    pub effects: [usize; 2],
+    pub gain: f64,
+    pub strengths: Vec<f64>,
+}
+
+/// Whitened signatures of the strengths of every effect that can be added: `[impact]` blocks of outputs × terms.
+fn signatures(library: &dyn Library, fit: &Fit, impacts: &[&Observation], which: &[usize]) -> Result<(Vec<DMatrix<f64>>, Vec<Vec<usize>>), ValidationError> {
+    let base = fit.values.len();
+    let columns: Vec<Vec<Vec<DVector<f64>>>> = which
+        .par_iter()
+        .map(|&e| {
+            let outline = &library.effects()[e];
+            let forward = library.with(&[&outline.name])?;
+            let mut values = fit.values.clone();
+            values.extend(forward.parameters()[base..].iter().map(|p| p.value));
+            outline
+                .strengths
+                .iter()
+                .enumerate()
+                .map(|(s, strength)| {
+                    let limits = &forward.parameters()[base + s];
+                    let h = STEP * strength.typical;
+                    let (mut up, mut down) = (values.clone(), values.clone());
+                    up[base + s] = (strength.absent + h).min(limits.max);
+                    down[base + s] = (strength.absent - h).max(limits.min);
+                    let width = up[base + s] - down[base + s];
+                    let (above, below) = (forward.prepare(&up)?, forward.prepare(&down)?);
+                    Ok(impacts
+                        .par_iter()
+                        .zip(&fit.impacts)
+                        .map(|(o, l)| match (predict_measured(above.as_ref(), o, &l.true_inputs), predict_measured(below.as_ref(), o, &l.true_inputs)) {
+                            // In units of the typical strength, so that all columns are of like size.
+                            (Some(a), Some(b)) if width > 0.0 => &l.whitener * (a - b) * (strength.typical / width),
+                            _ => DVector::zeros(l.z.len()),
+                        })
+                        .collect())
+                })
+                .collect::<Result<Vec<_>, ValidationError>>()
+        })
+        .collect::<Result<Vec<_>, ValidationError>>()?;
+    let mut next = 0;
+    let terms: Vec<Vec<usize>> = columns
+        .iter()
+        .map(|c| {
+            let range = (next..next + c.len()).collect();
+            next += c.len();
+            range
+        })
+        .collect();
+    let blocks = (0..impacts.len())
+        .map(|i| {
+            let mut block = DMatrix::zeros(fit.impacts[i].z.len(), next);
+            for (column, v) in columns.iter().flatten().enumerate() {
+                block.set_column(column, &v[i]);
+            }
+            block
+        })
+        .collect();
+    Ok((blocks, terms))
+}
+
+/// Screens every effect that can be added. `c` is the noise scale of the structure test.
+pub fn screen(library: &dyn Library, fit: &Fit, impacts: &[&Observation], c: f64) -> Result<Screening, ValidationError> {
+    let which: Vec<usize> = (0..library.effects().len()).filter(|&e| library.effects()[e].excluded.is_none() && !library.effects()[e].strengths.is_empty()).collect();
+    let (blocks, terms) = signatures(library, fit, impacts, &which)?;
+    let projected = project(fit, &blocks);
+    let effects: Vec<Screened> = which.iter().zip(terms).map(|(&e, terms)| screen_one(&projected, &library.effects()[e], e, terms, c)).collect();
+    let tested = effects.iter().filter(|s| s.hidden_because.is_none()).count();
+    let smallest = effects.iter().filter(|s| s.hidden_because.is_none()).map(|s| s.p_value).fold(1.0, f64::min);
+    Ok(Screening { library_p_value: (smallest * tested as f64).min(1.0), effects, projected, tested })
+}
+
+fn screen_one(projected: &Projected, outline: &EffectOutline, effect: usize, terms: Vec<usize>, c: f64) -> Screened {
+    // The strengths are in units of their typical size: information is the squared signal of a typical effect.
+    let signal = terms.iter().map(|&t| projected.information[(t, t)].max(0.0) / c).fold(0.0, f64::max).sqrt();
+    let raw = terms.iter().map(|&t| projected.raw[t].max(0.0) / c).fold(0.0, f64::max).sqrt();
+    let hidden_because = if raw < VISIBLE {
+        Some(format!("an effect of typical size would move the measured outputs by only {raw:.2} of their noise on these impacts"))
+    } else if signal < VISIBLE || terms.iter().all(|&t| projected.information[(t, t)] < (1.0 - ABSORBED) * projected.raw[t]) {
+        Some(format!(
+            "on these impacts its signature is absorbed by the base model's own parameters and the session's offsets ({:.0} % of it)",
+            100.0 * (1.0 - (signal / raw).powi(2))
+        ))
+    } else {
+        None
+    };
+    let mut screened = Screened { effect, gain: 0.0, strengths: vec![0.0; terms.len()], p_value: 1.0, typical_signal: signal, hidden_because, terms };
+    // Terms that carry nothing, or point to the impossible side, drop out one after the other.
+    let mut active: Vec<usize> = (0..screened.terms.len()).filter(|&i| projected.information[(screened.terms[i], screened.terms[i])] > 1e-6 * projected.raw[screened.terms[i]].max(1e-12)).collect();
+    while !active.is_empty() {
+        let columns: Vec<usize> = active.iter().map(|&i| screened.terms[i]).collect();
+        let Some((gain, strengths)) = projected.joint(&columns) else {
+            active.pop();
+            continue;
+        };
+        if let Some(worst) = (0..active.len()).find(|&k| outline.strengths[active[k]].one_sided && strengths[k] < 0.0) {
+            active.remove(worst);
+            continue;
+        }
+        screened.gain = gain / c;
+        for (k, &i) in active.iter().enumerate() {
+            screened.strengths[i] = strengths[k] * outline.strengths[i].typical;
+        }
+        screened.p_value = if columns.len() == 1 {
+            let t = columns[0];
+            let z = projected.score[t] / (projected.variance(t, c) * c).max(1e-300).sqrt();
+            let one_sided = outline.strengths[active[0]].one_sided;
+            let p = if one_sided { normal_tail(z) } else { 2.0 * normal_tail(z.abs()) };
+            // The other strengths were looked at too.
+            (p * screened.terms.len() as f64).min(1.0)
+        } else {
+            // Each term's sandwich may exceed its information: shrink the joint gain by the worst of them.
+            let inflation = columns.iter().map(|&t| projected.variance(t, c) / projected.information[(t, t)].max(1e-300)).fold(1.0, f64::max);
+            chi2_tail(screened.gain / inflation, columns.len() as f64)
+        };
+        break;
+    }
+    screened
+}
+
+/// All pairs of effects by their joint score, best first; pairs that cannot be told apart are left out.
+pub fn screen_pairs(screening: &Screening, library: &dyn Library, c: f64) -> Vec<ScreenedPair> {
+    let visible: Vec<&Screened> = screening.effects.iter().filter(|s| s.hidden_because.is_none()).collect();
+    let mut pairs = Vec::new();
+    for (i, a) in visible.iter().enumerate() {
+        for b in &visible[i + 1..] {
+            let mut active: Vec<(usize, bool, usize, usize)> = Vec::new();
+            for (which, s) in [(0usize, a), (1, b)] {
+                for (k, &t) in s.terms.iter().enumerate() {
+                    if screening.projected.information[(t, t)] > 1e-6 * screening.projected.raw[t].max(1e-12) {
+                        active.push((t, library.effects()[s.effect].strengths[k].one_sided, which, k));
+                    }
+                }
+            }
+            while !active.is_empty() {
+                let columns: Vec<usize> = active.iter().map(|x| x.0).collect();
+                let Some((gain, strengths)) = screening.projected.joint(&columns) else { break };
+                if let Some(worst) = (0..active.len()).find(|&k| active[k].1 && strengths[k] < 0.0) {
+                    active.remove(worst);
+                    continue;
+                }
+                let both = active.iter().any(|x| x.2 == 0) && active.iter().any(|x| x.2 == 1);
+                if both {
+                    let mut all = vec![0.0; a.terms.len() + b.terms.len()];
+                    for (k, x) in active.iter().enumerate() {
+                        let (s, at) = if x.2 == 0 { (a, x.3) } else { (b, a.terms.len() + x.3) };
+                        all[at] = strengths[k] * library.effects()[s.effect].strengths[x.3].typical;
+                    }
+                    pairs.push(ScreenedPair { effects: [a.effect, b.effect], gain: gain / c, strengths: all });
+                }
+                break;
+            }
+        }
+    }
+    pairs.sort_by(|a, b| b.gain.total_cmp(&a.gain).then(a.effects.cmp(&b.effects)));
+    pairs
+}

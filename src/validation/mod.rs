@@ -9,6 +9,7 @@
 //! will do (`expression`). `docs/diagnosis.md` gives its measured error rates.
 
 pub mod comparison;
+pub mod diagnose;
 pub mod diagnosis;
 pub mod error;
 pub mod fit;
@@ -17,8 +18,10 @@ pub mod heldout;
 pub mod holdout;
 pub mod ledger;
 pub mod linearise;
+pub mod model_library;
 pub mod noise;
 pub mod observation;
+pub mod place;
 pub mod polynomial;
 pub mod project;
 pub mod rank;

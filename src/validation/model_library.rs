@@ -1,0 +1,173 @@
+//! A model file's model, as the statistics see it: [`Forward`] over its free parameters, [`Library`] over the catalogue.
+
+use super::error::ValidationError;
+use super::forward::{EffectOutline, Forward, FreeParameter, Inputs, Library, Outputs, OwnEffect, Prediction, Strength};
+use super::observation::Gear;
+use crate::impact::{Base, EffectKind, ImpactInput, Model, ModelError, PreparedModel, Role, catalogue};
+
+/// Width of the prior on a strength, in typical sizes (missing-physics.md, section 5).
+const STRENGTH_PRIOR: f64 = 1.5;
+/// Width of the prior on a shape parameter that the fit may move, in typical sizes.
+const SHAPE_PRIOR: f64 = 1.0;
+
+impl From<ModelError> for ValidationError {
+    fn from(e: ModelError) -> Self {
+        ValidationError::Model(e.to_string())
+    }
+}
+
+/// A model with the equipment of a table; free parameters in a fixed order.
+pub struct ModelForward {
+    model: Model,
+    gear: Vec<Gear>,
+    free: Vec<FreeParameter>,
+    /// Place of each free parameter in the model's flat list.
+    places: Vec<usize>,
+}
+
+impl ModelForward {
+    /// Frees the parameters that the model file says `fit = true` to.
+    pub fn new(model: Model, gear: &[Gear]) -> Self {
+        let names: Vec<String> = model.parameters().iter().filter(|p| p.fit).map(|p| p.name.clone()).collect();
+        Self::with_free(model, gear, &names)
+    }
+
+    fn with_free(model: Model, gear: &[Gear], names: &[String]) -> Self {
+        let mut free = Vec::new();
+        let mut places = Vec::new();
+        for name in names {
+            let Ok(place) = model.index_of(name) else { continue };
+            let p = &model.parameters()[place];
+            let prior = match p.role {
+                Role::Base => None,
+                Role::Strength { absent, .. } => Some((absent, STRENGTH_PRIOR * p.typical)),
+                Role::Shape => Some((p.value, SHAPE_PRIOR * p.typical)),
+            };
+            free.push(FreeParameter { name: p.name.clone(), value: p.value, min: p.min, max: p.max, typical: p.typical, prior });
+            places.push(place);
+        }
+        ModelForward { model, gear: gear.to_vec(), free, places }
+    }
+
+    /// The model at given values of its free parameters.
+    pub fn model_at(&self, values: &[f64]) -> Result<Model, ValidationError> {
+        let mut model = self.model.clone();
+        for (place, value) in self.places.iter().zip(values) {
+            model.set_at(*place, *value)?;
+        }
+        Ok(model)
+    }
+}
+
+struct Ready(Vec<PreparedModel>);
+
+impl Prediction for Ready {
+    fn predict(&self, gear: usize, order: f64, inputs: &Inputs) -> Option<Outputs> {
+        let output = self.0.get(gear)?.predict(&ImpactInput::from_columns(inputs, order)).ok()?;
+        Some(output.as_columns().map(|v| v.unwrap_or(f64::NAN)))
+    }
+}
+
+impl Forward for ModelForward {
+    fn parameters(&self) -> &[FreeParameter] {
+        &self.free
+    }
+
+    fn prepare(&self, values: &[f64]) -> Result<Box<dyn Prediction + '_>, ValidationError> {
+        let model = self.model_at(values)?;
+        let prepared = self.gear.iter().map(|g| model.prepare(&g.racket, &g.ball)).collect::<Result<Vec<_>, _>>()?;
+        Ok(Box::new(Ready(prepared)))
+    }
+
+    fn costly(&self) -> bool {
+        self.model.base() == Base::Viscoelastic
+    }
+}
+
+/// The models one can reach from a model file by adding catalogue effects or expressions.
+pub struct ModelLibrary {
+    current: ModelForward,
+    outlines: Vec<EffectOutline>,
+}
+
+impl ModelLibrary {
+    pub fn new(model: Model, gear: &[Gear]) -> Self {
+        let outlines = catalogue()
+            .iter()
+            .map(|card| {
+                let excluded = if model.has_effect(card.name) {
+                    Some("it is in the model already".to_owned())
+                } else {
+                    // Some effects do not exist in a base; preparing says so.
+                    let tried = model.with_effect(card.name).and_then(|m| gear.first().map_or(Ok(()), |g| m.prepare(&g.racket, &g.ball).map(|_| ())));
+                    tried.err().map(|e| e.to_string())
+                };
+                EffectOutline {
+                    name: card.name.to_owned(),
+                    kind: match card.kind {
+                        EffectKind::Physics => "physics",
+                        EffectKind::Measurement => "measurement",
+                    },
+                    strengths: card
+                        .strengths()
+                        .filter_map(|(_, p)| match p.role {
+                            Role::Strength { absent, one_sided } => {
+                                Some(Strength { parameter: format!("{}.{}", card.name, p.name), absent, typical: p.typical, one_sided })
+                            }
+                            Role::Shape | Role::Base => None,
+                        })
+                        .collect(),
+                    confused_with: card.confused_with.iter().map(|s| (*s).to_owned()).collect(),
+                    separated_by: card.separated_by.to_owned(),
+                    excluded,
+                }
+            })
+            .collect();
+        ModelLibrary { current: ModelForward::new(model, gear), outlines }
+    }
+
+    /// The current model, to write it out at fitted values.
+    pub fn current_model(&self) -> &ModelForward {
+        &self.current
+    }
+
+    /// The current model with effects, its free parameters in the order of [`Library::with`].
+    pub fn forward_with(&self, effects: &[&str]) -> Result<ModelForward, ValidationError> {
+        let mut model = self.current.model.clone();
+        let mut names: Vec<String> = self.current.free.iter().map(|p| p.name.clone()).collect();
+        for effect in effects {
+            model = model.with_effect(effect)?;
+            let outline = self.outlines.iter().find(|o| o.name == *effect).ok_or_else(|| ValidationError::UnknownEffect { name: (*effect).to_owned() })?;
+            for s in &outline.strengths {
+                model.set(&s.parameter, s.absent)?;
+                names.push(s.parameter.clone());
+            }
+            for i in model.effect_parameters(effect) {
+                let p = &model.parameters()[i];
+                if p.fit && !outline.strengths.iter().any(|s| s.parameter == p.name) {
+                    names.push(p.name.clone());
+                }
+            }
+        }
+        Ok(ModelForward::with_free(model, &self.current.gear, &names))
+    }
+}
+
+impl Library for ModelLibrary {
+    fn current(&self) -> &dyn Forward {
+        &self.current
+    }
+
+    fn effects(&self) -> &[EffectOutline] {
+        &self.outlines
+    }
+
+    fn with(&self, effects: &[&str]) -> Result<Box<dyn Forward + '_>, ValidationError> {
+        Ok(Box::new(self.forward_with(effects)?))
+    }
+
+    fn with_expression(&self, effects: &[&str], expressions: &[OwnEffect]) -> Result<Box<dyn Forward + '_>, ValidationError> {
+        let _ = (effects, expressions);
+        Err(ValidationError::Model("expressions are not available".into()))
+    }
+}

@@ -1,0 +1,204 @@
+//! Where the model fails, in words: the range of one input over which one output is off.
+//!
+//! Residuals of every output are put in order of every varied input and cut into equal groups; of all runs of
+//! neighbouring groups the one that stands out most against the rest is taken. Its p-value is corrected for every range,
+//! input and output looked at.
+
+use super::diagnosis::Place;
+use super::linearise::Linearised;
+use super::observation::Observation;
+use super::structure::normal_tail;
+use crate::impact_table::{INPUTS, OUTPUTS, unit};
+
+/// Groups of equal size an input is cut into (fewer with few impacts).
+const GROUPS: usize = 10;
+/// Places listed at most.
+const MOST_PLACES: usize = 6;
+/// A place must be this unlikely by chance, all ranges looked at counted.
+const LEVEL: f64 = 0.01;
+
+/// The places that stand out, most significant first; one per pair of output and input. `c` is the noise scale.
+pub fn places(impacts: &[&Observation], fitted: &[Linearised], varied: &[usize], c: f64) -> Vec<Place> {
+    let mut found: Vec<Place> = Vec::new();
+    let ranges = GROUPS * (GROUPS + 1) / 2;
+    for k in 0..OUTPUTS.len() {
+        let rows: Vec<(usize, f64, f64)> = fitted
+            .iter()
+            .enumerate()
+            .filter_map(|(i, l)| l.measured.iter().position(|m| *m == k).map(|row| (i, l.residual[row], c * l.covariance[(row, row)])))
+            .collect();
+        for &j in varied {
+            if let Some(place) = worst_range(&rows, impacts, k, j, ranges * OUTPUTS.len() * varied.len()) {
+                found.push(place);
+            }
+        }
+    }
+    found.sort_by(|a, b| a.p_value.total_cmp(&b.p_value).then(a.output.cmp(&b.output)).then(a.input.cmp(&b.input)));
+    // Two inputs that vary together tell the same story twice; the stronger one stands.
+    let mut listed: Vec<Place> = Vec::new();
+    for place in found {
+        let told = listed.iter().filter(|l| l.output == place.output).count();
+        if told < 2 && listed.len() < MOST_PLACES {
+            listed.push(place);
+        }
+    }
+    listed
+}
+
+fn worst_range(rows: &[(usize, f64, f64)], impacts: &[&Observation], k: usize, j: usize, looked_at: usize) -> Option<Place> {
+    let groups = GROUPS.min(rows.len() / 6);
+    if groups < 3 {
+        return None;
+    }
+    let mut sorted = rows.to_vec();
+    sorted.sort_by(|a, b| impacts[a.0].inputs[j].total_cmp(&impacts[b.0].inputs[j]).then(a.0.cmp(&b.0)));
+    let n = sorted.len();
+    let edges: Vec<usize> = (0..=groups).map(|g| g * n / groups).collect();
+    let value = |i: usize| impacts[sorted[i].0].inputs[j];
+    let mut best: Option<(f64, usize, usize)> = None;
+    for a in 0..groups {
+        for b in a + 1..=groups {
+            // The whole range is a bias, told by one full-range place; parts are compared with the rest.
+            let inside = &sorted[edges[a]..edges[b]];
+            let outside: Vec<_> = sorted[..edges[a]].iter().chain(&sorted[edges[b]..]).collect();
+            let mean = |r: &[&(usize, f64, f64)]| (r.iter().map(|x| x.1 / x.2).sum::<f64>() / r.iter().map(|x| 1.0 / x.2).sum::<f64>(), 1.0 / r.iter().map(|x| 1.0 / x.2).sum::<f64>());
+            let (m_in, v_in) = mean(&inside.iter().collect::<Vec<_>>());
+            let z = if outside.is_empty() {
+                m_in / v_in.sqrt()
+            } else {
+                let (m_out, v_out) = mean(&outside);
+                // What is off must be the inside: a range whose complement is the odd one will be found as such.
+                if m_in.abs() < m_out.abs() {
+                    continue;
+                }
+                (m_in - m_out) / (v_in + v_out).sqrt()
+            };
+            if best.is_none_or(|(t, _, _)| z.abs() > t.abs()) {
+                best = Some((z, a, b));
+            }
+        }
+    }
+    let (z, a, b) = best?;
+    let p_value = (2.0 * normal_tail(z.abs()) * looked_at as f64).min(1.0);
+    if p_value > LEVEL {
+        return None;
+    }
+    let inside = &sorted[edges[a]..edges[b]];
+    let outside: Vec<f64> = sorted[..edges[a]].iter().chain(&sorted[edges[b]..]).map(|r| r.1).collect();
+    let m = inside.len();
+    let mean = inside.iter().map(|r| r.1).sum::<f64>() / m as f64;
+    let sd = (inside.iter().map(|r| (r.1 - mean).powi(2)).sum::<f64>() / (m.max(2) - 1) as f64 / m as f64).sqrt();
+    let elsewhere = if outside.is_empty() { 0.0 } else { outside.iter().sum::<f64>() / outside.len() as f64 };
+    let (from, to) = (value(edges[a]), value(edges[b] - 1));
+    // Mean of the output itself there: whether a difference makes it larger or smaller in size.
+    let level = inside.iter().filter_map(|r| impacts[r.0].measured.iter().position(|x| *x == k).map(|row| impacts[r.0].outputs[row])).sum::<f64>() / m as f64;
+    let words = in_words(OUTPUTS[k], INPUTS[j], from, to, mean, elsewhere, level, a == 0, b == groups);
+    Some(Place {
+        output: OUTPUTS[k].to_owned(),
+        input: INPUTS[j].to_owned(),
+        from,
+        to,
+        mean_residual: mean,
+        ci_low: mean - 1.96 * sd,
+        ci_high: mean + 1.96 * sd,
+        mean_elsewhere: elsewhere,
+        n: m,
+        p_value,
+        words,
+    })
+}
+
+/// "ball speed normal to the strings is over-predicted by 1.9 m/s for impacts beyond 60 mm toward the tip, not elsewhere".
+fn in_words(output: &str, input: &str, from: f64, to: f64, mean: f64, elsewhere: f64, level: f64, lowest: bool, highest: bool) -> String {
+    let signed = level.abs() < 2.0 * mean.abs();
+    let direction = match (signed, mean * level < 0.0) {
+        (false, true) => "over-predicted",
+        (false, false) => "under-predicted",
+        (true, _) if mean < 0.0 => "predicted too high",
+        (true, _) => "predicted too low",
+    };
+    let whole = lowest && highest;
+    let range = range_words(input, from, to, lowest, highest);
+    let rest = if whole {
+        String::new()
+    } else if elsewhere.abs() < 0.25 * mean.abs() {
+        ", not elsewhere".to_owned()
+    } else {
+        format!(" ({} elsewhere)", amount(output, elsewhere, true))
+    };
+    format!("{} is {direction} by {} {range}{rest}", output_words(output), amount(output, mean.abs(), false))
+}
+
+fn amount(output: &str, value: f64, signed: bool) -> String {
+    let text = match unit(output) {
+        "s" => return format!("{:.2} ms", 1e3 * value),
+        "rad/s" if value.abs() >= 10.0 => format!("{value:.0}"),
+        "m/s" if value.abs() < 1.0 => format!("{value:.2}"),
+        _ => format!("{value:.1}"),
+    };
+    format!("{}{text} {}", if signed && value > 0.0 { "+" } else { "" }, unit(output))
+}
+
+/// A column in words.
+pub fn output_words(column: &str) -> String {
+    let axis = match column.chars().last() {
+        Some('x') => "along the racket",
+        Some('y') => "across the face",
+        _ => "normal to the strings",
+    };
+    match column {
+        c if c.starts_with("ball_out_v") || c.starts_with("ball_in_v") => format!("ball speed {axis}"),
+        c if c.starts_with("ball_out_w") || c.starts_with("ball_in_w") => format!(
+            "ball spin about {}",
+            match column.chars().last() {
+                Some('x') => "the racket's long axis",
+                Some('y') => "the axis across the face",
+                _ => "the normal",
+            }
+        ),
+        "racket_out_wx" | "racket_in_wx" => "the racket's twist rate".to_owned(),
+        "racket_out_wy" | "racket_in_wy" => "the racket's swing rate".to_owned(),
+        "racket_out_wz" | "racket_in_wz" => "the racket's rate in its own plane".to_owned(),
+        c if c.starts_with("racket_") => format!("racket speed {axis}"),
+        "contact_time" => "contact time".to_owned(),
+        other => other.to_owned(),
+    }
+}
+
+fn range_words(input: &str, from: f64, to: f64, lowest: bool, highest: bool) -> String {
+    let mm = |v: f64| format!("{:.0} mm", 1e3 * v);
+    match input {
+        _ if lowest && highest => "for all impacts".to_owned(),
+        "impact_x" if lowest && to < 0.0 => format!("for impacts beyond {} toward the tip", mm(-to)),
+        "impact_x" if highest && from > 0.0 => format!("for impacts beyond {} toward the handle", mm(from)),
+        "impact_x" => format!("for impacts between {} and {} along the racket (tip negative)", mm(from), mm(to)),
+        "impact_y" if lowest && to < 0.0 => format!("for impacts beyond {} toward marker 2", mm(-to)),
+        "impact_y" if highest && from > 0.0 => format!("for impacts beyond {} toward marker 3", mm(from)),
+        "impact_y" => format!("for impacts between {} and {} across the face", mm(from), mm(to)),
+        other => {
+            let name = if other == "grip_torque" { "a grip torque".to_owned() } else { output_words(other).replace("speed", "velocity") };
+            let u = unit(other);
+            let digits = if (to - from).abs() >= 20.0 { 0 } else { 1 };
+            if lowest {
+                format!("where {name} before impact is below {to:.digits$} {u}").replace("a grip torque before impact", "the grip torque")
+            } else if highest {
+                format!("where {name} before impact is above {from:.digits$} {u}").replace("a grip torque before impact", "the grip torque")
+            } else {
+                format!("where {name} before impact is between {from:.digits$} and {to:.digits$} {u}").replace("a grip torque before impact", "the grip torque")
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn truth_words_say_too_fast_and_where() {
+        let words = in_words("ball_out_vz", "impact_x", -0.12, -0.06, -1.9, 0.02, 9.0, true, false);
+        assert_eq!(words, "ball speed normal to the strings is over-predicted by 1.9 m/s for impacts beyond 60 mm toward the tip, not elsewhere");
+        // A ball that leaves toward −z: measured less predicted is positive, so it is slower than predicted.
+        assert!(in_words("ball_out_vz", "impact_x", -0.12, -0.06, 1.9, 0.02, -9.0, true, false).contains("over-predicted"));
+    }
+}

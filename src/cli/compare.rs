@@ -2,26 +2,45 @@
 
 use super::Shell;
 use super::error::CliError;
-use std::path::PathBuf;
+use super::impacts_input::{ImpactsInput, Version, ledger_path, read_ledger, record, write_ledger};
+use crate::validation::comparison::compare;
+use crate::validation::forward::Library;
+use crate::validation::terminal::{comparison_text, ledger_text};
 
 /// Model against measurement: compare.json and report.html
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// Impacts table (CSV)
-    #[arg(long, value_name = "F")]
-    pub impacts: PathBuf,
-    /// Racket file; may be given more than once, a row's `racket` column picks by name
-    #[arg(long, value_name = "F", required = true)]
-    pub racket: Vec<PathBuf>,
-    /// Ball file; may be given more than once, a row's `ball` column picks by name
-    #[arg(long, value_name = "F", required = true)]
-    pub ball: Vec<PathBuf>,
-    /// Model file
-    #[arg(long, value_name = "F")]
-    pub model: PathBuf,
+    #[command(flatten)]
+    pub input: ImpactsInput,
+    /// Do not write the model's line into the ledger beside the model file
+    #[arg(long)]
+    pub no_ledger: bool,
 }
 
 pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
-    let _ = (arguments, shell);
-    Err(CliError::input("being built"))
+    let input = &arguments.input;
+    let loaded = input.load("compare")?;
+    let mut comparison = compare(loaded.library.current(), &loaded.observations, &input.model_name(), input.seed)?;
+    comparison.provenance = Some(loaded.provenance.clone());
+    let folder = shell.results_beside(&input.impacts);
+    let json = serde_json::to_string_pretty(&comparison).map_err(CliError::output)?;
+    shell.write(&folder.join("compare.json"), json.as_bytes())?;
+    shell.say(comparison_text(&comparison).trim_end());
+    let path = ledger_path(&input.model);
+    let mut ledger = read_ledger(&path)?;
+    let effects = loaded.library.effect_names();
+    let version =
+        Version { model: &input.model, model_text: &loaded.model_text, effects, data_hash: &loaded.data_hash, parent: None, step: None, refused: Vec::new() };
+    let hash = record(&mut ledger, version, &comparison);
+    let staircase = ledger.path_to(&hash, &loaded.data_hash);
+    if staircase.len() > 1 {
+        shell.say(ledger_text(&staircase).trim_end());
+    }
+    let page = crate::report::comparison_report(&input.model_name(), &comparison, loaded.equipment.rackets.first(), &staircase, None);
+    shell.write(&folder.join("report.html"), page.as_bytes())?;
+    if !arguments.no_ledger {
+        write_ledger(shell, &path, &ledger)?;
+    }
+    shell.say(format_args!("written: {}, report.html", folder.join("compare.json").display()));
+    shell.print_json(&comparison)
 }

@@ -2,26 +2,155 @@
 
 use super::Shell;
 use super::error::CliError;
-use std::path::PathBuf;
+use super::impacts_input::{ImpactsInput, Loaded, Version, ledger_path, read_ledger, record, write_ledger};
+use crate::impact::Model;
+use crate::impact::model_file::{with_effect_added, with_values};
+use crate::validation::comparison::{Comparison, compare};
+use crate::validation::diagnose::{DiagnoseOptions, diagnose, fit_current};
+use crate::validation::diagnosis::{Diagnosis, Verdict};
+use crate::validation::forward::Library;
+use crate::validation::heldout::held_out_error;
+use crate::validation::ledger::{Ledger, Refusal};
+use crate::validation::model_library::ModelLibrary;
+use crate::validation::terminal::{diagnosis_text, ledger_text};
+use std::path::{Path, PathBuf};
 
 /// Which physical effect the model is missing: diagnosis.json and report.html
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// Impacts table (CSV)
-    #[arg(long, value_name = "F")]
-    pub impacts: PathBuf,
-    /// Racket file; may be given more than once, a row's `racket` column picks by name
-    #[arg(long, value_name = "F", required = true)]
-    pub racket: Vec<PathBuf>,
-    /// Ball file; may be given more than once, a row's `ball` column picks by name
-    #[arg(long, value_name = "F", required = true)]
-    pub ball: Vec<PathBuf>,
-    /// Model file
-    #[arg(long, value_name = "F")]
-    pub model: PathBuf,
+    #[command(flatten)]
+    pub input: ImpactsInput,
+    /// Diagnose, add, fit and compare again, one effect at a time, until nothing more earns its place
+    #[arg(long)]
+    pub auto: bool,
+    /// Where `--auto` writes the model it arrives at (default: MODEL-auto.toml beside the model)
+    #[arg(short = 'o', long = "output", value_name = "F2", requires = "auto")]
+    pub output: Option<PathBuf>,
+    /// Effects that `--auto` adds at most
+    #[arg(long, default_value_t = 4, value_name = "N")]
+    pub most_effects: usize,
+    /// Do not look for a formula when no effect of the catalogue will do
+    #[arg(long)]
+    pub no_expression: bool,
 }
 
 pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
-    let _ = (arguments, shell);
-    Err(CliError::input("being built"))
+    let input = &arguments.input;
+    let loaded = input.load("diagnose")?;
+    let options = DiagnoseOptions { seed: input.seed, model: input.model_name(), expressions: !arguments.no_expression };
+    let mut diagnosis = diagnose(&loaded.library, &loaded.observations, &options)?;
+    diagnosis.provenance = Some(loaded.provenance.clone());
+    let folder = shell.results_beside(&input.impacts);
+    let json = serde_json::to_string_pretty(&diagnosis).map_err(CliError::output)?;
+    shell.write(&folder.join("diagnosis.json"), json.as_bytes())?;
+    shell.say(diagnosis_text(&diagnosis).trim_end());
+    let comparison = compare(loaded.library.current(), &loaded.observations, &input.model_name(), input.seed)?;
+    let mut after = None;
+    let mut last = (input.model.clone(), loaded.model_text.clone());
+    let path = ledger_path(&input.model);
+    let mut ledger = read_ledger(&path)?;
+    if arguments.auto {
+        let output = arguments.output.clone().unwrap_or_else(|| auto_name(&input.model));
+        let walk = Walk { arguments: &arguments, shell, loaded: &loaded, ledger_path: &path };
+        let (text, comparison) = walk.go(&mut ledger, &diagnosis, &comparison, &output, &options)?;
+        last = (output, text);
+        after = Some(comparison);
+    }
+    let hash = crate::provenance::sha256_hex(last.1.as_bytes());
+    let staircase = ledger.path_to(&hash, &loaded.data_hash);
+    let page = crate::report::diagnosis_report(&input.model_name(), &diagnosis, Some(&comparison), after.as_ref(), loaded.equipment.rackets.first(), &staircase);
+    shell.write(&folder.join("report.html"), page.as_bytes())?;
+    shell.say(format_args!("written: {}, report.html", folder.join("diagnosis.json").display()));
+    shell.print_json(&diagnosis)
+}
+
+fn auto_name(model: &Path) -> PathBuf {
+    let stem = model.file_stem().map_or_else(|| "model".to_owned(), |s| s.to_string_lossy().into_owned());
+    model.with_file_name(format!("{stem}-auto.toml"))
+}
+
+/// `--auto`: one effect at a time, each version in the ledger, an effect refused when the held-out impacts do not gain.
+struct Walk<'a> {
+    arguments: &'a Arguments,
+    shell: &'a Shell,
+    loaded: &'a Loaded,
+    ledger_path: &'a Path,
+}
+
+impl Walk<'_> {
+    fn go(&self, ledger: &mut Ledger, first: &Diagnosis, comparison: &Comparison, output: &Path, options: &DiagnoseOptions) -> Result<(String, Comparison), CliError> {
+        let input = &self.arguments.input;
+        let observations = &self.loaded.observations;
+        let mut text = self.loaded.model_text.clone();
+        let mut comparison = comparison.clone();
+        self.note(ledger, &input.model, &text, None, Some("first model"), &comparison, Vec::new())?;
+        // The first step is the old model at its best: an effect must beat that, not the file's first guesses.
+        let (fitted, error) = self.fitted(&text)?;
+        let mut error = error;
+        if fitted != text {
+            let parent = crate::provenance::sha256_hex(text.as_bytes());
+            text = fitted;
+            comparison = self.compared(&text)?;
+            self.note(ledger, output, &text, Some(parent), Some("fitted"), &comparison, Vec::new())?;
+        }
+        let mut diagnosis = first.clone();
+        let mut refused: Vec<Refusal> = Vec::new();
+        for step in 0..self.arguments.most_effects {
+            self.shell.check_cancelled()?;
+            let tried: Vec<String> = refused.iter().map(|r| r.effect.clone()).collect();
+            let Some(effect) = diagnosis.recommended.iter().find(|e| !tried.contains(e)).cloned() else { break };
+            self.shell.say(format_args!("\n--auto, step {}: adding {effect}", step + 1));
+            let added = with_effect_added(&text, &effect, &input.model)?;
+            let (with, with_error) = self.fitted(&added)?;
+            if with_error >= error {
+                let reason = format!("the error on held-out impacts does not fall ({error:.3} to {with_error:.3})");
+                self.shell.say(format_args!("  refused: {reason}"));
+                refused.push(Refusal { effect, reason, heldout_error_before: error, heldout_error_after: with_error });
+                self.note(ledger, output, &text, None, None, &comparison, refused.clone())?;
+                continue;
+            }
+            let parent = crate::provenance::sha256_hex(text.as_bytes());
+            self.shell.say(format_args!("  held-out error {error:.3} -> {with_error:.3}"));
+            (text, error) = (with, with_error);
+            refused.clear();
+            comparison = self.compared(&text)?;
+            self.note(ledger, output, &text, Some(parent), Some(&format!("added {effect}")), &comparison, Vec::new())?;
+            self.shell.write(output, text.as_bytes())?;
+            let library = self.library(&text)?;
+            diagnosis = diagnose(&library, observations, options)?;
+            if diagnosis.verdict == Verdict::Adequate {
+                break;
+            }
+        }
+        self.shell.write(output, text.as_bytes())?;
+        let hash = crate::provenance::sha256_hex(text.as_bytes());
+        self.shell.say(format_args!("\n{}", ledger_text(&ledger.path_to(&hash, &self.loaded.data_hash)).trim_end()));
+        self.shell.say(format_args!("verdict now: {}; model: {} (every version: {})", diagnosis.verdict, output.display(), self.ledger_path.display()));
+        Ok((text, comparison))
+    }
+
+    fn library(&self, text: &str) -> Result<ModelLibrary, CliError> {
+        Ok(ModelLibrary::new(Model::parse(text, &self.arguments.input.model)?, &self.loaded.observations.gear))
+    }
+
+    /// The text with its free parameters at their best, and its held-out error.
+    fn fitted(&self, text: &str) -> Result<(String, f64), CliError> {
+        let library = self.library(text)?;
+        let fit = fit_current(&library, &self.loaded.observations)?;
+        let values: Vec<(String, f64)> = library.current().parameters().iter().map(|p| p.name.clone()).zip(fit.values.iter().copied()).collect();
+        let error = held_out_error(library.current(), &fit, &self.loaded.observations)?;
+        Ok((with_values(text, &values, &self.arguments.input.model)?, error))
+    }
+
+    fn compared(&self, text: &str) -> Result<Comparison, CliError> {
+        let library = self.library(text)?;
+        Ok(compare(library.current(), &self.loaded.observations, &self.arguments.input.model_name(), self.arguments.input.seed)?)
+    }
+
+    fn note(&self, ledger: &mut Ledger, file: &Path, text: &str, parent: Option<String>, step: Option<&str>, comparison: &Comparison, refused: Vec<Refusal>) -> Result<(), CliError> {
+        let effects = self.library(text)?.effect_names();
+        let version = Version { model: file, model_text: text, effects, data_hash: &self.loaded.data_hash, parent, step: step.map(ToOwned::to_owned), refused };
+        record(ledger, version, comparison);
+        write_ledger(self.shell, self.ledger_path, ledger)
+    }
 }

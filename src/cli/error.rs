@@ -9,6 +9,7 @@ use crate::kinematics::KinematicsError;
 use crate::session::SessionError;
 use crate::tracking::TrackFileError;
 use crate::tracking::spin::SpinFileError;
+use crate::validation::ValidationError;
 use std::path::Path;
 
 /// What kind of failure it was; the kind decides the exit status.
@@ -88,3 +89,4 @@ macro_rules! input_errors {
 
 // One line per room's error type.
 input_errors!(SessionError, EquipmentError, TableError, TrackFileError, FootageError, ModelError, KinematicsError, SpinFileError, CalibrationError);
+input_errors!(SessionError, EquipmentError, TableError, TrackFileError, FootageError, ModelError, ValidationError);

@@ -2,29 +2,58 @@
 
 use super::Shell;
 use super::error::CliError;
+use super::impacts_input::ImpactsInput;
+use crate::impact::model_file::with_values;
+use crate::validation::comparison::parameter_values;
+use crate::validation::diagnose::fit_current;
+use crate::validation::forward::Library;
+use crate::validation::heldout::held_out_error;
+use crate::validation::structure::structure_test;
+use crate::validation::terminal::short;
 use std::path::PathBuf;
 
 /// Fits the free parameters of the model to the impacts
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// Impacts table (CSV)
-    #[arg(long, value_name = "F")]
-    pub impacts: PathBuf,
-    /// Racket file; may be given more than once, a row's `racket` column picks by name
-    #[arg(long, value_name = "F", required = true)]
-    pub racket: Vec<PathBuf>,
-    /// Ball file; may be given more than once, a row's `ball` column picks by name
-    #[arg(long, value_name = "F", required = true)]
-    pub ball: Vec<PathBuf>,
-    /// Model file
-    #[arg(long, value_name = "F")]
-    pub model: PathBuf,
+    #[command(flatten)]
+    pub input: ImpactsInput,
     /// Where the new model goes
     #[arg(short = 'o', long = "output", value_name = "F2")]
     pub output: PathBuf,
 }
 
 pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
-    let _ = (arguments, shell);
-    Err(CliError::input("being built"))
+    let input = &arguments.input;
+    let loaded = input.load("fit")?;
+    let current = loaded.library.current();
+    if current.parameters().is_empty() {
+        return Err(CliError::input(format!("{}: no parameter is free", input.model.display())).hint("write fit = true beside the parameters that may move"));
+    }
+    let fitted = fit_current(&loaded.library, &loaded.observations)?;
+    let seen = loaded.observations.side(false);
+    let structure = structure_test(&fitted, &loaded.observations, &seen, input.seed);
+    let parameters = parameter_values(current, &fitted, structure.noise_scale);
+    let error = held_out_error(current, &fitted, &loaded.observations)?;
+    let values: Vec<(String, f64)> = parameters.iter().map(|p| (p.name.clone(), p.value)).collect();
+    let text = with_values(&loaded.model_text, &values, &input.model)?;
+    shell.write(&arguments.output, text.as_bytes())?;
+    for (p, old) in parameters.iter().zip(current.parameters()) {
+        let limit = if p.at_limit { "  at its limit: the data want more than the file allows" } else { "" };
+        shell.say(format_args!("  {:<40} {:>10} -> {} ± {}{limit}", p.name, short(old.value), short(p.value), short(p.sd)));
+    }
+    shell.say(format_args!(
+        "fitted to {} impacts; error on the {} held-out ones: {error:.3} (noise floor {:.3})",
+        seen.len(),
+        loaded.observations.impacts.len() - seen.len(),
+        structure.noise_scale.sqrt()
+    ));
+    shell.say(format_args!("written: {}", arguments.output.display()));
+    shell.print_json(&serde_json::json!({
+        "model": arguments.output,
+        "parameters": parameters,
+        "heldout_error": error,
+        "noise_floor": structure.noise_scale.sqrt(),
+        "n_fitted": seen.len(),
+        "provenance": loaded.provenance,
+    }))
 }

@@ -4,6 +4,7 @@
 //! summarises on stderr; `--json` puts the result on stdout.
 
 pub mod error;
+mod impacts_input;
 
 use clap::{Args, Parser};
 use error::CliError;

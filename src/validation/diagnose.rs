@@ -11,6 +11,7 @@ use super::place::places;
 use super::rank::{Reference, Refit, added_parameters, form_overdispersion};
 use super::screen::{Screening, screen, screen_pairs};
 use super::structure::structure_test;
+use super::verdict_words::verdict_words;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
@@ -93,6 +94,7 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
     let alarm = screening.library_p_value < LIBRARY_LEVEL || diagnosis.structure.p_value < STRUCTURE_LEVEL;
     if !alarm {
         diagnosis.candidates = listed_only(library, &screening, before);
+        diagnosis.words = verdict_words(&diagnosis);
         return Ok(diagnosis);
     }
     let reference = Reference { library, observations, impacts: &seen, base: &base, c, seed: options.seed };
@@ -130,6 +132,7 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
             });
         }
     }
+    diagnosis.words = verdict_words(&diagnosis);
     Ok(diagnosis)
 }
 

@@ -28,6 +28,8 @@ pub mod rank;
 pub mod screen;
 pub mod smooth;
 pub mod structure;
+pub mod terminal;
+pub mod verdict_words;
 
 pub use comparison::{Comparison, compare};
 pub use diagnosis::{Diagnosis, Verdict};

@@ -126,9 +126,9 @@ impl ModelLibrary {
         ModelLibrary { current: ModelForward::new(model, gear), outlines }
     }
 
-    /// The current model, to write it out at fitted values.
-    pub fn current_model(&self) -> &ModelForward {
-        &self.current
+    /// Names of the effects in the current model.
+    pub fn effect_names(&self) -> Vec<String> {
+        self.current.model.effects().iter().map(|e| e.name.clone()).collect()
     }
 
     /// The current model with effects, its free parameters in the order of [`Library::with`].

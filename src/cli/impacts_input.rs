@@ -1,0 +1,158 @@
+//! The files that compare, diagnose and fit share: an impacts table, rackets, balls, a model; and the ledger beside it.
+
+use super::Shell;
+use super::error::CliError;
+use crate::equipment_set::EquipmentSet;
+use crate::impact::Model;
+use crate::impact_table::ImpactTable;
+use crate::provenance::{Provenance, VERSION, sha256_file, sha256_hex};
+use crate::validation::comparison::{Comparison, ParameterValue};
+use crate::validation::ledger::{Ledger, LedgerEntry, Refusal};
+use crate::validation::model_library::ModelLibrary;
+use crate::validation::observation::{Observations, TableOptions};
+use std::path::{Path, PathBuf};
+
+#[derive(Debug, Clone, clap::Args)]
+pub struct ImpactsInput {
+    /// Impacts table (CSV)
+    #[arg(long, value_name = "F")]
+    pub impacts: PathBuf,
+    /// Racket file; may be given more than once, a row's `racket` column picks by name
+    #[arg(long, value_name = "F", required = true)]
+    pub racket: Vec<PathBuf>,
+    /// Ball file; may be given more than once, a row's `ball` column picks by name
+    #[arg(long, value_name = "F", required = true)]
+    pub ball: Vec<PathBuf>,
+    /// Model file
+    #[arg(long, value_name = "F")]
+    pub model: PathBuf,
+    /// Grouping column (player, session) whose groups stay whole when impacts are held out
+    #[arg(long, value_name = "COLUMN")]
+    pub group: Option<String>,
+    /// Seed of the bootstrap
+    #[arg(long, default_value_t = 20_080_101, value_name = "N")]
+    pub seed: u64,
+}
+
+/// Everything read and checked.
+pub struct Loaded {
+    pub observations: Observations,
+    pub equipment: EquipmentSet,
+    pub model_text: String,
+    pub library: ModelLibrary,
+    pub data_hash: String,
+    pub provenance: Provenance,
+}
+
+impl ImpactsInput {
+    pub fn load(&self, command: &str) -> Result<Loaded, CliError> {
+        let table = ImpactTable::read(&self.impacts)?;
+        let equipment = EquipmentSet::read(&self.racket, &self.ball)?;
+        let model_text = std::fs::read_to_string(&self.model).map_err(|e| CliError::input(format!("{}: cannot be read ({e}); check the name", self.model.display())))?;
+        let model = Model::parse(&model_text, &self.model)?;
+        let observations = Observations::new(&table, &equipment.rackets, &equipment.balls, &TableOptions { group: self.group.clone() })?;
+        let library = ModelLibrary::new(model, &observations.gear);
+        let mut provenance = Provenance::new(command);
+        for path in [&self.impacts, &self.model].into_iter().chain(&self.racket).chain(&self.ball) {
+            provenance = provenance.with_file(path).map_err(CliError::input)?;
+        }
+        let data_hash = sha256_file(&self.impacts).map_err(CliError::input)?;
+        Ok(Loaded { observations, equipment, model_text, library, data_hash, provenance })
+    }
+
+    pub fn model_name(&self) -> String {
+        file_name(&self.model)
+    }
+}
+
+fn file_name(path: &Path) -> String {
+    path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned())
+}
+
+/// The ledger of all models in a folder.
+pub fn ledger_path(model: &Path) -> PathBuf {
+    model.with_file_name("model-ledger.json")
+}
+
+/// Reads the ledger beside a model file; a missing one is empty, a damaged one is an error that names it.
+pub fn read_ledger(path: &Path) -> Result<Ledger, CliError> {
+    match std::fs::read_to_string(path) {
+        Ok(text) => serde_json::from_str(&text).map_err(|e| CliError::input(format!("{}: not a ledger ({e})", path.display())).hint("move it away; a new one will be begun")),
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(Ledger::default()),
+        Err(e) => Err(CliError::input(format!("{}: cannot be read ({e})", path.display()))),
+    }
+}
+
+pub fn write_ledger(shell: &Shell, path: &Path, ledger: &Ledger) -> Result<(), CliError> {
+    let text = serde_json::to_string_pretty(ledger).map_err(CliError::output)?;
+    shell.write(path, text.as_bytes())
+}
+
+/// A version's line in the ledger. Its parent, unless given, is the latest earlier version on the same data with the
+/// largest part of its effects.
+pub struct Version<'a> {
+    pub model: &'a Path,
+    pub model_text: &'a str,
+    pub effects: Vec<String>,
+    pub data_hash: &'a str,
+    pub parent: Option<String>,
+    pub step: Option<String>,
+    pub refused: Vec<Refusal>,
+}
+
+pub fn record(ledger: &mut Ledger, version: Version, comparison: &Comparison) -> String {
+    let hash = sha256_hex(version.model_text.as_bytes());
+    let ancestor = |e: &&LedgerEntry| e.data_hash == version.data_hash && e.model_hash != hash && e.effects.iter().all(|x| version.effects.contains(x));
+    let parent = version.parent.clone().or_else(|| {
+        // A version already on record keeps its parent.
+        if ledger.find(&hash, version.data_hash).is_some() {
+            return None;
+        }
+        ledger.entries.iter().filter(ancestor).max_by_key(|e| e.effects.len()).map(|e| e.model_hash.clone())
+    });
+    let parent_effects: Vec<String> = parent.as_deref().and_then(|p| ledger.find(p, version.data_hash)).map(|e| e.effects.clone()).unwrap_or_default();
+    let added: Vec<String> = version.effects.iter().filter(|e| !parent_effects.contains(e)).cloned().collect();
+    let step = version.step.unwrap_or_else(|| match (&parent, added.is_empty()) {
+        (None, _) => "first model".to_owned(),
+        (Some(_), true) => "fitted".to_owned(),
+        (Some(_), false) => format!("added {}", added.join(" and ")),
+    });
+    ledger.record(LedgerEntry {
+        model_hash: hash.clone(),
+        model_file: file_name(version.model),
+        parent,
+        step,
+        effects: version.effects,
+        parameters: comparison.parameters_as_stated.iter().map(|p| ParameterValue { sd: comparison.parameters_refitted.iter().find(|r| r.name == p.name).map_or(0.0, |r| r.sd), ..p.clone() }).collect(),
+        heldout_error: comparison.heldout_error,
+        fit_error: comparison.fit_error,
+        noise_floor: comparison.noise_floor,
+        n_impacts: comparison.n_impacts,
+        n_held_out: comparison.n_held_out,
+        data_hash: version.data_hash.to_owned(),
+        date: today(),
+        verdict: comparison.verdict.clone(),
+        refused: version.refused,
+        program_version: VERSION.to_owned(),
+    });
+    hash
+}
+
+/// Today in UTC as YYYY-MM-DD; `SOURCE_DATE_EPOCH` fixes it for reproducible output.
+pub fn today() -> String {
+    let seconds = std::env::var("SOURCE_DATE_EPOCH")
+        .ok()
+        .and_then(|v| v.parse::<u64>().ok())
+        .unwrap_or_else(|| std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).map_or(0, |d| d.as_secs()));
+    // Civil date from days since 1970-01-01, counted in 400-year eras that begin on 1 March.
+    let days = (seconds / 86_400) as i64 + 719_468;
+    let era = days.div_euclid(146_097);
+    let of_era = days.rem_euclid(146_097);
+    let year_of_era = (of_era - of_era / 1_460 + of_era / 36_524 - of_era / 146_096) / 365;
+    let day_of_year = of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
+    let month_from_march = (5 * day_of_year + 2) / 153;
+    let day = day_of_year - (153 * month_from_march + 2) / 5 + 1;
+    let month = if month_from_march < 10 { month_from_march + 3 } else { month_from_march - 9 };
+    let year = year_of_era + era * 400 + i64::from(month <= 2);
+    format!("{year:04}-{month:02}-{day:02}")
+}

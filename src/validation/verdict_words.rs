@@ -1,0 +1,55 @@
+//! The diagnosis in sentences, for the terminal and the report.
+
+use super::diagnosis::{Diagnosis, Verdict};
+use super::terminal::p_text;
+
+/// The answer first, then what carries it.
+pub fn verdict_words(d: &Diagnosis) -> Vec<String> {
+    let tests = format!(
+        "structure test p = {}, best of {} effects p = {} (corrected); together they raise a false alarm in at most {:.1} % of sound tables",
+        p_text(d.structure.p_value),
+        d.n_tested,
+        p_text(d.library_p_value),
+        100.0 * d.false_alarm_rate
+    );
+    let mut words = Vec::new();
+    match d.verdict {
+        Verdict::Adequate => {
+            words.push(format!("ADEQUATE: nothing is missing that {} impacts could show.", d.n_impacts));
+            words.push(format!("Error on held-out impacts {:.2}, noise floor {:.2}; {tests}.", d.heldout_error, d.noise_floor));
+        }
+        Verdict::EffectMissing => {
+            let names = d.recommended.join(" and ");
+            words.push(format!("EFFECT MISSING: {names}."));
+            let after = d.together.as_ref().filter(|t| t.effects == d.recommended).map(|t| (t.heldout_error_after, t.probability)).or_else(|| {
+                d.candidates.iter().find(|c| d.recommended.first() == Some(&c.effect)).map(|c| (c.heldout_error_after, c.probability))
+            });
+            if let Some((error, probability)) = after {
+                words.push(format!(
+                    "Probability {:.0} %. With {} the error on held-out impacts falls from {:.2} to {error:.2} (noise floor {:.2}); {tests}.",
+                    100.0 * probability,
+                    if d.recommended.len() > 1 { "them" } else { "it" },
+                    d.heldout_error,
+                    d.noise_floor
+                ));
+            }
+            if let Some(c) = d.candidates.iter().find(|c| d.recommended.first() == Some(&c.effect))
+                && !c.aliases.is_empty()
+            {
+                words.push(format!("On these impacts it could also be {}; further impacts that would tell are listed below.", c.aliases.join(", ")));
+            }
+            if let Some(name) = &d.other_form {
+                words.push(format!("It is {name}, but not quite in the catalogue's form: some structure is left when it is added."));
+            }
+        }
+        Verdict::Unexplained => {
+            words.push("UNEXPLAINED: the model fails, and no effect of the catalogue, nor two together, takes three quarters of the excess away.".to_owned());
+            words.push(format!("Error on held-out impacts {:.2}, noise floor {:.2}; {tests}.", d.heldout_error, d.noise_floor));
+            match &d.suggested_expression {
+                Some(e) => words.push(format!("What the residuals say: {} (held-out error with it {:.2}).", e.words, e.heldout_error_after)),
+                None => words.push("No short formula was found in the residuals either; see where it fails.".to_owned()),
+            }
+        }
+    }
+    words
+}

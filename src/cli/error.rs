@@ -89,4 +89,4 @@ macro_rules! input_errors {
 
 // One line per room's error type.
 input_errors!(SessionError, EquipmentError, TableError, TrackFileError, FootageError, ModelError, KinematicsError, SpinFileError, CalibrationError);
-input_errors!(SessionError, EquipmentError, TableError, TrackFileError, FootageError, ModelError, ValidationError);
+input_errors!(ValidationError);

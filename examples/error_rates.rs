@@ -34,7 +34,8 @@ fn main() {
     let start = std::time::Instant::now();
     for seed in first..first + tables {
         let made = generate_table(&TableSpec { kind, impacts, hidden: hidden.clone(), seed, noise: noise.clone() }).expect("a table");
-        let observations = Observations::new(&made.table, std::slice::from_ref(&made.racket), std::slice::from_ref(&made.ball), &TableOptions::default()).expect("usable");
+        let observations =
+            Observations::new(&made.table, std::slice::from_ref(&made.racket), std::slice::from_ref(&made.ball), &TableOptions::default()).expect("usable");
         let model = Model::parse(FIRST_MODEL, std::path::Path::new("model.toml")).expect("a model");
         let library = ModelLibrary::new(model, &observations.gear);
         let d = diagnose(&library, &observations, &DiagnoseOptions { seed, ..DiagnoseOptions::default() }).expect("a diagnosis");
@@ -47,9 +48,20 @@ fn main() {
         }] += 1;
         let named = top.is_some_and(|t| hidden.iter().any(|h| h.effect == t.effect));
         count[3] += usize::from(named && d.verdict != Verdict::Adequate);
-        count[4] += usize::from(top.is_some_and(|t| hidden.iter().any(|h| h.effect == t.effect || t.aliases.contains(&h.effect))) && d.verdict != Verdict::Adequate);
+        count[4] +=
+            usize::from(top.is_some_and(|t| hidden.iter().any(|h| h.effect == t.effect || t.aliases.contains(&h.effect))) && d.verdict != Verdict::Adequate);
         count[5] += usize::from(d.candidates.iter().any(|t| t.probability > 0.9 && !right(&t.effect)));
-        let tops: Vec<String> = d.candidates.iter().take(if verbose { 5 } else { 2 }).map(|t| format!("{} p={:.2} lnB={:.0} E={:.3} share={:.2} {:?}", t.effect, t.probability, t.log_evidence_gain, t.heldout_error_after, t.share_removed, t.aliases)).collect();
+        let tops: Vec<String> = d
+            .candidates
+            .iter()
+            .take(if verbose { 5 } else { 2 })
+            .map(|t| {
+                format!(
+                    "{} p={:.2} lnB={:.0} E={:.3} share={:.2} {:?}",
+                    t.effect, t.probability, t.log_evidence_gain, t.heldout_error_after, t.share_removed, t.aliases
+                )
+            })
+            .collect();
         writeln!(
             out,
             "{seed} {} lib={:.1e} str={:.1e} ({:.0}/{}) c={:.3} E0={:.3} rec={:?} pair={} after={:.1e}/{:.0} other={:?} | {}",
@@ -72,7 +84,14 @@ fn main() {
     writeln!(
         out,
         "# {} n={impacts} x{strength}: adequate {} missing {} unexplained {} | first {} alias {} wrong>0.9 {} of {tables} | {:.2} s/table",
-        args[2], count[0], count[1], count[2], count[3], count[4], count[5], start.elapsed().as_secs_f64() / tables as f64
+        args[2],
+        count[0],
+        count[1],
+        count[2],
+        count[3],
+        count[4],
+        count[5],
+        start.elapsed().as_secs_f64() / tables as f64
     )
     .expect("stdout");
 }

@@ -48,7 +48,8 @@ impl ImpactsInput {
     pub fn load(&self, command: &str) -> Result<Loaded, CliError> {
         let table = ImpactTable::read(&self.impacts)?;
         let equipment = EquipmentSet::read(&self.racket, &self.ball)?;
-        let model_text = std::fs::read_to_string(&self.model).map_err(|e| CliError::input(format!("{}: cannot be read ({e}); check the name", self.model.display())))?;
+        let model_text =
+            std::fs::read_to_string(&self.model).map_err(|e| CliError::input(format!("{}: cannot be read ({e}); check the name", self.model.display())))?;
         let model = Model::parse(&model_text, &self.model)?;
         let observations = Observations::new(&table, &equipment.rackets, &equipment.balls, &TableOptions { group: self.group.clone() })?;
         let library = ModelLibrary::new(model, &observations.gear);
@@ -77,7 +78,8 @@ pub fn ledger_path(model: &Path) -> PathBuf {
 /// Reads the ledger beside a model file; a missing one is empty, a damaged one is an error that names it.
 pub fn read_ledger(path: &Path) -> Result<Ledger, CliError> {
     match std::fs::read_to_string(path) {
-        Ok(text) => serde_json::from_str(&text).map_err(|e| CliError::input(format!("{}: not a ledger ({e})", path.display())).hint("move it away; a new one will be begun")),
+        Ok(text) => serde_json::from_str(&text)
+            .map_err(|e| CliError::input(format!("{}: not a ledger ({e})", path.display())).hint("move it away; a new one will be begun")),
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(Ledger::default()),
         Err(e) => Err(CliError::input(format!("{}: cannot be read ({e})", path.display()))),
     }
@@ -123,7 +125,11 @@ pub fn record(ledger: &mut Ledger, version: Version, comparison: &Comparison) ->
         parent,
         step,
         effects: version.effects,
-        parameters: comparison.parameters_as_stated.iter().map(|p| ParameterValue { sd: comparison.parameters_refitted.iter().find(|r| r.name == p.name).map_or(0.0, |r| r.sd), ..p.clone() }).collect(),
+        parameters: comparison
+            .parameters_as_stated
+            .iter()
+            .map(|p| ParameterValue { sd: comparison.parameters_refitted.iter().find(|r| r.name == p.name).map_or(0.0, |r| r.sd), ..p.clone() })
+            .collect(),
         heldout_error: comparison.heldout_error,
         fit_error: comparison.fit_error,
         noise_floor: comparison.noise_floor,

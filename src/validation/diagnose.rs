@@ -146,7 +146,8 @@ fn estimates(parameters: &[(String, f64, f64)]) -> BTreeMap<String, Estimate> {
 }
 
 fn not_visible(library: &dyn Library, screening: &Screening) -> Vec<NotVisible> {
-    let unseen = screening.effects.iter().filter_map(|s| s.hidden_because.clone().map(|reason| NotVisible { effect: library.effects()[s.effect].name.clone(), reason }));
+    let unseen =
+        screening.effects.iter().filter_map(|s| s.hidden_because.clone().map(|reason| NotVisible { effect: library.effects()[s.effect].name.clone(), reason }));
     let excluded = library.effects().iter().filter_map(|o| o.excluded.clone().map(|reason| NotVisible { effect: o.name.clone(), reason }));
     unseen.chain(excluded).collect()
 }
@@ -169,7 +170,12 @@ fn listed_only(library: &dyn Library, screening: &Screening, before: f64) -> Vec
                 probability: odds / (1.0 + odds),
                 heldout_error_before: before,
                 heldout_error_after: before,
-                parameters: outline.strengths.iter().zip(&s.strengths).map(|(t, by)| (t.parameter.clone(), Estimate { value: t.absent + by, sd: t.typical / s.typical_signal.max(1e-9) })).collect(),
+                parameters: outline
+                    .strengths
+                    .iter()
+                    .zip(&s.strengths)
+                    .map(|(t, by)| (t.parameter.clone(), Estimate { value: t.absent + by, sd: t.typical / s.typical_signal.max(1e-9) }))
+                    .collect(),
                 aliases: Vec::new(),
                 kind: outline.kind.to_owned(),
                 log_evidence_gain: log_evidence,
@@ -199,13 +205,20 @@ impl Refits {
         let mut order: Vec<_> = screening.effects.iter().filter(|s| s.hidden_because.is_none() && s.gain > 0.0).collect();
         order.sort_by(|a, b| (b.gain - b.terms.len() as f64).total_cmp(&(a.gain - a.terms.len() as f64)).then(a.effect.cmp(&b.effect)));
         order.truncate(SINGLES);
-        let singles: Vec<Refit> = order.par_iter().map(|s| reference.refit(&[name(s.effect)], &s.strengths)).collect::<Vec<_>>().into_iter().filter_map(Result::ok).collect();
+        let singles: Vec<Refit> =
+            order.par_iter().map(|s| reference.refit(&[name(s.effect)], &s.strengths)).collect::<Vec<_>>().into_iter().filter_map(Result::ok).collect();
         let mut tried = screen_pairs(screening, library, reference.c);
         let best_single = singles.iter().map(|s| s.gain).fold(0.0, f64::max);
         // A pair must promise more than its better half by the price of another effect.
         tried.retain(|p| p.gain > 0.8 * best_single);
         tried.truncate(PAIRS);
-        let pairs: Vec<Refit> = tried.par_iter().map(|p| reference.refit(&[name(p.effects[0]), name(p.effects[1])], &p.strengths)).collect::<Vec<_>>().into_iter().filter_map(Result::ok).collect();
+        let pairs: Vec<Refit> = tried
+            .par_iter()
+            .map(|p| reference.refit(&[name(p.effects[0]), name(p.effects[1])], &p.strengths))
+            .collect::<Vec<_>>()
+            .into_iter()
+            .filter_map(Result::ok)
+            .collect();
         Ok(Refits { singles, pairs, tested: screening.tested.max(1) })
     }
 
@@ -269,7 +282,15 @@ impl Refits {
         self.all().zip(&weights[1..]).find(|(r, _)| std::ptr::eq(*r, refit)).map_or(0.0, |(_, w)| *w)
     }
 
-    fn report(&self, reference: &Reference, screening: &Screening, before: f64, excess: f64, overdispersion: f64, verdict: Verdict) -> Result<Vec<CandidateReport>, ValidationError> {
+    fn report(
+        &self,
+        reference: &Reference,
+        screening: &Screening,
+        before: f64,
+        excess: f64,
+        overdispersion: f64,
+        verdict: Verdict,
+    ) -> Result<Vec<CandidateReport>, ValidationError> {
         let library = reference.library;
         let weights = self.normalised(overdispersion);
         let mut list: Vec<CandidateReport> = self
@@ -313,7 +334,11 @@ impl Refits {
         let term = |name: &str| screening.effects.iter().find(|s| library.effects()[s.effect].name == name);
         let cosine = |a: &str, b: &str| -> f64 {
             let (Some(a), Some(b)) = (term(a), term(b)) else { return 0.0 };
-            a.terms.iter().flat_map(|&i| b.terms.iter().map(move |&j| (i, j))).map(|(i, j)| screening.projected.cosine(i, j)).fold(0.0, |m: f64, v| if v.abs() > m.abs() { v } else { m })
+            a.terms
+                .iter()
+                .flat_map(|&i| b.terms.iter().map(move |&j| (i, j)))
+                .map(|(i, j)| screening.projected.cosine(i, j))
+                .fold(0.0, |m: f64, v| if v.abs() > m.abs() { v } else { m })
         };
         let facts: Vec<(String, f64)> = list.iter().map(|c| (c.effect.clone(), c.log_evidence_gain)).collect();
         for candidate in list.iter_mut() {

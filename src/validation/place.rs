@@ -61,7 +61,9 @@ fn worst_range(rows: &[(usize, f64, f64)], impacts: &[&Observation], k: usize, j
             // The whole range is a bias, told by one full-range place; parts are compared with the rest.
             let inside = &sorted[edges[a]..edges[b]];
             let outside: Vec<_> = sorted[..edges[a]].iter().chain(&sorted[edges[b]..]).collect();
-            let mean = |r: &[&(usize, f64, f64)]| (r.iter().map(|x| x.1 / x.2).sum::<f64>() / r.iter().map(|x| 1.0 / x.2).sum::<f64>(), 1.0 / r.iter().map(|x| 1.0 / x.2).sum::<f64>());
+            let mean = |r: &[&(usize, f64, f64)]| {
+                (r.iter().map(|x| x.1 / x.2).sum::<f64>() / r.iter().map(|x| 1.0 / x.2).sum::<f64>(), 1.0 / r.iter().map(|x| 1.0 / x.2).sum::<f64>())
+            };
             let (m_in, v_in) = mean(&inside.iter().collect::<Vec<_>>());
             let z = if outside.is_empty() {
                 m_in / v_in.sqrt()

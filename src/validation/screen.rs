@@ -116,7 +116,8 @@ fn signatures(library: &dyn Library, fit: &Fit, impacts: &[&Observation], which:
 
 /// Screens every effect that can be added. `c` is the noise scale of the structure test.
 pub fn screen(library: &dyn Library, fit: &Fit, impacts: &[&Observation], c: f64) -> Result<Screening, ValidationError> {
-    let which: Vec<usize> = (0..library.effects().len()).filter(|&e| library.effects()[e].excluded.is_none() && !library.effects()[e].strengths.is_empty()).collect();
+    let which: Vec<usize> =
+        (0..library.effects().len()).filter(|&e| library.effects()[e].excluded.is_none() && !library.effects()[e].strengths.is_empty()).collect();
     let (blocks, terms) = signatures(library, fit, impacts, &which)?;
     let projected = project(fit, &blocks);
     let effects: Vec<Screened> = which.iter().zip(terms).map(|(&e, terms)| screen_one(&projected, &library.effects()[e], e, terms, c)).collect();
@@ -141,7 +142,9 @@ fn screen_one(projected: &Projected, outline: &EffectOutline, effect: usize, ter
     };
     let mut screened = Screened { effect, gain: 0.0, strengths: vec![0.0; terms.len()], p_value: 1.0, typical_signal: signal, hidden_because, terms };
     // Terms that carry nothing, or point to the impossible side, drop out one after the other.
-    let mut active: Vec<usize> = (0..screened.terms.len()).filter(|&i| projected.information[(screened.terms[i], screened.terms[i])] > 1e-6 * projected.raw[screened.terms[i]].max(1e-12)).collect();
+    let mut active: Vec<usize> = (0..screened.terms.len())
+        .filter(|&i| projected.information[(screened.terms[i], screened.terms[i])] > 1e-6 * projected.raw[screened.terms[i]].max(1e-12))
+        .collect();
     while !active.is_empty() {
         let columns: Vec<usize> = active.iter().map(|&i| screened.terms[i]).collect();
         let Some((gain, strengths)) = projected.joint(&columns) else {

@@ -64,7 +64,8 @@ fn outliers_text(t: &mut String, outliers: &[super::comparison::Outlier]) {
     }
     let list: Vec<String> = outliers.iter().take(6).map(|o| format!("{} {} ({:+.1} sd)", o.id, o.column, o.standardised)).collect();
     let more = outliers.len().saturating_sub(6);
-    let _ = writeln!(t, "outlying numbers (they keep little weight): {}{}", list.join(", "), if more > 0 { format!(" and {more} more") } else { String::new() });
+    let _ =
+        writeln!(t, "outlying numbers (they keep little weight): {}{}", list.join(", "), if more > 0 { format!(" and {more} more") } else { String::new() });
 }
 
 fn quantity(value: f64, column: &str) -> String {
@@ -99,7 +100,8 @@ pub fn diagnosis_text(d: &Diagnosis) -> String {
     let _ = writeln!(t, "\nWhat could be missing (error on held-out impacts, floor {:.2}):", d.noise_floor);
     let _ = writeln!(t, "  {:<22} {:>11} {:>8} {:>8}  fitted; could also be", "effect", "probability", "before", "after");
     for c in d.candidates.iter().take(LISTED) {
-        let fitted: Vec<String> = c.parameters.iter().map(|(name, e)| format!("{} {} ± {}", name.rsplit('.').next().unwrap_or(name), short(e.value), short(e.sd))).collect();
+        let fitted: Vec<String> =
+            c.parameters.iter().map(|(name, e)| format!("{} {} ± {}", name.rsplit('.').next().unwrap_or(name), short(e.value), short(e.sd))).collect();
         let _ = writeln!(
             t,
             "  {:<22} {:>10.1}% {:>8.2} {:>8.2}  {}{}",
@@ -122,7 +124,8 @@ pub fn diagnosis_text(d: &Diagnosis) -> String {
     }
     for x in &d.next_experiments {
         let _ = writeln!(t, "\nTo tell {} from {}: {}", x.separates[0], x.separates[1], x.why);
-        let _ = writeln!(t, "  {} impacts to set up (listed in diagnosis.json), {} time{} over", x.impacts.len(), x.repeats, if x.repeats == 1 { "" } else { "s" });
+        let _ =
+            writeln!(t, "  {} impacts to set up (listed in diagnosis.json), {} time{} over", x.impacts.len(), x.repeats, if x.repeats == 1 { "" } else { "s" });
     }
     if let [only] = d.recommended.as_slice() {
         let _ = writeln!(t, "\nNext: sweetspot add {only} --model <your model> -o <new model>, then fit, then compare again (or diagnose --auto).");

@@ -21,9 +21,12 @@ pub fn verdict_words(d: &Diagnosis) -> Vec<String> {
         Verdict::EffectMissing => {
             let names = d.recommended.join(" and ");
             words.push(format!("EFFECT MISSING: {names}."));
-            let after = d.together.as_ref().filter(|t| t.effects == d.recommended).map(|t| (t.heldout_error_after, t.probability)).or_else(|| {
-                d.candidates.iter().find(|c| d.recommended.first() == Some(&c.effect)).map(|c| (c.heldout_error_after, c.probability))
-            });
+            let after = d
+                .together
+                .as_ref()
+                .filter(|t| t.effects == d.recommended)
+                .map(|t| (t.heldout_error_after, t.probability))
+                .or_else(|| d.candidates.iter().find(|c| d.recommended.first() == Some(&c.effect)).map(|c| (c.heldout_error_after, c.probability)));
             if let Some((error, probability)) = after {
                 words.push(format!(
                     "Probability {:.0} %. With {} the error on held-out impacts falls from {:.2} to {error:.2} (noise floor {:.2}); {tests}.",

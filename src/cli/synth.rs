@@ -3,7 +3,8 @@
 use super::Shell;
 use super::error::CliError;
 use crate::synthetic::scenario::{Scenario, TableFiles};
-use std::path::PathBuf;
+use crate::synthetic::footage_world::{FootageSpec, FootageWorld, FootageWorldError};
+use std::path::{Path, PathBuf};
 
 /// Renders a session with known truth from a scenario file
 #[derive(Debug, clap::Args)]
@@ -28,5 +29,33 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
             shell.say(format!("{} impacts in {}; what is true of them stands in truth.json", made.table.rows.len(), arguments.output.display()));
             shell.print_json(&made.truth)
         }
+        Scenario::Footage(spec) => film(&spec, &arguments.output, shell).map_err(|mut e| {
+            e.message = format!("{}: {}", file.display(), e.message);
+            e
+        }),
     }
+}
+
+/// Renders a session into `folder`, with `truth.json` beside it.
+pub fn film(spec: &FootageSpec, folder: &Path, shell: &Shell) -> Result<(), CliError> {
+    let world = FootageWorld::new(spec).map_err(CliError::input)?;
+    let bar = shell.progress(world.pictures() as u64, "pictures");
+    let sink = |name: &str, bytes: &[u8]| -> std::io::Result<()> {
+        let path = folder.join(name);
+        if let Some(parent) = path.parent() {
+            std::fs::create_dir_all(parent)?;
+        }
+        // Thousands of frames: written plainly, the truth last and whole, so that a broken run is seen as such.
+        std::fs::write(&path, bytes)
+    };
+    let truth = world.film(&sink, &|| bar.inc(1), shell.cancel_flag()).map_err(|e| match e {
+        FootageWorldError::Cancelled => CliError::interrupted(),
+        FootageWorldError::Sink(e) => CliError::output(e),
+        e => CliError::input(e),
+    })?;
+    bar.finish_and_clear();
+    let text = serde_json::to_string(&truth).map_err(CliError::output)?;
+    shell.write(&folder.join("truth.json"), text.as_bytes())?;
+    shell.say(format!("{} pictures of {} shots in {}; what is true of them stands in truth.json", world.pictures(), spec.shots, folder.display()));
+    Ok(())
 }

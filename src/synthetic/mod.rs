@@ -8,10 +8,20 @@
 //! functional form than the catalogue's ([`hidden`]). With nothing hidden the outcome equals the rigid impulse model of
 //! the contract (section 7), although no line of it is solved that way. Global axes U, V (up), W; SI.
 
+pub mod backdrop;
 pub mod body;
 pub mod contact;
+pub mod exposure;
+pub mod footage_world;
 pub mod hidden;
 pub mod impact_world;
+pub mod look;
 pub mod measurement;
+pub mod motion;
 pub mod nature;
+pub mod player;
+pub mod racket_shape;
+pub mod sampling;
 pub mod scenario;
+pub mod targets;
+pub mod view;

@@ -1,5 +1,6 @@
 //! A scenario file: what `sweetspot synth` should make. Unknown keys are refused.
 
+use super::footage_world::FootageSpec;
 use super::hidden::Hidden;
 use super::impact_world::{ImpactWorldError, Kind, SyntheticTable, TableSpec, generate_table};
 use super::measurement::NoiseOptions;
@@ -11,6 +12,8 @@ use serde::Deserialize;
 pub enum Scenario {
     /// An impacts table without pictures.
     Table(TableScenario),
+    /// A session of footage; `setting` is `lab`, `court` or `hard`.
+    Footage(FootageSpec),
 }
 
 /// `kind = "table"`.

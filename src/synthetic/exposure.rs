@@ -1,0 +1,245 @@
+//! One exposure: racket, ball and arm drawn over the backdrop, and what of each target the camera really saw.
+//!
+//! Only tiles of 8 x 8 px that something moving can reach are drawn; each sample has its own place within the pixel and
+//! its own instant within the exposure.
+
+use super::look::Look;
+use super::motion::ShotMotion;
+use super::player::{Limb, Player};
+use super::racket_shape::{Paint, RacketShape};
+use super::sampling::{INSTANTS, SAMPLES, hit_capsule, hit_sphere, instants, pattern};
+use super::view::View;
+use nalgebra::{Isometry3, Matrix3, Point3, UnitQuaternion, Vector2, Vector3};
+
+const TILE: usize = 8;
+/// Half width of the lines drawn round the ball, as the sine of the angle.
+const LINE: f64 = 0.045;
+
+/// What moves.
+#[derive(Debug, Clone)]
+pub struct Scene<'a> {
+    pub motion: &'a ShotMotion,
+    pub shape: &'a RacketShape,
+    pub ball_radius_m: f64,
+    /// Ball axes to the axes of its drawn lines.
+    pub ball_marking: UnitQuaternion<f64>,
+    pub player: Option<&'a Player>,
+    /// A marker whose tape is covered.
+    pub hidden_marker: Option<usize>,
+    /// A thread above the butt.
+    pub hung: bool,
+}
+
+/// What a camera saw of one target (markers 1 to 5, then the ball).
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Sight {
+    /// Projection of the marker's point or of the ball's centre at mid-exposure, px.
+    pub u: f64,
+    pub v: f64,
+    pub in_picture: bool,
+    /// Share of the target, as far as it faces the camera, that nothing covers.
+    pub fraction: f64,
+    /// Centroid of what is visible, px.
+    pub patch: Option<(f64, f64)>,
+    /// Area of what is visible, px.
+    pub patch_px: f64,
+}
+
+/// What a sample's line of sight can meet in one tile.
+#[derive(Default, Clone)]
+struct Tile {
+    tubes: Vec<u16>,
+    limbs: Vec<u16>,
+    strings: bool,
+    ball: bool,
+}
+
+/// Draws the moving things of time `t` into `light` (the backdrop on entry).
+pub fn expose(view: &View, scene: &Scene, look: &Look, t: f64, exposure_s: f64, light: &mut [f32]) -> [Sight; 6] {
+    let times = instants(exposure_s).map(|dt| t + dt);
+    let rackets = times.map(|t| scene.motion.racket(t));
+    let balls = times.map(|t| scene.motion.ball(t));
+    let limbs: [Vec<Limb>; INSTANTS] = std::array::from_fn(|i| limbs_of(scene, &rackets[i]));
+    let tiles = tiles_of(view, scene, &rackets, &balls, &limbs);
+
+    // Everything in camera axes or, for the racket, in racket axes: one rotation a sample.
+    let to_camera = view.pose;
+    let racket_from_camera: Vec<Isometry3<f64>> = rackets.iter().map(|r| (to_camera * r).inverse()).collect();
+    let racket_turn: Vec<Matrix3<f64>> = racket_from_camera.iter().map(|r| *r.rotation.to_rotation_matrix().matrix()).collect();
+    let eye: Vec<Point3<f64>> = racket_from_camera.iter().map(|r| r * Point3::origin()).collect();
+    let ball_centre: Vec<Point3<f64>> = balls.iter().map(|b| to_camera * Point3::from(b.translation.vector)).collect();
+    let marking: Vec<Matrix3<f64>> =
+        balls.iter().map(|b| *(scene.ball_marking * b.rotation.inverse() * to_camera.rotation.inverse()).to_rotation_matrix().matrix()).collect();
+    let limbs: Vec<Vec<(Point3<f64>, Point3<f64>, f64, f64)>> =
+        limbs.iter().map(|ls| ls.iter().map(|l| (to_camera * l.from, to_camera * l.to, l.radius, l.brightness)).collect()).collect();
+    let sun = to_camera.rotation * look.light.into_inner();
+    let sun_on_racket: Vec<Vector3<f64>> = racket_turn.iter().map(|m| m * sun).collect();
+    let shade = |brightness: f64, cosine: f64| brightness * (look.ambient + (1.0 - look.ambient) * cosine.max(0.0));
+
+    let samples = pattern(look.blur_px);
+    let mut counts = [Count::default(); 6];
+    let across = view.width.div_ceil(TILE);
+    for (index, tile) in tiles.iter().enumerate() {
+        if tile.tubes.is_empty() && tile.limbs.is_empty() && !tile.strings && !tile.ball {
+            continue;
+        }
+        let (u0, v0) = ((index % across) * TILE, (index / across) * TILE);
+        for v in v0..(v0 + TILE).min(view.height) {
+            for u in u0..(u0 + TILE).min(view.width) {
+                let behind = f64::from(light[v * view.width + u]);
+                let mut sum = 0.0;
+                for s in &samples {
+                    let (pu, pv) = (u as f64 + s.offset_px.x, v as f64 + s.offset_px.y);
+                    let k = s.instant;
+                    let direction = view.direction(pu, pv);
+                    let on_racket = racket_turn[k] * direction;
+                    let mut colour = behind;
+                    let mut nearest = f64::INFINITY;
+                    let mut tape = None;
+                    for &i in &tile.tubes {
+                        if let Some(hit) = scene.shape.hit(usize::from(i), &eye[k], &on_racket, scene.hidden_marker)
+                            && hit.depth < nearest
+                        {
+                            nearest = hit.depth;
+                            tape = if let Paint::Tape(m) = hit.paint { Some(m) } else { None };
+                            let brightness = match hit.paint {
+                                Paint::Frame => look.frame,
+                                Paint::Ornament => look.ornament,
+                                Paint::Black => look.black,
+                                Paint::Tape(_) => look.tape,
+                                Paint::Grip => look.grip,
+                            };
+                            let cosine = hit.normal.dot(&sun_on_racket[k]);
+                            // Tape is retro-reflecting and lit from the cameras, so its own shading is weak.
+                            colour = if tape.is_some() { brightness * (0.90 + 0.10 * cosine.max(0.0)) } else { shade(brightness, cosine) };
+                        }
+                    }
+                    let tube_depth = nearest;
+                    for &i in &tile.limbs {
+                        let (from, to, radius, brightness) = &limbs[k][usize::from(i)];
+                        if let Some((depth, normal)) = hit_capsule(from, to, *radius, &Point3::origin(), &direction)
+                            && depth < nearest
+                        {
+                            nearest = depth;
+                            colour = shade(*brightness, normal.dot(&sun));
+                        }
+                    }
+                    let mut ball_seen = None;
+                    if tile.ball
+                        && let Some((depth, normal)) = hit_sphere(&ball_centre[k], scene.ball_radius_m, &Point3::origin(), &direction)
+                    {
+                        ball_seen = Some(depth < nearest);
+                        if depth < nearest {
+                            nearest = depth;
+                            let own = marking[k] * normal;
+                            let line = own.x.abs() < LINE || own.y.abs() < LINE;
+                            colour = shade(if line { look.ball_line } else { look.ball }, normal.dot(&sun));
+                        }
+                    }
+                    if tile.strings
+                        && let Some(depth) = scene.shape.string_hit(&eye[k], &on_racket)
+                        && depth < nearest
+                    {
+                        colour = look.string;
+                    }
+                    if let Some(m) = tape {
+                        counts[m].add(nearest >= tube_depth, pu, pv);
+                    }
+                    if let Some(seen) = ball_seen {
+                        counts[5].add(seen, pu, pv);
+                    }
+                    sum += colour;
+                }
+                light[v * view.width + u] = (sum / SAMPLES as f64) as f32;
+            }
+        }
+    }
+    let now = scene.motion.racket(t);
+    std::array::from_fn(|i| {
+        let point = if i < 5 { now * scene.shape.markers[i] } else { Point3::from(scene.motion.ball(t).translation.vector) };
+        counts[i].sight(view, &point)
+    })
+}
+
+#[derive(Debug, Clone, Copy, Default)]
+struct Count {
+    all: u32,
+    seen: u32,
+    sum: Vector2<f64>,
+}
+
+impl Count {
+    fn add(&mut self, seen: bool, u: f64, v: f64) {
+        self.all += 1;
+        if seen {
+            self.seen += 1;
+            self.sum += Vector2::new(u, v);
+        }
+    }
+
+    fn sight(&self, view: &View, point: &Point3<f64>) -> Sight {
+        let Some(uv) = view.project(point) else { return Sight::default() };
+        let seen = f64::from(self.seen);
+        Sight {
+            u: uv.x,
+            v: uv.y,
+            in_picture: view.holds(&uv),
+            fraction: if self.all > 0 { seen / f64::from(self.all) } else { 0.0 },
+            patch: (self.seen > 0).then(|| (self.sum.x / seen, self.sum.y / seen)),
+            patch_px: seen / SAMPLES as f64,
+        }
+    }
+}
+
+fn limbs_of(scene: &Scene, racket: &Isometry3<f64>) -> Vec<Limb> {
+    let mut limbs = scene.player.map_or_else(Vec::new, |p| p.arm(racket, &scene.motion.hand));
+    if scene.hung {
+        let butt = racket * Point3::from(scene.motion.hand + Vector3::x() * super::impact_world::HAND_FROM_BUTT_M);
+        limbs.push(super::backdrop::thread(&butt));
+    }
+    limbs
+}
+
+/// Which tiles each moving thing can reach during the exposure.
+fn tiles_of(view: &View, scene: &Scene, rackets: &[Isometry3<f64>; INSTANTS], balls: &[Isometry3<f64>; INSTANTS], limbs: &[Vec<Limb>; INSTANTS]) -> Vec<Tile> {
+    let (across, down) = (view.width.div_ceil(TILE), view.height.div_ceil(TILE));
+    let mut tiles = vec![Tile::default(); across * down];
+    let mut reach = |points: &mut dyn Iterator<Item = (Point3<f64>, f64)>, mark: &mut dyn FnMut(&mut Tile)| {
+        let (mut low, mut high) = (Vector2::repeat(f64::INFINITY), Vector2::repeat(f64::NEG_INFINITY));
+        for (p, radius) in points {
+            let depth = (view.pose * p).z;
+            let Some(uv) = view.project(&p) else { return };
+            let margin = Vector2::repeat(1.15 * view.camera.fx.max(view.camera.fy) * radius / depth.max(0.1) + 2.5);
+            low = low.inf(&(uv - margin));
+            high = high.sup(&(uv + margin));
+        }
+        let range =
+            |a: f64, b: f64, n: usize| (a / TILE as f64).floor().clamp(0.0, n as f64) as usize..((b / TILE as f64).floor() + 1.0).clamp(0.0, n as f64) as usize;
+        for j in range(low.y, high.y, down) {
+            for i in range(low.x, high.x, across) {
+                mark(&mut tiles[j * across + i]);
+            }
+        }
+    };
+    let ends = [0, INSTANTS - 1];
+    for (i, tube) in scene.shape.tubes.iter().enumerate() {
+        let to = tube.end();
+        let mut points = ends.iter().flat_map(|&k| [(rackets[k] * tube.from, tube.radius), (rackets[k] * to, tube.radius)]);
+        reach(&mut points, &mut |t| t.tubes.push(i as u16));
+    }
+    let inner = scene.shape.inner();
+    let mut rim = ends.iter().flat_map(|&k| {
+        (0..16).map(move |a| {
+            let (s, c) = (f64::from(a) * std::f64::consts::TAU / 16.0).sin_cos();
+            (rackets[k] * Point3::new(inner.x * c, inner.y * s, 0.0), 0.005)
+        })
+    });
+    reach(&mut rim, &mut |t| t.strings = true);
+    for i in 0..limbs[0].len() {
+        let mut points = ends.iter().flat_map(|&k| [(limbs[k][i].from, limbs[k][i].radius), (limbs[k][i].to, limbs[k][i].radius)]);
+        reach(&mut points, &mut |t| t.limbs.push(i as u16));
+    }
+    let mut centre = ends.iter().map(|&k| (Point3::from(balls[k].translation.vector), scene.ball_radius_m));
+    reach(&mut centre, &mut |t| t.ball = true);
+    tiles
+}

@@ -30,7 +30,7 @@ pub(super) fn text_width(text: &str, size: f64) -> f64 {
             _ => 0.6,
         })
         .sum();
-    em * size
+    1.08 * em * size
 }
 
 /// Breaks text into lines no wider than `width`, cutting words that are wider; at most `most` lines.
@@ -108,7 +108,7 @@ impl Svg {
     /// The title in bold at the top; returns its lower edge.
     pub fn heading(&mut self, title: &str, width: f64) -> f64 {
         let mut top = 4.0;
-        for line in wrap(title, 1.08 * (TEXT + 1.0), width - 8.0, 2) {
+        for line in wrap(title, 1.06 * (TEXT + 1.0), width - 8.0, 2) {
             top += TEXT + 3.0;
             self.text(4.0, top - 2.0, Anchor::Start, &line, &format!("font-weight=\"600\" font-size=\"{}\"", px(TEXT + 1.0)));
         }

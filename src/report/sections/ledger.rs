@@ -1,7 +1,8 @@
 //! The error falls: the staircase from the first model to the noise floor, and the pictures before and after.
 
-use super::residuals::{Trend, panel, trends};
+use super::residuals::{Trend, panel, reach, trends};
 use crate::report::chart::{Bars, Chart, Colour, Points, Rule, Symbol};
+use crate::report::column::column_words;
 use crate::report::markup::{fixed, with_sd};
 use crate::report::page::{Layout, Section, Table};
 use crate::validation::{Comparison, LedgerEntry};
@@ -106,9 +107,11 @@ fn before_and_after(before: &Comparison, after: &Comparison) -> Vec<(String, Str
     for t in old.iter().take(PAIRS) {
         let Some(n) = twin(t) else { continue };
         let every = t.points.len().div_ceil(900).max(1);
-        let output = crate::report::column::column_words(&t.output).words;
-        figures.push((panel(t, every, (210.0, 170.0)), format!("{output}, before")));
-        figures.push((panel(&new[n], every, (210.0, 170.0)), format!("{output}, after")));
+        let (output, input) = (column_words(&t.output).words, column_words(&t.input).words);
+        let same = reach(&t.points);
+        for (trend, when) in [(t, "Before"), (&new[n], "After")] {
+            figures.push((panel(trend, when, every, (210.0, 170.0), same), format!("{output} against {input}")));
+        }
     }
     figures
 }

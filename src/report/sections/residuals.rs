@@ -63,7 +63,14 @@ pub fn residuals(comparison: &Comparison) -> Option<Section> {
     let every = marks.div_ceil(MOST_MARKS).max(1);
     let mut order: Vec<&Trend> = trends.iter().collect();
     order.sort_by(|a, b| b.strength.total_cmp(&a.strength).then_with(|| (&a.output, &a.input).cmp(&(&b.output, &b.input))));
-    let clearest: Vec<(String, String)> = order.iter().take(SHOWN).map(|t| (panel(t, every, (340.0, 230.0)), String::new())).collect();
+    let clearest: Vec<(String, String)> = order
+        .iter()
+        .take(SHOWN)
+        .map(|t| {
+            let title = format!("{} against {}", column_words(&t.output).words, column_words(&t.input).words);
+            (panel(t, &title, every, (340.0, 230.0), reach(&t.points)), String::new())
+        })
+        .collect();
     let mut section = Section::new("residuals", "Residuals against every input")
         .note("Measured less predicted, each in units of its own standard deviation. A sound model scatters about zero with unit spread whatever the input; the band is the 95 % interval of the local mean.")
         .figure(&matrix(comparison, &trends), "Where the local mean leaves zero: its greatest distance from zero in half-widths of its 95 % band. Values up to about 2 are what chance gives over a curve.")
@@ -73,25 +80,29 @@ pub fn residuals(comparison: &Comparison) -> Option<Section> {
         section = section.note(&format!("Every {every}th impact is drawn; the curves use all."));
     }
     for o in &comparison.outputs {
-        let own: Vec<(String, String)> = trends.iter().filter(|t| t.output == o.name).map(|t| (panel(t, every, (210.0, 160.0)), String::new())).collect();
+        let own: Vec<(String, String)> = trends
+            .iter()
+            .filter(|t| t.output == o.name)
+            .map(|t| (panel(t, &format!("against {}", column_words(&t.input).words), every, (210.0, 160.0), reach(&t.points)), String::new()))
+            .collect();
         section = section.folded(&format!("{}: all inputs", column_words(&o.name).words), |s| s.figures(Layout::Small, &own));
     }
     Some(section)
 }
 
-/// One residual panel.
-pub(super) fn panel(trend: &Trend, every: usize, size: (f64, f64)) -> String {
-    let (output, input) = (column_words(&trend.output), column_words(&trend.input));
-    let small = size.0 < 300.0;
-    let title = if small { format!("against {}", input.words) } else { format!("{} against {}", output.words, input.words) };
-    let drawn: Vec<(f64, f64)> = trend.points.iter().step_by(every.max(1)).copied().collect();
-    let most = drawn.iter().map(|p| p.1.abs()).filter(|v| v.is_finite()).fold(0.0, f64::max);
-    // A few outliers must not flatten the picture; they stand as rings on the edge.
-    let mut sizes: Vec<f64> = drawn.iter().map(|p| p.1.abs()).filter(|v| v.is_finite()).collect();
+/// Half-height of a residual panel, own sd: a few outliers must not flatten the picture; they stand as rings on the edge.
+pub(super) fn reach(points: &[(f64, f64)]) -> f64 {
+    let mut sizes: Vec<f64> = points.iter().map(|p| p.1.abs()).filter(|v| v.is_finite()).collect();
     sizes.sort_by(f64::total_cmp);
     let usual = sizes.get(sizes.len() * 97 / 100).copied().unwrap_or(3.0);
-    let reach = (1.3 * usual).clamp(3.2, most.max(3.2));
-    let mut chart = Chart::new(&title)
+    (1.3 * usual).min(sizes.last().copied().unwrap_or(3.0)).max(3.2)
+}
+
+/// One residual panel; `title` and half-height `reach` as given, so that panels can be compared.
+pub(super) fn panel(trend: &Trend, title: &str, every: usize, size: (f64, f64), reach: f64) -> String {
+    let (output, input) = (column_words(&trend.output), column_words(&trend.input));
+    let drawn: Vec<(f64, f64)> = trend.points.iter().step_by(every.max(1)).copied().collect();
+    let mut chart = Chart::new(title)
         .size(size.0, size.1)
         .describe(&format!("Residual of {} in own standard deviations against {}.", output.words, input.words))
         .x(&input.words, input.unit)

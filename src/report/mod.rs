@@ -10,7 +10,12 @@ mod markup;
 mod model_reports;
 mod page;
 pub mod sections;
+mod session_report;
+mod session_results;
 
 pub use markup::escape;
 pub use model_reports::{comparison_report, diagnosis_report};
 pub use page::{Layout, Report, Section, Table, Tone};
+pub use sections::{SeasonFigure, season_figures};
+pub use session_report::session_report;
+pub use session_results::{FramePicture, SessionResults, ShotResults};

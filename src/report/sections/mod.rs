@@ -1,6 +1,8 @@
 //! The report's sections: one file each, a pure function from plain results to a [`super::Section`], `None` without data.
 
 mod agreement;
+mod calibration;
+mod calibration_detail;
 mod candidates;
 mod comparison_verdict;
 mod diagnosis_verdict;
@@ -13,9 +15,18 @@ mod next_experiments;
 mod places;
 mod polynomials;
 mod provenance;
+mod quantity_words;
+mod regression;
 mod residuals;
+mod room;
+mod season;
+mod session_verdict;
+mod shots;
+mod tracks;
+mod trajectories;
 
 pub use agreement::agreement;
+pub use calibration::calibration;
 pub use candidates::candidates;
 pub use comparison_verdict::comparison_verdict;
 pub use diagnosis_verdict::diagnosis_verdict;
@@ -29,3 +40,8 @@ pub use places::places;
 pub use polynomials::polynomials;
 pub use provenance::provenance;
 pub use residuals::residuals;
+pub use season::{SeasonFigure, season, season_figures};
+pub use session_verdict::session_verdict;
+pub use shots::shots;
+pub use tracks::tracks;
+pub use trajectories::trajectories;

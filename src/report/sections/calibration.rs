@@ -1,0 +1,150 @@
+//! The calibration: verdict in mm, cameras and boards in the room, reprojection errors, what became of each pair.
+
+use super::calibration_detail::CalibrationDetail;
+use super::room::{Room, camera_corners};
+use crate::calibration::{Camera, CameraId, StereoRig};
+use crate::report::chart::{Arrows, Bars, Chart, Colour, Legend, Points, Rule, Scene, Symbol};
+use crate::report::markup::{fixed, significant, with_sd};
+use crate::report::page::{Layout, Section, Table};
+
+/// The section on a rig; `axes_known` is false when the global axes are the left camera's own.
+pub fn calibration(rig: &StereoRig, axes_known: bool) -> Section {
+    let detail = CalibrationDetail::of(rig);
+    let mut section = Section::new("calibration", "Calibration").cards(&cards(rig)).list(&detail.advice);
+    let mut figures = vec![(
+        scene(rig, &detail, axes_known),
+        "Cameras and checkerboard positions in a fixed oblique view; dotted lines are shadows on the floor of the figure.".to_owned(),
+    )];
+    figures.extend(scatter(&detail).map(|svg| {
+        (svg, "Reprojection error of every corner: a round cloud without direction is what a good camera model leaves (thesis figure 3.9).".to_owned())
+    }));
+    for camera in CameraId::BOTH {
+        figures.extend(quiver(rig, &detail, camera).map(|svg| (svg, String::new())));
+    }
+    figures.extend(pair_errors(rig).map(|svg| (svg, "Error of each pair used; one that sticks out is worth a look.".to_owned())));
+    section = section.figures(Layout::Normal, &figures).figures(Layout::Normal, &detail.figures());
+    section = section.table(cameras(rig)).table(detail.table());
+    let dropped: Vec<String> = rig.pairs.iter().filter(|p| !p.reason.is_empty()).map(|p| format!("{}: {}", p.name, p.reason)).collect();
+    if !dropped.is_empty() {
+        section = section.heading("Pairs left out or used in part").list(&dropped);
+    }
+    section
+}
+
+fn cards(rig: &StereoRig) -> Vec<(String, String)> {
+    let mut cards = Vec::new();
+    if let Some(s) = &rig.square_mm {
+        cards.push((
+            format!("{} ± {} mm", fixed(s.mean, 2), fixed(s.sd, 2)),
+            format!("checkerboard squares re-measured in 3-D on boards held out (n = {}; ±: one sd)", s.n),
+        ));
+    }
+    cards.push((format!("{} px", fixed(rig.rms_stereo_px, 3)), "rms reprojection error, both cameras".to_owned()));
+    let used = rig.pairs.iter().filter(|p| p.used).count();
+    if !rig.pairs.is_empty() {
+        cards.push((format!("{used} of {}", rig.pairs.len()), "checkerboard pairs used (recommended: 15 to 20, 40 for a large volume)".to_owned()));
+    }
+    let baseline = nalgebra::Vector3::from(rig.t).norm();
+    let angle = (rig.right_from_left().rotation.angle()).to_degrees();
+    cards.push((format!("{} m, {}°", fixed(baseline, 2), fixed(angle, 1)), "distance between the cameras and angle between their views".to_owned()));
+    cards
+}
+
+fn scene(rig: &StereoRig, detail: &CalibrationDetail, axes_known: bool) -> String {
+    let room = Room { axes_known };
+    let mut scene = Scene::new("Cameras and boards").axis_names(room.axis_names());
+    let focus = detail.centre().unwrap_or_else(|| rig.centre(CameraId::Left) + 3.0 * camera_corners(rig, CameraId::Left)[0]);
+    for id in CameraId::BOTH {
+        let centre = rig.centre(id);
+        let size = 0.16 * (focus - centre).norm();
+        scene = scene.camera(room.point(&centre), &camera_corners(rig, id).map(|c| room.vector(&c)), size, id.name());
+    }
+    let boards = detail.boards.len();
+    for (k, board) in detail.boards.iter().enumerate() {
+        let corners: Vec<_> = board.iter().map(|p| room.point(p)).collect();
+        scene = scene.outline(&corners, if k == 0 { "boards" } else { "" }, Colour::BLUE);
+    }
+    scene.describe(&format!("Two cameras and {boards} checkerboard positions.")).to_svg()
+}
+
+fn scatter(detail: &CalibrationDetail) -> Option<String> {
+    if detail.corners.is_empty() {
+        return None;
+    }
+    let of = |id: CameraId| -> Vec<(f64, f64)> { detail.corners.iter().filter(|c| c.camera == id).map(|c| c.error).collect() };
+    let (left, right) = (of(CameraId::Left), of(CameraId::Right));
+    let chart = Chart::new("Reprojection error")
+        .describe(&format!("{} corners of the left and {} of the right camera.", left.len(), right.len()))
+        .size(340.0, 320.0)
+        .x("error along u", "px")
+        .y("error along v", "px")
+        .equal_scales()
+        .add(Points::new(&left).name("left").size(2.4))
+        .add(Points::new(&right).name("right").symbol(Symbol::Square).size(2.6))
+        .add(Rule::horizontal(0.0))
+        .add(Rule::vertical(0.0));
+    Some(chart.to_svg())
+}
+
+/// Most arrows of a quiver; more would only be grey.
+const MOST_ARROWS: usize = 700;
+
+fn quiver(rig: &StereoRig, detail: &CalibrationDetail, camera: CameraId) -> Option<String> {
+    let corners: Vec<_> = detail.corners.iter().filter(|c| c.camera == camera).collect();
+    if corners.is_empty() {
+        return None;
+    }
+    let every = corners.len().div_ceil(MOST_ARROWS);
+    let from: Vec<(f64, f64)> = corners.iter().step_by(every).map(|c| c.at).collect();
+    let by: Vec<(f64, f64)> = corners.iter().step_by(every).map(|c| c.error).collect();
+    let rms = (corners.iter().map(|c| c.error.0.powi(2) + c.error.1.powi(2)).sum::<f64>() / corners.len() as f64).sqrt().max(1e-6);
+    let [width, height] = rig.image_size.map(|s| s as f64);
+    // A typical arrow is a twentieth of the picture long; the factor is a round number.
+    let wanted = 0.05 * width / rms;
+    let factor = (wanted / 10f64.powf(wanted.log10().floor())).round().max(1.0) * 10f64.powf(wanted.log10().floor());
+    let chart = Chart::new(&format!("Reprojection error over the {} picture", camera.name()))
+        .size(340.0, 340.0)
+        .height_from_width()
+        .x("u", "px")
+        .y("v", "px")
+        .x_range(0.0, width)
+        .y_range(0.0, height)
+        .y_reversed()
+        .add(Arrows::new(&from, &by, factor).name(&format!("error × {factor:.0}; corners cover the picture where arrows stand")));
+    Some(chart.to_svg())
+}
+
+fn pair_errors(rig: &StereoRig) -> Option<String> {
+    let pairs: Vec<(&str, f64)> = rig.pairs.iter().filter(|p| p.used).filter_map(|p| Some((p.name.as_str(), p.rms_px?))).collect();
+    if pairs.is_empty() {
+        return None;
+    }
+    let bars: Vec<(f64, f64, f64)> = pairs.iter().enumerate().map(|(i, (_, e))| (i as f64 + 0.6, i as f64 + 1.4, *e)).collect();
+    let worst = pairs.iter().max_by(|a, b| a.1.total_cmp(&b.1));
+    let chart = Chart::new("Error of each pair")
+        .describe(&format!("{} pairs.", pairs.len()))
+        .x("pair used, in order", "")
+        .y("rms reprojection error", "px")
+        .legend(Legend::Hidden)
+        .add(Bars::new(&bars));
+    Some(worst.map_or(chart.clone(), |(name, e)| chart.note(&format!("worst: {name}, {} px", fixed(*e, 3)))).to_svg())
+}
+
+fn cameras(rig: &StereoRig) -> Table {
+    let mut table = Table::new("Camera parameters with one standard deviation").column("").column("unit").numbers("left").numbers("right");
+    let show = |c: &Camera, name: &str, value: f64| c.sd.get(name).map_or_else(|| significant(value, 5), |sd| with_sd(value, *sd));
+    let pick = |c: &Camera, k: usize| -> (&'static str, f64) {
+        let names = ["fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3"];
+        let values = [c.fx, c.fy, c.cx, c.cy, c.distortion[0], c.distortion[1], c.distortion[2], c.distortion[3], c.distortion[4]];
+        (names[k], values[k])
+    };
+    for k in 0..9 {
+        let ((name, l), (_, r)) = (pick(&rig.left, k), pick(&rig.right, k));
+        if k >= 4 && l == 0.0 && r == 0.0 {
+            continue;
+        }
+        table = table.row(&[name.to_owned(), if k < 4 { "px" } else { "" }.to_owned(), show(&rig.left, name, l), show(&rig.right, name, r)]);
+    }
+    table = table.row(&["rms error".to_owned(), "px".to_owned(), fixed(rig.left.rms_px, 3), fixed(rig.right.rms_px, 3)]);
+    table
+}

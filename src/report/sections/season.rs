@@ -1,0 +1,206 @@
+//! A season of shots: the thesis's figures 5.6 to 5.24 for the user's own shots.
+
+use super::quantity_words::quantity_words;
+use super::regression::regression;
+use crate::equipment::Racket;
+use crate::kinematics::{Shot, effective_mass};
+use crate::report::chart::{Arrows, Band, Bars, Cells, Chart, Line, Points, Rule, SERIES, Symbol, bin_edges, face, histogram};
+use crate::report::markup::fixed;
+use crate::report::page::{Layout, Section};
+use crate::report::session_results::SessionResults;
+use nalgebra::Vector2;
+use std::collections::{BTreeMap, BTreeSet};
+
+/// Fewest shots that make a histogram.
+const FEWEST: usize = 4;
+/// A grouping column with more values than this is not told apart by colour.
+const MOST_GROUPS: usize = 4;
+
+/// A figure with a name fit for a file, the thesis's figure it follows, and its caption.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SeasonFigure {
+    pub name: &'static str,
+    pub svg: String,
+    pub caption: String,
+}
+
+/// Shots of one group (all, or those with one value of the grouping column).
+struct Group<'a> {
+    name: String,
+    shots: Vec<&'a Shot>,
+}
+
+impl Group<'_> {
+    fn values(&self, quantity: &str) -> Vec<f64> {
+        let factor = quantity_words(quantity).factor;
+        self.shots.iter().filter_map(|s| s.quantities.get(quantity).map(|q| factor * q.value)).collect()
+    }
+}
+
+/// Histograms and trends of a session's shots; `None` with fewer than four.
+pub fn season(results: &SessionResults) -> Option<Section> {
+    let shots: Vec<&Shot> = results.shots.iter().filter_map(|s| s.record.as_ref().map(|r| &r.shot)).collect();
+    let figures: Vec<(String, String)> = season_figures(&shots, results.shots.first().map(|s| &s.racket)).into_iter().map(|f| (f.svg, f.caption)).collect();
+    if figures.is_empty() {
+        return None;
+    }
+    Some(Section::new("season", "All shots together").figures(Layout::Normal, &figures))
+}
+
+/// The figures of thesis chapter 5 for these shots, told apart by a grouping column with two to four values if there is
+/// one (`sex` before `player` before others). Empty with fewer than four shots.
+pub fn season_figures(shots: &[&Shot], racket: Option<&Racket>) -> Vec<SeasonFigure> {
+    if shots.len() < FEWEST {
+        return Vec::new();
+    }
+    let groups = groups(shots);
+    let mut figures = Vec::new();
+    let axes = |stem: &str| -> [String; 3] { ["x", "y", "z"].map(|a| format!("{stem}{a}")) };
+    for (name, title, stem, resultant, unit, labels, thesis) in [
+        ("racket-velocity", "Racket velocity before (centre of mass)", "racket_in_global_v", "racket_in_speed", "m/s", ["U", "V", "W"], "5.6, 5.7"),
+        ("ball-velocity-before", "Ball velocity before", "ball_in_global_v", "ball_in_speed", "m/s", ["U", "V", "W"], "5.8, 5.9"),
+        ("ball-velocity-after", "Ball velocity after", "ball_out_global_v", "ball_out_speed", "m/s", ["U", "V", "W"], "5.10, 5.11"),
+        ("racket-angular-velocity", "Racket angular velocity before", "racket_in_w", "racket_in_rate", "rad/s", ["x", "y", "z"], "5.12, 5.13"),
+    ] {
+        for group in &groups {
+            let names = axes(stem);
+            let series: Vec<(String, Vec<f64>)> = labels.iter().zip(&names).map(|(l, n)| ((*l).to_owned(), group.values(n))).collect();
+            let title = if groups.len() > 1 { format!("{title}: {}", group.name) } else { title.to_owned() };
+            let all = group.values(resultant);
+            let resultant = if all.is_empty() { String::new() } else { format!("; resultant {}", mean_sd(&all)) };
+            figures.extend(frequency(name, &title, "", unit, &series, &format!("{resultant} {unit} (as thesis figures {thesis})")));
+        }
+    }
+    for (name, quantity, thesis) in [
+        ("spin", "ball_out_topspin_rpm", "5.14"),
+        ("playing-angle", "playing_angle_deg", "5.15"),
+        ("impact-along", "impact_from_butt", "5.16"),
+        ("impact-across", "impact_y", "5.17"),
+    ] {
+        let w = quantity_words(quantity);
+        let series: Vec<(String, Vec<f64>)> = groups.iter().map(|g| (g.name.clone(), g.values(quantity))).collect();
+        figures.extend(frequency(name, &w.words, &w.words, w.unit, &series, &format!(" {} (as thesis figure {thesis})", w.unit)));
+    }
+    if let Some(racket) = racket {
+        figures.push(effective_mass_map(racket));
+    }
+    figures.extend(trend("spin-playing-angle", &groups, "playing_angle_deg", "ball_out_topspin_rpm", "5.21"));
+    figures.extend(trend("spin-planar-velocity", &groups, "planar_racket_velocity", "ball_out_topspin_rpm", "5.22"));
+    figures.extend(movement(&groups));
+    figures.extend(success(&groups));
+    figures
+}
+
+fn groups<'a>(shots: &[&'a Shot]) -> Vec<Group<'a>> {
+    let mut columns: BTreeMap<&str, BTreeSet<&str>> = BTreeMap::new();
+    for (key, value) in shots.iter().flat_map(|s| &s.groups) {
+        columns.entry(key).or_default().insert(value);
+    }
+    let rank = |key: &str| ["sex", "player"].iter().position(|k| *k == key).unwrap_or(2);
+    let column = columns.iter().filter(|(_, v)| (2..=MOST_GROUPS).contains(&v.len())).min_by_key(|(k, _)| (rank(k), **k));
+    let Some((key, values)) = column else {
+        return vec![Group { name: "all shots".to_owned(), shots: shots.to_vec() }];
+    };
+    let of = |s: &Shot, value: &str| s.groups.iter().any(|(k, v)| k == key && v == value);
+    values.iter().map(|v| Group { name: (*v).to_owned(), shots: shots.iter().filter(|s| of(s, v)).copied().collect() }).collect()
+}
+
+fn mean_sd(values: &[f64]) -> String {
+    let n = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    let sd = (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0)).sqrt();
+    let decimals = usize::from(mean.abs() < 1000.0);
+    if values.len() < 2 { fixed(mean, decimals) } else { format!("{} ± {}", fixed(mean, decimals), fixed(sd, decimals)) }
+}
+
+fn frequency(name: &'static str, title: &str, label: &str, unit: &str, series: &[(String, Vec<f64>)], tail: &str) -> Option<SeasonFigure> {
+    let edges = bin_edges(series.iter().flat_map(|(_, v)| v));
+    if edges.is_empty() {
+        return None;
+    }
+    let label = if label.is_empty() { if unit == "m/s" { "velocity" } else { "angular velocity" } } else { label };
+    let mut chart = Chart::new(title).x(label, unit).y("shots", "");
+    let mut told = Vec::new();
+    for (k, (group, values)) in series.iter().enumerate().filter(|(_, (_, v))| !v.is_empty()) {
+        chart = chart.add(Bars::new(&histogram(values, &edges)).name(group).colour(SERIES[k % SERIES.len()]));
+        told.push(format!("{group} {}", mean_sd(values)));
+    }
+    let caption = format!("Mean ± sd over the shots: {}{tail}.", told.join(", "));
+    Some(SeasonFigure { name, svg: chart.describe(&caption).to_svg(), caption })
+}
+
+/// Thesis figure 5.18: effective mass of every point of the face.
+fn effective_mass_map(racket: &Racket) -> SeasonFigure {
+    let (at, side) = face::cells(racket, 30);
+    let com = 1000.0 * racket.com_local().x;
+    let inertia = racket.inertia_kg_m2();
+    let grams = |y: f64, x: f64| 1000.0 * effective_mass(racket.mass_kg, &inertia, &Vector2::new(0.001 * (x - com), 0.001 * y));
+    let cells: Vec<(f64, f64, f64)> = at.iter().map(|&(y, x)| (y, x, grams(y, x))).collect();
+    let chart = face::bare("Effective mass over the face", racket).add(Cells::new(&cells, (side, side), "g"));
+    SeasonFigure {
+        name: "effective-mass",
+        svg: face::outline(chart, racket).to_svg(),
+        caption: format!("Effective mass of each point of {} (as thesis figure 5.18).", racket.name),
+    }
+}
+
+fn pairs(group: &Group<'_>, x: &str, y: &str) -> Vec<(f64, f64)> {
+    let (fx, fy) = (quantity_words(x).factor, quantity_words(y).factor);
+    group.shots.iter().filter_map(|s| Some((fx * s.quantities.get(x)?.value, fy * s.quantities.get(y)?.value))).collect()
+}
+
+fn trend(name: &'static str, groups: &[Group<'_>], x: &str, y: &str, thesis: &str) -> Option<SeasonFigure> {
+    let (wx, wy) = (quantity_words(x), quantity_words(y));
+    let all: Vec<(f64, f64)> = groups.iter().flat_map(|g| pairs(g, x, y)).collect();
+    if all.len() < FEWEST {
+        return None;
+    }
+    let mut chart = Chart::new(&format!("{} against {}", wy.words, wx.words)).x(&wx.words, wx.unit).y(&wy.words, wy.unit);
+    let mut caption = format!("As thesis figure {thesis}.");
+    if let Some(r) = regression(&all) {
+        chart = chart.add(Band::new(&r.band).colour(SERIES[4])).add(Line::new(&r.line).colour(SERIES[4])).note(&format!("R² = {}", fixed(r.r2, 2)));
+        caption = format!(
+            "Straight line with its 95 % band: slope {} ± {} {} per {}, R² = {} (as thesis figure {thesis}).",
+            fixed(r.slope, 2),
+            fixed(r.slope_sd, 2),
+            wy.unit,
+            wx.unit,
+            fixed(r.r2, 2)
+        );
+    }
+    for (k, g) in groups.iter().enumerate() {
+        chart = chart.add(Points::new(&pairs(g, x, y)).name(&g.name).symbol(Symbol::SERIES[k % 6]).colour(SERIES[k % SERIES.len()]));
+    }
+    Some(SeasonFigure { name, svg: chart.describe(&caption).to_svg(), caption })
+}
+
+/// Thesis figure 5.23: how the impact point moved in the plane of the face.
+fn movement(groups: &[Group<'_>]) -> Option<SeasonFigure> {
+    let mut chart = Chart::new("Movement of the impact point in the face's plane")
+        .size(340.0, 340.0)
+        .x("across the face, y", "m/s")
+        .y("toward the handle, x", "m/s")
+        .y_reversed()
+        .equal_scales();
+    let mut any = false;
+    for (k, g) in groups.iter().enumerate() {
+        let by = pairs(g, "impact_point_in_vy", "impact_point_in_vx");
+        any |= !by.is_empty();
+        chart = chart.add(Arrows::new(&vec![(0.0, 0.0); by.len()], &by, 1.0).name(&g.name).colour(SERIES[k % SERIES.len()]));
+    }
+    let caption = "Each arrow is one shot (as thesis figure 5.23).".to_owned();
+    any.then(|| SeasonFigure { name: "local-movement", svg: chart.describe(&caption).to_svg(), caption })
+}
+
+/// Thesis figure 5.24.
+fn success(groups: &[Group<'_>]) -> Option<SeasonFigure> {
+    let mut chart = Chart::new("Efficiency against impact success ratio").x("impact success ratio", "").y("efficiency", "").x_include(1.0);
+    let mut any = false;
+    for (k, g) in groups.iter().enumerate() {
+        let at = pairs(g, "impact_success_ratio", "efficiency");
+        any |= !at.is_empty();
+        chart = chart.add(Points::new(&at).name(&g.name).symbol(Symbol::SERIES[k % 6]).colour(SERIES[k % SERIES.len()]));
+    }
+    let caption = "1: the ball met the ideal point (as thesis figure 5.24).".to_owned();
+    any.then(|| SeasonFigure { name: "success-efficiency", svg: chart.add(Rule::vertical(1.0).name("ideal point")).describe(&caption).to_svg(), caption })
+}

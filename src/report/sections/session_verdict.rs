@@ -1,0 +1,67 @@
+//! What came of a session, in words and a few figures, at the top of its report.
+
+use crate::report::markup::{fixed, percent, with_sd};
+use crate::report::page::{Section, Tone};
+use crate::report::session_results::SessionResults;
+use crate::validation::Verdict;
+
+pub fn session_verdict(r: &SessionResults) -> Section {
+    let measured = r.shots.iter().filter(|s| s.record.is_some()).count();
+    let all = measured + r.failed.len();
+    let mut lines = Vec::new();
+    let mut cards = Vec::new();
+    if let Some(s) = r.rig.as_ref().and_then(|rig| rig.square_mm.as_ref()) {
+        lines.push(format!("The calibration re-measures the checkerboard's squares as {} ± {} mm in space.", fixed(s.mean, 2), fixed(s.sd, 2)));
+    }
+    if all > 0 {
+        lines.push(if r.failed.is_empty() {
+            format!("All {all} shots were measured.")
+        } else {
+            format!("{measured} of {all} shots were measured; the others are named with their reason below.")
+        });
+    }
+    let speeds: Vec<f64> = r.shots.iter().filter_map(|s| s.record.as_ref()?.shot.quantities.get("ball_out_speed").map(|q| q.value)).collect();
+    let typical: Vec<f64> = r.shots.iter().filter_map(|s| s.record.as_ref()?.shot.quantities.get("ball_out_speed").map(|q| q.sd)).collect();
+    if let (1, Some(v), Some(sd)) = (speeds.len(), speeds.first(), typical.first()) {
+        cards.push((format!("{} m/s", with_sd(*v, *sd)), "ball speed after the impact".to_owned()));
+    } else if !speeds.is_empty() {
+        let n = speeds.len() as f64;
+        let mean = speeds.iter().sum::<f64>() / n;
+        let spread = (speeds.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0)).sqrt();
+        let own = typical.iter().sum::<f64>() / n;
+        cards.push((
+            format!("{} m/s", fixed(mean, 1)),
+            format!("mean ball speed after; shots spread by {} m/s, each known to {} m/s (sd)", fixed(spread, 1), fixed(own, 2)),
+        ));
+    }
+    let mut tone = if r.failed.is_empty() { Tone::Good } else { Tone::Doubt };
+    if let Some(d) = &r.diagnosis {
+        (tone, _) = match d.verdict {
+            Verdict::Adequate => (tone, ()),
+            _ => (Tone::Bad, ()),
+        };
+        lines.insert(
+            0,
+            match d.verdict {
+                Verdict::Adequate => format!("The model “{}” explains these shots: nothing is missing that they could show.", d.model),
+                Verdict::EffectMissing => format!("The model “{}” is missing {}.", d.model, d.recommended.join(" and ")),
+                Verdict::Unexplained => format!("The model “{}” fails on these shots, and no effect of the catalogue explains why.", d.model),
+            },
+        );
+        lines.extend(d.words.iter().cloned());
+        cards.push((fixed(d.heldout_error, 2), format!("held-out error of the model, noise floor {}", fixed(d.noise_floor, 2))));
+        if let Some(c) = d.candidates.first().filter(|_| d.verdict != Verdict::Adequate) {
+            cards.push((fixed(c.heldout_error_after, 2), format!("held-out error with {} (probability {})", c.effect, percent(c.probability))));
+        }
+    } else if let Some(c) = &r.comparison {
+        let adequate = c.verdict == "adequate";
+        tone = if adequate { tone } else { Tone::Bad };
+        lines.insert(0, format!("The model “{}” is {} for these shots.", c.model, if adequate { "adequate" } else { "not adequate" }));
+        cards.push((fixed(c.heldout_error_refitted, 2), format!("held-out error of the model, noise floor {}", fixed(c.noise_floor, 2))));
+    }
+    if lines.is_empty() {
+        lines.push("Nothing has been measured yet.".to_owned());
+        tone = Tone::Plain;
+    }
+    Section::new("verdict", "Verdict").verdict(tone, &lines).cards(&cards)
+}

@@ -1,0 +1,131 @@
+//! Shot characteristics: the figures that matter as a table over all shots, everything else folded per shot, and where the
+//! ball met the face.
+
+use super::quantity_words::{QUANTITIES, quantity_words};
+use crate::kinematics::{ImpactTiming, Shot};
+use crate::report::chart::{Points, face};
+use crate::report::markup::{fixed, with_sd};
+use crate::report::page::{Layout, Section, Table};
+use crate::report::session_results::{SessionResults, ShotResults};
+
+/// Columns of the table over all shots.
+const COLUMNS: [&str; 10] = [
+    "ball_in_speed",
+    "ball_out_speed",
+    "ball_out_spin_rpm",
+    "racket_in_speed",
+    "impact_x",
+    "impact_y",
+    "apparent_restitution",
+    "restitution",
+    "playing_angle_deg",
+    "contact_time",
+];
+
+pub fn shots(results: &SessionResults) -> Option<Section> {
+    let measured: Vec<(&ShotResults, &Shot)> = results.shots.iter().filter_map(|s| Some((s, &s.record.as_ref()?.shot))).collect();
+    let failed: Vec<String> = results.failed.iter().map(|(id, why)| format!("{id}: {why}")).collect();
+    if measured.is_empty() && failed.is_empty() {
+        return None;
+    }
+    let mut section = Section::new("shots", "Shot characteristics");
+    if !failed.is_empty() {
+        section = section.heading("Shots that could not be measured").list(&failed);
+    }
+    if !measured.is_empty() {
+        section = section.figures(Layout::Normal, &faces(&measured)).table(overview(&measured));
+    }
+    for (_, shot) in &measured {
+        section = section.folded(&format!("Shot {}: all characteristics", shot.id), |s| details(s, shot));
+    }
+    Some(section)
+}
+
+fn cell(shot: &Shot, name: &str) -> String {
+    let w = quantity_words(name);
+    shot.quantities.get(name).map_or_else(|| "–".to_owned(), |q| with_sd(w.factor * q.value, w.factor * q.sd))
+}
+
+fn overview(measured: &[(&ShotResults, &Shot)]) -> Table {
+    let shown: Vec<&str> = COLUMNS.into_iter().filter(|c| measured.iter().any(|(_, s)| s.quantities.get(c).is_some())).collect();
+    let mut table = Table::new("± one standard deviation; – not measured").column("shot");
+    for c in &shown {
+        let w = quantity_words(c);
+        table = table.numbers(&if w.unit.is_empty() { w.words } else { format!("{} ({})", w.words, w.unit) });
+    }
+    for (_, shot) in measured {
+        let mut cells = vec![shot.id.clone()];
+        cells.extend(shown.iter().map(|c| cell(shot, c)));
+        table = table.row(&cells);
+    }
+    table
+}
+
+fn details(mut section: Section, shot: &Shot) -> Section {
+    let groups: Vec<String> = shot.groups.iter().map(|(k, v)| format!("{k} {v}")).collect();
+    let groups = if groups.is_empty() { String::new() } else { format!("; {}", groups.join(", ")) };
+    let timing = match shot.impact_timing {
+        Some(ImpactTiming::Rising) => " The ball was rising.",
+        Some(ImpactTiming::Apex) => " The ball was at the top of its path.",
+        Some(ImpactTiming::Falling) => " The ball was falling.",
+        None => "",
+    };
+    section = section.paragraph(&format!("{}, {}{groups}; the ball came to the {} face.{timing}", shot.racket, shot.ball, shot.ball_side_of_face));
+    if let Some(m) = &shot.momentum {
+        let hand = if m.hand_interferes { "something besides ball and racket took part (the hand)" } else { "ball and racket alone explain it" };
+        section = section.paragraph(&format!("Momentum balance: {hand}; χ² = {} with 3 degrees of freedom, p = {}.", fixed(m.chi2, 1), fixed(m.p_value, 3)));
+    }
+    section = section.list(&shot.remarks);
+    let mut table = Table::new("").column("quantity").numbers("value ± sd").column("unit").column("name in shot.json");
+    // Those with words first, in their order, then the others as shot.json has them.
+    let known = QUANTITIES.iter().filter_map(|k| shot.quantities.0.iter().find(|(n, _)| n == k.0));
+    let others = shot.quantities.0.iter().filter(|(n, _)| QUANTITIES.iter().all(|k| k.0 != n));
+    for (name, q) in known.chain(others) {
+        let w = quantity_words(name);
+        let unit = if w.unit.is_empty() { q.unit.clone() } else { w.unit.to_owned() };
+        table = table.row(&[w.words, with_sd(w.factor * q.value, w.factor * q.sd), unit, name.clone()]);
+    }
+    section.table(table)
+}
+
+/// One face per racket, with every impact and the mean sweet spots of its shots.
+fn faces(measured: &[(&ShotResults, &Shot)]) -> Vec<(String, String)> {
+    let mut rackets: Vec<&str> = measured.iter().map(|(_, s)| s.racket.as_str()).collect();
+    rackets.sort_unstable();
+    rackets.dedup();
+    rackets
+        .iter()
+        .filter_map(|name| {
+            let own: Vec<&(&ShotResults, &Shot)> = measured.iter().filter(|(_, s)| s.racket == *name).collect();
+            let racket = &own.first()?.0.racket;
+            let at: Vec<(f64, f64, f64, f64)> = own
+                .iter()
+                .filter_map(|(_, s)| {
+                    let (x, y) = (s.quantities.get("impact_x")?, s.quantities.get("impact_y")?);
+                    Some((1000.0 * y.value, 1000.0 * x.value, 1000.0 * y.sd, 1000.0 * x.sd))
+                })
+                .collect();
+            let points: Vec<(f64, f64)> = at.iter().map(|a| (a.0, a.1)).collect();
+            let (across, along): (Vec<f64>, Vec<f64>) = at.iter().map(|a| (a.2, a.3)).unzip();
+            let spots: Vec<face::Spot> = [
+                ("ideal point", "ideal_point_from_butt"),
+                ("centre of percussion", "centre_of_percussion_from_butt"),
+                ("node point", "node_point_from_butt"),
+                ("dead spot", "dead_spot_from_butt"),
+            ]
+            .iter()
+            .filter_map(|(words, name)| {
+                let from_butt: Vec<f64> = own.iter().filter_map(|(_, s)| s.quantities.get(name).map(|q| q.value)).collect();
+                let mean = from_butt.iter().sum::<f64>() / from_butt.len().max(1) as f64;
+                (!from_butt.is_empty()).then(|| face::Spot { name: (*words).to_owned(), x_m: racket.stringbed_centre_m - mean, y_m: 0.0 })
+            })
+            .collect();
+            let chart = face::face(&format!("Impacts on {name}"), racket).add(Points::new(&points).x_error(&across).y_error(&along).name("impacts"));
+            Some((
+                face::spots(chart, &spots).to_svg(),
+                "Where the ball met the face (± one sd), seen from +z, tip at the top, with the mean sweet spots of these shots (thesis figure 5.20)."
+                    .to_owned(),
+            ))
+        })
+        .collect()
+}

@@ -1,0 +1,52 @@
+//! The report of a session: from the calibration to what the model is missing.
+
+use super::page::Report;
+use super::sections;
+use super::session_results::SessionResults;
+use crate::provenance::Provenance;
+
+const METHODS: [&str; 2] = [
+    "Cameras are calibrated from checkerboard pairs by one adjustment over both cameras; points are triangulated where their pixels are most likely; velocities come from laws of motion fitted to the image points of each side of the contact, never across it.",
+    "Every value carries one standard deviation, propagated from the image points and the calibration.",
+];
+
+/// The whole page. Sections without data are left out.
+pub fn session_report(results: &SessionResults) -> String {
+    let records: Vec<&Provenance> = results
+        .shots
+        .iter()
+        .filter_map(|s| s.record.as_ref().map(|r| &r.provenance))
+        .take(1)
+        .chain(results.comparison.as_ref().and_then(|c| c.provenance.as_ref()))
+        .chain(results.diagnosis.as_ref().and_then(|d| d.provenance.as_ref()))
+        .collect();
+    let racket = results.shots.first().map(|s| &s.racket);
+    let path: Vec<_> = results.ledger.iter().collect();
+    let mut report = Report::new(&results.name)
+        .subtitle(&format!("{} shots, {} frames a second", results.shots.len(), super::markup::fixed(results.frame_rate_hz, 0)))
+        .section(sections::session_verdict(results));
+    if let Some(d) = &results.diagnosis {
+        let c = results.comparison.as_ref();
+        report = report
+            .section(sections::places(d, c))
+            .section(sections::candidates(d))
+            .section(sections::expression(d))
+            .section(sections::next_experiments(d, racket));
+    }
+    report = report
+        .section(sections::ledger(&path, results.after.as_ref().and(results.comparison.as_ref()), results.after.as_ref()))
+        .section(results.rig.as_ref().map(|rig| sections::calibration(rig, results.axes_known)))
+        .section(sections::tracks(results))
+        .section(sections::trajectories(results))
+        .section(sections::shots(results))
+        .section(sections::season(results));
+    if let Some(c) = &results.comparison {
+        report = report
+            .section(sections::agreement(c))
+            .section(sections::residuals(c))
+            .section(sections::face_maps(c, racket))
+            .section(sections::polynomials(c))
+            .section(sections::fit_details(&c.parameters_as_stated, &c.parameters_refitted, &c.outliers, &c.session_offsets));
+    }
+    report.section(sections::provenance(&METHODS, &records)).section(sections::glossary()).finish()
+}

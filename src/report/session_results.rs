@@ -1,0 +1,49 @@
+//! Everything a session's report shows, as plain values.
+
+use crate::calibration::{CameraId, StereoRig};
+use crate::equipment::Racket;
+use crate::kinematics::ShotRecord;
+use crate::tracking::{SpacePoint, Tracks};
+use crate::validation::{Comparison, Diagnosis, LedgerEntry};
+
+/// A piece of a frame with its tracks drawn in, PNG.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FramePicture {
+    pub frame: u64,
+    pub camera: CameraId,
+    pub png: Vec<u8>,
+    /// What there is to see, such as why the frame is in doubt.
+    pub words: String,
+    /// How doubtful: pictures are shown from the greatest down.
+    pub doubt: f64,
+}
+
+/// One shot; what an earlier step did not give is `None` or empty.
+#[derive(Debug, Clone)]
+pub struct ShotResults {
+    pub id: String,
+    pub racket: Racket,
+    pub record: Option<ShotRecord>,
+    pub tracks: Option<Tracks>,
+    pub points: Vec<SpacePoint>,
+    pub pictures: Vec<FramePicture>,
+}
+
+/// A session with everything that was made of it.
+#[derive(Debug, Clone, Default)]
+pub struct SessionResults {
+    pub name: String,
+    pub frame_rate_hz: f64,
+    pub rig: Option<StereoRig>,
+    /// True when the global axes come from the three-sphere frame; false: they are the left camera's.
+    pub axes_known: bool,
+    pub shots: Vec<ShotResults>,
+    /// Shots that failed, by id, with the reason.
+    pub failed: Vec<(String, String)>,
+    pub comparison: Option<Comparison>,
+    pub diagnosis: Option<Diagnosis>,
+    /// The comparison of the model with the recommended effects added.
+    pub after: Option<Comparison>,
+    /// Versions of the model, first to present.
+    pub ledger: Vec<LedgerEntry>,
+}

@@ -50,6 +50,8 @@ pub struct Beam {
     pub length: f64,
     pub segments: Vec<Segment>,
     pub modes: Vec<Mode>,
+    /// The first mode's node in the head, from the butt, m.
+    head_node: f64,
     mesh: Vec<f64>,
 }
 
@@ -165,7 +167,9 @@ impl Beam {
                 Mode { frequency_hz: w2.sqrt() / std::f64::consts::TAU, modal_mass: 1.0 / (tip * tip), shape: v.iter().map(|x| x / tip).collect() }
             })
             .collect();
-        Ok(Beam { length, segments: segments.to_vec(), modes, mesh })
+        let mut beam = Beam { length, segments: segments.to_vec(), modes, head_node: 0.0, mesh };
+        beam.head_node = beam.nodes(0).last().copied().unwrap_or(0.8 * length);
+        Ok(beam)
     }
 
     /// The same beam with every stiffness multiplied by `scale`: shapes stay, frequencies go with its square root.
@@ -210,7 +214,7 @@ impl Beam {
 
     /// The first mode's node in the head, from the butt, m.
     pub fn head_node(&self) -> f64 {
-        self.nodes(0).last().copied().unwrap_or(0.8 * self.length)
+        self.head_node
     }
 }
 

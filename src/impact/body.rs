@@ -81,6 +81,11 @@ impl Body {
         Ok(())
     }
 
+    /// Local x of the frame's node in the head, when the beam was computed.
+    pub fn head_node_x(&self) -> Option<f64> {
+        self.beam.as_ref().map(|b| self.stringbed_centre - b.head_node())
+    }
+
     /// Refuses masses and inertias that no body has.
     pub fn check(&self) -> Result<(), ModelError> {
         let positive = [

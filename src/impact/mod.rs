@@ -20,6 +20,7 @@ pub mod body;
 pub mod card;
 pub mod effects;
 mod error;
+pub mod expression;
 mod input;
 pub mod model;
 pub mod model_file;

@@ -4,6 +4,7 @@ use super::body::Body;
 use super::card::{EffectCard, ParameterCard};
 use super::effects::{Effect, catalogue, effect_card};
 use super::error::{ModelError, near_matches};
+use super::expression::ExpressionEffect;
 use super::input::{ImpactInput, ImpactOutput};
 use super::parameter::Parameter;
 use super::rigid::{Contact, Impulse, Laws, Sliding, collide};
@@ -67,6 +68,8 @@ pub struct AddedEffect {
     pub name: String,
     /// The catalogue's card; `None` for a user's own effect.
     pub card: Option<&'static EffectCard>,
+    /// The user's expression, when it is one.
+    pub expression: Option<Arc<ExpressionEffect>>,
     effect: Arc<dyn Effect>,
     range: Range<usize>,
 }
@@ -79,8 +82,8 @@ impl Effect for OfCatalogue {
     fn change_body(&self, p: &[f64], body: &mut Body) {
         self.0.effect.change_body(p, body);
     }
-    fn change_body_at(&self, p: &[f64], input: &ImpactInput, body: &mut Body) {
-        self.0.effect.change_body_at(p, input, body);
+    fn change_body_at(&self, p: &[f64], at: &Contact, body: &mut Body) {
+        self.0.effect.change_body_at(p, at, body);
     }
     fn body_varies(&self) -> bool {
         self.0.effect.body_varies()
@@ -97,8 +100,8 @@ impl Effect for OfCatalogue {
     fn change_impulse(&self, p: &[f64], at: &Contact, laws: &Laws, impulse: &mut Impulse) {
         self.0.effect.change_impulse(p, at, laws, impulse);
     }
-    fn change_output(&self, p: &[f64], at: &Contact, impulse: &Impulse, output: &mut ImpactOutput) {
-        self.0.effect.change_output(p, at, impulse, output);
+    fn change_output(&self, p: &[f64], at: &Contact, laws: &Laws, impulse: &Impulse, output: &mut ImpactOutput) {
+        self.0.effect.change_output(p, at, laws, impulse, output);
     }
     fn observed_output(&self, p: &[f64], body: &Body, input: &ImpactInput, output: &mut ImpactOutput) {
         self.0.effect.observed_output(p, body, input, output);
@@ -247,7 +250,28 @@ impl Model {
         for e in &mut model.effects[at..] {
             e.range = e.range.start + count..e.range.end + count;
         }
-        model.effects.insert(at, AddedEffect { name: name.to_owned(), card, effect, range: first..first + count });
+        model.effects.insert(at, AddedEffect { name: name.to_owned(), card, expression: None, effect, range: first..first + count });
+        Ok(model)
+    }
+
+    /// The model with an effect given as an expression (see [`super::expression`]); `parameters` are its own, by bare name.
+    ///
+    /// # Errors
+    /// [`ModelError::Expression`] with the place, [`ModelError::EffectTwice`], a catalogue name.
+    pub fn with_expression(&self, name: &str, replaces: &str, expression: &str, mut parameters: Vec<Parameter>) -> Result<Model, ModelError> {
+        if effect_card(name).is_some() {
+            return Err(ModelError::EffectTwice { name: name.to_owned() });
+        }
+        let names: Vec<String> = parameters.iter().map(|p| p.key().to_owned()).collect();
+        let names: Vec<&str> = names.iter().map(String::as_str).collect();
+        let effect = Arc::new(ExpressionEffect::new(name, replaces, expression, &names)?);
+        for p in &mut parameters {
+            p.name = format!("{name}.{}", p.key());
+        }
+        let mut model = self.with(name, None, effect.clone(), parameters)?;
+        if let Some(added) = model.effects.iter_mut().find(|e| e.name == name) {
+            added.expression = Some(effect);
+        }
         Ok(model)
     }
 
@@ -359,8 +383,9 @@ impl PreparedModel {
         }
         let output = if self.body_varies {
             let mut body = self.body.clone();
+            let at = Contact::new(&self.body, &truth)?;
             for (effect, p) in self.each() {
-                effect.change_body_at(p, &truth, &mut body);
+                effect.change_body_at(p, &at, &mut body);
             }
             body.check()?;
             self.collide(&body, truth)?
@@ -371,7 +396,25 @@ impl PreparedModel {
         for (effect, p) in self.each().rev() {
             effect.observed_output(p, &self.body, &truth, &mut output);
         }
-        if output.is_finite() { Ok(output) } else { Err(ModelError::NotFinite) }
+        if output.is_finite() { Ok(output) } else { Err(self.blame(&truth)) }
+    }
+
+    /// Which effect made the outcome something that is not a number.
+    fn blame(&self, input: &ImpactInput) -> ModelError {
+        let Ok(at) = Contact::new(&self.body, input) else { return ModelError::NotFinite };
+        let mut laws = self.base_laws(&self.body);
+        for e in &self.model.effects {
+            e.effect.change_laws(&self.values[e.range.clone()], &at, &mut laws);
+            let after = collide(&at, &laws, &|_, _, _| {}).1;
+            if !after.is_finite() {
+                return ModelError::EffectRange { effect: e.name.clone(), quantity: "a contact law", seen: f64::NAN, allowed: "finite numbers" };
+            }
+        }
+        ModelError::NotFinite
+    }
+
+    fn base_laws(&self, body: &Body) -> Laws {
+        Laws::new(self.values[0], self.values[1], self.model.sliding, body.ball_radius, body.ball_inertia)
     }
 
     /// The true outcome; the racket's velocity at the centre of mass that its file states, in and out.
@@ -381,18 +424,21 @@ impl PreparedModel {
             input.racket_velocity += input.racket_rate.cross(&Vector3::new(shift, 0.0, 0.0));
         }
         let at = Contact::new(body, &input)?;
-        let mut laws = Laws::new(self.values[0], self.values[1], self.model.sliding, body.ball_radius, body.ball_inertia);
+        let mut laws = self.base_laws(body);
         for (effect, p) in self.each() {
             effect.change_laws(p, &at, &mut laws);
         }
-        laws.friction = laws.friction.max(0.0);
+        // Not `max`: that would turn NaN into 0.
+        if laws.friction < 0.0 {
+            laws.friction = 0.0;
+        }
         let (impulse, mut output) = collide(&at, &laws, &|at, laws, impulse| {
             for (effect, p) in self.each() {
                 effect.change_impulse(p, at, laws, impulse);
             }
         });
         for (effect, p) in self.each() {
-            effect.change_output(p, &at, &impulse, &mut output);
+            effect.change_output(p, &at, &laws, &impulse, &mut output);
         }
         if shift != 0.0 {
             output.racket_velocity -= output.racket_rate.cross(&Vector3::new(shift, 0.0, 0.0));

@@ -65,6 +65,9 @@ impl Model {
 }
 
 fn read_effect(path: &Path, model: &Model, name: &str, table: &dyn TableLike) -> Result<Model, ModelError> {
+    if table.contains_key("expression") || table.contains_key("replaces") {
+        return read_expression(path, model, name, table);
+    }
     let Some(card) = effect_card(name) else {
         return Err(ModelError::unknown_effect(name));
     };
@@ -79,6 +82,36 @@ fn read_effect(path: &Path, model: &Model, name: &str, table: &dyn TableLike) ->
     }
     read_parameters(path, &mut model, table, Some(name), card.parameters)?;
     Ok(model)
+}
+
+/// Most parameters of one expression.
+const MAX_OWN_PARAMETERS: usize = 64;
+
+fn read_expression(path: &Path, model: &Model, name: &str, table: &dyn TableLike) -> Result<Model, ModelError> {
+    let place = format!("effects.{name}");
+    let wrong = |key: &str, seen: String, allowed: &str| ModelError::Value { path: path.into(), key: format!("{place}.{key}"), seen, allowed: allowed.into() };
+    if effect_card(name).is_some() {
+        return Err(wrong("expression", name.to_owned(), "a name of your own; this one is in the catalogue"));
+    }
+    let text = |key: &str| -> Result<String, ModelError> {
+        let item = table.get(key).ok_or_else(|| wrong(key, "missing".into(), "a text in quotes"))?;
+        item.as_str().map(str::to_owned).ok_or_else(|| wrong(key, shown(item), "a text in quotes"))
+    };
+    let (expression, replaces) = (text("expression")?, text("replaces")?);
+    let mut parameters = Vec::new();
+    for (key, item) in table.iter().filter(|(k, _)| *k != "expression" && *k != "replaces") {
+        if !key.chars().all(|c| c.is_ascii_alphanumeric() || c == '_') || key.starts_with(|c: char| c.is_ascii_digit()) {
+            return Err(wrong(key, key.to_owned(), "letters, digits and _, not starting with a digit"));
+        }
+        if parameters.len() == MAX_OWN_PARAMETERS {
+            return Err(wrong(key, "one parameter too many".into(), "at most 64 parameters"));
+        }
+        let mut parameter = Parameter::own(&format!("{name}.{key}"), 0.0);
+        read_parameter(path, item, &mut parameter)?;
+        parameter.rescale_own();
+        parameters.push(parameter);
+    }
+    model.with_expression(name, &replaces, &expression, parameters)
 }
 
 fn read_parameters(path: &Path, model: &mut Model, table: &dyn TableLike, effect: Option<&str>, cards: &[ParameterCard]) -> Result<(), ModelError> {
@@ -187,18 +220,42 @@ pub fn with_effect_added(text: &str, effect: &str, path: &Path) -> Result<String
         let first = card.physics.split(". ").next().unwrap_or(card.physics).trim_end_matches('.');
         table.decor_mut().set_prefix(format!("\n# {first}.\n"));
     }
+    insert_effect(&mut document, effect, table);
+    let text = document.to_string();
+    Model::parse(&text, path)?;
+    Ok(text)
+}
+
+/// The model file's text with an effect of the user's own added; comments and layout stay.
+///
+/// # Errors
+/// The text is no valid model; the name is taken; the expression is wrong.
+pub fn with_expression_added(text: &str, name: &str, replaces: &str, expression: &str, parameters: &[Parameter], path: &Path) -> Result<String, ModelError> {
+    let mut document = parse_document(text, path)?;
+    if Model::parse(text, path)?.has_effect(name) {
+        return Err(ModelError::EffectTwice { name: name.to_owned() });
+    }
+    let mut table = Table::new();
+    table.insert("expression", Item::Value(expression.into()));
+    table.insert("replaces", Item::Value(replaces.into()));
+    for p in parameters {
+        table.insert(p.key(), inline(p));
+    }
+    insert_effect(&mut document, name, table);
+    let text = document.to_string();
+    Model::parse(&text, path)?;
+    Ok(text)
+}
+
+fn insert_effect(document: &mut DocumentMut, name: &str, table: Table) {
     let effects = document.entry("effects").or_insert_with(|| {
         let mut t = Table::new();
         t.set_implicit(true);
         Item::Table(t)
     });
-    match effects.as_table_like_mut() {
-        Some(t) => t.insert(effect, Item::Table(table)),
-        None => None,
-    };
-    let text = document.to_string();
-    Model::parse(&text, path)?;
-    Ok(text)
+    if let Some(t) = effects.as_table_like_mut() {
+        t.insert(name, Item::Table(table));
+    }
 }
 
 /// The model file's text with new values for parameters named as in [`Model::parameters`]; comments and layout stay.

@@ -34,8 +34,39 @@ impl Parameter {
         }
     }
 
+    /// A parameter of a user's own effect: any finite value, scaled by its value or bounds.
+    pub fn own(name: &str, value: f64) -> Self {
+        Parameter {
+            name: name.to_owned(),
+            value,
+            fit: false,
+            min: -1e9,
+            max: 1e9,
+            unit: String::new(),
+            typical: own_scale(value, -1e9, 1e9),
+            role: Role::Shape,
+        }
+    }
+
+    /// Brings `typical` of a user's own parameter in line with its value and bounds.
+    pub(crate) fn rescale_own(&mut self) {
+        self.typical = own_scale(self.value, self.min, self.max);
+    }
+
     /// The name without the effect's prefix: the key in the model file.
     pub fn key(&self) -> &str {
         self.name.rsplit('.').next().unwrap_or(&self.name)
+    }
+}
+
+/// A tenth of the bounds' width where the user gave bounds, else the value itself, else 1.
+fn own_scale(value: f64, min: f64, max: f64) -> f64 {
+    let width = max - min;
+    if width > 0.0 && width < 1e8 {
+        0.1 * width
+    } else if value != 0.0 {
+        value.abs()
+    } else {
+        1.0
     }
 }

@@ -6,6 +6,7 @@
 
 mod cli;
 mod impact;
+mod impact_expression;
 mod impact_scene;
 mod layout;
 mod report;

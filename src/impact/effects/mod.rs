@@ -19,9 +19,9 @@ pub trait Effect: fmt::Debug + Send + Sync {
         let _ = (p, body);
     }
 
-    /// Same, where the change depends on the impact; only called when [`Effect::body_varies`].
-    fn change_body_at(&self, p: &[f64], input: &ImpactInput, body: &mut Body) {
-        let _ = (p, input, body);
+    /// Same, where the change depends on the impact (`at` holds the bodies before); only called when [`Effect::body_varies`].
+    fn change_body_at(&self, p: &[f64], at: &Contact, body: &mut Body) {
+        let _ = (p, at, body);
     }
 
     /// Whether [`Effect::change_body_at`] does anything.
@@ -50,8 +50,8 @@ pub trait Effect: fmt::Debug + Send + Sync {
     }
 
     /// Changes the outcome itself.
-    fn change_output(&self, p: &[f64], at: &Contact, impulse: &Impulse, output: &mut ImpactOutput) {
-        let _ = (p, at, impulse, output);
+    fn change_output(&self, p: &[f64], at: &Contact, laws: &Laws, impulse: &Impulse, output: &mut ImpactOutput) {
+        let _ = (p, at, laws, impulse, output);
     }
 
     /// From the true outcome to the one the user would measure; the reverse of [`Effect::true_input`].

@@ -247,7 +247,8 @@ fn solve_general(at: &Contact, laws: &Laws, lever: &Vector3<f64>) -> Impulse {
         let t = if slip > 0.0 { [u.x / slip, u.y / slip] } else { [0.0; 2] };
         // J = p (side ẑ − μ û); the normal row gives p.
         let row = k[(2, 2)] * at.side - laws.friction * (k[(2, 0)] * t[0] + k[(2, 1)] * t[1]);
-        let p = (target.z / row).max(0.0);
+        let p = target.z / row;
+        let p = if p < 0.0 { 0.0 } else { p };
         let limit = laws.friction * p;
         if laws.sliding == Sliding::Exact {
             let (j, regime) = slide_exactly([u.x, u.y], [k[(0, 0)], 0.5 * (k[(0, 1)] + k[(1, 0)]), k[(1, 1)]], laws.friction, p);

@@ -72,8 +72,8 @@ impl Laws {
     pub fn effective_restitution(&self) -> f64 {
         let e = self.restitution.clamp(0.0, 1.0);
         let q = self.mode_loss;
-        if q == 0.0 {
-            return e;
+        if q == 0.0 || e.is_nan() || q.is_nan() {
+            return e + q;
         }
         let root = (e * e * (1.0 + q) - q).max(0.0).sqrt();
         ((root - q) / (1.0 + q)).clamp(0.0, 1.0)

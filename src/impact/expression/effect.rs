@@ -1,0 +1,95 @@
+//! A user's expression as an effect among the others.
+
+use super::channels::{Access, Channel, channel, channels};
+use super::parse::Expression;
+use super::quantities::Scope;
+use crate::impact::body::Body;
+use crate::impact::effects::Effect;
+use crate::impact::error::{ModelError, near_matches};
+use crate::impact::input::ImpactOutput;
+use crate::impact::rigid::{Contact, Impulse, Laws};
+use std::fmt;
+
+/// One channel replaced by an expression.
+pub struct ExpressionEffect {
+    text: String,
+    expression: Expression,
+    channel: &'static Channel,
+}
+
+impl fmt::Debug for ExpressionEffect {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} = {}", self.channel.name, self.text)
+    }
+}
+
+impl ExpressionEffect {
+    /// Parses and checks the expression of effect `name`; `parameters` are its own, in the order of their values.
+    ///
+    /// # Errors
+    /// [`ModelError::Value`]-like complaints about `replaces`, [`ModelError::Expression`] with the place in the text.
+    pub fn new(name: &str, replaces: &str, text: &str, parameters: &[&str]) -> Result<Self, ModelError> {
+        let wrong = |at: usize, message: String| ModelError::Expression {
+            effect: name.to_owned(),
+            expression: text.replace('\n', " "),
+            marker: format!("{}^", " ".repeat(text.char_indices().take_while(|(i, _)| *i < at).count())),
+            message,
+        };
+        let channel = channel(replaces).ok_or_else(|| {
+            let known: Vec<&str> = channels().iter().map(|c| c.name).collect();
+            wrong(0, format!("`replaces = {replaces:?}`{}; it can be: {}", near_matches(replaces, known.iter().copied()), known.join(", ")))
+        })?;
+        let expression = Expression::parse(text, channel, parameters).map_err(|e| wrong(e.at, e.message))?;
+        Ok(ExpressionEffect { text: text.to_owned(), expression, channel })
+    }
+
+    /// The expression as the user wrote it.
+    pub fn text(&self) -> &str {
+        &self.text
+    }
+
+    /// What it replaces.
+    pub fn replaces(&self) -> &'static str {
+        self.channel.name
+    }
+}
+
+impl Effect for ExpressionEffect {
+    fn needs_beam(&self) -> bool {
+        self.expression.uses_node()
+    }
+
+    fn body_varies(&self) -> bool {
+        matches!(self.channel.access, Access::Body(..))
+    }
+
+    fn change_body_at(&self, p: &[f64], at: &Contact, body: &mut Body) {
+        if let Access::Body(get, set) = self.channel.access {
+            let value = self.expression.value(&Scope { at, body, laws: None, impulse: None, output: None }, get(body), p);
+            set(body, value);
+        }
+    }
+
+    fn change_laws(&self, p: &[f64], at: &Contact, laws: &mut Laws) {
+        if let Access::Laws(get, set) = self.channel.access {
+            let value = self.expression.value(&Scope { at, body: at.body, laws: Some(laws), impulse: None, output: None }, get(laws), p);
+            set(laws, value);
+        }
+    }
+
+    fn change_impulse(&self, p: &[f64], at: &Contact, laws: &Laws, impulse: &mut Impulse) {
+        if let Access::Impulse(get, set) = self.channel.access {
+            let own = get(at, impulse);
+            let value = self.expression.value(&Scope { at, body: at.body, laws: Some(laws), impulse: Some(impulse), output: None }, own, p);
+            set(at, laws, impulse, value);
+        }
+    }
+
+    fn change_output(&self, p: &[f64], at: &Contact, laws: &Laws, impulse: &Impulse, output: &mut ImpactOutput) {
+        if let Access::Output(get) = self.channel.access {
+            let own = *get(output);
+            let value = self.expression.value(&Scope { at, body: at.body, laws: Some(laws), impulse: Some(impulse), output: Some(output) }, own, p);
+            *get(output) = value;
+        }
+    }
+}

@@ -1,0 +1,468 @@
+//! From text to a checked program: `+ - * / ^`, parentheses, functions, numbers, names.
+
+use super::channels::Channel;
+use super::dimension::{Dimension, NONE};
+use super::quantities::{Quantity, Scope, quantities};
+use crate::impact::error::near_matches;
+
+/// Longest expression, in bytes: room for any formula, no room for mischief.
+const MAX_LENGTH: usize = 4096;
+/// Deepest nesting of parentheses and powers; bounds recursion and the value stack.
+const MAX_DEPTH: usize = 48;
+/// Values an evaluation may hold at once.
+const STACK: usize = 64;
+
+/// What is wrong with an expression, and at which byte of it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SyntaxError {
+    pub at: usize,
+    pub message: String,
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Op {
+    Number(f64),
+    Parameter(usize),
+    Quantity(usize),
+    /// The replaced channel's value before.
+    Own,
+    Negate,
+    Add,
+    Subtract,
+    Multiply,
+    Divide,
+    Power,
+    One(fn(f64) -> f64),
+    Two(fn(f64, f64) -> f64),
+    Three(fn(f64, f64, f64) -> f64),
+}
+
+impl Op {
+    fn arguments(&self) -> usize {
+        match self {
+            Op::Number(_) | Op::Parameter(_) | Op::Quantity(_) | Op::Own => 0,
+            Op::Negate | Op::One(_) => 1,
+            Op::Add | Op::Subtract | Op::Multiply | Op::Divide | Op::Power | Op::Two(_) => 2,
+            Op::Three(_) => 3,
+        }
+    }
+}
+
+/// A parsed and dimension-checked expression.
+#[derive(Debug, Clone)]
+pub struct Expression {
+    program: Vec<Op>,
+    uses_node: bool,
+}
+
+/// How a function treats dimensions.
+#[derive(Clone, Copy, PartialEq)]
+enum Rule {
+    /// Argument and result without dimension.
+    Pure,
+    /// Result like the argument(s).
+    Keeps,
+    /// Result has half the powers.
+    Root,
+    /// Any argument, result without dimension.
+    Drops,
+}
+
+struct Function {
+    name: &'static str,
+    op: Op,
+    rule: Rule,
+}
+
+const FUNCTIONS: [Function; 17] = [
+    Function { name: "abs", op: Op::One(f64::abs), rule: Rule::Keeps },
+    Function { name: "sqrt", op: Op::One(f64::sqrt), rule: Rule::Root },
+    Function { name: "exp", op: Op::One(f64::exp), rule: Rule::Pure },
+    Function { name: "ln", op: Op::One(f64::ln), rule: Rule::Pure },
+    Function { name: "sin", op: Op::One(f64::sin), rule: Rule::Pure },
+    Function { name: "cos", op: Op::One(f64::cos), rule: Rule::Pure },
+    Function { name: "tan", op: Op::One(f64::tan), rule: Rule::Pure },
+    Function { name: "tanh", op: Op::One(f64::tanh), rule: Rule::Pure },
+    Function { name: "atan", op: Op::One(f64::atan), rule: Rule::Pure },
+    Function { name: "atan2", op: Op::Two(f64::atan2), rule: Rule::Drops },
+    Function {
+        name: "sign",
+        op: Op::One(|x| {
+            if x > 0.0 {
+                1.0
+            } else if x < 0.0 {
+                -1.0
+            } else {
+                0.0
+            }
+        }),
+        rule: Rule::Drops,
+    },
+    Function { name: "step", op: Op::One(|x| if x >= 0.0 { 1.0 } else { 0.0 }), rule: Rule::Drops },
+    Function { name: "min", op: Op::Two(f64::min), rule: Rule::Keeps },
+    Function { name: "max", op: Op::Two(f64::max), rule: Rule::Keeps },
+    Function { name: "hypot", op: Op::Two(f64::hypot), rule: Rule::Keeps },
+    Function { name: "mod", op: Op::Two(f64::rem_euclid), rule: Rule::Keeps },
+    Function { name: "clamp", op: Op::Three(|x, lo, hi| x.max(lo).min(hi)), rule: Rule::Keeps },
+];
+
+impl Expression {
+    /// Parses and checks an expression that replaces `channel`, with the effect's own parameters `names`.
+    ///
+    /// # Errors
+    /// Where and what: syntax, unknown names (with near matches), names not yet known, dimensions that do not fit.
+    pub fn parse(text: &str, channel: &Channel, names: &[&str]) -> Result<Self, SyntaxError> {
+        if text.len() > MAX_LENGTH {
+            return Err(SyntaxError { at: MAX_LENGTH, message: format!("{} bytes long; allowed: {MAX_LENGTH}", text.len()) });
+        }
+        let mut parser = Parser { text, at: 0, depth: 0, channel, names, program: Vec::new(), uses_node: false };
+        let dimension = parser.sum()?;
+        parser.skip_space();
+        if parser.at < text.len() {
+            return Err(parser.error("an operator or the end expected here"));
+        }
+        if dimension.same(channel.dimension()).is_none() {
+            return Err(SyntaxError { at: 0, message: format!("it has {dimension}, but `{}` has {}", channel.name, channel.dimension()) });
+        }
+        let expression = Expression { program: parser.program, uses_node: parser.uses_node };
+        match expression.most_values() {
+            n if n + 2 <= STACK => Ok(expression),
+            n => Err(SyntaxError { at: 0, message: format!("{n} values pending at once; allowed: {}; write it with fewer nested parts", STACK - 2) }),
+        }
+    }
+
+    /// The largest number of values that an evaluation holds at once.
+    fn most_values(&self) -> usize {
+        let (mut now, mut most) = (0usize, 0);
+        for op in &self.program {
+            now = now + 1 - op.arguments();
+            most = most.max(now);
+        }
+        most
+    }
+
+    /// Whether it needs the frame's node (and so the beam).
+    pub(super) fn uses_node(&self) -> bool {
+        self.uses_node
+    }
+
+    pub(super) fn value(&self, scope: &Scope, own: f64, p: &[f64]) -> f64 {
+        let mut stack = [0.0; STACK];
+        let mut top = 0;
+        for op in &self.program {
+            top -= op.arguments();
+            let (a, b, c) = (stack[top], stack[top + 1], stack[top + 2]);
+            stack[top] = match *op {
+                Op::Number(v) => v,
+                Op::Parameter(i) => p.get(i).copied().unwrap_or(f64::NAN),
+                Op::Quantity(i) => (quantities()[i].value)(scope),
+                Op::Own => own,
+                Op::Negate => -a,
+                Op::Add => a + b,
+                Op::Subtract => a - b,
+                Op::Multiply => a * b,
+                Op::Divide => a / b,
+                Op::Power => a.powf(b),
+                Op::One(f) => f(a),
+                Op::Two(f) => f(a, b),
+                Op::Three(f) => f(a, b, c),
+            };
+            top += 1;
+        }
+        stack[0]
+    }
+}
+
+struct Parser<'a> {
+    text: &'a str,
+    at: usize,
+    depth: usize,
+    channel: &'a Channel,
+    names: &'a [&'a str],
+    program: Vec<Op>,
+    uses_node: bool,
+}
+
+impl Parser<'_> {
+    fn error(&self, message: impl Into<String>) -> SyntaxError {
+        SyntaxError { at: self.at, message: message.into() }
+    }
+
+    fn skip_space(&mut self) {
+        self.at += self.text[self.at..].len() - self.text[self.at..].trim_start().len();
+    }
+
+    fn peek(&mut self) -> Option<char> {
+        self.skip_space();
+        self.text[self.at..].chars().next()
+    }
+
+    fn take(&mut self, wanted: char) -> bool {
+        let found = self.peek() == Some(wanted);
+        if found {
+            self.at += wanted.len_utf8();
+        }
+        found
+    }
+
+    fn sum(&mut self) -> Result<Dimension, SyntaxError> {
+        self.depth += 1;
+        if self.depth > MAX_DEPTH {
+            return Err(self.error(format!("nested too deeply; allowed: {MAX_DEPTH} levels")));
+        }
+        let mut left = self.product()?;
+        loop {
+            let start = self.at;
+            let op = if self.take('+') {
+                Op::Add
+            } else if self.take('-') {
+                Op::Subtract
+            } else {
+                break;
+            };
+            let right = self.product()?;
+            left = left.same(right).ok_or_else(|| SyntaxError { at: start, message: format!("{left} and {right} cannot be added") })?;
+            self.program.push(op);
+        }
+        self.depth -= 1;
+        Ok(left)
+    }
+
+    fn product(&mut self) -> Result<Dimension, SyntaxError> {
+        let mut left = self.signed()?;
+        loop {
+            let (op, sign) = if self.take('*') {
+                (Op::Multiply, 1.0)
+            } else if self.take('/') {
+                (Op::Divide, -1.0)
+            } else {
+                return Ok(left);
+            };
+            left = left.times(self.signed()?, sign);
+            self.program.push(op);
+        }
+    }
+
+    fn signed(&mut self) -> Result<Dimension, SyntaxError> {
+        let mut negative = false;
+        loop {
+            if self.take('-') {
+                negative = !negative;
+            } else if !self.take('+') {
+                break;
+            }
+        }
+        let dimension = self.power()?;
+        if negative {
+            self.program.push(Op::Negate);
+        }
+        Ok(dimension)
+    }
+
+    fn power(&mut self) -> Result<Dimension, SyntaxError> {
+        let base = self.atom()?;
+        if !self.take('^') {
+            return Ok(base);
+        }
+        self.depth += 1;
+        if self.depth > MAX_DEPTH {
+            return Err(self.error(format!("nested too deeply; allowed: {MAX_DEPTH} levels")));
+        }
+        let start = self.at;
+        let first = self.program.len();
+        let exponent = self.signed()?; // right-associative, and -x is allowed as exponent
+        self.depth -= 1;
+        if exponent.same(NONE).is_none() {
+            return Err(SyntaxError { at: start, message: format!("an exponent must have no dimension, this has {exponent}") });
+        }
+        // A fixed exponent carries the dimension along; a free one needs a base without dimension.
+        let fixed = match self.program[first..] {
+            [Op::Number(v)] => Some(v),
+            [Op::Number(v), Op::Negate] => Some(-v),
+            _ => None,
+        };
+        self.program.push(Op::Power);
+        match fixed {
+            Some(v) => Ok(base.power(v)),
+            None if base.same(NONE).is_some() => Ok(base),
+            None => Err(SyntaxError {
+                at: start,
+                message: format!("a power of something with {base} needs a number as exponent; divide it by a reference value first"),
+            }),
+        }
+    }
+
+    fn atom(&mut self) -> Result<Dimension, SyntaxError> {
+        match self.peek() {
+            Some('(') => {
+                self.at += 1;
+                let inside = self.sum()?;
+                if self.take(')') { Ok(inside) } else { Err(self.error("`)` expected here")) }
+            }
+            Some(c) if c.is_ascii_digit() || c == '.' => self.number(),
+            Some(c) if c.is_ascii_alphabetic() || c == '_' => self.name(),
+            Some(c) => Err(self.error(format!("`{c}` is not understood; a number, a name or `(` expected"))),
+            None => Err(self.error("it ends where a number, a name or `(` is expected")),
+        }
+    }
+
+    fn number(&mut self) -> Result<Dimension, SyntaxError> {
+        let rest = self.text[self.at..].as_bytes();
+        let mut n = 0;
+        while n < rest.len() {
+            let exponent_sign = (rest[n] == b'-' || rest[n] == b'+') && n > 0 && (rest[n - 1] | 32) == b'e';
+            if !(rest[n].is_ascii_digit() || rest[n] == b'.' || (rest[n] | 32) == b'e' || exponent_sign) {
+                break;
+            }
+            n += 1;
+        }
+        let digits = &self.text[self.at..self.at + n];
+        let value = digits.parse::<f64>().ok().filter(|v| v.is_finite()).ok_or_else(|| self.error(format!("`{digits}` is no number")))?;
+        self.at += n;
+        self.program.push(Op::Number(value));
+        Ok(Dimension::Any)
+    }
+
+    fn name(&mut self) -> Result<Dimension, SyntaxError> {
+        let start = self.at;
+        let rest = &self.text[start..];
+        let n = rest.find(|c: char| !(c.is_ascii_alphanumeric() || c == '_')).unwrap_or(rest.len());
+        let name = &rest[..n];
+        self.at += n;
+        if self.peek() == Some('(') {
+            return self.call(name, start);
+        }
+        if let Some(i) = self.names.iter().position(|p| *p == name) {
+            self.program.push(Op::Parameter(i));
+            return Ok(Dimension::Any);
+        }
+        if name == self.channel.name {
+            self.program.push(Op::Own);
+            return Ok(self.channel.dimension());
+        }
+        if name == "pi" {
+            self.program.push(Op::Number(std::f64::consts::PI));
+            return Ok(NONE);
+        }
+        let Some((i, quantity)) = quantities().iter().enumerate().find(|(_, q)| q.name == name) else {
+            let known = quantities().iter().map(|q| q.name).chain(self.names.iter().copied()).chain([self.channel.name]);
+            return Err(SyntaxError { at: start, message: format!("no quantity or parameter `{name}`{}", near_matches(name, known)) });
+        };
+        if quantity.stage > self.channel.stage() {
+            return Err(SyntaxError { at: start, message: format!("`{name}` is not known yet where `{}` is replaced", self.channel.name) });
+        }
+        self.uses_node |= name == "node_distance";
+        self.program.push(Op::Quantity(i));
+        Ok(Quantity::dimension(quantity))
+    }
+
+    fn call(&mut self, name: &str, start: usize) -> Result<Dimension, SyntaxError> {
+        let Some(function) = FUNCTIONS.iter().find(|f| f.name == name) else {
+            let known: Vec<&str> = FUNCTIONS.iter().map(|f| f.name).collect();
+            return Err(SyntaxError { at: start, message: format!("no function `{name}`; there are: {}", known.join(", ")) });
+        };
+        let wanted = match function.op {
+            Op::Two(_) => 2,
+            Op::Three(_) => 3,
+            _ => 1,
+        };
+        self.take('(');
+        let mut dimension = Dimension::Any;
+        for i in 0..wanted {
+            if i > 0 && !self.take(',') {
+                return Err(self.error(format!("`{name}` takes {wanted} arguments; `,` expected here")));
+            }
+            let argument = self.sum()?;
+            let fits = if function.rule == Rule::Pure { argument.same(NONE).is_some() } else { dimension.same(argument).is_some() };
+            if !fits {
+                let message = if function.rule == Rule::Pure {
+                    format!("`{name}` needs an argument without dimension, this has {argument}")
+                } else {
+                    format!("the arguments of `{name}` have {dimension} and {argument}")
+                };
+                return Err(SyntaxError { at: start, message });
+            }
+            dimension = dimension.same(argument).unwrap_or(argument);
+        }
+        if !self.take(')') {
+            return Err(self.error(format!("`)` expected here; `{name}` takes {wanted} argument{}", if wanted == 1 { "" } else { "s" })));
+        }
+        self.program.push(function.op);
+        Ok(match function.rule {
+            Rule::Pure | Rule::Drops => NONE,
+            Rule::Keeps => dimension,
+            Rule::Root => dimension.power(0.5),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::channel;
+    use super::*;
+    use crate::impact::rigid::tests::{prepared, reference_input};
+    use crate::impact::rigid::{Contact, Laws, Sliding};
+    use crate::impact::{Base, Model};
+
+    fn parse(text: &str) -> Result<Expression, SyntaxError> {
+        Expression::parse(text, channel("restitution").expect("known"), &["k", "v0"])
+    }
+
+    fn value(text: &str) -> f64 {
+        let model = prepared(&Model::new(Base::Rigid));
+        let body = model.body().clone();
+        let at = Contact::new(&body, &reference_input()).expect("contact");
+        let laws = Laws::new(0.8, 0.45, Sliding::FirstTouch, body.ball_radius, body.ball_inertia);
+        let scope = Scope { at: &at, body: &body, laws: Some(&laws), impulse: None, output: None };
+        parse(text).expect(text).value(&scope, 0.8, &[0.5, 20.0])
+    }
+
+    #[test]
+    fn truth_values() {
+        for (text, expected) in [
+            ("1 + 2 * 3 ^ 2 / 6", 4.0),
+            ("2 ^ 3 ^ 2", 512.0),
+            ("-2 ^ 2", -4.0),
+            ("2 ^ -1", 0.5),
+            ("1 - - 2", 3.0),
+            ("(1 - 2) * -3", 3.0),
+            ("1.5e1 + .5E-1", 15.05),
+            ("restitution * (1 - k * (impact_y / 0.13)^2)", 0.8 * (1.0 - 0.5 * (0.03f64 / 0.13).powi(2))),
+            ("max(1, 2) + min(3, hypot(3, 4)) + clamp(7, 0, 1)", 6.0),
+            ("sqrt(approach_speed / 25) + ln(exp(1)) + sign(-3) + step(0)", (37.06f64 / 25.0).sqrt() + 1.0),
+            ("approach_speed / v0", 37.06 / 20.0),
+            ("tanh(0) + abs(-2) + mod(7, 4) + sin(0) + cos(pi)", 4.0),
+        ] {
+            assert!((value(text) - expected).abs() < 1e-12, "{text} = {}", value(text));
+        }
+    }
+
+    #[test]
+    fn fails_with_place_and_reason() {
+        for (text, at, word) in [
+            ("restitution + approach_speed", 12, "cannot be added"),
+            ("approach_speed", 0, "has m s^-1, but `restitution`"),
+            ("exp(slip_speed)", 0, "without dimension"),
+            ("restitution ^ slip_speed", 13, "exponent"),
+            ("(approach_speed ^ k) / 3", 17, "reference value"),
+            ("restituton * 2", 0, "did you mean `restitution`"),
+            ("1 +", 3, "ends"),
+            ("2 3", 2, "operator"),
+            ("(1", 2, "`)`"),
+            ("sqr(2)", 0, "there are"),
+            ("max(1)", 5, "2 arguments"),
+            ("1 $ 2", 2, "operator"),
+            ("ball_out_vz / 10", 0, "not known yet"),
+            ("1..2", 0, "no number"),
+        ] {
+            let e = parse(text).expect_err(text);
+            assert!(e.at == at && e.message.contains(word), "{text}: {e:?}");
+        }
+        assert!(parse(&"(".repeat(3000)).expect_err("deep").message.contains("nested"));
+        assert!(parse(&"-".repeat(4000)).expect_err("no end").message.contains("ends"));
+        assert!(parse(&"1+".repeat(3000)).expect_err("long").message.contains("allowed"));
+        assert!(parse(&format!("{}1", "2^".repeat(500))).expect_err("deep").message.contains("nested"));
+        assert!(parse(&format!("{}1{}", "1+2*clamp(1,1,".repeat(20), ")".repeat(20))).expect_err("wide").message.contains("pending"));
+        assert!(parse("é").is_err() && parse("1 + é").is_err());
+    }
+}

@@ -1,0 +1,152 @@
+//! Users' own effects: expressions in the model file.
+
+use crate::impact_scene::{ball, impacts, racket};
+use rand::{Rng, SeedableRng};
+use std::path::Path;
+use sweetspot::impact::expression::{channels, quantities};
+use sweetspot::impact::{ImpactInput, ImpactOutput, Model, ModelError, model_file};
+
+const BASE: &str = "base = \"rigid\"\n[parameters]\nrestitution = 0.8\nfriction = 0.3\n";
+
+fn parse(effects: &str) -> Result<Model, ModelError> {
+    Model::parse(&format!("{BASE}{effects}"), Path::new("m.toml"))
+}
+
+fn predict(effects: &str, inputs: &[ImpactInput]) -> Vec<ImpactOutput> {
+    parse(effects).unwrap().prepare(&racket(), &ball()).unwrap().predict_all(inputs).into_iter().map(Result::unwrap).collect()
+}
+
+fn close(a: &[ImpactOutput], b: &[ImpactOutput], tolerance: f64) {
+    for (a, b) in a.iter().zip(b) {
+        for (x, y) in a.as_vector().iter().zip(b.as_vector()) {
+            assert!((x - y).abs() <= tolerance * (1.0 + x.abs()), "{a:?} against {b:?}");
+        }
+    }
+}
+
+#[test]
+fn agrees_expressions_with_the_catalogue() {
+    let inputs = impacts(300, 21);
+    for (catalogue, own) in [
+        (
+            "[effects.stringbed-edge]\ndrop = 0.1",
+            "[effects.mine]\nexpression = \"restitution - k * ((impact_x / half_length)^2 + (impact_y / half_width)^2)\"\nreplaces = \"restitution\"\nk = 0.1",
+        ),
+        (
+            "[effects.ball-damping]\nfall = 0.1",
+            "[effects.mine]\nexpression = \"restitution - 0.1 * (sqrt(approach_speed / 25) - 1)\"\nreplaces = \"restitution\"",
+        ),
+        ("[effects.lateral-strings]\nacross = 0.2", "[effects.mine]\nexpression = \"0.2\"\nreplaces = \"tangential_restitution_y\""),
+        ("[effects.hand-mass]\nmass_kg = 0.15", "[effects.mine]\nexpression = \"m\"\nreplaces = \"hand_mass\"\nm = { value = 0.15, min = 0, max = 1 }"),
+        ("[effects.swing-drive]\nforce_n = 80", "[effects.mine]\nexpression = \"drive_z + side * force * contact_time\"\nreplaces = \"drive_z\"\nforce = 80"),
+        ("[effects.racket-inertia]\ntwist = 0.1", "[effects.mine]\nexpression = \"1.1 * twist_inertia\"\nreplaces = \"twist_inertia\""),
+        (
+            "[effects.friction-law]\nslip_exponent = 0\nload_exponent = 0.3",
+            "[effects.mine]\nexpression = \"friction * (approach_speed / 25)^0.3\"\nreplaces = \"friction\"",
+        ),
+    ] {
+        close(&predict(catalogue, &inputs), &predict(own, &inputs), 1e-12);
+    }
+}
+
+#[test]
+fn switch_every_channel_acts_and_leaves_everything_alone_at_its_own_value() {
+    let inputs = impacts(60, 22);
+    let plain = predict("", &inputs);
+    for c in channels() {
+        let same = predict(&format!("[effects.mine]\nexpression = \"{0}\"\nreplaces = \"{0}\"", c.name), &inputs);
+        close(&plain, &same, 1e-12);
+        let typical = match c.unit {
+            "m" => "1e-3",
+            "kg" | "N s" => "0.01",
+            "kg m^2" => "1e-4",
+            "N m s" => "1e-3",
+            "m/s" | "rad/s" => "0.5",
+            _ => "0.01",
+        };
+        let moved = predict(&format!("[effects.mine]\nexpression = \"{0} + {typical}\"\nreplaces = \"{0}\"", c.name), &inputs);
+        let acts = c.name == "face_time" && moved != plain
+            || plain.iter().zip(&moved).any(|(a, b)| a.as_vector().iter().zip(b.as_vector()).any(|(x, y)| (x - y).abs() > 1e-6));
+        assert!(acts, "{} does nothing", c.name);
+    }
+}
+
+#[test]
+fn law_contact_impulses_keep_momentum() {
+    let inputs = impacts(60, 23);
+    let (racket, ball) = (racket(), ball());
+    for channel in ["normal_impulse", "impulse_x", "impulse_y"] {
+        let outputs = predict(&format!("[effects.mine]\nexpression = \"{channel} + 0.02\"\nreplaces = \"{channel}\""), &inputs);
+        for (i, o) in inputs.iter().zip(outputs) {
+            let p = |b: nalgebra::Vector3<f64>, r: nalgebra::Vector3<f64>| ball.mass_kg * b + racket.mass_kg * r;
+            assert!((p(i.ball_velocity, i.racket_velocity) - p(o.ball_velocity, o.racket_velocity)).norm() < 1e-12);
+        }
+    }
+}
+
+#[test]
+fn law_every_quantity_can_be_used_and_is_finite() {
+    let inputs = impacts(40, 24);
+    for q in quantities() {
+        // `step` drops the dimension; times zero it changes nothing unless the quantity is NaN.
+        let text =
+            format!("[effects.mine]\nexpression = \"ball_out_vx * (1 + 0 * step({0})) + 0 * ball_out_vx * sign({0})\"\nreplaces = \"ball_out_vx\"", q.name);
+        close(&predict("", &inputs), &predict(&text, &inputs), 1e-12);
+        assert!(!q.meaning.is_empty());
+    }
+}
+
+#[test]
+fn fails_expressions_say_where() {
+    for (effect, words) in [
+        ("expression = \"restitution + impact_x\"\nreplaces = \"restitution\"", ["cannot be added", "            ^"]),
+        ("expression = \"1\"\nreplaces = \"restitutio\"", ["restitutio", "did you mean `restitution`"]),
+        ("expression = \"1\"", ["effects.mine.replaces", "missing"]),
+        ("expression = \"k\"\nreplaces = \"restitution\"\nk = { value = 2.0, min = 3.0, max = 4.0 }", ["effects.mine.k.value", "3 to 4"]),
+        ("expression = \"k\"\nreplaces = \"restitution\"\nk = \"a\"", ["effects.mine.k", "a number"]),
+        ("expression = \"1 +\"\nreplaces = \"restitution\"", ["ends", "1 +"]),
+    ] {
+        let message = parse(&format!("[effects.mine]\n{effect}")).unwrap_err().to_string();
+        assert!(words.iter().all(|w| message.contains(w)), "{message}");
+    }
+    let own = "[effects.hand-mass]\nexpression = \"1\"\nreplaces = \"restitution\"";
+    assert!(parse(own).unwrap_err().to_string().contains("in the catalogue"));
+    // Not a number: the error names the effect.
+    let model = parse("[effects.mine]\nexpression = \"ln(-1 * obliqueness)\"\nreplaces = \"friction\"").unwrap();
+    let error = model.prepare(&racket(), &ball()).unwrap().predict(&impacts(1, 25)[0]).unwrap_err();
+    assert!(error.to_string().contains("`mine`"), "{error}");
+    let model = parse("[effects.mine]\nexpression = \"racket_mass - 5\"\nreplaces = \"racket_mass\"").unwrap();
+    assert!(matches!(model.prepare(&racket(), &ball()).unwrap().predict(&impacts(1, 25)[0]), Err(ModelError::Body { .. })));
+}
+
+#[test]
+fn fails_random_text_never_panics() {
+    let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(26);
+    let pieces = ["restitution", "impact_x", "(", ")", "+", "-", "*", "/", "^", "2", ".", "e", "max", ",", "sqrt(", " ", "é", "k", "1e5", "\\u0000"];
+    for _ in 0..20_000 {
+        let n = rng.random_range(0..12);
+        let text: String = (0..n).map(|_| pieces[rng.random_range(0..pieces.len())]).collect();
+        let _ = parse(&format!("[effects.mine]\nexpression = \"{text}\"\nreplaces = \"restitution\"\nk = 0.5")).and_then(|m| {
+            let prepared = m.prepare(&racket(), &ball())?;
+            for input in impacts(2, 27) {
+                let _ = prepared.predict(&input);
+            }
+            Ok(())
+        });
+    }
+}
+
+#[test]
+fn truth_expression_is_written_into_a_model_file() {
+    let base = parse("").unwrap();
+    let text = format!("# head\n{BASE}");
+    let mut k = sweetspot::impact::Parameter::own("k", 0.25);
+    (k.min, k.max, k.fit) = (0.0, 1.0, true);
+    let changed = model_file::with_expression_added(&text, "mine", "restitution", "restitution * (1 - k * spin_ratio)", &[k], Path::new("m.toml")).unwrap();
+    assert!(changed.starts_with("# head"));
+    let model = Model::parse(&changed, Path::new("m.toml")).unwrap();
+    assert_eq!(model.parameters().len(), base.parameters().len() + 1);
+    let own = &model.parameters()[2];
+    assert_eq!((own.name.as_str(), own.value, own.fit), ("mine.k", 0.25, true));
+    assert_eq!(model.effects()[0].expression.as_ref().unwrap().text(), "restitution * (1 - k * spin_ratio)");
+}

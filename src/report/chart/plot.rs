@@ -15,6 +15,9 @@ pub enum Legend {
     Hidden,
 }
 
+/// Longest category name written aslant, px.
+const SLANTED_WIDTH: f64 = 130.0;
+
 /// A figure with two axes. The default size suits a phone's width and half a page.
 #[derive(Debug, Clone)]
 pub struct Chart {
@@ -183,7 +186,7 @@ impl Chart {
         }
         let bars_on_floor = self.layers.iter().any(|l| matches!(l, Layer::Bars(b) if b.bars.iter().all(|x| x.2 >= 0.0))) && self.y.range.is_none();
         let y_label = if self.y.hidden || self.y.label.is_empty() { 0.0 } else { TEXT + 5.0 };
-        let bottom = self.height - if self.x.hidden { 4.0 } else { TEXT + 8.0 + if self.x.label.is_empty() { 0.0 } else { TEXT + 5.0 } };
+        let bottom = self.height - self.slant_drop() - if self.x.hidden { 4.0 } else { TEXT + 8.0 + if self.x.label.is_empty() { 0.0 } else { TEXT + 5.0 } };
         let rows = ((bottom - top) / 38.0).clamp(2.0, 9.0) as usize;
         let mut y = self.y.scale(dy, rows);
         if bars_on_floor && y.high > 0.0 {
@@ -210,6 +213,13 @@ impl Chart {
         plane
     }
 
+    /// Extra height for category names that must be written aslant because they are wider than their column; else 0.
+    fn slant_drop(&self) -> f64 {
+        let widest = self.x.categories.iter().map(|c| text_width(c, TEXT)).fold(0.0, f64::max);
+        let room = (self.width - 70.0) / self.x.categories.len().max(1) as f64;
+        if self.x.hidden || widest <= room { 0.0 } else { 0.62 * widest.min(SLANTED_WIDTH) - TEXT }
+    }
+
     fn draw_axes(&self, svg: &mut Svg, p: &Plane) {
         let mut grid = String::new();
         let line = "stroke=\"currentColor\" fill=\"none\"";
@@ -218,6 +228,12 @@ impl Chart {
             for (v, label) in &p.x.ticks {
                 let (x, _) = p.at((*v, p.y.low));
                 let _ = write!(grid, "M{} {}V{}", px(x), px(p.top), px(p.bottom + 3.0));
+                if self.slant_drop() != 0.0 {
+                    let (x, y) = (x + 4.0, p.bottom + TEXT + 2.0);
+                    let turn = format!("transform=\"rotate(-38 {} {})\"", px(x), px(y));
+                    svg.text(x, y, Anchor::End, &shorten(label, TEXT, SLANTED_WIDTH), &turn);
+                    continue;
+                }
                 let label = if self.x.categories.is_empty() { label.clone() } else { shorten(label, TEXT, room.max(24.0)) };
                 svg.text(x.min(self.width - 0.5 * text_width(&label, TEXT)), p.bottom + TEXT + 5.0, Anchor::Middle, &label, "");
             }

@@ -18,6 +18,7 @@ pub fn agreement(comparison: &Comparison) -> Option<Section> {
     let panels: Vec<(String, String)> = comparison.outputs.iter().map(|o| (panel(comparison, &o.name), String::new())).collect();
     let mut table = Table::new("Each output over all impacts; the noise is that of the output and of the inputs, carried through the model.")
         .column("output")
+        .column("column")
         .column("unit")
         .numbers("n")
         .numbers("rms error")
@@ -29,7 +30,7 @@ pub fn agreement(comparison: &Comparison) -> Option<Section> {
         let w = column_words(&o.name);
         let show = |v: f64| significant(v * w.factor, 3);
         let p = if o.p_value < 0.001 { "< 0.001".to_owned() } else { fixed(o.p_value, 3) };
-        table = table.row(&[w.words.clone(), w.unit.to_owned(), o.n.to_string(), show(o.rmse), show(o.bias), show(o.noise_sd), fixed(o.chi2_reduced, 2), p]);
+        table = table.row(&[w.words.clone(), o.name.clone(), w.unit.to_owned(), o.n.to_string(), show(o.rmse), show(o.bias), show(o.noise_sd), fixed(o.chi2_reduced, 2), p]);
     }
     Some(
         Section::new("agreement", "Predicted against measured")

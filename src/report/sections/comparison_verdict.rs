@@ -21,6 +21,9 @@ pub fn comparison_verdict(c: &Comparison) -> Section {
         fixed(c.heldout_error, 2),
         fixed(c.noise_floor, 2)
     ));
+    if c.heldout_error > 1.05 * c.heldout_error_refitted {
+        lines.push("The numbers in the model file are not the best ones for this data: run `sweetspot fit`. The figures below show the model as its file states it.".to_owned());
+    }
     if let Some(worst) = worst(&c.outputs) {
         let w = column_words(&worst.name);
         lines.push(format!(

@@ -1,38 +1,69 @@
 //! Mean residual of each output over the racket's face.
 
+use super::agreement::points_of;
 use crate::equipment::Racket;
-use crate::report::chart::{Cells, Legend, face};
+use crate::report::chart::{Cells, Chart, Colour, Legend, Points, face};
 use crate::report::column::column_words;
 use crate::report::page::{Layout, Section};
 use crate::validation::Comparison;
 
-/// One face per output; `None` when no impact position varies or no racket is known.
+/// Standard deviation of the kernel that averages over the face, mm: a third of the half width of a head.
+const KERNEL_MM: f64 = 18.0;
+/// A place of the face is coloured when so many impacts count there.
+const FEWEST_IMPACTS: f64 = 3.0;
+/// Cells across the face.
+const ACROSS: usize = 26;
+
+/// One face per output; `None` when no impact position is known or no racket is.
 pub fn face_maps(comparison: &Comparison, racket: Option<&Racket>) -> Option<Section> {
     let racket = racket?;
-    let maps: Vec<(String, String)> = comparison.face_maps.iter().filter(|m| m.cells.len() >= 4).map(|m| (map(comparison, racket, m), String::new())).collect();
+    let maps: Vec<(String, String)> = comparison.outputs.iter().filter_map(|o| Some((map(comparison, racket, &o.name)?, String::new()))).collect();
     if maps.is_empty() {
         return None;
     }
     Some(
         Section::new("face", "Residuals over the face")
-            .note("Mean of measured less predicted in cells of the face, seen from +z, tip at the top. Blue: the prediction is too high; orange: too low; pale: right. The colours reach at least one noise standard deviation, so that a sound model stays pale.")
+            .note("Local mean of measured less predicted (kernel of 18 mm), seen from +z, tip at the top, impacts as dots. Blue: the prediction is too high; orange: too low; pale: right. The colours reach at least half a noise standard deviation, so that a sound model stays pale; places with fewer than three impacts near are left blank.")
             .figures(Layout::Small, &maps),
     )
 }
 
-fn map(comparison: &Comparison, racket: &Racket, map: &crate::validation::comparison::FaceMap) -> String {
-    let w = column_words(&map.output);
-    let noise = comparison.outputs.iter().find(|o| o.name == map.output).map_or(0.0, |o| w.factor * o.noise_sd);
-    let cells: Vec<(f64, f64, f64)> = map.cells.iter().map(|c| (1000.0 * c.y, 1000.0 * c.x, w.factor * c.mean)).collect();
-    let mut sizes: Vec<f64> = cells.iter().map(|c| c.2.abs()).filter(|v| v.is_finite()).collect();
-    sizes.sort_by(f64::total_cmp);
-    let usual = sizes.get(sizes.len() * 95 / 100).copied().unwrap_or(0.0);
-    let reach = usual.max(noise).max(f64::MIN_POSITIVE);
-    let side = 1000.0 * map.cell_m;
-    let chart = face::bare(&w.words, racket)
+fn map(comparison: &Comparison, racket: &Racket, output: &str) -> Option<String> {
+    let w = column_words(output);
+    let place = |name: &str| comparison.input_names.iter().position(|n| n == name);
+    let (ix, iy) = (place("impact_x")?, place("impact_y")?);
+    // Where it was hit (across, along, mm), the residual, and its weight.
+    let hits: Vec<(f64, f64, f64, f64)> = points_of(comparison, output)
+        .iter()
+        .filter_map(|(i, p)| Some((1000.0 * i.inputs.get(iy)?, 1000.0 * i.inputs.get(ix)?, w.factor * p.residual(), (w.factor * p.sd).powi(-2))))
+        .filter(|h| h.0.is_finite() && h.1.is_finite() && h.2.is_finite() && h.3.is_finite())
+        .collect();
+    let spread = |pick: fn(&(f64, f64, f64, f64)) -> f64| hits.iter().map(pick).fold(f64::NEG_INFINITY, f64::max) - hits.iter().map(pick).fold(f64::INFINITY, f64::min);
+    if hits.len() < 8 || spread(|h| h.0).max(spread(|h| h.1)) < KERNEL_MM {
+        return None;
+    }
+    let (cells, side) = face::cells(racket, ACROSS);
+    let coloured: Vec<(f64, f64, f64)> = cells.iter().filter_map(|&(y, x)| Some((y, x, local_mean(&hits, y, x)?))).collect();
+    let noise = comparison.outputs.iter().find(|o| o.name == output).map_or(0.0, |o| w.factor * o.noise_sd);
+    let most = coloured.iter().map(|c| c.2.abs()).fold(0.5 * noise, f64::max).max(f64::MIN_POSITIVE);
+    let dots: Vec<(f64, f64)> = hits.iter().map(|h| (h.0, h.1)).collect();
+    let chart: Chart = face::bare(&w.words, racket)
         .size(210.0, 300.0)
         .legend(Legend::Hidden)
+        .without_axes()
         .describe(&format!("Mean residual of {} over the racket's face.", w.words))
-        .add(Cells::new(&cells, (side, side), w.unit).signed().range(-reach, reach));
-    face::outline(chart, racket).to_svg()
+        .add(Cells::new(&coloured, (side, side), w.unit).signed().range(-most, most));
+    Some(face::outline(chart, racket).add(Points::new(&dots).size(1.4).colour(Colour(0x33, 0x33, 0x33))).to_svg())
+}
+
+/// Weighted mean with a Gaussian kernel; `None` where too few impacts count.
+fn local_mean(hits: &[(f64, f64, f64, f64)], y: f64, x: f64) -> Option<f64> {
+    let (mut sum, mut weights, mut count) = (0.0, 0.0, 0.0);
+    for (hy, hx, residual, weight) in hits {
+        let near = (-0.5 * ((hy - y).powi(2) + (hx - x).powi(2)) / (KERNEL_MM * KERNEL_MM)).exp();
+        sum += near * weight * residual;
+        weights += near * weight;
+        count += near;
+    }
+    (count >= FEWEST_IMPACTS && weights > 0.0).then(|| sum / weights)
 }

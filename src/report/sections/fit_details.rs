@@ -10,7 +10,11 @@ pub fn fit_details(stated: &[ParameterValue], fitted: &[ParameterValue], outlier
     let mut parameters = Table::new("Free parameters").column("parameter").numbers("in the model file").numbers("fitted (± sd)").column("");
     for p in fitted {
         let before = stated.iter().find(|s| s.name == p.name).map_or_else(|| "–".to_owned(), |s| significant(s.value, 4));
-        let remark = if p.at_limit { "at the edge of its range: the data want more" } else { "" };
+        let remark = match (p.sd.is_finite(), p.at_limit) {
+            (false, _) => "not determined by these impacts",
+            (true, true) => "at the edge of its range: the data want more",
+            (true, false) => "",
+        };
         parameters = parameters.row(&[p.name.clone(), before, with_sd(p.value, p.sd), remark.to_owned()]);
     }
     let mut odd =

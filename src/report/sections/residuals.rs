@@ -72,8 +72,8 @@ pub fn residuals(comparison: &Comparison) -> Option<Section> {
         })
         .collect();
     let mut section = Section::new("residuals", "Residuals against every input")
-        .note("Measured less predicted, each in units of its own standard deviation. A sound model scatters about zero with unit spread whatever the input; the band is the 95 % interval of the local mean.")
-        .figure(&matrix(comparison, &trends), "Where the local mean leaves zero: its greatest distance from zero in half-widths of its 95 % band. Values up to about 2 are what chance gives over a curve.")
+        .note("Measured less predicted, each in units of its own standard deviation. A sound model scatters about zero with unit spread whatever the input; the band is the 95 % interval of the local mean. The model is taken as its file states it, free parameters not fitted.")
+        .figures(Layout::Wide, &[(matrix(comparison, &trends), "Where the local mean leaves zero: its greatest distance from zero in half-widths of its 95 % band. Values up to about 2 are what chance gives over a curve.".to_owned())])
         .heading("The clearest trends")
         .figures(Layout::Normal, &clearest);
     if every > 1 {
@@ -128,7 +128,6 @@ fn matrix(comparison: &Comparison, trends: &[Trend]) -> String {
     let place = |names: &[&str], name: &str| names.iter().position(|n| *n == name).unwrap_or(0) as f64;
     let outputs: Vec<&str> = comparison.outputs.iter().map(|o| o.name.as_str()).collect();
     let cells: Vec<(f64, f64, f64)> = trends.iter().map(|t| (place(&outputs, &t.output), place(&inputs, &t.input), t.strength)).collect();
-    let short = |name: &str| name.replace("racket_", "r ").replace("ball_", "b ").replace("_", " ").replace("in ", "").replace("out ", "");
     let most = trends.iter().map(|t| t.strength).fold(4.0, f64::max);
     let words: Vec<String> = inputs.iter().map(|i| column_words(i).words).collect();
     let strongest = trends.iter().max_by(|a, b| a.strength.total_cmp(&b.strength));
@@ -137,9 +136,8 @@ fn matrix(comparison: &Comparison, trends: &[Trend]) -> String {
     });
     Chart::new("Trend of each output against each input")
         .describe(&told)
-        .size(420.0, 70.0 + 18.0 * inputs.len() as f64)
-        .x("output after impact (b ball, r racket)", "")
-        .x_categories(&outputs.iter().map(|o| short(o)).collect::<Vec<_>>())
+        .size(520.0, 140.0 + 20.0 * inputs.len() as f64)
+                .x_categories(&outputs.iter().map(|o| column_words(o).words).collect::<Vec<_>>())
         .y_categories(&words)
         .without_grid()
         .add(Cells::new(&cells, (1.0, 1.0), "half-widths").range(0.0, most))

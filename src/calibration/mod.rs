@@ -6,6 +6,7 @@
 
 mod axes;
 mod board;
+mod board_report;
 mod bundle;
 mod calibrator;
 mod camera_model;
@@ -24,6 +25,7 @@ mod zhang;
 
 pub use axes::{AxesFrame, AxesReport, global_axes};
 pub use board::Checkerboard;
+pub use board_report::{BOARDS_KEY, BoardReport};
 pub use bundle::{Bundle, BundleError, BundleFit, BundleOptions, BundleView, CornerPixel};
 pub use calibrator::{Calibration, CalibrationOptions, PairViews, calibrate_views};
 pub use camera_model::Camera;

@@ -23,4 +23,4 @@ pub use racket_figure::RacketFigure;
 pub use racket_pose::{MarkerObservation, PoseError, RacketPose, View, fit_pose, fit_pose_in, rigid_from_points};
 pub use racket_track::RacketFrame;
 pub use shot_tracker::{ShotSetup, ShotTracks, TrackingError, track_shot};
-pub use track_file::{ImagePoint, PointState, SpacePoint, Target, TrackFileError, TrackPoint, Tracks, points_to_csv};
+pub use track_file::{ImagePoint, PointState, SpacePoint, Target, TrackFileError, TrackPoint, Tracks, points_to_csv, read_points};

@@ -175,3 +175,19 @@ pub fn points_to_csv(points: &[SpacePoint]) -> String {
     }
     out
 }
+
+/// Reads `points.csv`.
+pub fn read_points(path: &Path) -> Result<Vec<SpacePoint>, TrackFileError> {
+    type Row = (u64, f64, Target, f64, f64, f64, f64, f64, f64, f64);
+    let unreadable = |source| TrackFileError::Unreadable { path: path.into(), source };
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_path(path).map_err(unreadable)?;
+    let mut points = Vec::new();
+    for (i, row) in reader.deserialize::<Row>().enumerate() {
+        let (frame, t, target, x, y, z, x_sd, y_sd, z_sd, residual_px) = row.map_err(unreadable)?;
+        if ![t, x, y, z, x_sd, y_sd, z_sd].iter().all(|v| v.is_finite()) {
+            return Err(TrackFileError::Row { path: path.into(), line: i as u64 + 2, what: "every number must be finite".to_owned() });
+        }
+        points.push(SpacePoint { frame, t, target, position: Point3::new(x, y, z), sd: Vector3::new(x_sd, y_sd, z_sd), residual_px });
+    }
+    Ok(points)
+}

@@ -30,7 +30,17 @@ pub fn agreement(comparison: &Comparison) -> Option<Section> {
         let w = column_words(&o.name);
         let show = |v: f64| significant(v * w.factor, 3);
         let p = if o.p_value < 0.001 { "< 0.001".to_owned() } else { fixed(o.p_value, 3) };
-        table = table.row(&[w.words.clone(), o.name.clone(), w.unit.to_owned(), o.n.to_string(), show(o.rmse), show(o.bias), show(o.noise_sd), fixed(o.chi2_reduced, 2), p]);
+        table = table.row(&[
+            w.words.clone(),
+            o.name.clone(),
+            w.unit.to_owned(),
+            o.n.to_string(),
+            show(o.rmse),
+            show(o.bias),
+            show(o.noise_sd),
+            fixed(o.chi2_reduced, 2),
+            p,
+        ]);
     }
     Some(
         Section::new("agreement", "Predicted against measured")

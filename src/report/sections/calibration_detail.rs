@@ -22,7 +22,16 @@ pub(super) struct CalibrationDetail {
 impl CalibrationDetail {
     pub fn of(rig: &StereoRig) -> Self {
         let advice = rig.more.get("advice").and_then(|v| v.as_array()).into_iter().flatten().filter_map(|v| v.as_str().map(str::to_owned)).collect();
-        CalibrationDetail { advice, ..Default::default() }
+        let global = rig.global_from_left.isometry();
+        let reports = rig.board_reports();
+        let boards = reports.iter().map(|b| b.outline_left_m.iter().map(|p| global * Point3::from(*p)).collect()).collect();
+        let corners = reports.iter().flat_map(|b| {
+            let of = |camera, list: &[[f64; 4]]| -> Vec<CornerError> {
+                list.iter().map(|c| CornerError { camera, at: (c[0], c[1]), error: (c[2], c[3]) }).collect()
+            };
+            of(CameraId::Left, &b.left_px).into_iter().chain(of(CameraId::Right, &b.right_px))
+        });
+        CalibrationDetail { boards, corners: corners.collect(), advice }
     }
 
     /// Middle of all boards.

@@ -22,7 +22,10 @@ pub fn comparison_verdict(c: &Comparison) -> Section {
         fixed(c.noise_floor, 2)
     ));
     if c.heldout_error > 1.05 * c.heldout_error_refitted {
-        lines.push("The numbers in the model file are not the best ones for this data: run `sweetspot fit`. The figures below show the model as its file states it.".to_owned());
+        lines.push(
+            "The numbers in the model file are not the best ones for this data: run `sweetspot fit`. The figures below show the model as its file states it."
+                .to_owned(),
+        );
     }
     if let Some(worst) = worst(&c.outputs) {
         let w = column_words(&worst.name);

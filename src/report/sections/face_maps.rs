@@ -38,7 +38,8 @@ fn map(comparison: &Comparison, racket: &Racket, output: &str) -> Option<String>
         .filter_map(|(i, p)| Some((1000.0 * i.inputs.get(iy)?, 1000.0 * i.inputs.get(ix)?, w.factor * p.residual(), (w.factor * p.sd).powi(-2))))
         .filter(|h| h.0.is_finite() && h.1.is_finite() && h.2.is_finite() && h.3.is_finite())
         .collect();
-    let spread = |pick: fn(&(f64, f64, f64, f64)) -> f64| hits.iter().map(pick).fold(f64::NEG_INFINITY, f64::max) - hits.iter().map(pick).fold(f64::INFINITY, f64::min);
+    let spread =
+        |pick: fn(&(f64, f64, f64, f64)) -> f64| hits.iter().map(pick).fold(f64::NEG_INFINITY, f64::max) - hits.iter().map(pick).fold(f64::INFINITY, f64::min);
     if hits.len() < 8 || spread(|h| h.0).max(spread(|h| h.1)) < KERNEL_MM {
         return None;
     }

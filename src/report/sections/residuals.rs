@@ -137,7 +137,7 @@ fn matrix(comparison: &Comparison, trends: &[Trend]) -> String {
     Chart::new("Trend of each output against each input")
         .describe(&told)
         .size(520.0, 140.0 + 20.0 * inputs.len() as f64)
-                .x_categories(&outputs.iter().map(|o| column_words(o).words).collect::<Vec<_>>())
+        .x_categories(&outputs.iter().map(|o| column_words(o).words).collect::<Vec<_>>())
         .y_categories(&words)
         .without_grid()
         .add(Cells::new(&cells, (1.0, 1.0), "half-widths").range(0.0, most))

@@ -2,6 +2,7 @@
 
 use super::ball_fit::{self, BallFit};
 use super::ball_search::BallCandidate;
+use super::ball_shading::{BallShading, LimbProfile};
 use super::racket_pose::View;
 use super::track_file::ImagePoint;
 use crate::calibration::CameraId;
@@ -30,11 +31,12 @@ pub struct BallFrame {
 }
 
 /// What all frames share.
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 pub struct BallScene<'a> {
     pub view: &'a View<'a>,
     pub radius_m: f64,
-    pub blur_px: f64,
+    /// What the ball looks like across its outline, by camera.
+    pub limb: [LimbProfile; 2],
     pub background: [Option<&'a GreyImage>; 2],
     pub frame_rate_hz: f64,
 }
@@ -84,7 +86,7 @@ impl BallScene<'_> {
     }
 
     fn good(f: &BallFit) -> bool {
-        f.outline >= LEAST_OUTLINE && f.edge > 3.0 * f.residual.max(0.7) && f.covariance[(0, 0)] + f.covariance[(1, 1)] < 0.5
+        f.outline >= LEAST_OUTLINE && f.edge > 2.0 * f.residual.max(0.7) && f.covariance[(0, 0)] + f.covariance[(1, 1)] < 0.5
     }
 
     /// The ball near a predicted place (global, m). `reach_px` is how far the prediction may be off.
@@ -94,7 +96,7 @@ impl BallScene<'_> {
             let Some(image) = &images[camera.index()] else { continue };
             let (Some(centre), Some(radius)) = (self.view.project(camera, predicted), self.radius_px(camera, predicted)) else { continue };
             let start = self.coarse(image, camera, centre, radius, reach_px);
-            points[camera.index()] = ball_fit::fit(image, start, radius, self.blur_px)
+            points[camera.index()] = ball_fit::fit(image, start, radius, &self.limb[camera.index()])
                 .filter(|f| Self::good(f) && (f.uv - centre).norm() < f64::from(reach_px) + 2.0)
                 .map(|f| image_point(&f));
         }
@@ -120,11 +122,33 @@ impl BallScene<'_> {
         }
     }
 
+    /// Adds the picture of the disc to a mean picture, by place in ball radii.
+    pub fn add_to_mean(&self, mean: &mut MeanDisc, image: &GreyView, camera: CameraId, ball: &BallFrame) {
+        let (Some(point), Some(radius)) = (ball.points[camera.index()], self.radius_px(camera, &ball.position)) else { return };
+        for (i, cell) in mean.cells.iter_mut().enumerate() {
+            let (x, y) = MeanDisc::place(i);
+            let at = point.uv + Vector2::new(x, y) * radius;
+            if let Some(grey) = image.get(at.x.round() as i64, at.y.round() as i64) {
+                *cell = (cell.0 + f64::from(grey), cell.1 + 1.0);
+            }
+        }
+    }
+
+    /// Sets the limb profiles from the mean pictures of the discs.
+    pub fn set_light(&mut self, means: &[MeanDisc; 2], near: &Point3<f64>, blur_px: f64) {
+        for camera in CameraId::BOTH {
+            let shading = BallShading::of_mean_disc(&means[camera.index()].disc()).unwrap_or_default();
+            if let Some(radius) = self.radius_px(camera, near) {
+                self.limb[camera.index()] = LimbProfile::new(&shading, radius, blur_px);
+            }
+        }
+    }
+
     /// Space points of candidates of one frame: the outline fit must succeed in both pictures and the rays must meet.
     pub fn space_candidates(&self, images: &[Option<GreyView>; 2], candidates: &[Vec<BallCandidate>; 2], depth_at: &Point3<f64>) -> Vec<BallFrame> {
         let fits = CameraId::BOTH.map(|camera| {
             let (Some(image), Some(radius)) = (&images[camera.index()], self.radius_px(camera, depth_at)) else { return Vec::new() };
-            candidates[camera.index()].iter().filter_map(|c| ball_fit::fit(image, c.uv, radius, self.blur_px).filter(Self::good)).collect::<Vec<_>>()
+            candidates[camera.index()].iter().filter_map(|c| ball_fit::fit(image, c.uv, radius, &self.limb[camera.index()]).filter(Self::good)).collect::<Vec<_>>()
         });
         let mut out = Vec::new();
         for l in &fits[0] {
@@ -154,6 +178,28 @@ impl BallScene<'_> {
             }
         }
         out
+    }
+}
+
+/// A mean picture of the ball's disc on a grid of 15 x 15 places.
+#[derive(Debug, Clone)]
+pub struct MeanDisc {
+    cells: Vec<(f64, f64)>,
+}
+
+impl Default for MeanDisc {
+    fn default() -> Self {
+        MeanDisc { cells: vec![(0.0, 0.0); 225] }
+    }
+}
+
+impl MeanDisc {
+    fn place(i: usize) -> (f64, f64) {
+        ((i % 15) as f64 / 7.0 - 1.0, (i / 15) as f64 / 7.0 - 1.0)
+    }
+
+    fn disc(&self) -> Vec<(f64, f64, f64)> {
+        self.cells.iter().enumerate().filter(|(_, c)| c.1 > 0.0).map(|(i, c)| (Self::place(i).0, Self::place(i).1, c.0 / c.1)).collect()
     }
 }
 

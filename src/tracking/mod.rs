@@ -5,6 +5,7 @@
 mod background;
 mod ball_fit;
 mod ball_search;
+mod ball_shading;
 mod ball_track;
 mod band;
 mod band_search;

@@ -2,7 +2,8 @@
 
 use super::background::background;
 use super::ball_search;
-use super::ball_track::{BallFrame, BallScene};
+use super::ball_shading::{BallShading, LimbProfile};
+use super::ball_track::{BallFrame, BallScene, MeanDisc};
 use super::band::{BandShape, BandView};
 use super::band_search;
 use super::face;
@@ -63,6 +64,8 @@ pub struct ShotSetup<'a> {
     pub frame_rate_hz: f64,
 }
 
+/// Blur of the ball's outline, px, one standard deviation.
+const BALL_BLUR_PX: f64 = 0.55;
 /// Frames over which a lost racket or ball is still expected where it was going.
 const PATIENCE: usize = 6;
 /// Least share of the usual contrast that still counts as tape.
@@ -248,10 +251,10 @@ impl<S: FrameSource> Shot<'_, S> {
         for (camera, b) in backgrounds.iter_mut().enumerate() {
             *b = background(self.source, camera)?;
         }
-        let scene = BallScene {
+        let mut scene = BallScene {
             view: self.view,
             radius_m: self.setup.ball.radius_m(),
-            blur_px: self.shape.blur_px,
+            limb: [LimbProfile::new(&BallShading::default(), 8.0, BALL_BLUR_PX), LimbProfile::new(&BallShading::default(), 8.0, BALL_BLUR_PX)],
             background: [backgrounds[0].as_ref(), backgrounds[1].as_ref()],
             frame_rate_hz: self.setup.frame_rate_hz,
         };
@@ -296,7 +299,32 @@ impl<S: FrameSource> Shot<'_, S> {
                 break;
             }
         }
-        Ok(best.1)
+        self.remeasure_ball(&mut scene, best.1)
+    }
+
+    /// Learns the light from the ball as first measured, then measures every frame again with it.
+    fn remeasure_ball(&self, scene: &mut BallScene, rough: Vec<Option<BallFrame>>) -> Result<Vec<Option<BallFrame>>, TrackingError> {
+        let Some(near) = rough.iter().flatten().find(|b| b.stereo).map(|b| b.position) else { return Ok(rough) };
+        let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
+        let mut means = [MeanDisc::default(), MeanDisc::default()];
+        for (index, ball) in rough.iter().enumerate().filter_map(|(i, b)| Some((i, b.as_ref()?))) {
+            let images = self.read(index, &mut buffers)?;
+            for camera in CameraId::BOTH {
+                if let Some(image) = &images[camera.index()] {
+                    scene.add_to_mean(&mut means[camera.index()], image, camera, ball);
+                }
+            }
+        }
+        scene.set_light(&means, &near, BALL_BLUR_PX);
+        let mut out = Vec::with_capacity(rough.len());
+        for (index, ball) in rough.iter().enumerate() {
+            let again = match ball {
+                Some(b) => scene.measure(&self.read(index, &mut buffers)?, &b.position, 1),
+                None => None,
+            };
+            out.push(again);
+        }
+        Ok(out)
     }
 
     fn follow_ball(&self, scene: &BallScene, first: usize, flight: &[BallFrame; 3]) -> Result<Vec<Option<BallFrame>>, TrackingError> {

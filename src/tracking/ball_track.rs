@@ -1,18 +1,20 @@
 //! Follows the ball from frame to frame in space: predicted place in both pictures, outline fit, one point from two rays.
 
 use super::ball_fit::{self, BallFit};
-use super::ball_search::BallCandidate;
+use super::ball_search::{self, BallCandidate};
 use super::ball_shading::{BallShading, LimbProfile};
 use super::racket_pose::View;
 use super::track_file::ImagePoint;
 use crate::calibration::CameraId;
-use crate::footage::{GreyImage, GreyView};
+use crate::footage::GreyView;
 use nalgebra::{Point3, Vector2, Vector3};
 
 /// Least deviation of the ball's centre, px.
 const FLOOR_SD_PX: f64 = 0.02;
 /// Share of the outline that must stand out from the surroundings.
-const LEAST_OUTLINE: f64 = 0.35;
+const LEAST_OUTLINE: f64 = 0.3;
+/// Share above which a fit from the predicted place is taken at once.
+const CLEAR_OUTLINE: f64 = 0.6;
 /// The two rays of one ball may miss each other by this, px (deviations are added).
 const RAY_TOLERANCE_PX: f64 = 0.8;
 /// Slowest and fastest motion that is taken for a ball in play, m per frame at 1000 frames a second scaled by the rate.
@@ -37,7 +39,6 @@ pub struct BallScene<'a> {
     pub radius_m: f64,
     /// What the ball looks like across its outline, by camera.
     pub limb: [LimbProfile; 2],
-    pub background: [Option<&'a GreyImage>; 2],
     pub frame_rate_hz: f64,
 }
 
@@ -52,39 +53,6 @@ impl BallScene<'_> {
         Some(self.radius_m * 0.5 * ((j * a).norm() + (j * b).norm()))
     }
 
-    fn difference(&self, image: &GreyView, camera: CameraId, centre: Vector2<f64>, radius_px: f64) -> Option<f64> {
-        let background = self.background[camera.index()]?;
-        let at = |x: f64, y: f64| -> Option<f64> {
-            let (x, y) = (x.round() as i64, y.round() as i64);
-            let here = image.get(x, y)?;
-            Some(f64::from(here.abs_diff(background.get(x as usize, y as usize)?)))
-        };
-        let (mut inside, mut outside) = (at(centre.x, centre.y)?, 0.0);
-        for k in 0..12 {
-            let a = std::f64::consts::TAU * k as f64 / 12.0;
-            let (c, s) = (a.cos() * radius_px, a.sin() * radius_px);
-            inside += at(centre.x + 0.45 * c, centre.y + 0.45 * s)? + at(centre.x + 0.8 * c, centre.y + 0.8 * s)?;
-            outside += at(centre.x + 1.3 * c, centre.y + 1.3 * s)?;
-        }
-        Some(inside / 25.0 - outside / 12.0)
-    }
-
-    /// Best integer shift within `reach_px` by the difference from the background, disc less ring.
-    fn coarse(&self, image: &GreyView, camera: CameraId, centre: Vector2<f64>, radius_px: f64, reach_px: i32) -> Vector2<f64> {
-        let mut best = (f64::NEG_INFINITY, centre);
-        for j in -reach_px..=reach_px {
-            for i in -reach_px..=reach_px {
-                let c = centre + Vector2::new(f64::from(i), f64::from(j));
-                if let Some(d) = self.difference(image, camera, c, radius_px)
-                    && d > best.0
-                {
-                    best = (d, c);
-                }
-            }
-        }
-        best.1
-    }
-
     fn good(f: &BallFit) -> bool {
         f.outline >= LEAST_OUTLINE && f.edge > 2.0 * f.residual.max(0.7) && f.covariance[(0, 0)] + f.covariance[(1, 1)] < 0.5
     }
@@ -95,10 +63,19 @@ impl BallScene<'_> {
         for camera in CameraId::BOTH {
             let Some(image) = &images[camera.index()] else { continue };
             let (Some(centre), Some(radius)) = (self.view.project(camera, predicted), self.radius_px(camera, predicted)) else { continue };
-            let start = self.coarse(image, camera, centre, radius, reach_px);
-            points[camera.index()] = ball_fit::fit(image, start, radius, &self.limb[camera.index()])
-                .filter(|f| Self::good(f) && (f.uv - centre).norm() < f64::from(reach_px) + 2.0)
-                .map(|f| image_point(&f));
+            let limb = &self.limb[camera.index()];
+            let near = |f: &BallFit| Self::good(f) && (f.uv - centre).norm() < f64::from(reach_px) + 1.5;
+            let mut found = ball_fit::fit(image, centre, radius, limb).filter(near);
+            // A clear outline where it was expected needs no search.
+            if reach_px > 1
+                && found.as_ref().is_none_or(|f| f.outline < CLEAR_OUTLINE)
+                && let Some(start) = ball_search::nearby(image, centre, radius, i64::from(reach_px))
+                && let Some(other) = ball_fit::fit(image, start, radius, limb).filter(near)
+                && found.as_ref().is_none_or(|f| other.outline > f.outline)
+            {
+                found = Some(other);
+            }
+            points[camera.index()] = found.map(|f| image_point(&f));
         }
         self.join(points, predicted)
     }
@@ -148,7 +125,10 @@ impl BallScene<'_> {
     pub fn space_candidates(&self, images: &[Option<GreyView>; 2], candidates: &[Vec<BallCandidate>; 2], depth_at: &Point3<f64>) -> Vec<BallFrame> {
         let fits = CameraId::BOTH.map(|camera| {
             let (Some(image), Some(radius)) = (&images[camera.index()], self.radius_px(camera, depth_at)) else { return Vec::new() };
-            candidates[camera.index()].iter().filter_map(|c| ball_fit::fit(image, c.uv, radius, &self.limb[camera.index()]).filter(Self::good)).collect::<Vec<_>>()
+            candidates[camera.index()]
+                .iter()
+                .filter_map(|c| ball_fit::fit(image, c.uv, radius, &self.limb[camera.index()]).filter(Self::good))
+                .collect::<Vec<_>>()
         });
         let mut out = Vec::new();
         for l in &fits[0] {

@@ -255,7 +255,6 @@ impl<S: FrameSource> Shot<'_, S> {
             view: self.view,
             radius_m: self.setup.ball.radius_m(),
             limb: [LimbProfile::new(&BallShading::default(), 8.0, BALL_BLUR_PX), LimbProfile::new(&BallShading::default(), 8.0, BALL_BLUR_PX)],
-            background: [backgrounds[0].as_ref(), backgrounds[1].as_ref()],
             frame_rate_hz: self.setup.frame_rate_hz,
         };
         let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
@@ -265,7 +264,7 @@ impl<S: FrameSource> Shot<'_, S> {
             let mut frames: [Vec<BallFrame>; 3] = Default::default();
             for (k, found) in frames.iter_mut().enumerate() {
                 let images = self.read(first + k, &mut buffers)?;
-                let candidates = CameraId::BOTH.map(|c| match (&images[c.index()], scene.background[c.index()], scene.radius_px(c, &self.focus)) {
+                let candidates = CameraId::BOTH.map(|c| match (&images[c.index()], &backgrounds[c.index()], scene.radius_px(c, &self.focus)) {
                     (Some(v), Some(b), Some(r)) => ball_search::candidates(v, b, r),
                     _ => Vec::new(),
                 });

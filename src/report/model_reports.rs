@@ -52,6 +52,7 @@ pub fn diagnosis_report(
         .section(sections::candidates(diagnosis))
         .section(sections::expression(diagnosis))
         .section(sections::next_experiments(diagnosis, racket))
+        .section(sections::equations(diagnosis))
         .section(sections::ledger(ledger, after.and(comparison), after));
     if let Some(c) = comparison {
         report =

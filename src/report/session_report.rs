@@ -31,7 +31,8 @@ pub fn session_report(results: &SessionResults) -> String {
             .section(sections::places(d, c))
             .section(sections::candidates(d))
             .section(sections::expression(d))
-            .section(sections::next_experiments(d, racket));
+            .section(sections::next_experiments(d, racket))
+            .section(sections::equations(d));
     }
     report = report
         .section(sections::ledger(&path, results.after.as_ref().and(results.comparison.as_ref()), results.after.as_ref()))

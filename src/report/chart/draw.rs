@@ -232,7 +232,7 @@ pub(super) fn cells(svg: &mut Svg, plane: &Plane, layer: &Cells) {
 pub(super) fn arrows(svg: &mut Svg, plane: &Plane, layer: &Arrows, colour: Colour) {
     let pieces = layer.from.iter().zip(&layer.by).filter(|(a, b)| finite(**a) && finite(**b));
     let ends = pieces.map(|(&(x, y), &(u, v))| (plane.at((x, y)), plane.at((x + layer.scale * u, y + layer.scale * v))));
-    let d: String = ends.filter(|(a, _)| plane.holds(*a)).map(|(a, b)| arrow(a, b)).collect();
+    let d: String = ends.filter(|(a, _)| plane.holds(*a)).map(|(a, b)| arrow(a, plane.clip(a, b).map_or(b, |c| c.1))).collect();
     svg.path(&d, &format!("{} stroke-opacity=\"0.85\"", stroke(colour, 1.1, "")));
 }
 

@@ -135,7 +135,7 @@ impl Chart {
         self.legend = legend;
         self
     }
-    /// A short line of text in a corner of the chart, such as R².
+    /// A short line of text above the chart, such as R².
     pub fn note(mut self, text: &str) -> Self {
         self.notes.push(text.to_owned());
         self
@@ -163,14 +163,18 @@ impl Chart {
         for layer in &self.layers {
             self.draw(&mut svg, &plane, layer, &mut next);
         }
-        self.draw_notes(&mut svg, &plane);
         svg.finish()
     }
 
     /// Title and legend; returns where the plane begins.
     fn draw_head(&self, svg: &mut Svg) -> f64 {
         let top = svg.heading(&self.title, self.width);
-        self.draw_legend(svg, top) + 8.0
+        let mut top = self.draw_legend(svg, top);
+        for note in &self.notes {
+            top += TEXT + 3.0;
+            svg.text(4.0, top, Anchor::Start, &shorten(note, TEXT, self.width - 8.0), "fill-opacity=\"0.85\"");
+        }
+        top + 8.0
     }
 
     fn data_range(&self, pick: impl Fn(&(f64, f64)) -> f64) -> Option<(f64, f64)> {
@@ -338,12 +342,5 @@ impl Chart {
             x += width;
         }
         y
-    }
-
-    fn draw_notes(&self, svg: &mut Svg, p: &Plane) {
-        for (i, note) in self.notes.iter().enumerate() {
-            let y = p.top + (TEXT + 3.0) * (i as f64 + 1.0);
-            svg.text(p.left + 6.0, y, Anchor::Start, &shorten(note, TEXT, p.right - p.left - 8.0), "fill-opacity=\"0.85\"");
-        }
     }
 }

@@ -101,7 +101,7 @@ impl Scene {
         let Some(ground) = Ground::below(&points) else {
             return svg.finish();
         };
-        let flat: Vec<(f64, f64)> = points.iter().chain(&ground.corners()).map(project).collect();
+        let flat: Vec<(f64, f64)> = points.iter().chain(&ground.corners()).chain(&[ground.mast()]).map(project).collect();
         let bound = |pick: fn(&(f64, f64)) -> f64| flat.iter().map(pick).fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
         let ((x0, x1), (y0, y1)) = (bound(|p| p.0), bound(|p| p.1));
         let (left, right, bottom) = (30.0, self.width - 42.0, self.height - 26.0);
@@ -225,6 +225,11 @@ impl Ground {
         [Point3::new(l.x, l.y, l.z), Point3::new(h.x, l.y, l.z), Point3::new(h.x, l.y, h.z), Point3::new(l.x, l.y, h.z)]
     }
 
+    /// Top of the height scale at the back corner.
+    fn mast(&self) -> Point3<f64> {
+        Point3::new(self.low.x, self.high.y.max(self.low.y + self.step), self.low.z)
+    }
+
     fn draw(&self, svg: &mut Svg, at: &impl Fn(&Point3<f64>) -> (f64, f64), names: &[String; 3], width: f64) {
         let (l, h) = (self.low, self.high);
         let count = |a: f64, b: f64| ((b - a) / self.step).round().clamp(1.0, 60.0) as usize;
@@ -248,7 +253,7 @@ impl Ground {
         }
         svg.path(&polyline(lines), "fill=\"none\" stroke=\"currentColor\" stroke-opacity=\"0.16\"");
         // Height scale at the back corner, and the axes' names.
-        let (foot, top) = (Point3::new(l.x, l.y, l.z), Point3::new(l.x, h.y.max(l.y + self.step), l.z));
+        let (foot, top) = (l, self.mast());
         svg.line(at(&foot), at(&top), "fill=\"none\" stroke=\"currentColor\" stroke-opacity=\"0.4\"");
         for k in 1..=count(l.y, top.y) {
             let v = l.y + k as f64 * self.step;
@@ -261,7 +266,7 @@ impl Ground {
             svg.text((x + dx).min(width - text_width(text, TEXT) - 2.0).max(2.0), y + dy, Anchor::Start, text, "font-style=\"italic\"");
         };
         name(svg, Point3::new(0.5 * (l.x + h.x), l.y, h.z), -6.0, 2.2 * TEXT, &format!("{} (m)", names[0]));
-        name(svg, Point3::new(h.x, l.y, 0.5 * (l.z + h.z)), 16.0, 1.8 * TEXT, &format!("{} (m)", names[2]));
+        name(svg, Point3::new(h.x, l.y, l.z), 4.0, -5.0, &format!("{} (m)", names[2]));
         name(svg, top, -10.0, -6.0, &format!("{} (m)", names[1]));
     }
 }

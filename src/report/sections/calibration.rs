@@ -11,15 +11,19 @@ use crate::report::page::{Layout, Section, Table};
 pub fn calibration(rig: &StereoRig, axes_known: bool) -> Section {
     let detail = CalibrationDetail::of(rig);
     let mut section = Section::new("calibration", "Calibration").cards(&cards(rig)).list(&detail.advice);
-    let mut figures = vec![(
-        scene(rig, &detail, axes_known),
-        "Cameras and checkerboard positions in a fixed oblique view; dotted lines are shadows on the floor of the figure.".to_owned(),
-    )];
+    let mut figures = vec![(scene(rig, &detail, axes_known), "Cameras and checkerboard positions in a fixed oblique view.".to_owned())];
+    figures.extend(
+        volume(rig, &detail, axes_known)
+            .map(|svg| (svg, "The boards alone: where they stood, the calibration is tested; elsewhere it is extrapolated.".to_owned())),
+    );
     figures.extend(scatter(&detail).map(|svg| {
         (svg, "Reprojection error of every corner: a round cloud without direction is what a good camera model leaves (thesis figure 3.9).".to_owned())
     }));
     for camera in CameraId::BOTH {
-        figures.extend(quiver(rig, &detail, camera).map(|svg| (svg, String::new())));
+        figures.extend(
+            quiver(rig, &detail, camera)
+                .map(|svg| (svg, "Where corners were seen and how they miss; blank parts of the picture were never calibrated.".to_owned())),
+        );
     }
     figures.extend(pair_errors(rig).map(|svg| (svg, "Error of each pair used; one that sticks out is worth a look.".to_owned())));
     section = section.figures(Layout::Normal, &figures).figures(Layout::Normal, &detail.figures());
@@ -59,12 +63,28 @@ fn scene(rig: &StereoRig, detail: &CalibrationDetail, axes_known: bool) -> Strin
         let size = 0.16 * (focus - centre).norm();
         scene = scene.camera(room.point(&centre), &camera_corners(rig, id).map(|c| room.vector(&c)), size, id.name());
     }
-    let boards = detail.boards.len();
+    boards(scene, detail, room).describe(&format!("Two cameras and {} checkerboard positions.", detail.boards.len())).to_svg()
+}
+
+/// The boards alone, large: far cameras leave little of them in the other view.
+fn volume(rig: &StereoRig, detail: &CalibrationDetail, axes_known: bool) -> Option<String> {
+    let room = Room { axes_known };
+    let centre = detail.centre()?;
+    let mut scene = Scene::new("The calibrated volume").axis_names(room.axis_names());
+    let reach = detail.boards.iter().flatten().map(|p| (p - centre).norm()).fold(0.0, f64::max);
+    for (id, colour) in [(CameraId::Left, Colour::ORANGE), (CameraId::Right, Colour::GREEN)] {
+        let toward = (rig.centre(id) - centre).normalize() * 0.6 * reach;
+        scene = scene.arrow(room.point(&centre), room.vector(&toward), &format!("to the {} camera", id.name()), colour);
+    }
+    Some(boards(scene, detail, room).describe("Board positions in the calibrated volume.").to_svg())
+}
+
+fn boards(mut scene: Scene, detail: &CalibrationDetail, room: Room) -> Scene {
     for (k, board) in detail.boards.iter().enumerate() {
         let corners: Vec<_> = board.iter().map(|p| room.point(p)).collect();
         scene = scene.outline(&corners, if k == 0 { "boards" } else { "" }, Colour::BLUE);
     }
-    scene.describe(&format!("Two cameras and {boards} checkerboard positions.")).to_svg()
+    scene
 }
 
 fn scatter(detail: &CalibrationDetail) -> Option<String> {
@@ -99,8 +119,8 @@ fn quiver(rig: &StereoRig, detail: &CalibrationDetail, camera: CameraId) -> Opti
     let by: Vec<(f64, f64)> = corners.iter().step_by(every).map(|c| c.error).collect();
     let rms = (corners.iter().map(|c| c.error.0.powi(2) + c.error.1.powi(2)).sum::<f64>() / corners.len() as f64).sqrt().max(1e-6);
     let [width, height] = rig.image_size.map(|s| s as f64);
-    // A typical arrow is a twentieth of the picture long; the factor is a round number.
-    let wanted = 0.05 * width / rms;
+    // A typical arrow is a thirtieth of the picture long; the factor is a round number.
+    let wanted = 0.03 * width / rms;
     let factor = (wanted / 10f64.powf(wanted.log10().floor())).round().max(1.0) * 10f64.powf(wanted.log10().floor());
     let chart = Chart::new(&format!("Reprojection error over the {} picture", camera.name()))
         .size(340.0, 340.0)
@@ -110,7 +130,7 @@ fn quiver(rig: &StereoRig, detail: &CalibrationDetail, camera: CameraId) -> Opti
         .x_range(0.0, width)
         .y_range(0.0, height)
         .y_reversed()
-        .add(Arrows::new(&from, &by, factor).name(&format!("error × {factor:.0}; corners cover the picture where arrows stand")));
+        .add(Arrows::new(&from, &by, factor).name(&format!("error × {factor:.0}")));
     Some(chart.to_svg())
 }
 

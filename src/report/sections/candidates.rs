@@ -84,9 +84,9 @@ fn table(candidates: &[&CandidateReport]) -> Table {
     table
 }
 
-/// `frequency_hz 141 ± 3, ...`
+/// `frequency_hz 141 ± 3, ...`, without the effect's name before each.
 pub(super) fn estimates(parameters: &BTreeMap<String, Estimate>) -> String {
-    parameters.iter().map(|(name, e)| format!("{name} {}", with_sd(e.value, e.sd))).collect::<Vec<_>>().join(", ")
+    parameters.iter().map(|(name, e)| format!("{} {}", name.rsplit('.').next().unwrap_or(name), with_sd(e.value, e.sd))).collect::<Vec<_>>().join(", ")
 }
 
 fn alias_words(c: &CandidateReport) -> String {

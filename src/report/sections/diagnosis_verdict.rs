@@ -4,6 +4,9 @@ use crate::report::markup::{fixed, percent};
 use crate::report::page::{Section, Tone};
 use crate::validation::diagnosis::{Diagnosis, Verdict};
 
+/// How the terminal text begins; the heading says it already.
+pub(super) const VERDICT_WORDS: [&str; 3] = ["ADEQUATE", "EFFECT MISSING", "UNEXPLAINED"];
+
 /// Verdict, the answer's sentences and the figures that matter.
 pub fn diagnosis_verdict(d: &Diagnosis) -> Section {
     let (tone, head) = match d.verdict {
@@ -13,7 +16,8 @@ pub fn diagnosis_verdict(d: &Diagnosis) -> Section {
         Verdict::Unexplained => (Tone::Doubt, "The model fails, and no effect of the catalogue explains why.".to_owned()),
     };
     let mut lines = vec![head];
-    lines.extend(d.words.iter().cloned());
+    // The first of its words is the verdict itself.
+    lines.extend(d.words.iter().filter(|w| !VERDICT_WORDS.iter().any(|v| w.starts_with(v))).cloned());
     if let Some(name) = &d.other_form {
         lines.push(format!("It acts like {name}, but not with the catalogue's formula: see the better form below."));
     }

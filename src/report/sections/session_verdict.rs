@@ -1,5 +1,6 @@
 //! What came of a session, in words and a few figures, at the top of its report.
 
+use super::diagnosis_verdict::VERDICT_WORDS;
 use crate::report::markup::{fixed, percent, with_sd};
 use crate::report::page::{Section, Tone};
 use crate::report::session_results::SessionResults;
@@ -48,7 +49,7 @@ pub fn session_verdict(r: &SessionResults) -> Section {
                 Verdict::Unexplained => format!("The model “{}” fails on these shots, and no effect of the catalogue explains why.", d.model),
             },
         );
-        lines.extend(d.words.iter().cloned());
+        lines.extend(d.words.iter().filter(|w| !VERDICT_WORDS.iter().any(|v| w.starts_with(v))).cloned());
         cards.push((fixed(d.heldout_error, 2), format!("held-out error of the model, noise floor {}", fixed(d.noise_floor, 2))));
         if let Some(c) = d.candidates.first().filter(|_| d.verdict != Verdict::Adequate) {
             cards.push((fixed(c.heldout_error_after, 2), format!("held-out error with {} (probability {})", c.effect, percent(c.probability))));

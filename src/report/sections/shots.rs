@@ -98,6 +98,8 @@ fn faces(measured: &[(&ShotResults, &Shot)]) -> Vec<(String, String)> {
         .filter_map(|name| {
             let own: Vec<&(&ShotResults, &Shot)> = measured.iter().filter(|(_, s)| s.racket == *name).collect();
             let racket = &own.first()?.0.racket;
+            // A dead spot beyond the tip exists on paper only.
+            let on_head = |from_butt: f64| (racket.stringbed_centre_m - from_butt).abs() < 0.5 * racket.head.inner_length_m + 0.04;
             let at: Vec<(f64, f64, f64, f64)> = own
                 .iter()
                 .filter_map(|(_, s)| {
@@ -117,13 +119,13 @@ fn faces(measured: &[(&ShotResults, &Shot)]) -> Vec<(String, String)> {
             .filter_map(|(words, name)| {
                 let from_butt: Vec<f64> = own.iter().filter_map(|(_, s)| s.quantities.get(name).map(|q| q.value)).collect();
                 let mean = from_butt.iter().sum::<f64>() / from_butt.len().max(1) as f64;
-                (!from_butt.is_empty()).then(|| face::Spot { name: (*words).to_owned(), x_m: racket.stringbed_centre_m - mean, y_m: 0.0 })
+                (!from_butt.is_empty() && on_head(mean)).then(|| face::Spot { name: (*words).to_owned(), x_m: racket.stringbed_centre_m - mean, y_m: 0.0 })
             })
             .collect();
             let chart = face::face(&format!("Impacts on {name}"), racket).add(Points::new(&points).x_error(&across).y_error(&along).name("impacts"));
             Some((
                 face::spots(chart, &spots).to_svg(),
-                "Where the ball met the face (± one sd), seen from +z, tip at the top, with the mean sweet spots of these shots (thesis figure 5.20)."
+                "Where the ball met the face (± one sd), seen from +z, tip at the top, with the mean sweet spots of these shots as far as they lie on the head (thesis figure 5.20)."
                     .to_owned(),
             ))
         })

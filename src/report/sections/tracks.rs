@@ -102,9 +102,9 @@ fn seen(tracks: &Tracks, impact: u64) -> String {
             }
         }
     }
-    chart = chart.y_categories(&names).add(Points::new(&measured).symbol(Symbol::Square).size(2.6).name("measured"));
+    chart = chart.y_categories(&names).add(Points::new(&measured).symbol(Symbol::Square).size(4.0).name("measured"));
     if !manual.is_empty() {
-        chart = chart.add(Points::new(&manual).symbol(Symbol::Square).size(2.6).name("by hand"));
+        chart = chart.add(Points::new(&manual).symbol(Symbol::Square).size(4.0).name("by hand"));
     }
     chart.add(Rule::vertical(0.0).name("impact")).to_svg()
 }

@@ -1,6 +1,7 @@
 //! The global axes from the three-sphere frame: corner sphere = origin, the arms along U and W, V = W x U.
 
-use super::sphere::{SphereImage, Spot, bright_spots, fit_sphere};
+use super::sphere::{SphereImage, SphereShape, Spot, bright_spots, fit_sphere};
+use super::view::median;
 use super::{CalibrationError, CameraId, RigidTransform, StereoRig};
 use crate::footage::GreyImage;
 use nalgebra::{Isometry3, Matrix2x3, Matrix3, Matrix6, Point3, Rotation3, SMatrix, Translation3, UnitQuaternion, Vector2, Vector3, Vector6};
@@ -61,46 +62,47 @@ pub fn global_axes(rig: &StereoRig, left: &GreyImage, right: &GreyImage, frame: 
     }
     let spots = [bright_spots(left), bright_spots(right)];
     let triple = frame_among_spots(rig, &spots, frame)?;
-    // Centres to a small part of a pixel, first with free radii, then with the one radius all six pictures share.
+    // Centres to a small part of a pixel: first every sphere by itself, then with what the spheres have in common, the
+    // radius in m and in each picture the blur and the light. Where a sphere is as dark as what is behind it, only that
+    // tells where its outline is.
     let images = [left, right];
-    let fit = |sphere: usize, camera: usize, radius: Option<f64>| {
+    let fit = |sphere: usize, camera: usize, shape: Option<&SphereShape>| {
         let spot = &spots[camera][triple[sphere][camera]];
-        fit_sphere(images[camera], spot, radius).ok_or_else(|| {
-            axes_error(format!("the sphere at ({:.0}, {:.0}) of the {} picture cannot be fitted", spot.centre.x, spot.centre.y, CameraId::BOTH[camera].name()))
-        })
+        fit_sphere(images[camera], spot, shape)
+            .ok_or_else(|| axes_error(format!("the sphere at ({:.0}, {:.0}) of the {} picture cannot be fitted", spot.centre.x, spot.centre.y, CameraId::BOTH[camera].name())))
     };
-    let mut seen = [[None; 2]; 3];
-    let mut radii_m = Vec::new();
-    for (sphere, row) in seen.iter_mut().enumerate() {
-        for (camera, cell) in row.iter_mut().enumerate() {
-            *cell = Some(fit(sphere, camera, None)?);
+    let mut seen: Vec<[SphereImage; 2]> = Vec::with_capacity(3);
+    for sphere in 0..3 {
+        seen.push([fit(sphere, 0, None)?, fit(sphere, 1, None)?]);
+    }
+    let mut radius_m = 0.0;
+    for _ in 0..2 {
+        let mut depths = [[0.0; 2]; 3];
+        for (depth, s) in depths.iter_mut().zip(&seen) {
+            let p = midpoint(rig, &[s[0].centre, s[1].centre]).ok_or_else(|| axes_error("the rays to a sphere do not meet"))?;
+            *depth = [p.z, (rig.right_from_left() * p).z];
         }
-        let p = midpoint(rig, &[row[0], row[1]].map(|s: Option<SphereImage>| s.map_or(Vector2::zeros(), |s| s.centre)))
-            .ok_or_else(|| axes_error("the rays to a sphere do not meet"))?;
-        for (camera, cell) in row.iter().enumerate() {
-            let id = CameraId::BOTH[camera];
-            let depth = if camera == 0 { p.z } else { (rig.right_from_left() * p).z };
-            if let Some(s) = cell {
-                radii_m.push(s.radius_px * depth / rig.camera(id).fx);
+        let px_per_m = |sphere: usize, camera: usize| rig.camera(CameraId::BOTH[camera]).fx / depths[sphere][camera];
+        if radius_m == 0.0 {
+            let mut radii: Vec<f64> = (0..6).map(|k| seen[k / 2][k % 2].shape.radius_px / px_per_m(k / 2, k % 2)).collect();
+            radius_m = median(&mut radii).unwrap_or(0.0);
+        }
+        let shared: [SphereShape; 2] = [0, 1].map(|camera| {
+            let of = |value: fn(&SphereShape) -> f64| median(&mut seen.iter().map(|s| value(&s[camera].shape)).collect::<Vec<_>>()).unwrap_or(0.0);
+            SphereShape { radius_px: 0.0, blur_px: of(|s| s.blur_px), shading: [of(|s| s.shading[0]), of(|s| s.shading[1]), of(|s| s.shading[2])] }
+        });
+        for sphere in 0..3 {
+            for camera in 0..2 {
+                let shape = SphereShape { radius_px: radius_m * px_per_m(sphere, camera), ..shared[camera] };
+                if let Ok(better) = fit(sphere, camera, Some(&shape)) {
+                    seen[sphere][camera] = better;
+                }
             }
         }
     }
-    let radius_m = super::view::median(&mut radii_m).unwrap_or(0.0);
-    let mut centres = [[Vector2::zeros(); 2]; 3];
-    let mut sds = [[Vector2::zeros(); 2]; 3];
-    for sphere in 0..3 {
-        for camera in 0..2 {
-            let free = seen[sphere][camera].ok_or_else(|| axes_error("a sphere is missing"))?;
-            let p = midpoint(rig, &[0, 1].map(|c| seen[sphere][c].map_or(Vector2::zeros(), |s| s.centre)))
-                .ok_or_else(|| axes_error("the rays to a sphere do not meet"))?;
-            let depth = if camera == 0 { p.z } else { (rig.right_from_left() * p).z };
-            let radius_px = radius_m * rig.camera(CameraId::BOTH[camera]).fx / depth;
-            let s = fit(sphere, camera, Some(radius_px)).unwrap_or(free);
-            centres[sphere][camera] = s.centre;
-            // Shading that is not linear and the rods leave about 0.03 px that the fit's own spread does not show.
-            sds[sphere][camera] = s.sd.map(|v| v.hypot(0.03));
-        }
-    }
+    let centres = [0, 1, 2].map(|i| [0, 1].map(|c| seen[i][c].centre));
+    // Rods and uneven light leave about 0.03 px that the fit's own spread does not show.
+    let sds = [0, 1, 2].map(|i| [0, 1].map(|c| seen[i][c].sd.map(|v| v.hypot(0.03))));
     lay_axes(rig, &centres, &sds, radius_m, frame)
 }
 

@@ -2,13 +2,15 @@
 
 use super::board::Checkerboard;
 use super::bundle::{Bundle, BundleFit, BundleOptions, BundleView};
-use super::distortion::{CAMERA_NAMES, DistortionModel, ROTATION, SHIFT};
+use super::distortion::{CAMERA_NAMES, DistortionModel, ROTATION, SHARED, SHIFT, shared_names};
 use super::error::CalibrationError;
-use super::model_choice::{ModelFit, adjust_all, weights};
+use super::model_choice::{ModelFit, adjust_all, choose, summaries};
 use super::stereo_start::{HUBER_PX, common_pose, corner_pixels, single_camera};
 use super::view::{BoardView, ViewFault, median};
 use super::{Camera, CameraId, PairFate, RigidTransform, StereoRig};
 use nalgebra::{Isometry3, Vector2};
+use serde_json::json;
+use std::collections::BTreeMap;
 
 /// Fewest pairs seen by both cameras; below that the shared parameters hang on single boards.
 pub const MIN_PAIRS: usize = 3;
@@ -101,8 +103,7 @@ pub fn calibrate_views(
         if let Some(only) = options.model {
             models.retain(|m| m.model == only);
         }
-        let w = weights(&models);
-        let best = (0..w.len()).max_by(|&a, &b| w[a].total_cmp(&w[b])).ok_or(super::bundle::BundleError::Singular)?;
+        let best = choose(&models).ok_or(super::bundle::BundleError::Singular)?;
         Ok((models, best))
     };
     let (mut models, mut best) = fit_models(&bundle)?;
@@ -262,6 +263,19 @@ impl Calibration {
             global_from_left: RigidTransform::from_isometry(&Isometry3::identity()),
             more: Default::default(),
         }
+    }
+
+    /// What `calibration.json` holds besides the cameras (documented in `docs/calibration.md`).
+    pub fn details(&self) -> Result<BTreeMap<String, serde_json::Value>, serde_json::Error> {
+        let (rotation_rad, t_m) = self.pose_sd();
+        let covariance: Vec<Vec<f64>> = (0..SHARED).map(|i| (0..SHARED).map(|j| self.fit.covariance[(i, j)]).collect()).collect();
+        let mut more = BTreeMap::new();
+        more.insert("distortion_model".into(), serde_json::to_value(self.model)?);
+        more.insert("models".into(), serde_json::to_value(summaries(&self.models))?);
+        more.insert("stereo".into(), json!({ "sd": { "rotation_rad": rotation_rad, "t_m": t_m }, "noise_px": self.fit.variance_px2.sqrt(),
+            "degrees_of_freedom": self.fit.degrees_of_freedom, "corners_left_out": self.corners_left_out }));
+        more.insert("covariance".into(), json!({ "names": shared_names(), "matrix": covariance }));
+        Ok(more)
     }
 
     /// One standard deviation of the rotation (rad, about the right camera's axes) and shift (m) of `right_from_left`.

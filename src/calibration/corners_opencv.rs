@@ -3,6 +3,7 @@
 
 use super::board::Checkerboard;
 use super::error::CalibrationError;
+use super::saddle::refine_corners;
 use super::view::{BoardView, ViewFault, even_squares_dark};
 use crate::footage::GreyImage;
 use nalgebra::Vector2;
@@ -52,7 +53,8 @@ fn find(image: &GreyImage, board: &Checkerboard) -> opencv::Result<Result<BoardV
         let half = (WINDOW_SHARE * board.smallest_spacing_px(&rough)).round().clamp(2.0, 40.0) as i32;
         let criteria = TermCriteria::new(TermCriteria_Type::COUNT as i32 + TermCriteria_Type::EPS as i32, 100, 1e-4)?;
         imgproc::corner_sub_pix(&mat, &mut found, Size::new(half, half), Size::new(-1, -1), criteria)?;
-        let refined = board.right_handed(found.iter().map(|p| Vector2::new(f64::from(p.x), f64::from(p.y))).collect());
+        let near = board.right_handed(found.iter().map(|p| Vector2::new(f64::from(p.x), f64::from(p.y))).collect());
+        let refined = refine_corners(board, &near, image);
         let ordered = (0..board.turns()).map(|t| board.turned(&refined, t)).find(|c| even_squares_dark(board, c, image)).unwrap_or(refined);
         match BoardView::from_corners(board, ordered).and_then(|v| v.judged(board, image)) {
             Ok(view) => return Ok(Ok(view)),

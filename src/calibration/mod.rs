@@ -18,6 +18,7 @@ mod homography;
 mod model_choice;
 mod rig;
 mod rig_file;
+mod saddle;
 mod sphere;
 mod stereo_start;
 mod view;

@@ -10,8 +10,9 @@ pub struct ModelFit {
     pub model: DistortionModel,
     pub bundle: Bundle,
     pub fit: BundleFit,
-    /// Bayesian information criterion with the noise variance unknown: `n ln(SSE/n) + p ln n`. Lower is better.
-    pub bic: f64,
+    /// Akaike's criterion with the noise variance unknown, corrected for the number of unknowns:
+    /// `n ln(SSE/n) + 2 p n / (n - p - 1)`. Lower is better; it estimates the error on corners not used.
+    pub aic: f64,
 }
 
 /// How one model did, as `calibration.json` shows it.
@@ -19,9 +20,11 @@ pub struct ModelFit {
 pub struct ModelSummary {
     pub model: DistortionModel,
     pub rms_px: f64,
-    pub bic: f64,
-    /// Share of the evidence (BIC weights) among the models compared.
+    pub aic: f64,
+    /// Share of the evidence (Akaike weights) among the models compared.
     pub weight: f64,
+    /// Whether the data leave room for it (`DEFENSIBLE`).
+    pub defensible: bool,
     pub left_fx: f64,
     pub right_fx: f64,
     pub left_cx: f64,
@@ -48,8 +51,8 @@ pub fn adjust_all(start: &Bundle, max_iterations: usize) -> Result<Vec<ModelFit>
                 let n = 2.0 * bundle.views.iter().map(|v| v.left.len() + v.right.len()).sum::<usize>() as f64;
                 let p = (model.free_parameters() + 6 * bundle.views.len()) as f64;
                 // A world without noise would give minus infinity: the floor is far below any camera.
-                let bic = n * (fit.squared_error_px2 / n).max(1e-20).ln() + p * n.ln();
-                fits.push(ModelFit { model, bundle, fit, bic });
+                let aic = n * (fit.squared_error_px2 / n).max(1e-20).ln() + 2.0 * p * n / (n - p - 1.0).max(1.0);
+                fits.push(ModelFit { model, bundle, fit, aic });
             }
             Err(e) => last_error = e,
         }
@@ -57,15 +60,34 @@ pub fn adjust_all(start: &Bundle, max_iterations: usize) -> Result<Vec<ModelFit>
     if fits.is_empty() { Err(last_error) } else { Ok(fits) }
 }
 
-/// BIC weights, in the order of the fits.
+/// Difference of the criterion up to which a model cannot be ruled out (Burnham and Anderson 2002, section 2.6).
+pub const DEFENSIBLE: f64 = 10.0;
+/// How much better the full set with k3 must be than any other: with k1 and k2 it is nearly the same curve.
+const K3_MARGIN: f64 = 10.0;
+
+/// Place of the chosen model: of those the data leave room for, the one with the most terms up to k1 k2 p1 p2.
+///
+/// A superfluous term costs a little width, which the covariance shows; a missing one moves centre and focal length by
+/// many standard deviations, which nothing shows. k3 is taken only where the data demand it.
+pub fn choose(fits: &[ModelFit]) -> Option<usize> {
+    let best_of = |with_k3: bool| fits.iter().filter(|f| (f.model == DistortionModel::K1K2P1P2K3) == with_k3).map(|f| f.aic).fold(f64::INFINITY, f64::min);
+    let (plain, k3) = (best_of(false), best_of(true));
+    if plain.is_infinite() || k3 < plain - K3_MARGIN {
+        return fits.iter().position(|f| f.aic == k3);
+    }
+    fits.iter().rposition(|f| f.model != DistortionModel::K1K2P1P2K3 && f.aic <= plain + DEFENSIBLE)
+}
+
+/// Akaike weights, in the order of the fits.
 pub fn weights(fits: &[ModelFit]) -> Vec<f64> {
-    let best = fits.iter().map(|f| f.bic).fold(f64::INFINITY, f64::min);
-    let raw: Vec<f64> = fits.iter().map(|f| (-0.5 * (f.bic - best)).exp()).collect();
+    let best = fits.iter().map(|f| f.aic).fold(f64::INFINITY, f64::min);
+    let raw: Vec<f64> = fits.iter().map(|f| (-0.5 * (f.aic - best)).exp()).collect();
     let sum: f64 = raw.iter().sum();
     raw.into_iter().map(|w| w / sum).collect()
 }
 
 pub fn summaries(fits: &[ModelFit]) -> Vec<ModelSummary> {
+    let best = fits.iter().map(|f| f.aic).fold(f64::INFINITY, f64::min);
     fits.iter()
         .zip(weights(fits))
         .map(|(f, weight)| {
@@ -73,8 +95,9 @@ pub fn summaries(fits: &[ModelFit]) -> Vec<ModelSummary> {
             ModelSummary {
                 model: f.model,
                 rms_px: (f.fit.squared_error_px2 / corners.max(1) as f64).sqrt(),
-                bic: f.bic,
+                aic: f.aic,
                 weight,
+                defensible: f.aic <= best + DEFENSIBLE,
                 left_fx: f.bundle.left.fx,
                 right_fx: f.bundle.right.fx,
                 left_cx: f.bundle.left.cx,

@@ -1,6 +1,6 @@
 //! Bright spheres in one picture: where they may be, and their centres to a small part of a pixel.
 
-use super::view::sample;
+use super::view::{median, sample};
 use crate::footage::GreyImage;
 use nalgebra::{SMatrix, SVector, Vector2};
 
@@ -20,9 +20,19 @@ pub struct SphereImage {
     pub centre: Vector2<f64>,
     /// One standard deviation per axis, px.
     pub sd: Vector2<f64>,
-    pub radius_px: f64,
+    pub shape: SphereShape,
     /// Root-mean-square misfit of the grey values as a share of the brightness.
     pub misfit: f64,
+}
+
+/// What spheres of one frame have in common in one picture.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SphereShape {
+    pub radius_px: f64,
+    /// Standard deviation of the blur, px.
+    pub blur_px: f64,
+    /// Brightness relative to the middle per radius to the right and down, and per unit toward the camera.
+    pub shading: [f64; 3],
 }
 
 /// Largest number of spots looked at in one picture; spheres are among the brightest against all sides.
@@ -104,19 +114,29 @@ impl BoxSums {
     }
 }
 
-const UNKNOWNS: usize = 10;
+const UNKNOWNS: usize = 11;
+/// Step after which pixels around foreign ones are left out.
+const MASKED_FROM: usize = 12;
+/// Misfit that makes a pixel foreign, as a share of the contrast.
+const FOREIGN_SHARE: f64 = 0.25;
+/// How much the light on the spheres of one frame differs (sd, relative brightness), where it is taken from all three ...
+const SHADING_SD: f64 = 0.05;
+/// ... against grey values that scatter by this share of the contrast.
+const GREY_SHARE: f64 = 0.03;
 
-/// Fits a blurred disc with linear shading on a linear background to the grey values around a spot.
+/// Fits a blurred, shaded disc on a linear background to the grey values around a spot.
 ///
-/// Unknowns: centre (2), radius, blur, three of the disc's brightness, three of the background. Pixels that follow neither
-/// (the frame's rods) lose weight (Tukey). Several starts around the spot are tried, because a rod that touches the sphere
-/// makes a second, worse optimum; the one that explains most pixels wins. `radius_px` fixes the radius when it is known.
-pub fn fit_sphere(image: &GreyImage, spot: &Spot, radius_px: Option<f64>) -> Option<SphereImage> {
+/// Unknowns: centre (2), radius, blur, three of the background and four of the disc's brightness, which is linear in the
+/// sphere's normal (diffuse light from one side plus light from all around). Pixels that follow neither (the frame's rods)
+/// lose weight (Tukey). Several starts around the spot are tried, because a rod that touches the sphere
+/// makes a second, worse optimum; the one that explains most pixels wins. Where `shape` is known, its radius and blur are
+/// held and its shading is a guide.
+pub fn fit_sphere(image: &GreyImage, spot: &Spot, shape: Option<&SphereShape>) -> Option<SphereImage> {
     let mut best: Option<(f64, SphereImage)> = None;
-    for radius in radius_px.map_or_else(|| vec![0.8 * spot.radius_px, spot.radius_px, 1.25 * spot.radius_px], |r| vec![r]) {
+    for radius in shape.map_or_else(|| vec![0.8 * spot.radius_px, spot.radius_px, 1.25 * spot.radius_px], |s| vec![s.radius_px]) {
         for (dx, dy) in [(0.0, 0.0), (0.4, 0.0), (-0.4, 0.0), (0.0, 0.4), (0.0, -0.4)] {
             let start = Spot { centre: spot.centre + Vector2::new(dx, dy) * radius, radius_px: radius, contrast: spot.contrast };
-            if let Some((cost, fit)) = fit_from(image, spot, &start, radius_px.is_some())
+            if let Some((cost, fit)) = fit_from(image, spot, &start, shape)
                 && best.as_ref().is_none_or(|b| cost < b.0 - 1e-9)
             {
                 best = Some((cost, fit));
@@ -127,21 +147,34 @@ pub fn fit_sphere(image: &GreyImage, spot: &Spot, radius_px: Option<f64>) -> Opt
 }
 
 /// One descent; returns the mean robust cost over the pixels near the spot, and the fit.
-fn fit_from(image: &GreyImage, spot: &Spot, start: &Spot, fixed_radius: bool) -> Option<(f64, SphereImage)> {
+fn fit_from(image: &GreyImage, spot: &Spot, start: &Spot, shape: Option<&SphereShape>) -> Option<(f64, SphereImage)> {
     let r0 = start.radius_px;
     let reach = 1.5 * r0 + 2.5;
-    let inside = sample(image, start.centre)?;
+    let inside = sample(image, spot.centre)?;
+    // Typical contrast: the spot's own is that of its worst direction.
+    let mut around: Vec<f64> = (0..24)
+        .filter_map(|k| {
+            let (s, c) = (k as f64 * std::f64::consts::TAU / 24.0).sin_cos();
+            sample(image, spot.centre + Vector2::new(c, s) * (1.7 * spot.radius_px))
+        })
+        .collect();
+    let contrast = (inside - median(&mut around)?).max(spot.contrast);
     let mut p = SVector::<f64, UNKNOWNS>::zeros();
     p[0] = start.centre.x;
     p[1] = start.centre.y;
     p[2] = r0;
     p[3] = 0.8;
-    p[4] = spot.contrast.max(1.0);
-    p[7] = inside - spot.contrast;
+    p[4] = contrast.max(1.0);
+    p[7] = inside - contrast;
+    if let Some(s) = shape {
+        (p[3], p[5], p[6], p[10]) = (s.blur_px, s.shading[0], s.shading[1], s.shading[2]);
+    }
     // Misfit beyond which a pixel is something else: shading and texture stay within a tenth of the contrast.
-    let loose = (0.25 * spot.contrast).max(6.0);
-    let tight = (0.1 * spot.contrast).max(4.0);
+    let loose = (0.25 * contrast).max(6.0);
+    let tight = (0.1 * contrast).max(4.0);
     let mut answer = None;
+    // Pixels that are clearly something else (a rod), found half-way: their neighbours are blends with it, and leave too.
+    let mut foreign: Vec<Vector2<f64>> = Vec::new();
     for iteration in 0..60 {
         let limit = if iteration < 8 { loose } else { tight };
         let centre = Vector2::new(p[0], p[1]);
@@ -161,6 +194,15 @@ fn fit_from(image: &GreyImage, spot: &Spot, start: &Spot, fixed_radius: bool) ->
                 let (value, derivative) = disc(&p, dx, dy, d);
                 let residual = grey - value;
                 let u = residual / limit;
+                let here = Vector2::new(x as f64, y as f64);
+                if iteration == MASKED_FROM && residual.abs() > FOREIGN_SHARE * contrast {
+                    foreign.push(here);
+                }
+                if iteration > MASKED_FROM && foreign.iter().any(|f| (f - here).norm_squared() < 2.1) {
+                    cost += 1.0;
+                    n += 1;
+                    continue;
+                }
                 let w = if u.abs() < 1.0 { (1.0 - u * u).powi(2) } else { 0.0 };
                 normal += derivative * derivative.transpose() * w;
                 gradient += derivative * (residual * w);
@@ -173,11 +215,20 @@ fn fit_from(image: &GreyImage, spot: &Spot, start: &Spot, fixed_radius: bool) ->
         if weights < 2.0 * UNKNOWNS as f64 {
             return None;
         }
-        if fixed_radius {
-            normal.row_mut(2).fill(0.0);
-            normal.column_mut(2).fill(0.0);
-            normal[(2, 2)] = 1.0;
-            gradient[2] = 0.0;
+        if shape.is_some() {
+            for k in [2, 3] {
+                normal.row_mut(k).fill(0.0);
+                normal.column_mut(k).fill(0.0);
+                normal[(k, k)] = 1.0;
+                gradient[k] = 0.0;
+            }
+        }
+        if let Some(s) = shape {
+            let weight = (GREY_SHARE * contrast / SHADING_SD).powi(2);
+            for (k, known) in [(5, s.shading[0]), (6, s.shading[1]), (10, s.shading[2])] {
+                normal[(k, k)] += weight;
+                gradient[k] += weight * (known - p[k]);
+            }
         }
         answer = Some((cost / n as f64, normal, squared / (weights - UNKNOWNS as f64)));
         let mut damped = normal;
@@ -190,9 +241,14 @@ fn fit_from(image: &GreyImage, spot: &Spot, start: &Spot, fixed_radius: bool) ->
             step *= 0.5 / longest;
         }
         p += step;
-        p[2] = p[2].clamp(0.6 * r0, 1.6 * r0);
-        p[3] = p[3].clamp(0.25, 0.4 * r0 + 0.5);
-        if iteration > 12 && longest < 1e-6 {
+        if shape.is_none() {
+            p[2] = p[2].clamp(0.6 * r0, 1.6 * r0);
+            p[3] = p[3].clamp(0.25, 0.4 * r0 + 0.5);
+            for k in [5, 6, 10] {
+                p[k] = p[k].clamp(-1.0, 1.0);
+            }
+        }
+        if iteration > MASKED_FROM + 4 && longest < 1e-6 {
             break;
         }
     }
@@ -201,7 +257,7 @@ fn fit_from(image: &GreyImage, spot: &Spot, start: &Spot, fixed_radius: bool) ->
     let out = SphereImage {
         centre: Vector2::new(p[0], p[1]),
         sd: Vector2::new(covariance[(0, 0)].max(0.0).sqrt(), covariance[(1, 1)].max(0.0).sqrt()),
-        radius_px: p[2],
+        shape: SphereShape { radius_px: p[2], blur_px: p[3], shading: [p[5], p[6], p[10]] },
         misfit: variance.max(0.0).sqrt() / p[4].abs().max(1e-9),
     };
     let moved = (out.centre - spot.centre).norm();
@@ -215,27 +271,34 @@ fn disc(p: &SVector<f64, UNKNOWNS>, dx: f64, dy: f64, d: f64) -> (f64, SVector<f
     let z = (radius - d) / (0.6 * blur);
     let cover = 1.0 / (1.0 + (-z.clamp(-40.0, 40.0)).exp());
     let slope = cover * (1.0 - cover) / (0.6 * blur);
-    let lit = p[4] + p[5] * dx + p[6] * dy;
+    // The normal's component toward the camera, kept off zero where its slope is infinite.
+    let toward = (1.0 - (d / radius).powi(2)).max(0.04).sqrt();
+    let (nx, ny) = (dx / radius, dy / radius);
+    let shade = 1.0 + p[5] * nx + p[6] * ny + p[10] * (toward - 1.0);
+    let lit = p[4] * shade;
     let value = p[7] + p[8] * dx + p[9] * dy + lit * cover;
     let inverse = 1.0 / d.max(1e-6);
+    let relative = p[4] * cover;
+    // How fast the shading changes outward because the surface turns away.
+    let turning = if d < 0.979 * radius { p[10] / (toward * radius * radius) } else { 0.0 };
     let mut g = SVector::<f64, UNKNOWNS>::zeros();
-    g[0] = lit * slope * dx * inverse - p[5] * cover - p[8];
-    g[1] = lit * slope * dy * inverse - p[6] * cover - p[9];
-    g[2] = lit * slope;
+    g[0] = lit * slope * dx * inverse - relative * (p[5] / radius - turning * dx) - p[8];
+    g[1] = lit * slope * dy * inverse - relative * (p[6] / radius - turning * dy) - p[9];
+    g[2] = lit * slope + relative * (turning * d * d / radius - (p[5] * nx + p[6] * ny) / radius);
     g[3] = -lit * slope * (radius - d) / blur;
-    g[4] = cover;
-    g[5] = dx * cover;
-    g[6] = dy * cover;
+    g[4] = shade * cover;
+    g[5] = relative * nx;
+    g[6] = relative * ny;
     g[7] = 1.0;
     g[8] = dx;
     g[9] = dy;
+    g[10] = relative * (toward - 1.0);
     (value, g)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
     /// A shaded disc, 8x8 samples a pixel, with a dark bar under it.
     fn picture(cx: f64, cy: f64, radius: f64) -> GreyImage {
         let (width, height) = (64, 64);
@@ -267,7 +330,7 @@ mod tests {
             let spots = bright_spots(&image);
             let fit = fit_sphere(&image, &spots[0], None).expect("fits");
             assert!((fit.centre - Vector2::new(cx, cy)).norm() < 0.05, "{fit:?} {cx} {cy}");
-            assert!((fit.radius_px - 5.2).abs() < 0.15, "{fit:?}");
+            assert!((fit.shape.radius_px - 5.2).abs() < 0.15, "{fit:?}");
         }
     }
 

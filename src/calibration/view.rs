@@ -33,6 +33,8 @@ pub enum ViewFault {
     Blurred { blur_px: f64, allowed_px: f64 },
     #[error("bloomed (bright squares {bloom_px:.2} px too large, allowed {allowed_px:.2})")]
     Bloomed { bloom_px: f64, allowed_px: f64 },
+    #[error("bloomed ({saturated_percent:.0} % of the white is saturated and the black is lifted to {black:.0} of 255)")]
+    Overexposed { saturated_percent: f64, black: f64 },
     #[error("corners {rms_px:.2} px from where the other boards put them (allowed {allowed_px:.2})")]
     Inconsistent { rms_px: f64, allowed_px: f64 },
 }
@@ -45,6 +47,11 @@ const WRONG_GRID_SHARE: f64 = 0.2;
 const BLUR_SHARE: f64 = 0.16;
 /// Growth of the bright squares as a share of the corner spacing; good practice views stay below 0.03.
 const BLOOM_SHARE: f64 = 0.08;
+/// A picture is overexposed when more than this share of the white is saturated (in the board and the rim around it) ...
+const SATURATED_SHARE: f64 = 0.3;
+/// ... and the black squares are lifted above this grey level: light has spread into them. Clipped white alone leaves the
+/// edges where they are. Bloomed practice views have 74 to 216, good ones up to 15.
+const LIFTED_BLACK: f64 = 50.0;
 
 impl BoardView {
     /// A view of known corners without its picture.
@@ -77,8 +84,30 @@ impl BoardView {
                 return Err(ViewFault::Bloomed { bloom_px, allowed_px });
             }
         }
+        let (saturated, black) = exposure(board, &self.corners, image);
+        if saturated > SATURATED_SHARE && black > LIFTED_BLACK {
+            return Err(ViewFault::Overexposed { saturated_percent: 100.0 * saturated, black });
+        }
         Ok(self)
     }
+}
+
+/// Share of the bright samples that are saturated, and the median grey of the dark ones, over the board's squares and the
+/// rim around them.
+fn exposure(board: &Checkerboard, corners: &[Vector2<f64>], image: &GreyImage) -> (f64, f64) {
+    let Some(h) = homography(&board.corners(), corners) else { return (0.0, 0.0) };
+    let s = board.square_m;
+    let mut greys = Vec::new();
+    for i in -6..=4 * board.rows as i64 + 2 {
+        for j in -6..=4 * board.columns as i64 + 2 {
+            let x = h * nalgebra::Vector3::new((j as f64 + 0.5) * s / 4.0, (i as f64 + 0.5) * s / 4.0, 1.0);
+            greys.extend(sample(image, Vector2::new(x.x / x.z, x.y / x.z)));
+        }
+    }
+    let Some(middle) = greys.iter().copied().reduce(f64::max).zip(greys.iter().copied().reduce(f64::min)).map(|(a, b)| (a + b) / 2.0) else { return (0.0, 0.0) };
+    let (mut dark, bright): (Vec<f64>, Vec<f64>) = greys.into_iter().partition(|g| *g < middle);
+    let saturated = bright.iter().filter(|g| **g >= 253.5).count() as f64 / bright.len().max(1) as f64;
+    (saturated, median(&mut dark).unwrap_or(0.0))
 }
 
 /// Whether the inner squares at even places (row + column even) are the dark ones.

@@ -117,6 +117,7 @@ fn calibrate(session: &Session, provenance: Provenance, shell: &Shell) -> Result
     let calibration = calibrate_views(&board, image_size, &pairs, &CalibrationOptions::default())?;
     let mut rig = calibration.rig();
     rig.more.insert(crate::calibration::BOARDS_KEY.into(), serde_json::to_value(calibration.board_reports()).map_err(CliError::output)?);
+    rig.more.extend(calibration.details().map_err(CliError::output)?);
     if let Some(axes) = &session.axes {
         let images = [read_grey(&axes_picture(&axes.images, "left")?)?, read_grey(&axes_picture(&axes.images, "right")?)?];
         let (global_from_left, report) = global_axes(&rig, &images[0], &images[1], &AxesFrame { arm_u_m: axes.arm_u_m, arm_w_m: axes.arm_w_m })?;

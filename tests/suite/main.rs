@@ -4,6 +4,7 @@
 
 #![allow(clippy::unwrap_used)]
 
+mod calibration;
 mod cli;
 mod impact;
 mod impact_expression;

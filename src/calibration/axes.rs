@@ -68,8 +68,9 @@ pub fn global_axes(rig: &StereoRig, left: &GreyImage, right: &GreyImage, frame: 
     let images = [left, right];
     let fit = |sphere: usize, camera: usize, shape: Option<&SphereShape>| {
         let spot = &spots[camera][triple[sphere][camera]];
-        fit_sphere(images[camera], spot, shape)
-            .ok_or_else(|| axes_error(format!("the sphere at ({:.0}, {:.0}) of the {} picture cannot be fitted", spot.centre.x, spot.centre.y, CameraId::BOTH[camera].name())))
+        fit_sphere(images[camera], spot, shape).ok_or_else(|| {
+            axes_error(format!("the sphere at ({:.0}, {:.0}) of the {} picture cannot be fitted", spot.centre.x, spot.centre.y, CameraId::BOTH[camera].name()))
+        })
     };
     let mut seen: Vec<[SphereImage; 2]> = Vec::with_capacity(3);
     for sphere in 0..3 {

@@ -272,8 +272,11 @@ impl Calibration {
         let mut more = BTreeMap::new();
         more.insert("distortion_model".into(), serde_json::to_value(self.model)?);
         more.insert("models".into(), serde_json::to_value(summaries(&self.models))?);
-        more.insert("stereo".into(), json!({ "sd": { "rotation_rad": rotation_rad, "t_m": t_m }, "noise_px": self.fit.variance_px2.sqrt(),
-            "degrees_of_freedom": self.fit.degrees_of_freedom, "corners_left_out": self.corners_left_out }));
+        more.insert(
+            "stereo".into(),
+            json!({ "sd": { "rotation_rad": rotation_rad, "t_m": t_m }, "noise_px": self.fit.variance_px2.sqrt(),
+            "degrees_of_freedom": self.fit.degrees_of_freedom, "corners_left_out": self.corners_left_out }),
+        );
         more.insert("covariance".into(), json!({ "names": shared_names(), "matrix": covariance }));
         Ok(more)
     }

@@ -104,7 +104,9 @@ fn exposure(board: &Checkerboard, corners: &[Vector2<f64>], image: &GreyImage) -
             greys.extend(sample(image, Vector2::new(x.x / x.z, x.y / x.z)));
         }
     }
-    let Some(middle) = greys.iter().copied().reduce(f64::max).zip(greys.iter().copied().reduce(f64::min)).map(|(a, b)| (a + b) / 2.0) else { return (0.0, 0.0) };
+    let Some(middle) = greys.iter().copied().reduce(f64::max).zip(greys.iter().copied().reduce(f64::min)).map(|(a, b)| (a + b) / 2.0) else {
+        return (0.0, 0.0);
+    };
     let (mut dark, bright): (Vec<f64>, Vec<f64>) = greys.into_iter().partition(|g| *g < middle);
     let saturated = bright.iter().filter(|g| **g >= 253.5).count() as f64 / bright.len().max(1) as f64;
     (saturated, median(&mut dark).unwrap_or(0.0))

@@ -28,6 +28,9 @@ pub struct ParameterValue {
     pub sd: f64,
     /// At the edge of its allowed range: the data want more.
     pub at_limit: bool,
+    /// The impacts say nothing about it (friction where nothing slides): its deviation is that of its allowed range.
+    #[serde(default)]
+    pub undetermined: bool,
 }
 
 /// One output over all impacts, as contract section 9 lists it, plus its bias and unit.
@@ -176,7 +179,7 @@ pub fn compare(forward: &dyn Forward, observations: &Observations, model: &str, 
         parameters_as_stated: forward
             .parameters()
             .iter()
-            .map(|p| ParameterValue { name: p.name.clone(), value: p.value, sd: 0.0, at_limit: p.value <= p.min || p.value >= p.max })
+            .map(|p| ParameterValue { name: p.name.clone(), value: p.value, sd: 0.0, at_limit: p.value <= p.min || p.value >= p.max, undetermined: false })
             .collect(),
         parameters_refitted: parameter_values(forward, &refitted, structure.noise_scale),
         input_names: INPUTS.iter().map(|s| (*s).to_owned()).collect(),
@@ -301,7 +304,10 @@ pub fn parameter_values(forward: &dyn Forward, fit: &Fit, c: f64) -> Vec<Paramet
         .map(|(i, p)| {
             let value = fit.values[i];
             let room = 1e-9 * (p.max - p.min).abs();
-            ParameterValue { name: p.name.clone(), value, sd: fit.sd(i, c), at_limit: value <= p.min + room || value >= p.max - room }
+            let undetermined = !fit.is_informed(i);
+            // Uniform over the range: its deviation.
+            let sd = if undetermined { (p.max - p.min).abs() / 12f64.sqrt() } else { fit.sd(i, c) };
+            ParameterValue { name: p.name.clone(), value, sd, at_limit: value <= p.min + room || value >= p.max - room, undetermined }
         })
         .collect()
 }

@@ -9,8 +9,8 @@ use super::heldout::{error_of, held_out_error, linearise_held_out};
 use super::observation::Observations;
 use super::place::places;
 use super::rank::{Reference, Refit, added_parameters, form_overdispersion};
-use super::screen::{Screening, screen, screen_pairs};
-use super::structure::structure_test;
+use super::screen::{Screened, Screening, screen, screen_pairs};
+use super::structure::{StructureTest, structure_test};
 use super::verdict_words::verdict_words;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -97,20 +97,23 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
         diagnosis.words = verdict_words(&diagnosis);
         return Ok(diagnosis);
     }
-    let reference = Reference { library, observations, impacts: &seen, base: &base, c, seed: options.seed };
-    let refits = Refits::new(&reference, &screening)?;
-    let chosen = refits.choose(&reference, &screening);
+    let mut reference = Reference { library, observations, impacts: &seen, base: &base, c, seed: options.seed };
+    let refits = Refits::new(&mut reference, &screening)?;
+    let c = refits.c;
+    let chosen = refits.choose();
+    diagnosis.noise_floor = c.sqrt();
     diagnosis.places = places(&seen, &base.impacts, &varied_inputs(observations), c);
-    let overdispersion = refits.best().map_or(1.0, |b| form_overdispersion(&b.structure));
-    let remaining = chosen.map(|b| b.structure.clone());
-    let share = remaining.as_ref().map_or(0.0, |s| share_removed(diagnosis.structure.excess, s.excess));
-    let accounted = remaining.as_ref().is_some_and(|s| share >= SHARE || s.p_value >= STRUCTURE_LEVEL);
+    let excess = excess_at(&diagnosis.structure, c);
+    let best_left = refits.all().map(|(r, _)| excess_at(&r.structure, c)).fold(f64::INFINITY, f64::min);
+    let overdispersion = if best_left.is_finite() { form_overdispersion(best_left, diagnosis.structure.rank) } else { 1.0 };
+    let share = chosen.map_or(0.0, |b| share_removed(excess, excess_at(&b.structure, c)));
+    let accounted = chosen.is_some_and(|b| share >= SHARE || b.structure.p_value >= STRUCTURE_LEVEL);
     diagnosis.verdict = match (chosen, accounted) {
         (Some(_), true) => Verdict::EffectMissing,
         (None, _) if diagnosis.structure.p_value >= STRUCTURE_LEVEL => Verdict::Adequate,
         _ => Verdict::Unexplained,
     };
-    diagnosis.candidates = refits.report(&reference, &screening, before, diagnosis.structure.excess, overdispersion, diagnosis.verdict)?;
+    diagnosis.candidates = refits.report(&reference, &screening, before, excess, overdispersion, diagnosis.verdict)?;
     if let Some(best) = chosen {
         diagnosis.structure_after = Some(best.structure.clone());
         if diagnosis.verdict == Verdict::EffectMissing {
@@ -139,6 +142,21 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
 /// Share of the excess that is gone; an excess of nothing has nothing to remove.
 pub fn share_removed(before: f64, after: f64) -> f64 {
     if before <= 0.0 { 0.0 } else { (1.0 - after / before).clamp(0.0, 1.0) }
+}
+
+/// The excess of a structure test at another noise scale than its own: the chi-square beyond what noise of scale c leaves.
+fn excess_at(test: &StructureTest, c: f64) -> f64 {
+    let chi2 = test.statistic + test.noise_scale * test.residual_freedom;
+    (chi2 / c - test.rank as f64 - test.residual_freedom).max(0.0)
+}
+
+/// Starting strengths of a pair: from the joint score where there is one, else typical halves.
+fn screen_pairs_guess(reference: &Reference, screening: &Screening, names: &[&str]) -> Vec<f64> {
+    let of = |name: &str| screening.effects.iter().find(|s| reference.library.effects()[s.effect].name == name);
+    let Some(terms): Option<Vec<&Screened>> = names.iter().map(|n| of(n)).collect() else { return Vec::new() };
+    let columns: Vec<usize> = terms.iter().flat_map(|s| s.terms.iter().copied()).collect();
+    let typical = terms.iter().flat_map(|s| reference.library.effects()[s.effect].strengths.iter().map(|t| t.typical));
+    screening.projected.joint(&columns).map_or_else(Vec::new, |(_, strengths)| strengths.iter().zip(typical).map(|(s, t)| s * t).collect())
 }
 
 fn estimates(parameters: &[(String, f64, f64)]) -> BTreeMap<String, Estimate> {
@@ -191,39 +209,105 @@ fn listed_only(library: &dyn Library, screening: &Screening, before: f64) -> Vec
     list
 }
 
+/// Two effects together, and what the lesser of them explains when the other may have any form.
+struct Pair {
+    refit: Refit,
+    /// Gain in chi-square of the lesser one, and its p-value corrected for the catalogue.
+    beyond_form: f64,
+    p_value: f64,
+}
+
 /// Everything refitted.
 struct Refits {
     singles: Vec<Refit>,
-    pairs: Vec<Refit>,
+    pairs: Vec<Pair>,
     tested: usize,
+    /// Noise scale of the best model found.
+    c: f64,
 }
 
 impl Refits {
-    fn new(reference: &Reference, screening: &Screening) -> Result<Self, ValidationError> {
+    fn new(reference: &mut Reference, screening: &Screening) -> Result<Self, ValidationError> {
         let library = reference.library;
         let name = |e: usize| library.effects()[e].name.as_str();
         let mut order: Vec<_> = screening.effects.iter().filter(|s| s.hidden_because.is_none() && s.gain > 0.0).collect();
         order.sort_by(|a, b| (b.gain - b.terms.len() as f64).total_cmp(&(a.gain - a.terms.len() as f64)).then(a.effect.cmp(&b.effect)));
         order.truncate(SINGLES);
-        let singles: Vec<Refit> =
-            order.par_iter().map(|s| reference.refit(&[name(s.effect)], &s.strengths)).collect::<Vec<_>>().into_iter().filter_map(Result::ok).collect();
-        let mut tried = screen_pairs(screening, library, reference.c);
-        let best_single = singles.iter().map(|s| s.gain).fold(0.0, f64::max);
-        // A pair must promise more than its better half by the price of another effect.
-        tried.retain(|p| p.gain > 0.8 * best_single);
-        tried.truncate(PAIRS);
-        let pairs: Vec<Refit> = tried
-            .par_iter()
-            .map(|p| reference.refit(&[name(p.effects[0]), name(p.effects[1])], &p.strengths))
-            .collect::<Vec<_>>()
-            .into_iter()
-            .filter_map(Result::ok)
-            .collect();
-        Ok(Refits { singles, pairs, tested: screening.tested.max(1) })
+        let fixed = &*reference;
+        let singles: Vec<Refit> = order.par_iter().map(|s| fixed.refit(&[name(s.effect)], &s.strengths)).collect::<Vec<_>>().into_iter().filter_map(Result::ok).collect();
+        let mut refits = Refits { singles, pairs: Vec::new(), tested: screening.tested.max(1), c: reference.c };
+        refits.settle_noise(reference);
+        refits.find_pairs(reference, screening)?;
+        refits.settle_noise(reference);
+        Ok(refits)
     }
 
-    fn all(&self) -> impl Iterator<Item = &Refit> {
-        self.singles.iter().chain(&self.pairs)
+    /// A model that misses leaves misfit in the noise scale; the best model's is nearest to the truth.
+    fn settle_noise(&mut self, reference: &mut Reference) {
+        self.c = self.singles.iter().chain(self.pairs.iter().map(|p| &p.refit)).map(|r| r.structure.noise_scale).fold(self.c, f64::min);
+        reference.c = self.c;
+        for r in self.singles.iter_mut().chain(self.pairs.iter_mut().map(|p| &mut p.refit)) {
+            r.judge(reference.base, self.c);
+        }
+    }
+
+    fn find_pairs(&mut self, reference: &Reference, screening: &Screening) -> Result<(), ValidationError> {
+        let library = reference.library;
+        let mut leaders: Vec<usize> = (0..self.singles.len()).filter(|&i| self.singles[i].log_evidence > 0.0).collect();
+        leaders.sort_by(|&a, &b| self.singles[b].log_evidence.total_cmp(&self.singles[a].log_evidence).then(a.cmp(&b)));
+        leaders.truncate(2);
+        // What stands out beside a leader in any form.
+        let mut wanted: Vec<[String; 2]> = Vec::new();
+        let mut want = |a: &str, b: &str| {
+            let pair = if a < b { [a.to_owned(), b.to_owned()] } else { [b.to_owned(), a.to_owned()] };
+            if !wanted.contains(&pair) {
+                wanted.push(pair);
+            }
+        };
+        for &leader in &leaders {
+            let first = &self.singles[leader];
+            let second = reference.screen_second(first, None)?;
+            let mut order: Vec<_> = second.effects.iter().filter(|s| s.p_value * (self.tested as f64) < SECOND_LEVEL).collect();
+            order.sort_by(|a, b| b.gain.total_cmp(&a.gain).then(a.effect.cmp(&b.effect)));
+            for s in order.iter().take(3) {
+                want(&first.effects[0], &library.effects()[s.effect].name);
+            }
+        }
+        // Pairs that hide each other: much better together than the best one alone.
+        let best_gain = screening.effects.iter().map(|s| s.gain).fold(0.0, f64::max);
+        for p in screen_pairs(screening, library, reference.c).iter().take(3).filter(|p| p.gain > 1.3 * best_gain + 30.0) {
+            want(&library.effects()[p.effects[0]].name, &library.effects()[p.effects[1]].name);
+        }
+        wanted.truncate(PAIRS);
+        let singles = &self.singles;
+        let tested = self.tested as f64;
+        let pairs: Vec<Option<Pair>> = wanted
+            .par_iter()
+            .map(|names| {
+                let pair: Vec<&str> = names.iter().map(String::as_str).collect();
+                let guess = screen_pairs_guess(reference, screening, &pair);
+                let refit = reference.refit(&pair, &guess).ok()?;
+                // Each half beyond the other in any form.
+                let mut least = (f64::INFINITY, 0.0f64);
+                for (own, other) in [(0, 1), (1, 0)] {
+                    let alone = singles.iter().find(|s| s.effects[0] == names[own]);
+                    let made;
+                    let first = match alone {
+                        Some(s) => s,
+                        None => {
+                            made = reference.refit(&[pair[own]], &[]).ok()?;
+                            &made
+                        }
+                    };
+                    let beyond = reference.screen_second(first, Some(&[pair[other]])).ok()?;
+                    let s = beyond.effects.first()?;
+                    least = (least.0.min(s.gain), least.1.max((s.p_value * tested).min(1.0)));
+                }
+                Some(Pair { refit, beyond_form: least.0, p_value: least.1 })
+            })
+            .collect();
+        self.pairs = pairs.into_iter().flatten().collect();
+        Ok(())
     }
 
     fn log_prior(&self, effects: usize) -> f64 {
@@ -234,39 +318,42 @@ impl Refits {
         }
     }
 
-    fn best_of<'a>(&self, list: impl Iterator<Item = &'a Refit>) -> Option<&'a Refit> {
-        list.max_by(|a, b| (a.log_evidence + self.log_prior(a.effects.len())).total_cmp(&(b.log_evidence + self.log_prior(b.effects.len()))))
+    /// Evidence of a pair: no more over its better half than the lesser one explains beyond the other's form.
+    fn pair_evidence(&self, pair: &Pair) -> f64 {
+        let half = self.singles.iter().filter(|s| pair.refit.effects.contains(&s.effects[0])).map(|s| s.log_evidence).fold(0.0, f64::max);
+        let beyond = 0.5 * pair.beyond_form - (1.0 + pair.beyond_form).ln();
+        half + (pair.refit.log_evidence - half).min(beyond)
     }
 
-    fn best(&self) -> Option<&Refit> {
-        self.best_of(self.all())
+    /// Every model with its log evidence.
+    fn all(&self) -> impl Iterator<Item = (&Refit, f64)> {
+        self.singles.iter().map(|s| (s, s.log_evidence)).chain(self.pairs.iter().map(|p| (&p.refit, self.pair_evidence(p))))
     }
 
     /// The model to recommend: the best single effect, or the best pair when both halves earn their place.
-    fn choose(&self, _reference: &Reference, _screening: &Screening) -> Option<&Refit> {
-        let earns = |r: &Refit, level: f64| r.log_evidence > 0.5 * LOG_ODDS && r.p_value * (self.tested as f64) < level && r.largest_share < ONE_IMPACT;
-        let single = self.best_of(self.singles.iter().filter(|r| earns(r, FIRST_LEVEL)));
-        let pair = self.best_of(self.pairs.iter().filter(|r| {
-            // Without either half the evidence must fall.
-            let halves = self.singles.iter().filter(|s| r.effects.contains(&s.effects[0]));
-            let best_half = halves.map(|s| (s.log_evidence, s.gain)).fold((0.0, 0.0), |a: (f64, f64), b| (a.0.max(b.0), a.1.max(b.1)));
-            let extra = super::structure::chi2_tail(r.gain - best_half.1, (r.strengths.len().max(2) - 1) as f64) * self.tested as f64;
-            r.log_evidence - best_half.0 > 0.5 * LOG_ODDS && extra < SECOND_LEVEL && r.largest_share < ONE_IMPACT
-        }));
+    fn choose(&self) -> Option<&Refit> {
+        let single = self
+            .singles
+            .iter()
+            .filter(|r| r.log_evidence > 0.5 * LOG_ODDS && r.p_value * (self.tested as f64) < FIRST_LEVEL && r.largest_share < ONE_IMPACT)
+            .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence));
+        let pair = self
+            .pairs
+            .iter()
+            .filter(|p| p.p_value < SECOND_LEVEL && p.refit.largest_share < ONE_IMPACT && self.pair_evidence(p) > 0.5 * LOG_ODDS)
+            .max_by(|a, b| self.pair_evidence(a).total_cmp(&self.pair_evidence(b)));
         match (single, pair) {
             (Some(s), Some(p)) => {
-                let overdispersion = form_overdispersion(&p.structure);
-                // The second effect must also be more than the first one's wrong form.
-                let better = (p.log_evidence - s.log_evidence) / overdispersion + self.log_prior(2) - self.log_prior(1);
-                if better > 0.5 * LOG_ODDS { Some(p) } else { Some(s) }
+                let better = self.pair_evidence(p) + self.log_prior(2) - s.log_evidence - self.log_prior(1);
+                if better > 0.5 * LOG_ODDS { Some(&p.refit) } else { Some(s) }
             }
-            (s, p) => s.or(p),
+            (s, p) => s.or(p.map(|p| &p.refit)),
         }
     }
 
     /// Log posterior weights of nothing, every single, every pair.
     fn log_weights(&self, overdispersion: f64) -> Vec<f64> {
-        std::iter::once(PRIOR[0].ln()).chain(self.all().map(|r| r.log_evidence / overdispersion + self.log_prior(r.effects.len()))).collect()
+        std::iter::once(PRIOR[0].ln()).chain(self.all().map(|(r, e)| e / overdispersion + self.log_prior(r.effects.len()))).collect()
     }
 
     fn normalised(&self, overdispersion: f64) -> Vec<f64> {
@@ -279,7 +366,7 @@ impl Refits {
 
     fn probability_of(&self, refit: &Refit, overdispersion: f64) -> f64 {
         let weights = self.normalised(overdispersion);
-        self.all().zip(&weights[1..]).find(|(r, _)| std::ptr::eq(*r, refit)).map_or(0.0, |(_, w)| *w)
+        self.all().zip(&weights[1..]).find(|((r, _), _)| std::ptr::eq(*r, refit)).map_or(0.0, |(_, w)| *w)
     }
 
     fn report(
@@ -299,11 +386,11 @@ impl Refits {
             .map(|s| {
                 let effect = s.effects[0].clone();
                 let forward = library.with(&[&effect])?;
-                let mut probability: f64 = self.all().zip(&weights[1..]).filter(|(r, _)| r.effects.contains(&effect)).map(|(_, w)| w).sum();
-                let share = share_removed(excess, s.structure.excess);
+                let mut probability: f64 = self.all().zip(&weights[1..]).filter(|((r, _), _)| r.effects.contains(&effect)).map(|(_, w)| w).sum();
+                let share = share_removed(excess, excess_at(&s.structure, self.c));
                 if verdict == Verdict::Unexplained {
                     // No name is likely when none takes the excess away.
-                    let joint = self.all().filter(|r| r.effects.contains(&effect)).map(|r| share_removed(excess, r.structure.excess)).fold(share, f64::max);
+                    let joint = self.all().filter(|(r, _)| r.effects.contains(&effect)).map(|(r, _)| share_removed(excess, excess_at(&r.structure, self.c))).fold(share, f64::max);
                     probability *= 0.5 * (joint / SHARE).min(1.0);
                 }
                 let outline = library.effects().iter().find(|o| o.name == effect);

@@ -74,9 +74,14 @@ impl Fit {
         self.impacts.iter().map(|l| l.z.len()).sum()
     }
 
-    /// Deviation of a free parameter at noise scale `c` (variance ratio).
+    /// Deviation of a free parameter at noise scale `c` (variance ratio); 0 when it did not move or nothing informs it.
     pub fn sd(&self, parameter: usize, c: f64) -> f64 {
         self.columns.iter().position(|col| *col == Column::Parameter(parameter)).map_or(0.0, |i| (self.covariance[(i, i)] * c).max(0.0).sqrt())
+    }
+
+    /// Whether the impacts say anything about a free parameter.
+    pub fn is_informed(&self, parameter: usize) -> bool {
+        self.columns.iter().position(|col| *col == Column::Parameter(parameter)).is_some_and(|i| self.information[(i, i)] > 1.01 * self.prior_precision[i])
     }
 
     /// P^½ (mean − value): the residuals of the prior, which act like one more measurement each.
@@ -213,7 +218,9 @@ impl<'a> Work<'a> {
         if options.move_parameters {
             for (i, p) in forward.parameters().iter().enumerate() {
                 columns.push(Column::Parameter(i));
-                precision.push(p.prior.map_or(0.0, |(_, sd)| 1.0 / (sd * sd)));
+                // Without a prior: as wide as the allowed range, so that what the impacts do not tell stays where it is.
+                let width = (p.max - p.min).abs().clamp(1e-12, 1e12);
+                precision.push(p.prior.map_or(1.0 / (width * width), |(_, sd)| 1.0 / (sd * sd)));
                 mean.push(p.prior.map_or(p.value, |(m, _)| m));
             }
         }
@@ -376,21 +383,30 @@ pub fn parameter_derivatives(
         .collect()
 }
 
-/// Inverse of a positive semi-definite matrix; directions without information get a large finite variance.
+/// Inverse of a positive semi-definite matrix. A column without any information (friction where nothing slides) is left
+/// out: its row and column of the inverse are zero.
 pub fn invert(matrix: &DMatrix<f64>) -> Result<DMatrix<f64>, ValidationError> {
     let n = matrix.nrows();
-    if n == 0 {
-        return Ok(matrix.clone());
+    let mut inverse = DMatrix::zeros(n, n);
+    let informed: Vec<usize> = (0..n).filter(|&i| matrix[(i, i)] > 0.0).collect();
+    if informed.is_empty() {
+        return Ok(inverse);
     }
     // Scaled to a unit diagonal first: parameters differ by ten orders of magnitude.
-    let root: Vec<f64> = (0..n).map(|i| matrix[(i, i)].max(1e-300).sqrt()).collect();
-    let scaled = DMatrix::from_fn(n, n, |i, j| matrix[(i, j)] / (root[i] * root[j]));
+    let root: Vec<f64> = informed.iter().map(|&i| matrix[(i, i)].sqrt()).collect();
+    let k = informed.len();
+    let scaled = DMatrix::from_fn(k, k, |i, j| matrix[(informed[i], informed[j])] / (root[i] * root[j]));
     let eigen = scaled.symmetric_eigen();
     let largest = eigen.eigenvalues.max();
-    if !(largest > 0.0) {
-        return Err(ValidationError::NoFit { reason: "no parameter has any influence on the measured outputs".into() });
+    if !(largest > 0.0 && largest.is_finite()) {
+        return Err(ValidationError::NoFit { reason: "the information matrix is not finite".into() });
     }
-    let inverse = DVector::from_iterator(n, eigen.eigenvalues.iter().map(|l| 1.0 / l.max(1e-12 * largest)));
-    let unscaled = &eigen.eigenvectors * DMatrix::from_diagonal(&inverse) * eigen.eigenvectors.transpose();
-    Ok(DMatrix::from_fn(n, n, |i, j| unscaled[(i, j)] / (root[i] * root[j])))
+    let reciprocal = DVector::from_iterator(k, eigen.eigenvalues.iter().map(|l| 1.0 / l.max(1e-12 * largest)));
+    let unscaled = &eigen.eigenvectors * DMatrix::from_diagonal(&reciprocal) * eigen.eigenvectors.transpose();
+    for i in 0..k {
+        for j in 0..k {
+            inverse[(informed[i], informed[j])] = unscaled[(i, j)] / (root[i] * root[j]);
+        }
+    }
+    Ok(inverse)
 }

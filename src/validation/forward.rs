@@ -79,6 +79,10 @@ pub trait Library: Sync {
     /// each effect in the order given: strengths as outlined, at `absent`, then shapes that the fit may move.
     fn with(&self, effects: &[&str]) -> Result<Box<dyn Forward + '_>, ValidationError>;
 
+    /// The library that stands on the current model with these effects, its free parameters (as [`Library::with`] orders
+    /// them) at `values`.
+    fn extended(&self, effects: &[&str], values: &[f64]) -> Result<Box<dyn Library + '_>, ValidationError>;
+
     /// The same plus the user's own effect: an expression that replaces a quantity, with parameters that start at 0.
     fn with_expression(&self, effects: &[&str], expressions: &[OwnEffect]) -> Result<Box<dyn Forward + '_>, ValidationError>;
 }

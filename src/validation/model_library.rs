@@ -166,6 +166,19 @@ impl Library for ModelLibrary {
         Ok(Box::new(self.forward_with(effects)?))
     }
 
+    fn extended(&self, effects: &[&str], values: &[f64]) -> Result<Box<dyn Library + '_>, ValidationError> {
+        let mut current = self.forward_with(effects)?;
+        current.model = current.model_at(values)?;
+        for (p, v) in current.free.iter_mut().zip(values) {
+            p.value = *v;
+        }
+        let mut outlines = self.outlines.clone();
+        for o in outlines.iter_mut().filter(|o| effects.contains(&o.name.as_str())) {
+            o.excluded = Some("it is in the model already".to_owned());
+        }
+        Ok(Box::new(ModelLibrary { current, outlines }))
+    }
+
     fn with_expression(&self, effects: &[&str], expressions: &[OwnEffect]) -> Result<Box<dyn Forward + '_>, ValidationError> {
         let _ = (effects, expressions);
         Err(ValidationError::Model("expressions are not available".into()))

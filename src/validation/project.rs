@@ -4,7 +4,8 @@
 //! share), information I = G'G − G'A (A'A + P)⁻¹ A'G (missing-physics.md, section 4). What is left of a signature is what
 //! no base parameter and no offset of the session can imitate.
 
-use super::fit::Fit;
+use super::error::ValidationError;
+use super::fit::{Fit, invert};
 use nalgebra::{DMatrix, DVector};
 
 /// Projected scores of m terms.
@@ -22,34 +23,83 @@ pub struct Projected {
     pub per_impact: DMatrix<f64>,
 }
 
+/// What is projected out: the fit's own columns, and more if asked.
+#[derive(Debug, Clone)]
+pub struct Nuisance {
+    design: Vec<DMatrix<f64>>,
+    covariance: DMatrix<f64>,
+    prior_precision: DVector<f64>,
+    prior_residual: DVector<f64>,
+}
+
+impl Nuisance {
+    /// The columns of the fit.
+    pub fn of(fit: &Fit) -> Self {
+        Nuisance { design: fit.design.clone(), covariance: fit.covariance.clone(), prior_precision: fit.prior_precision.clone(), prior_residual: fit.prior_residual() }
+    }
+
+    /// The columns of the fit and further whitened ones, each with a normal prior of zero mean and this precision.
+    pub fn with_columns(fit: &Fit, extra: &[DMatrix<f64>], precision: f64) -> Result<Self, ValidationError> {
+        let more = extra.first().map_or(0, DMatrix::ncols);
+        let p = fit.columns.len() + more;
+        let prior_precision = DVector::from_fn(p, |i, _| if i < fit.columns.len() { fit.prior_precision[i] } else { precision });
+        let own = fit.prior_residual();
+        let mut information = DMatrix::from_diagonal(&prior_precision);
+        let design: Vec<DMatrix<f64>> = fit
+            .design
+            .iter()
+            .zip(extra)
+            .map(|(a, e)| {
+                let mut both = DMatrix::zeros(a.nrows(), p);
+                both.columns_mut(0, a.ncols()).copy_from(a);
+                both.columns_mut(a.ncols(), more).copy_from(e);
+                both
+            })
+            .collect();
+        for a in &design {
+            information.gemm_tr(1.0, a, a, 1.0);
+        }
+        Ok(Nuisance {
+            design,
+            covariance: invert(&information)?,
+            prior_precision,
+            prior_residual: DVector::from_fn(p, |i, _| if i < own.len() { own[i] } else { 0.0 }),
+        })
+    }
+}
+
 /// Projects the whitened signatures, one outputs × m block per impact of the fit.
 pub fn project(fit: &Fit, signatures: &[DMatrix<f64>]) -> Projected {
+    project_out(fit, &Nuisance::of(fit), signatures)
+}
+
+/// As [`project`], with a nuisance of one's own.
+pub fn project_out(fit: &Fit, nuisance: &Nuisance, signatures: &[DMatrix<f64>]) -> Projected {
     let m = signatures.first().map_or(0, DMatrix::ncols);
-    let p = fit.columns.len();
+    let p = nuisance.prior_precision.len();
     let mut cross = DMatrix::zeros(p, m);
     let mut information = DMatrix::zeros(m, m);
-    for (g, a) in signatures.iter().zip(&fit.design) {
+    for (g, a) in signatures.iter().zip(&nuisance.design) {
         cross.gemm_tr(1.0, a, g, 1.0);
         information.gemm_tr(1.0, g, g, 1.0);
     }
     let raw = information.diagonal();
-    let absorbed = &fit.covariance * &cross;
+    let absorbed = &nuisance.covariance * &cross;
     information -= cross.tr_mul(&absorbed);
     let n = signatures.len();
     let mut contributions = DMatrix::zeros(n + p, m);
     let mut per_impact = DMatrix::zeros(n, m);
-    for (i, (g, a)) in signatures.iter().zip(&fit.design).enumerate() {
+    for (i, (g, a)) in signatures.iter().zip(&nuisance.design).enumerate() {
         let left = g - a * &absorbed;
         contributions.set_row(i, &left.tr_mul(&fit.impacts[i].z).transpose());
         for j in 0..m {
             per_impact[(i, j)] = left.column(j).norm_squared();
         }
     }
-    let prior = fit.prior_residual();
     for j in 0..p {
-        let root = fit.prior_precision[j].sqrt();
+        let root = nuisance.prior_precision[j].sqrt();
         if root > 0.0 {
-            contributions.set_row(n + j, &(absorbed.row(j) * (-root * prior[j])));
+            contributions.set_row(n + j, &(absorbed.row(j) * (-root * nuisance.prior_residual[j])));
         }
     }
     let score = contributions.row_sum().transpose();

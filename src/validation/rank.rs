@@ -7,31 +7,56 @@
 //! evidence between candidates are worth less than they seem: the part of the signal that no formula catches could favour
 //! either. The remaining excess is spread over [`FORM_FREEDOM`] directions of misfit, and all log evidences are divided by
 //! that overdispersion before they become probabilities.
+//!
+//! A second effect must not be the first one's wrong form: it counts only by what it explains after the first one's
+//! strength was allowed to vary smoothly with speed, place, obliqueness and spin.
 
 use super::error::ValidationError;
-use super::fit::{Fit, FitOptions, Start, fit};
-use super::forward::{Forward, Library};
+use super::fit::{Column, Fit, FitOptions, Start, fit};
+use super::forward::{EffectOutline, Forward, Library, Strength};
+use super::linearise::predict_measured;
 use super::observation::{Observation, Observations};
-use super::structure::{StructureTest, chi2_tail, structure_test};
+use super::project::Nuisance;
+use super::screen::{Screening, screen_beyond};
+use super::structure::{StructureTest, chi2_tail, form_features, structure_test};
+use nalgebra::DMatrix;
 
 /// Directions in which a catalogue formula may differ from nature's (see the module's text).
 pub const FORM_FREEDOM: f64 = 4.0;
+/// Prior deviation of each smooth variation of an effect's strength, relative to the strength itself.
+const FORM_SHARE: f64 = 0.5;
 
 /// The current model with effects, refitted.
 pub struct Refit {
-    /// Names, in the order of the library.
+    /// Names, in the order given to the library.
     pub effects: Vec<String>,
     pub fit: Fit,
-    /// Log evidence less that of the current model.
-    pub log_evidence: f64,
-    /// Fall in minus twice the log likelihood, at noise scale c.
-    pub gain: f64,
-    pub p_value: f64,
     pub structure: StructureTest,
     /// Strengths, as differences from `absent`, in typical sizes.
     pub strengths: Vec<f64>,
+    one_sided: usize,
+    /// The following hold at the noise scale last given to [`Refit::judge`].
+    ///
+    /// Log evidence less that of the current model.
+    pub log_evidence: f64,
+    /// Fall in minus twice the log likelihood.
+    pub gain: f64,
+    pub p_value: f64,
     /// Largest share of the gain that comes from one impact.
     pub largest_share: f64,
+}
+
+impl Refit {
+    /// Evidence and gain over the current model at noise scale `c`.
+    pub fn judge(&mut self, base: &Fit, c: f64) {
+        let by_impact: Vec<f64> =
+            base.impacts.iter().zip(&self.fit.impacts).map(|(b, f)| (b.z.norm_squared() - f.z.norm_squared()) / c + b.log_det - f.log_det).collect();
+        self.gain = by_impact.iter().sum();
+        let largest = by_impact.iter().copied().fold(0.0, f64::max);
+        self.largest_share = if self.gain > 0.0 { largest / self.gain } else { 1.0 };
+        self.p_value = chi2_tail(self.gain, self.strengths.len().max(1) as f64);
+        self.log_evidence = log_evidence_over(base, &self.fit, c, self.one_sided);
+    }
 }
 
 /// What a refit is judged against.
@@ -45,16 +70,20 @@ pub struct Reference<'a> {
     pub seed: u64,
 }
 
-/// Minus twice the log posterior of a fit at noise scale c, and half the log determinant of its information.
+/// Minus twice the log posterior of a fit at noise scale c.
 fn minus_two_log(fit: &Fit, c: f64) -> f64 {
     let log_det: f64 = fit.impacts.iter().map(|l| l.log_det).sum();
     (fit.objective - log_det) / c + log_det
 }
 
+/// ln |information / c|, over the columns that are informed at all.
 fn log_det_information(fit: &Fit, c: f64) -> f64 {
-    let n = fit.information.nrows();
-    // Directions that nothing informs (friction where nothing slides) cancel between models: the same floor for all.
-    fit.information.clone().symmetric_eigen().eigenvalues.iter().map(|l| (l.max(1e-12) / c).ln()).sum::<f64>() + 0.0 * n as f64
+    let informed: Vec<usize> = (0..fit.information.nrows()).filter(|&i| fit.information[(i, i)] > 0.0).collect();
+    let n = informed.len();
+    let root: Vec<f64> = informed.iter().map(|&i| fit.information[(i, i)].sqrt()).collect();
+    let scaled = DMatrix::from_fn(n, n, |i, j| fit.information[(informed[i], informed[j])] / (root[i] * root[j]));
+    let correlation: f64 = scaled.symmetric_eigen().eigenvalues.iter().map(|l| l.max(1e-12).ln()).sum();
+    correlation + root.iter().map(|r| 2.0 * r.ln()).sum::<f64>() - n as f64 * c.ln()
 }
 
 /// Log evidence of `fit` over `base`, both at noise scale `c`; `one_sided` of the added strengths are half-normal.
@@ -64,7 +93,7 @@ pub fn log_evidence_over(base: &Fit, fit: &Fit, c: f64, one_sided: usize) -> f64
         .columns
         .iter()
         .zip(fit.prior_precision.iter())
-        .filter(|(column, p)| matches!(column, super::fit::Column::Parameter(i) if *i >= shared) && **p > 0.0)
+        .filter(|(column, p)| matches!(column, Column::Parameter(i) if *i >= shared) && **p > 0.0)
         .map(|(_, p)| 0.5 * (p / c).ln())
         .sum();
     -0.5 * (minus_two_log(fit, c) - minus_two_log(base, c)) - 0.5 * (log_det_information(fit, c) - log_det_information(base, c))
@@ -73,22 +102,27 @@ pub fn log_evidence_over(base: &Fit, fit: &Fit, c: f64, one_sided: usize) -> f64
 }
 
 impl Reference<'_> {
-    /// Refits the current model with `effects`, from the screening's strengths (and from their opposite when that may be).
+    fn outline(&self, name: &str) -> Option<&EffectOutline> {
+        self.library.effects().iter().find(|o| o.name == name)
+    }
+
+    /// Places of the effects' strengths among the free parameters.
+    fn strengths_in(&self, forward: &dyn Forward, effects: &[&str]) -> Vec<(usize, Strength)> {
+        effects
+            .iter()
+            .filter_map(|name| self.outline(name))
+            .flat_map(|o| &o.strengths)
+            .filter_map(|s| forward.parameters().iter().position(|p| p.name == s.parameter).map(|at| (at, s.clone())))
+            .collect()
+    }
+
+    /// Refits the current model with `effects`, from the screening's strengths.
     pub fn refit(&self, effects: &[&str], strengths: &[f64]) -> Result<Refit, ValidationError> {
         let forward = self.library.with(effects)?;
-        let outlines: Vec<_> = effects.iter().filter_map(|name| self.library.effects().iter().find(|o| o.name == *name)).collect();
         let shared = self.base.values.len();
         let mut start = self.base.values.clone();
         start.extend(forward.parameters()[shared..].iter().map(|p| p.value));
-        // Columns of the strengths within the free parameters: each effect's strengths come first among its own.
-        let mut places = Vec::new();
-        for outline in &outlines {
-            for s in &outline.strengths {
-                if let Some(at) = forward.parameters().iter().position(|p| p.name == s.parameter) {
-                    places.push((at, s.clone()));
-                }
-            }
-        }
+        let places = self.strengths_in(forward.as_ref(), effects);
         for ((at, s), by) in places.iter().zip(strengths) {
             let limits = &forward.parameters()[*at];
             // A linear guess beyond three typical sizes is no guide.
@@ -97,30 +131,72 @@ impl Reference<'_> {
         let options = FitOptions { start_values: Some(start), ..FitOptions::default() };
         let begin = Start { fit: self.base, keep_jacobians: forward.costly() };
         let fitted = fit(forward.as_ref(), self.observations, self.impacts, &options, Some(begin))?;
-        let one_sided = places.iter().filter(|(_, s)| s.one_sided).count();
-        let log_evidence = log_evidence_over(self.base, &fitted, self.c, one_sided);
-        let by_impact: Vec<f64> =
-            self.base.impacts.iter().zip(&fitted.impacts).map(|(b, f)| (b.z.norm_squared() - f.z.norm_squared()) / self.c + b.log_det - f.log_det).collect();
-        let gain = by_impact.iter().sum::<f64>();
-        let largest = by_impact.iter().copied().fold(0.0, f64::max);
         let structure = structure_test(&fitted, self.observations, self.impacts, self.seed);
-        Ok(Refit {
+        let mut refit = Refit {
             effects: effects.iter().map(|s| (*s).to_owned()).collect(),
-            p_value: chi2_tail(gain, places.len().max(1) as f64),
             strengths: places.iter().map(|(at, s)| (fitted.values[*at] - s.absent) / s.typical).collect(),
-            largest_share: if gain > 0.0 { largest / gain } else { 1.0 },
+            one_sided: places.iter().filter(|(_, s)| s.one_sided).count(),
             fit: fitted,
-            log_evidence,
-            gain,
             structure,
-        })
+            log_evidence: 0.0,
+            gain: 0.0,
+            p_value: 1.0,
+            largest_share: 1.0,
+        };
+        refit.judge(self.base, self.c);
+        Ok(refit)
+    }
+
+    /// What further effects explain at `first`'s fit, once `first` may have another form. `only`: the effects to look at.
+    pub fn screen_second(&self, first: &Refit, only: Option<&[&str]>) -> Result<Screening, ValidationError> {
+        let names: Vec<&str> = first.effects.iter().map(String::as_str).collect();
+        let forward = self.library.with(&names)?;
+        let library = self.library.extended(&names, &first.fit.values)?;
+        let nuisance = self.flexible(first, forward.as_ref(), &names)?;
+        screen_beyond(library.as_ref(), &first.fit, self.impacts, self.c, &nuisance, only)
+    }
+
+    /// The fit's columns and the effect's contribution times smooth features: the effect in any other form.
+    fn flexible(&self, first: &Refit, forward: &dyn Forward, names: &[&str]) -> Result<Nuisance, ValidationError> {
+        let features = form_features(&first.fit, self.observations, self.impacts);
+        let places = self.strengths_in(forward, names);
+        let with = forward.prepare(&first.fit.values)?;
+        // One contribution per strength: what the model loses when this strength alone is absent.
+        let absent = places
+            .iter()
+            .map(|(at, s)| {
+                let mut values = first.fit.values.clone();
+                values[*at] = s.absent;
+                forward.prepare(&values)
+            })
+            .collect::<Result<Vec<_>, _>>()?;
+        let width = features.ncols();
+        let blocks: Vec<DMatrix<f64>> = self
+            .impacts
+            .iter()
+            .zip(&first.fit.impacts)
+            .enumerate()
+            .map(|(i, (o, l))| {
+                let mut block = DMatrix::zeros(l.z.len(), width * absent.len());
+                let Some(full) = predict_measured(with.as_ref(), o, &l.true_inputs) else { return block };
+                for (s, without) in absent.iter().enumerate() {
+                    let Some(bare) = predict_measured(without.as_ref(), o, &l.true_inputs) else { continue };
+                    let contribution = &l.whitener * (&full - bare);
+                    for f in 0..width {
+                        block.set_column(s * width + f, &(&contribution * features[(i, f)]));
+                    }
+                }
+                block
+            })
+            .collect();
+        Nuisance::with_columns(&first.fit, &blocks, FORM_SHARE.powi(-2))
     }
 }
 
-/// Overdispersion by which log evidences are divided: 1 when the best model leaves no structure.
-pub fn form_overdispersion(best: &StructureTest) -> f64 {
-    let beyond_chance = best.excess - 2.0 * (2.0 * best.rank as f64).sqrt();
-    1.0 + beyond_chance.max(0.0) / FORM_FREEDOM
+/// Overdispersion by which log evidences are divided: 1 when the best model leaves no structure. `left` is its excess over
+/// `rank` generic directions; what chance leaves (two deviations) does not count.
+pub fn form_overdispersion(left: f64, rank: usize) -> f64 {
+    1.0 + (left - 2.0 * (2.0 * rank as f64).sqrt()).max(0.0) / FORM_FREEDOM
 }
 
 /// The name of every free parameter beyond those of the current model, with value and deviation at noise scale c.

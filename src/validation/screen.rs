@@ -10,7 +10,7 @@ use super::fit::Fit;
 use super::forward::{EffectOutline, Library};
 use super::linearise::predict_measured;
 use super::observation::Observation;
-use super::project::{Projected, project};
+use super::project::{Nuisance, Projected, project_out};
 use super::structure::{chi2_tail, normal_tail};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -116,10 +116,26 @@ fn signatures(library: &dyn Library, fit: &Fit, impacts: &[&Observation], which:
 
 /// Screens every effect that can be added. `c` is the noise scale of the structure test.
 pub fn screen(library: &dyn Library, fit: &Fit, impacts: &[&Observation], c: f64) -> Result<Screening, ValidationError> {
-    let which: Vec<usize> =
-        (0..library.effects().len()).filter(|&e| library.effects()[e].excluded.is_none() && !library.effects()[e].strengths.is_empty()).collect();
+    screen_beyond(library, fit, impacts, c, &Nuisance::of(fit), None)
+}
+
+/// As [`screen`], with more projected out than the fit's own columns; `only` names the effects to look at.
+pub fn screen_beyond(
+    library: &dyn Library,
+    fit: &Fit,
+    impacts: &[&Observation],
+    c: f64,
+    nuisance: &Nuisance,
+    only: Option<&[&str]>,
+) -> Result<Screening, ValidationError> {
+    let which: Vec<usize> = (0..library.effects().len())
+        .filter(|&e| {
+            let o = &library.effects()[e];
+            o.excluded.is_none() && !o.strengths.is_empty() && only.is_none_or(|names| names.contains(&o.name.as_str()))
+        })
+        .collect();
     let (blocks, terms) = signatures(library, fit, impacts, &which)?;
-    let projected = project(fit, &blocks);
+    let projected = project_out(fit, nuisance, &blocks);
     let effects: Vec<Screened> = which.iter().zip(terms).map(|(&e, terms)| screen_one(&projected, &library.effects()[e], e, terms, c)).collect();
     let tested = effects.iter().filter(|s| s.hidden_because.is_none()).count();
     let smallest = effects.iter().filter(|s| s.hidden_because.is_none()).map(|s| s.p_value).fold(1.0, f64::min);

@@ -29,6 +29,8 @@ pub struct StructureTest {
     pub p_value: f64,
     /// c: the variance of the residuals relative to the stated one, with all structure taken out.
     pub noise_scale: f64,
+    /// Degrees of freedom left when all structure is taken out.
+    pub residual_freedom: f64,
     /// chi-square less what noise of scale c explains: how much structure the residuals hold, in units of c.
     pub excess: f64,
     pub seed: u64,
@@ -66,10 +68,10 @@ impl ContactInputs {
     }
 }
 
-/// Names of the features, for reading; the order of [`features`].
-const FEATURES: usize = 19;
+/// How many there are; the order of [`features`].
+const FEATURES: usize = 20;
 
-/// Raw features of one impact: 1, v, v², X, Y, X², Y², |G|, |S|, torque, order, swing, G_x, G_y, S_x, S_y, S_z, XY, Y·torque.
+/// Raw features of one impact: 1, v, v², X, Y, X², Y², |G|, |S|, torque, order, swing, G_x, G_y, S_x, S_y, S_z, XY, Y·torque, spin size.
 fn features(o: &Observation, x: &Inputs, gear: &Gear) -> [f64; FEATURES] {
     let contact = ContactInputs::of(x, gear);
     let v = contact.approach_m_s.max(1.0);
@@ -79,11 +81,11 @@ fn features(o: &Observation, x: &Inputs, gear: &Gear) -> [f64; FEATURES] {
     let g = contact.slip_m_s.map(|s| s / v);
     let s = [x[3] * r / v, x[4] * r / v, x[5] * r / v];
     let swing = (x[9] * x[9] + x[10] * x[10] + x[11] * x[11]).sqrt();
-    [1.0, v, v * v, px, py, px * px, py * py, g[0].hypot(g[1]), s[0].hypot(s[1]), x[14], o.order, swing, g[0], g[1], s[0], s[1], s[2], px * py, py * x[14]]
+    [1.0, v, v * v, px, py, px * px, py * py, g[0].hypot(g[1]), s[0].hypot(s[1]), x[14], o.order, swing, g[0], g[1], s[0], s[1], s[2], px * py, py * x[14], x[3].hypot(x[4]) * r]
 }
 
 /// Responses of the 13 outputs to a unit of each channel; columns: normal, slip, across, x, y, spin n, spin slip, spin x,
-/// spin y, racket impulse z, x, y, racket angular impulse x, y, z. Impulses in N s, angular ones in N m s.
+/// spin y, racket impulse z, x, y, racket angular impulse x, y, z.
 fn channels(x: &Inputs, gear: &Gear) -> DMatrix<f64> {
     let contact = ContactInputs::of(x, gear);
     let n = contact.side;
@@ -93,13 +95,16 @@ fn channels(x: &Inputs, gear: &Gear) -> DMatrix<f64> {
     let length = contact.slip_m_s[0].hypot(contact.slip_m_s[1]).max(0.5);
     let slip = Vector3::new(contact.slip_m_s[0] / length, contact.slip_m_s[1] / length, 0.0);
     let across = Vector3::new(-slip.y, slip.x, 0.0);
+    // Everything in parts of the normal impulse of a perfectly plastic contact: features then say "restitution changes by".
+    let scale = contact.approach_m_s / (1.0 / m + 1.0 / big_m + lever.x * lever.x / inertia.y + lever.y * lever.y / inertia.x);
     let impulse = |j: Vector3<f64>| {
+        let j = j * scale;
         let spin = Vector3::new(0.0, 0.0, -n * r).cross(&j) / ball_inertia;
         let turn = -lever.cross(&j).component_div(&inertia);
         [j / m, spin, -j / big_m, turn]
     };
     let none = Vector3::zeros();
-    let about = |w: Vector3<f64>| [none, w / ball_inertia, none, none];
+    let about = |w: Vector3<f64>| [none, w * scale / ball_inertia, none, none];
     let columns = [
         impulse(Vector3::z() * n),
         impulse(slip),
@@ -110,20 +115,20 @@ fn channels(x: &Inputs, gear: &Gear) -> DMatrix<f64> {
         about(across * r),
         about(Vector3::x() * r),
         about(Vector3::y() * r),
-        [none, none, Vector3::z() / big_m, none],
-        [none, none, Vector3::x() / big_m, none],
-        [none, none, Vector3::y() / big_m, none],
-        [none, none, none, Vector3::x() / inertia.x * 0.1],
-        [none, none, none, Vector3::y() / inertia.y * 0.1],
-        [none, none, none, Vector3::z() / inertia.z * 0.1],
+        [none, none, Vector3::z() * scale / big_m, none],
+        [none, none, Vector3::x() * scale / big_m, none],
+        [none, none, Vector3::y() * scale / big_m, none],
+        [none, none, none, Vector3::x() * scale / inertia.x * 0.1],
+        [none, none, none, Vector3::y() * scale / inertia.y * 0.1],
+        [none, none, none, Vector3::z() * scale / inertia.z * 0.1],
     ];
     DMatrix::from_fn(13, columns.len(), |row, c| if row < 12 { columns[c][row / 3][row % 3] } else { 0.0 })
 }
 
 /// Which features go with which channel: smooth, of the symmetry a mechanism could have.
 const TERMS: [(usize, &[usize]); 15] = [
-    (0, &[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 17]),
-    (1, &[0, 1, 5, 6, 7, 8, 9, 10]),
+    (0, &[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 17, 19]),
+    (1, &[0, 1, 5, 6, 7, 8, 9, 10, 19]),
     (2, &[0, 1, 7, 16]),
     (3, &[0, 1, 3, 4, 12, 13, 14, 15, 16]),
     (4, &[0, 1, 3, 4, 12, 13, 14, 15, 16]),
@@ -138,6 +143,24 @@ const TERMS: [(usize, &[usize]); 15] = [
     (13, &[0, 1, 3, 4, 5, 6]),
     (14, &[0, 1, 3, 4, 12, 13]),
 ];
+
+/// Standardised smooth features by which an effect's form may differ from the catalogue's: speed, place, obliqueness, spin.
+/// One row per impact; constants are left out.
+pub fn form_features(fit: &Fit, observations: &Observations, impacts: &[&Observation]) -> DMatrix<f64> {
+    const FORM: [usize; 12] = [1, 2, 3, 4, 5, 6, 7, 8, 12, 13, 17, 19];
+    let raw: Vec<[f64; FEATURES]> = fit.impacts.iter().zip(impacts).map(|(l, o)| features(o, &l.true_inputs, &observations.gear[o.gear])).collect();
+    let n = raw.len();
+    let mut columns: Vec<DVector<f64>> = Vec::new();
+    for f in FORM {
+        let column = DVector::from_iterator(n, raw.iter().map(|r| r[f]));
+        let mean = column.mean();
+        let sd = column.variance().sqrt();
+        if sd > 1e-9 * (1.0 + mean.abs()) {
+            columns.push((column.add_scalar(-mean)) / sd);
+        }
+    }
+    DMatrix::from_columns(&columns)
+}
 
 /// Whitened signatures of all generic corrections, one outputs × terms block per impact of the fit.
 pub fn generic_signatures(fit: &Fit, observations: &Observations, impacts: &[&Observation]) -> Vec<DMatrix<f64>> {
@@ -200,9 +223,10 @@ pub fn structure_test(fit: &Fit, observations: &Observations, impacts: &[&Observ
     let prior_terms = fit.prior_precision.iter().filter(|p| **p > 0.0).count();
     let chi2 = fit.chi2 + fit.prior_residual().norm_squared();
     let dof = (fit.count() + prior_terms) as f64 - fit.columns.len() as f64;
-    let noise_scale = ((chi2 - statistic) / (dof - q as f64).max(1.0)).max(SMALLEST_SCALE);
+    let residual_freedom = (dof - q as f64).max(1.0);
+    let noise_scale = ((chi2 - statistic) / residual_freedom).max(SMALLEST_SCALE);
     let p_value = wild_p_value(&parts, statistic, seed);
-    StructureTest { statistic, rank: q, p_value, noise_scale, excess: (statistic / noise_scale - q as f64).max(0.0), seed }
+    StructureTest { statistic, rank: q, p_value, noise_scale, residual_freedom, excess: (statistic / noise_scale - q as f64).max(0.0), seed }
 }
 
 /// Tail of |Σ ±s_i|² over random signs, as a scaled chi-square with the draws' mean and variance.

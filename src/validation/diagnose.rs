@@ -1,8 +1,10 @@
 //! The procedure: is anything missing, what, and how sure is that?
 
 use super::comparison::{note_noise, outliers, parameter_values, session_offsets, summarise, varied_inputs};
-use super::diagnosis::{CandidateReport, Diagnosis, Estimate, NotVisible, Together, Verdict};
+use super::diagnosis::{CandidateReport, Diagnosis, Estimate, NextExperiment, NotVisible, Together, Verdict};
 use super::error::ValidationError;
+use super::experiments::{Rival, next_experiment};
+use super::expression::find_expression;
 use super::fit::{Fit, FitOptions, fit};
 use super::forward::Library;
 use super::heldout::{error_of, held_out_error, linearise_held_out};
@@ -26,6 +28,8 @@ pub const SHARE: f64 = 0.75;
 /// Candidates refitted alone, and pairs.
 const SINGLES: usize = 8;
 const PAIRS: usize = 8;
+/// An effect that takes nearly as much of the excess away is an alias, whatever the evidence says of its formula.
+const ALIAS_SHARE: f64 = 0.9;
 /// Twenty to one.
 const LOG_ODDS: f64 = 2.995_732_273_553_991;
 /// Prior odds: nothing, one effect, two effects.
@@ -118,9 +122,6 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
         diagnosis.structure_after = Some(best.structure.clone());
         if diagnosis.verdict == Verdict::EffectMissing {
             diagnosis.recommended = best.effects.clone();
-            if best.structure.p_value < STRUCTURE_LEVEL {
-                diagnosis.other_form = best.effects.first().cloned();
-            }
         }
         if best.effects.len() > 1 {
             let forward = library.with(&best.effects.iter().map(String::as_str).collect::<Vec<_>>())?;
@@ -134,7 +135,24 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
                 parameters: estimates(&added_parameters(forward.as_ref(), &best.fit, base.values.len(), c)),
             });
         }
+        let (held, held_best) = (&held, linearise_held_out(library.with(&best.effects.iter().map(String::as_str).collect::<Vec<_>>())?.as_ref(), &best.fit, observations, &held)?);
+        diagnosis.outliers = outliers(&seen, &best.fit.impacts, held, &held_best);
     }
+    let form_is_off = chosen.is_some_and(|b| b.structure.p_value < STRUCTURE_LEVEL);
+    if options.expressions && (diagnosis.verdict == Verdict::Unexplained || (diagnosis.verdict == Verdict::EffectMissing && form_is_off)) {
+        let found = find_expression(&mut reference, &screening, excess_at, &diagnosis.structure)?;
+        if let Some(found) = found {
+            let catalogue = chosen.map_or(0.0, |b| log_evidence_over_at(&base, b, reference.c));
+            if diagnosis.verdict == Verdict::Unexplained || found.log_evidence > catalogue + LOG_ODDS {
+                diagnosis.suggested_expression = Some(found.suggestion);
+                diagnosis.noise_floor = diagnosis.noise_floor.min(reference.c.sqrt());
+            }
+        }
+    }
+    if diagnosis.verdict == Verdict::EffectMissing && form_is_off {
+        diagnosis.other_form = diagnosis.recommended.first().cloned();
+    }
+    diagnosis.next_experiments = refits.next_experiments(&reference, &diagnosis.candidates)?;
     diagnosis.words = verdict_words(&diagnosis);
     Ok(diagnosis)
 }
@@ -148,6 +166,10 @@ pub fn share_removed(before: f64, after: f64) -> f64 {
 fn excess_at(test: &StructureTest, c: f64) -> f64 {
     let chi2 = test.statistic + test.noise_scale * test.residual_freedom;
     (chi2 / c - test.rank as f64 - test.residual_freedom).max(0.0)
+}
+
+fn log_evidence_over_at(base: &Fit, refit: &Refit, c: f64) -> f64 {
+    super::rank::log_evidence_over(base, &refit.fit, c, 0)
 }
 
 /// Starting strengths of a pair: from the joint score where there is one, else typical halves.
@@ -416,6 +438,24 @@ impl Refits {
         Ok(list)
     }
 
+    /// For the best candidate and each of its first two aliases: the impacts that would tell.
+    fn next_experiments(&self, reference: &Reference, candidates: &[CandidateReport]) -> Result<Vec<NextExperiment>, ValidationError> {
+        let Some(best) = candidates.first() else { return Ok(Vec::new()) };
+        let Some(first) = self.singles.iter().find(|s| s.effects[0] == best.effect) else { return Ok(Vec::new()) };
+        let a = reference.library.with(&[&best.effect])?;
+        let at_a = a.prepare(&first.fit.values)?;
+        let mut all = Vec::new();
+        for alias in best.aliases.iter().take(2) {
+            let Some(second) = self.singles.iter().find(|s| s.effects[0] == *alias) else { continue };
+            let b = reference.library.with(&[alias])?;
+            let at_b = b.prepare(&second.fit.values)?;
+            let separated_by = reference.library.effects().iter().find(|o| o.name == best.effect).map_or("", |o| o.separated_by.as_str());
+            let (first, second) = (Rival { name: &best.effect, prediction: at_a.as_ref() }, Rival { name: alias, prediction: at_b.as_ref() });
+            all.extend(next_experiment(&first, &second, reference.observations, reference.impacts, &reference.base.impacts, separated_by));
+        }
+        Ok(all)
+    }
+
     /// An alias explains these impacts about as well (within twenty to one), or has the same signature.
     fn add_aliases(&self, library: &dyn Library, screening: &Screening, overdispersion: f64, list: &mut [CandidateReport]) {
         let term = |name: &str| screening.effects.iter().find(|s| library.effects()[s.effect].name == name);
@@ -427,15 +467,16 @@ impl Refits {
                 .map(|(i, j)| screening.projected.cosine(i, j))
                 .fold(0.0, |m: f64, v| if v.abs() > m.abs() { v } else { m })
         };
-        let facts: Vec<(String, f64)> = list.iter().map(|c| (c.effect.clone(), c.log_evidence_gain)).collect();
+        let facts: Vec<(String, f64, f64)> = list.iter().map(|c| (c.effect.clone(), c.log_evidence_gain, c.share_removed)).collect();
         for candidate in list.iter_mut() {
-            for (other, evidence) in &facts {
+            for (other, evidence, share) in &facts {
                 if *other == candidate.effect {
                     continue;
                 }
                 let like = cosine(&candidate.effect, other);
                 let close = (candidate.log_evidence_gain - evidence).abs() / overdispersion < LOG_ODDS && *evidence > 0.0;
-                if close || like.abs() > 0.95 {
+                let as_good = candidate.share_removed > 0.3 && *share > ALIAS_SHARE * candidate.share_removed;
+                if close || as_good || like.abs() > 0.95 {
                     candidate.aliases.push(other.clone());
                     candidate.alias_cosines.insert(other.clone(), like);
                 }

@@ -3,7 +3,7 @@
 use super::error::ValidationError;
 use super::forward::{EffectOutline, Forward, FreeParameter, Inputs, Library, Outputs, OwnEffect, Prediction, Strength};
 use super::observation::Gear;
-use crate::impact::{Base, EffectKind, ImpactInput, Model, ModelError, PreparedModel, Role, catalogue};
+use crate::impact::{Base, EffectKind, ImpactInput, Model, ModelError, Parameter, PreparedModel, Role, catalogue};
 
 /// Width of the prior on a strength, in typical sizes (missing-physics.md, section 5).
 const STRENGTH_PRIOR: f64 = 1.5;
@@ -180,7 +180,24 @@ impl Library for ModelLibrary {
     }
 
     fn with_expression(&self, effects: &[&str], expressions: &[OwnEffect]) -> Result<Box<dyn Forward + '_>, ValidationError> {
-        let _ = (effects, expressions);
-        Err(ValidationError::Model("expressions are not available".into()))
+        let mut forward = self.forward_with(effects)?;
+        let mut names: Vec<String> = forward.free.iter().map(|p| p.name.clone()).collect();
+        let mut model = forward.model;
+        for own in expressions {
+            let parameters = own
+                .parameters
+                .iter()
+                .map(|(name, typical)| Parameter { fit: true, min: -20.0 * typical, max: 20.0 * typical, typical: *typical, ..Parameter::own(name, 0.0) })
+                .collect();
+            model = model.with_expression(&own.name, &own.replaces, &own.expression, parameters)?;
+            names.extend(own.parameters.iter().map(|(name, _)| format!("{}.{name}", own.name)));
+        }
+        forward = ModelForward::with_free(model, &self.current.gear, &names);
+        let first = forward.free.len() - expressions.iter().map(|e| e.parameters.len()).sum::<usize>();
+        for (p, (_, typical)) in forward.free[first..].iter_mut().zip(expressions.iter().flat_map(|e| &e.parameters)) {
+            p.typical = *typical;
+            p.prior = Some((0.0, STRENGTH_PRIOR * typical));
+        }
+        Ok(Box::new(forward))
     }
 }

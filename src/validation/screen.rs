@@ -114,6 +114,25 @@ fn signatures(library: &dyn Library, fit: &Fit, impacts: &[&Observation], which:
     Ok((blocks, terms))
 }
 
+/// Largest cosine between a signature (one column) and each effect's terms, nuisance projected out of both.
+pub fn cosines_with(library: &dyn Library, fit: &Fit, impacts: &[&Observation], signature: &[DMatrix<f64>]) -> Result<Vec<(usize, f64)>, ValidationError> {
+    let which: Vec<usize> = (0..library.effects().len()).filter(|&e| library.effects()[e].excluded.is_none() && !library.effects()[e].strengths.is_empty()).collect();
+    let (blocks, terms) = signatures(library, fit, impacts, &which)?;
+    let last = blocks.first().map_or(0, DMatrix::ncols);
+    let joined: Vec<DMatrix<f64>> = blocks
+        .iter()
+        .zip(signature)
+        .map(|(b, s)| {
+            let mut both = DMatrix::zeros(b.nrows(), last + 1);
+            both.columns_mut(0, last).copy_from(b);
+            both.columns_mut(last, 1).copy_from(s);
+            both
+        })
+        .collect();
+    let projected = project_out(fit, &Nuisance::of(fit), &joined);
+    Ok(which.iter().zip(terms).map(|(&e, t)| (e, t.iter().map(|&i| projected.cosine(i, last).abs()).fold(0.0, f64::max))).collect())
+}
+
 /// Screens every effect that can be added. `c` is the noise scale of the structure test.
 pub fn screen(library: &dyn Library, fit: &Fit, impacts: &[&Observation], c: f64) -> Result<Screening, ValidationError> {
     screen_beyond(library, fit, impacts, c, &Nuisance::of(fit), None)

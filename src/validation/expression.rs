@@ -1,0 +1,405 @@
+//! An expression found from the residuals, when the catalogue's effects will not do or have another form.
+//!
+//! All pairs of a channel and a feature are scored at once (nuisance projected out), the best refitted in the full model,
+//! then up to two more terms of the same channel are added, each only if it gains more than its price; constants are
+//! rounded to two digits and refitted around. A dead spot (a bump over the face) has a place and a width to find and is
+//! scored over a grid of both. (missing-physics.md, section 7.)
+
+use super::diagnosis::{Estimate, SuggestedExpression};
+use super::error::ValidationError;
+use super::expression_terms::{CHANNELS, FEATURES, FeatureInputs, TermChannel};
+use super::fit::{Fit, FitOptions, Start, fit};
+use super::forward::OwnEffect;
+use super::heldout::held_out_error;
+use super::linearise::predict_measured;
+use super::project::{Nuisance, project_out};
+use super::rank::{Reference, log_evidence_over};
+use super::screen::Screening;
+use super::structure::{StructureTest, structure_test};
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+
+/// Single terms refitted.
+const REFITTED: usize = 6;
+/// Terms of one expression at most.
+const MOST_TERMS: usize = 3;
+/// A further term must gain this much in chi-square (its price among some fifty features is about 8) ...
+const FURTHER_GAIN: f64 = 14.0;
+/// ... and this share of what the terms before it have gained.
+const FURTHER_SHARE: f64 = 0.02;
+/// Half widths of dead spots looked for, m.
+const SPOT_WIDTHS: [f64; 3] = [0.02, 0.03, 0.045];
+/// Name of the effect in the model file.
+const NAME: &str = "found-effect";
+
+/// A term: its channel, the feature as text, and in words.
+#[derive(Clone)]
+struct Term {
+    channel: usize,
+    feature: String,
+    words: String,
+    /// k of the linear score.
+    strength: f64,
+    gain: f64,
+}
+
+/// An expression fitted to the data.
+pub struct Found {
+    pub suggestion: SuggestedExpression,
+    pub fit: Fit,
+    pub structure: StructureTest,
+    pub log_evidence: f64,
+    pub effect: OwnEffect,
+}
+
+/// The whitened derivative of the prediction with respect to k of every channel with feature 1, at the base fit.
+fn channel_signatures(reference: &Reference) -> Result<Vec<Option<Vec<DVector<f64>>>>, ValidationError> {
+    CHANNELS
+        .par_iter()
+        .map(|channel| {
+            let effect = own_effect(channel, &["1".to_owned()]);
+            let Ok(forward) = reference.library.with_expression(&[], &[effect]) else { return Ok(None) };
+            let at = reference.base.values.len();
+            let h = 0.05 * channel.typical;
+            let (mut up, mut down) = (reference.base.values.clone(), reference.base.values.clone());
+            up.push(h);
+            down.push(-h);
+            debug_assert_eq!(forward.parameters().len(), at + 1);
+            let (Ok(above), Ok(below)) = (forward.prepare(&up), forward.prepare(&down)) else { return Ok(None) };
+            Ok(Some(
+                reference
+                    .impacts
+                    .par_iter()
+                    .zip(&reference.base.impacts)
+                    .map(|(o, l)| match (predict_measured(above.as_ref(), o, &l.true_inputs), predict_measured(below.as_ref(), o, &l.true_inputs)) {
+                        (Some(a), Some(b)) => &l.whitener * (a - b) / (2.0 * h),
+                        _ => DVector::zeros(l.z.len()),
+                    })
+                    .collect(),
+            ))
+        })
+        .collect()
+}
+
+fn own_effect(channel: &TermChannel, features: &[String]) -> OwnEffect {
+    let names: Vec<String> = (0..features.len()).map(|i| if features.len() == 1 { "k".to_owned() } else { format!("k{}", i + 1) }).collect();
+    let terms: Vec<(String, String)> = names.iter().cloned().zip(features.iter().cloned()).collect();
+    OwnEffect {
+        name: NAME.to_owned(),
+        replaces: channel.replaces.to_owned(),
+        expression: channel.expression(&terms),
+        parameters: names.into_iter().map(|n| (n, channel.typical)).collect(),
+    }
+}
+
+/// Values of every feature, impacts × features; a feature that does not vary (but 1) is all zero.
+fn feature_values(reference: &Reference) -> DMatrix<f64> {
+    let n = reference.impacts.len();
+    let mut values = DMatrix::zeros(n, FEATURES.len());
+    for (i, (o, l)) in reference.impacts.iter().zip(&reference.base.impacts).enumerate() {
+        let inputs = FeatureInputs::of(o, &l.true_inputs, &reference.observations.gear[o.gear]);
+        for (j, feature) in FEATURES.iter().enumerate() {
+            values[(i, j)] = (feature.value)(&inputs);
+        }
+    }
+    for j in 1..FEATURES.len() {
+        let column = values.column(j);
+        if !(column.variance().sqrt() > 1e-6 * (1.0 + column.amax())) {
+            values.column_mut(j).fill(0.0);
+        }
+    }
+    values
+}
+
+/// All terms by their score, best first.
+fn score_terms(reference: &Reference) -> Result<Vec<Term>, ValidationError> {
+    let signatures = channel_signatures(reference)?;
+    let features = feature_values(reference);
+    let nuisance = Nuisance::of(reference.base);
+    let mut terms: Vec<Term> = signatures
+        .par_iter()
+        .enumerate()
+        .map(|(c, channel)| {
+            let Some(channel) = channel else { return Vec::new() };
+            let mut found = terms_of(reference, &nuisance, channel, &features, c);
+            if CHANNELS[c].replaces == "restitution" {
+                found.extend(best_spot(reference, &nuisance, channel, c));
+            }
+            found
+        })
+        .collect::<Vec<_>>()
+        .into_iter()
+        .flatten()
+        .collect();
+    terms.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+    Ok(terms)
+}
+
+fn terms_of(reference: &Reference, nuisance: &Nuisance, channel: &[DVector<f64>], features: &DMatrix<f64>, c: usize) -> Vec<Term> {
+    let blocks: Vec<DMatrix<f64>> = channel.iter().enumerate().map(|(i, g)| g * features.row(i)).collect();
+    let projected = project_out(reference.base, nuisance, &blocks);
+    (0..FEATURES.len())
+        .filter(|&j| projected.information[(j, j)] > 1e-4 * projected.raw[j].max(1e-12))
+        .map(|j| {
+            let information = projected.information[(j, j)];
+            let strength = projected.score[j] / information;
+            // Simple features are preferred to curved ones that do hardly better.
+            let gain = projected.score[j] * strength / reference.c;
+            Term { channel: c, feature: FEATURES[j].text.to_owned(), words: FEATURES[j].words.to_owned(), strength, gain }
+        })
+        .collect()
+}
+
+/// The best bump over the face: a grid of places and widths.
+fn best_spot(reference: &Reference, nuisance: &Nuisance, channel: &[DVector<f64>], c: usize) -> Option<Term> {
+    let gear = reference.observations.gear.first()?;
+    let (lx, ly) = (0.45 * gear.racket.head.inner_length_m, 0.45 * gear.racket.head.inner_width_m);
+    let step = 0.015;
+    let mut spots = Vec::new();
+    for width in SPOT_WIDTHS {
+        for i in 0..=(2.0 * lx / step) as usize {
+            for j in 0..=(2.0 * ly / step) as usize {
+                spots.push((-lx + i as f64 * step, -ly + j as f64 * step, width));
+            }
+        }
+    }
+    let best = spots
+        .par_chunks(40)
+        .map(|chunk| {
+            let blocks: Vec<DMatrix<f64>> = channel
+                .iter()
+                .zip(&reference.base.impacts)
+                .map(|(g, l)| {
+                    let row = nalgebra::RowDVector::from_iterator(
+                        chunk.len(),
+                        chunk.iter().map(|(a, b, w)| (-((l.true_inputs[12] - a).powi(2) + (l.true_inputs[13] - b).powi(2)) / (w * w)).exp()),
+                    );
+                    g * row
+                })
+                .collect();
+            let projected = project_out(reference.base, nuisance, &blocks);
+            (0..chunk.len())
+                .filter(|&j| projected.information[(j, j)] > 1e-4 * projected.raw[j].max(1e-12))
+                .map(|j| (projected.score[j].powi(2) / projected.information[(j, j)] / reference.c, projected.score[j] / projected.information[(j, j)], chunk[j]))
+                .fold((0.0, 0.0, (0.0, 0.0, 0.0)), |best: (f64, f64, (f64, f64, f64)), x| if x.0 > best.0 { x } else { best })
+        })
+        .collect::<Vec<_>>()
+        .into_iter()
+        .fold((0.0, 0.0, (0.0, 0.0, 0.0)), |best: (f64, f64, (f64, f64, f64)), x| if x.0 > best.0 { x } else { best });
+    let (gain, strength, (a, b, w)) = best;
+    (gain > 0.0).then(|| Term {
+        channel: c,
+        feature: format!("exp(-((impact_x - {a:.3})^2 + (impact_y - {b:.3})^2) / {w}^2)"),
+        words: format!("near one place on the face ({:.0} mm along, {:.0} mm across, within {:.0} mm)", 1e3 * a, 1e3 * b, 1e3 * w),
+        strength,
+        // Three numbers were chosen to get it.
+        gain: gain - 12.0,
+    })
+}
+
+struct Fitted {
+    effect: OwnEffect,
+    fit: Fit,
+    log_evidence: f64,
+}
+
+fn refit(reference: &Reference, channel: &TermChannel, features: &[String], start: &[f64]) -> Option<Fitted> {
+    let effect = own_effect(channel, features);
+    let forward = reference.library.with_expression(&[], std::slice::from_ref(&effect)).ok()?;
+    let mut values = reference.base.values.clone();
+    values.extend(start.iter().map(|k| k.clamp(-5.0 * channel.typical, 5.0 * channel.typical)));
+    let options = FitOptions { start_values: Some(values), ..FitOptions::default() };
+    let begin = Start { fit: reference.base, keep_jacobians: forward.costly() };
+    let fitted = fit(forward.as_ref(), reference.observations, reference.impacts, &options, Some(begin)).ok()?;
+    let log_evidence = log_evidence_over(reference.base, &fitted, reference.c, 0);
+    Some(Fitted { effect, fit: fitted, log_evidence })
+}
+
+/// Looks for the best expression. `None` when no term stands out (a gain of 25, five deviations, among some 1500 pairs).
+pub fn find_expression(reference: &mut Reference, screening: &Screening, excess: impl Fn(&StructureTest, f64) -> f64, before: &StructureTest) -> Result<Option<Found>, ValidationError> {
+    let terms = score_terms(reference)?;
+    let candidates: Vec<&Term> = terms.iter().filter(|t| t.gain > 25.0).take(REFITTED).collect();
+    let fixed = &*reference;
+    let singles: Vec<(usize, Fitted)> = candidates
+        .par_iter()
+        .enumerate()
+        .map(|(i, t)| refit(fixed, &CHANNELS[t.channel], std::slice::from_ref(&t.feature), &[t.strength]).map(|f| (i, f)))
+        .collect::<Vec<_>>()
+        .into_iter()
+        .flatten()
+        .collect();
+    let Some((first, mut best)) = singles.into_iter().max_by(|a, b| a.1.log_evidence.total_cmp(&b.1.log_evidence)) else { return Ok(None) };
+    let channel = &CHANNELS[candidates[first].channel];
+    let mut chosen: Vec<Term> = vec![candidates[first].clone()];
+    // Further terms of the same channel, by refits of those that score best beside it at the base fit.
+    while chosen.len() < MOST_TERMS {
+        let more: Vec<&Term> = terms
+            .iter()
+            .filter(|t| t.channel == chosen[0].channel && chosen.iter().all(|c| c.feature != t.feature))
+            .collect();
+        let tried: Vec<(Term, Fitted)> = further(fixed, &best, &chosen, &more)
+            .into_iter()
+            .filter_map(|t| {
+                let mut features: Vec<String> = chosen.iter().map(|c| c.feature.clone()).collect();
+                features.push(t.feature.clone());
+                let mut start: Vec<f64> = best.fit.values[fixed.base.values.len()..].to_vec();
+                start.push(t.strength);
+                refit(fixed, channel, &features, &start).map(|f| (t, f))
+            })
+            .collect();
+        let Some((term, next)) = tried.into_iter().max_by(|a, b| a.1.log_evidence.total_cmp(&b.1.log_evidence)) else { break };
+        let gained = 2.0 * (next.log_evidence - best.log_evidence);
+        if gained < FURTHER_GAIN || gained < FURTHER_SHARE * 2.0 * best.log_evidence {
+            break;
+        }
+        chosen.push(term);
+        best = next;
+    }
+    let structure = structure_test(&best.fit, reference.observations, reference.impacts, reference.seed);
+    reference.c = reference.c.min(structure.noise_scale);
+    let c = reference.c;
+    let log_evidence = log_evidence_over(reference.base, &best.fit, c, 0);
+    let forward = reference.library.with_expression(&[], std::slice::from_ref(&best.effect))?;
+    let shared = reference.base.values.len();
+    let constants: Vec<(String, f64, f64)> = best.effect.parameters.iter().enumerate().map(|(i, (name, _))| (name.clone(), best.fit.values[shared + i], best.fit.sd(shared + i, c))).collect();
+    let (before_excess, after_excess) = (excess(before, c), excess(&structure, c));
+    let suggestion = SuggestedExpression {
+        replaces: channel.replaces.to_owned(),
+        expression: with_numbers(&best.effect.expression, &constants),
+        heldout_error_after: held_out_error(forward.as_ref(), &best.fit, reference.observations)?,
+        nearest: nearest(reference, screening, channel, &chosen)?,
+        parameters: constants.iter().map(|(n, value, sd)| (n.clone(), Estimate { value: *value, sd: *sd })).collect::<BTreeMap<_, _>>(),
+        share_removed: if before_excess > 0.0 { (1.0 - after_excess / before_excess).clamp(0.0, 1.0) } else { 0.0 },
+        log_evidence_gain: log_evidence,
+        words: in_words(channel, &chosen, &constants),
+        model_file_text: model_file_text(&best.effect, &constants),
+    };
+    Ok(Some(Found { suggestion, fit: best.fit, structure, log_evidence, effect: best.effect }))
+}
+
+/// The three terms that score best at the fit that already has the chosen ones.
+fn further(reference: &Reference, best: &Fitted, chosen: &[Term], more: &[&Term]) -> Vec<Term> {
+    let Some(first) = chosen.first() else { return Vec::new() };
+    let channel = &CHANNELS[first.channel];
+    let shared = reference.base.values.len();
+    // The derivative of the first term's constant carries the channel's response at this fit; others are in proportion.
+    let bare = own_effect(channel, &["1".to_owned()]);
+    let own = OwnEffect { name: "found-further".to_owned(), ..bare };
+    let Ok(forward) = reference.library.with_expression(&[], &[best.effect.clone(), own]) else { return Vec::new() };
+    let h = 0.05 * channel.typical;
+    let (mut up, mut down) = (best.fit.values.clone(), best.fit.values.clone());
+    up.push(h);
+    down.push(-h);
+    let (Ok(above), Ok(below)) = (forward.prepare(&up), forward.prepare(&down)) else { return Vec::new() };
+    let signature: Vec<DVector<f64>> = reference
+        .impacts
+        .iter()
+        .zip(&best.fit.impacts)
+        .map(|(o, l)| match (predict_measured(above.as_ref(), o, &l.true_inputs), predict_measured(below.as_ref(), o, &l.true_inputs)) {
+            (Some(a), Some(b)) => &l.whitener * (a - b) / (2.0 * h),
+            _ => DVector::zeros(l.z.len()),
+        })
+        .collect();
+    debug_assert!(shared <= best.fit.values.len());
+    let features = feature_values(reference);
+    let blocks: Vec<DMatrix<f64>> = signature.iter().enumerate().map(|(i, g)| g * features.row(i)).collect();
+    let projected = project_out(&best.fit, &Nuisance::of(&best.fit), &blocks);
+    let mut found: Vec<Term> = more
+        .iter()
+        .filter_map(|t| {
+            let j = FEATURES.iter().position(|f| f.text == t.feature)?;
+            let information = projected.information[(j, j)];
+            (information > 1e-4 * projected.raw[j].max(1e-12)).then(|| Term {
+                strength: projected.score[j] / information,
+                gain: projected.score[j].powi(2) / information / reference.c,
+                ..(*t).clone()
+            })
+        })
+        .filter(|t| t.gain > FURTHER_GAIN)
+        .collect();
+    found.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+    found.truncate(3);
+    found
+}
+
+/// Catalogue effects whose signature is most like the expression's, best first: cosine above 0.5, at most three.
+fn nearest(reference: &Reference, screening: &Screening, channel: &TermChannel, chosen: &[Term]) -> Result<Vec<String>, ValidationError> {
+    let features: Vec<String> = chosen.iter().map(|t| t.feature.clone()).collect();
+    let effect = own_effect(channel, &features);
+    let forward = reference.library.with_expression(&[], &[effect])?;
+    let mut values = reference.base.values.clone();
+    values.extend(chosen.iter().map(|t| t.strength));
+    let mut absent = reference.base.values.clone();
+    absent.extend(chosen.iter().map(|_| 0.0));
+    let (with, without) = (forward.prepare(&values)?, forward.prepare(&absent)?);
+    let signature: Vec<DMatrix<f64>> = reference
+        .impacts
+        .iter()
+        .zip(&reference.base.impacts)
+        .map(|(o, l)| match (predict_measured(with.as_ref(), o, &l.true_inputs), predict_measured(without.as_ref(), o, &l.true_inputs)) {
+            (Some(a), Some(b)) => DMatrix::from_columns(&[&l.whitener * (a - b)]),
+            _ => DMatrix::zeros(l.z.len(), 1),
+        })
+        .collect();
+    let cosines = super::screen::cosines_with(reference.library, reference.base, reference.impacts, &signature)?;
+    let mut near: Vec<(f64, &str)> = screening
+        .effects
+        .iter()
+        .filter(|s| s.hidden_because.is_none())
+        .filter_map(|s| cosines.iter().find(|(e, _)| *e == s.effect).map(|(e, cos)| (*cos, reference.library.effects()[*e].name.as_str())))
+        .filter(|(cos, _)| *cos > 0.5)
+        .collect();
+    near.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(b.1)));
+    Ok(near.into_iter().take(3).map(|(_, n)| n.to_owned()).collect())
+}
+
+/// Two significant digits.
+fn rounded(value: f64) -> f64 {
+    format!("{value:.1e}").parse().unwrap_or(value)
+}
+
+/// The expression with its constants as numbers, to two digits.
+fn with_numbers(expression: &str, constants: &[(String, f64, f64)]) -> String {
+    // Longest names first, whole words only.
+    let mut text = expression.to_owned();
+    for (name, value, _) in constants.iter().rev() {
+        let number = rounded(*value);
+        let shown = if number < 0.0 { format!("({number})") } else { format!("{number}") };
+        let words: Vec<String> = text.split(' ').map(|w| {
+            let bare = w.trim_start_matches('(');
+            if bare == name { format!("{}{}", &w[..w.len() - bare.len()], shown) } else if bare == format!("{name})") { format!("{}{shown})", &w[..w.len() - bare.len()]) } else { w.to_owned() }
+        }).collect();
+        text = words.join(" ");
+    }
+    text
+}
+
+fn model_file_text(effect: &OwnEffect, constants: &[(String, f64, f64)]) -> String {
+    let mut text = format!("[effects.{}]\nexpression = \"{}\"\nreplaces = \"{}\"\n", effect.name, effect.expression, effect.replaces);
+    for (name, value, _) in constants {
+        text.push_str(&format!("{name} = {{ value = {}, fit = true }}\n", rounded(*value)));
+    }
+    text
+}
+
+/// "the normal restitution falls with the incoming spin across the face".
+fn in_words(channel: &TermChannel, chosen: &[Term], constants: &[(String, f64, f64)]) -> String {
+    let parts: Vec<String> = chosen
+        .iter()
+        .zip(constants)
+        .map(|(t, (_, k, _))| format!("{} {}", if t.feature == "1" { "is other than in the model" } else if *k < 0.0 { "falls" } else { "rises" }, t.words))
+        .collect();
+    format!("{} {}", channel.words, parts.join(" and "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn truth_numbers_take_the_place_of_whole_names_only() {
+        let text = with_numbers("restitution * (1 + k1 * (ball_in_wx * ball_radius / 25) + k2)", &[("k1".into(), -0.1234, 0.0), ("k2".into(), 0.05, 0.0)]);
+        assert_eq!(text, "restitution * (1 + (-0.12) * (ball_in_wx * ball_radius / 25) + 0.05)");
+    }
+}

@@ -25,6 +25,8 @@ pub const STRUCTURE_LEVEL: f64 = 0.005;
 pub const FALSE_ALARM_RATE: f64 = LIBRARY_LEVEL + STRUCTURE_LEVEL;
 /// Share of the excess that a catalogue effect must take away to be called missing.
 pub const SHARE: f64 = 0.75;
+/// Noise variance over the stated one that is believed to be noise: deviations understated by half.
+const LARGEST_NOISE_SCALE: f64 = 2.25;
 /// Candidates refitted alone, and pairs.
 const SINGLES: usize = 8;
 const PAIRS: usize = 8;
@@ -107,11 +109,13 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
     let chosen = refits.choose();
     diagnosis.noise_floor = c.sqrt();
     diagnosis.places = places(&seen, &base.impacts, &varied_inputs(observations), c);
-    let excess = excess_at(&diagnosis.structure, c);
-    let best_left = refits.all().map(|(r, _)| excess_at(&r.structure, c)).fold(f64::INFINITY, f64::min);
+    // Noise may be misstated by half; what the best model leaves beyond that is not noise but something unexplained.
+    let c_believed = c.min(LARGEST_NOISE_SCALE);
+    let excess = excess_at(&diagnosis.structure, c_believed);
+    let best_left = refits.all().map(|(r, _)| excess_at(&r.structure, c_believed)).fold(f64::INFINITY, f64::min);
     let overdispersion = if best_left.is_finite() { form_overdispersion(best_left, diagnosis.structure.rank) } else { 1.0 };
-    let share = chosen.map_or(0.0, |b| share_removed(excess, excess_at(&b.structure, c)));
-    let accounted = chosen.is_some_and(|b| share >= SHARE || b.structure.p_value >= STRUCTURE_LEVEL);
+    let share = chosen.map_or(0.0, |b| share_removed(excess, excess_at(&b.structure, c_believed)));
+    let accounted = chosen.is_some_and(|b| share >= SHARE || (b.structure.p_value >= STRUCTURE_LEVEL && b.structure.noise_scale <= LARGEST_NOISE_SCALE));
     diagnosis.verdict = match (chosen, accounted) {
         (Some(_), true) => Verdict::EffectMissing,
         (None, _) if diagnosis.structure.p_value >= STRUCTURE_LEVEL => Verdict::Adequate,
@@ -140,7 +144,7 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
     }
     let form_is_off = chosen.is_some_and(|b| b.structure.p_value < STRUCTURE_LEVEL);
     if options.expressions && (diagnosis.verdict == Verdict::Unexplained || (diagnosis.verdict == Verdict::EffectMissing && form_is_off)) {
-        let found = find_expression(&mut reference, &screening, excess_at, &diagnosis.structure)?;
+        let found = find_expression(&mut reference, &screening, |t, c| excess_at(t, c.min(LARGEST_NOISE_SCALE)), &diagnosis.structure)?;
         if let Some(found) = found {
             let catalogue = chosen.map_or(0.0, |b| log_evidence_over_at(&base, b, reference.c));
             if diagnosis.verdict == Verdict::Unexplained || found.log_evidence > catalogue + LOG_ODDS {
@@ -409,10 +413,10 @@ impl Refits {
                 let effect = s.effects[0].clone();
                 let forward = library.with(&[&effect])?;
                 let mut probability: f64 = self.all().zip(&weights[1..]).filter(|((r, _), _)| r.effects.contains(&effect)).map(|(_, w)| w).sum();
-                let share = share_removed(excess, excess_at(&s.structure, self.c));
+                let share = share_removed(excess, excess_at(&s.structure, self.c.min(LARGEST_NOISE_SCALE)));
                 if verdict == Verdict::Unexplained {
                     // No name is likely when none takes the excess away.
-                    let joint = self.all().filter(|(r, _)| r.effects.contains(&effect)).map(|(r, _)| share_removed(excess, excess_at(&r.structure, self.c))).fold(share, f64::max);
+                    let joint = self.all().filter(|(r, _)| r.effects.contains(&effect)).map(|(r, _)| share_removed(excess, excess_at(&r.structure, self.c.min(LARGEST_NOISE_SCALE)))).fold(share, f64::max);
                     probability *= 0.5 * (joint / SHARE).min(1.0);
                 }
                 let outline = library.effects().iter().find(|o| o.name == effect);

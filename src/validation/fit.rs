@@ -149,7 +149,7 @@ pub fn fit(
     let mut rounds = 0;
     let mut information = DMatrix::zeros(0, 0);
     // Outlier weights settle with the parameters; fixed after these rounds so that the objective stays one function.
-    let settle = 3;
+    let settle = if start.is_some() { 2 } else { 3 };
     while rounds < options.most_rounds.max(1) {
         rounds += 1;
         if options.robust && rounds <= settle {
@@ -164,7 +164,7 @@ pub fn fit(
         let mut accepted = false;
         for shrink in [1.0, 0.5, 0.2, 0.05] {
             let next = work.clamp(&(&state.column_values + &step * shrink), forward);
-            let lend = keep.or((forward.costly() && rounds > 2).then_some(state.impacts.as_slice()));
+            let lend = keep.or((rounds > if forward.costly() { 1 } else { 3 }).then_some(state.impacts.as_slice()));
             match work.evaluate(&next, &begin_of(&state), lend, &spread, 1) {
                 // Room for the true inputs, which move along: they may cost a little while the parameters settle.
                 Ok(tried) if tried.objective <= state.objective + 1e-3 * (1.0 + promised) => {
@@ -178,7 +178,8 @@ pub fn fit(
         if accepted {
             design = work.design(&state)?;
         }
-        if rounds > settle && (!accepted || promised < 1e-4) {
+        // A hundredth of a unit of chi-square is a tenth of a deviation of one parameter, and far below any decision.
+        if rounds > settle && (!accepted || promised < 1e-2) {
             break;
         }
     }

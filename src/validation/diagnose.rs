@@ -139,7 +139,8 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
                 parameters: estimates(&added_parameters(forward.as_ref(), &best.fit, base.values.len(), c)),
             });
         }
-        let (held, held_best) = (&held, linearise_held_out(library.with(&best.effects.iter().map(String::as_str).collect::<Vec<_>>())?.as_ref(), &best.fit, observations, &held)?);
+        let (held, held_best) =
+            (&held, linearise_held_out(library.with(&best.effects.iter().map(String::as_str).collect::<Vec<_>>())?.as_ref(), &best.fit, observations, &held)?);
         diagnosis.outliers = outliers(&seen, &best.fit.impacts, held, &held_best);
     }
     let form_is_off = chosen.is_some_and(|b| b.structure.p_value < STRUCTURE_LEVEL);
@@ -260,7 +261,8 @@ impl Refits {
         order.sort_by(|a, b| (b.gain - b.terms.len() as f64).total_cmp(&(a.gain - a.terms.len() as f64)).then(a.effect.cmp(&b.effect)));
         order.truncate(SINGLES);
         let fixed = &*reference;
-        let singles: Vec<Refit> = order.par_iter().map(|s| fixed.refit(&[name(s.effect)], &s.strengths)).collect::<Vec<_>>().into_iter().filter_map(Result::ok).collect();
+        let singles: Vec<Refit> =
+            order.par_iter().map(|s| fixed.refit(&[name(s.effect)], &s.strengths)).collect::<Vec<_>>().into_iter().filter_map(Result::ok).collect();
         let mut refits = Refits { singles, pairs: Vec::new(), tested: screening.tested.max(1), c: reference.c };
         refits.settle_noise(reference);
         refits.find_pairs(reference, screening)?;
@@ -416,7 +418,11 @@ impl Refits {
                 let share = share_removed(excess, excess_at(&s.structure, self.c.min(LARGEST_NOISE_SCALE)));
                 if verdict == Verdict::Unexplained {
                     // No name is likely when none takes the excess away.
-                    let joint = self.all().filter(|(r, _)| r.effects.contains(&effect)).map(|(r, _)| share_removed(excess, excess_at(&r.structure, self.c.min(LARGEST_NOISE_SCALE)))).fold(share, f64::max);
+                    let joint = self
+                        .all()
+                        .filter(|(r, _)| r.effects.contains(&effect))
+                        .map(|(r, _)| share_removed(excess, excess_at(&r.structure, self.c.min(LARGEST_NOISE_SCALE))))
+                        .fold(share, f64::max);
                     probability *= 0.5 * (joint / SHARE).min(1.0);
                 }
                 let outline = library.effects().iter().find(|o| o.name == effect);

@@ -36,7 +36,14 @@ struct Setting {
 }
 
 /// Proposes impacts; `None` when no feasible impact tells the two apart (less than a hundredth of a unit each).
-pub fn next_experiment(first: &Rival, second: &Rival, observations: &Observations, impacts: &[&Observation], fitted: &[Linearised], separated_by: &str) -> Option<NextExperiment> {
+pub fn next_experiment(
+    first: &Rival,
+    second: &Rival,
+    observations: &Observations,
+    impacts: &[&Observation],
+    fitted: &[Linearised],
+    separated_by: &str,
+) -> Option<NextExperiment> {
     let (columns, whitener, sd) = typical_noise(fitted)?;
     let mut settings: Vec<Setting> = grid(observations, impacts)
         .par_iter()
@@ -54,7 +61,9 @@ pub fn next_experiment(first: &Rival, second: &Rival, observations: &Observation
     settings.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
     let mut chosen: Vec<Setting> = Vec::new();
     for s in settings {
-        let apart = chosen.iter().all(|c| (c.inputs[12] - s.inputs[12]).abs() > 0.03 || (c.inputs[13] - s.inputs[13]).abs() > 0.025 || (c.inputs[14] - s.inputs[14]).abs() > 1.0);
+        let apart = chosen
+            .iter()
+            .all(|c| (c.inputs[12] - s.inputs[12]).abs() > 0.03 || (c.inputs[13] - s.inputs[13]).abs() > 0.025 || (c.inputs[14] - s.inputs[14]).abs() > 1.0);
         if apart && chosen.len() < SETTINGS && s.log_evidence > 0.01 {
             chosen.push(s);
         }
@@ -148,7 +157,13 @@ fn grid(observations: &Observations, impacts: &[&Observation]) -> Vec<Inputs> {
 }
 
 fn place_words(x: &Inputs) -> String {
-    let along = if x[12] < -0.02 { format!("{:.0} mm toward the tip", -1e3 * x[12]) } else if x[12] > 0.02 { format!("{:.0} mm toward the handle", 1e3 * x[12]) } else { "at mid-length".to_owned() };
+    let along = if x[12] < -0.02 {
+        format!("{:.0} mm toward the tip", -1e3 * x[12])
+    } else if x[12] > 0.02 {
+        format!("{:.0} mm toward the handle", 1e3 * x[12])
+    } else {
+        "at mid-length".to_owned()
+    };
     let across = if x[13].abs() > 0.015 { format!(", {:.0} mm off the axis", 1e3 * x[13].abs()) } else { String::new() };
     format!("{along}{across}, ball at {:.0} m/s:", x[0].hypot(x[1]).hypot(x[2]))
 }

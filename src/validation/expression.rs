@@ -181,7 +181,9 @@ fn best_spot(reference: &Reference, nuisance: &Nuisance, channel: &[DVector<f64>
             let projected = project_out(reference.base, nuisance, &blocks);
             (0..chunk.len())
                 .filter(|&j| projected.information[(j, j)] > 1e-4 * projected.raw[j].max(1e-12))
-                .map(|j| (projected.score[j].powi(2) / projected.information[(j, j)] / reference.c, projected.score[j] / projected.information[(j, j)], chunk[j]))
+                .map(|j| {
+                    (projected.score[j].powi(2) / projected.information[(j, j)] / reference.c, projected.score[j] / projected.information[(j, j)], chunk[j])
+                })
                 .fold((0.0, 0.0, (0.0, 0.0, 0.0)), |best: (f64, f64, (f64, f64, f64)), x| if x.0 > best.0 { x } else { best })
         })
         .collect::<Vec<_>>()
@@ -217,7 +219,12 @@ fn refit(reference: &Reference, channel: &TermChannel, features: &[String], star
 }
 
 /// Looks for the best expression. `None` when no term stands out (a gain of 25, five deviations, among some 1500 pairs).
-pub fn find_expression(reference: &mut Reference, screening: &Screening, excess: impl Fn(&StructureTest, f64) -> f64, before: &StructureTest) -> Result<Option<Found>, ValidationError> {
+pub fn find_expression(
+    reference: &mut Reference,
+    screening: &Screening,
+    excess: impl Fn(&StructureTest, f64) -> f64,
+    before: &StructureTest,
+) -> Result<Option<Found>, ValidationError> {
     let terms = score_terms(reference)?;
     let candidates: Vec<&Term> = terms.iter().filter(|t| t.gain > 25.0).take(REFITTED).collect();
     let fixed = &*reference;
@@ -234,10 +241,7 @@ pub fn find_expression(reference: &mut Reference, screening: &Screening, excess:
     let mut chosen: Vec<Term> = vec![candidates[first].clone()];
     // Further terms of the same channel, by refits of those that score best beside it at the base fit.
     while chosen.len() < MOST_TERMS {
-        let more: Vec<&Term> = terms
-            .iter()
-            .filter(|t| t.channel == chosen[0].channel && chosen.iter().all(|c| c.feature != t.feature))
-            .collect();
+        let more: Vec<&Term> = terms.iter().filter(|t| t.channel == chosen[0].channel && chosen.iter().all(|c| c.feature != t.feature)).collect();
         let tried: Vec<(Term, Fitted)> = further(fixed, &best, &chosen, &more)
             .into_iter()
             .filter_map(|t| {
@@ -262,7 +266,8 @@ pub fn find_expression(reference: &mut Reference, screening: &Screening, excess:
     let log_evidence = log_evidence_over(reference.base, &best.fit, c, 0);
     let forward = reference.library.with_expression(&[], std::slice::from_ref(&best.effect))?;
     let shared = reference.base.values.len();
-    let constants: Vec<(String, f64, f64)> = best.effect.parameters.iter().enumerate().map(|(i, (name, _))| (name.clone(), best.fit.values[shared + i], best.fit.sd(shared + i, c))).collect();
+    let constants: Vec<(String, f64, f64)> =
+        best.effect.parameters.iter().enumerate().map(|(i, (name, _))| (name.clone(), best.fit.values[shared + i], best.fit.sd(shared + i, c))).collect();
     let (before_excess, after_excess) = (excess(before, c), excess(&structure, c));
     let suggestion = SuggestedExpression {
         replaces: channel.replaces.to_owned(),
@@ -366,10 +371,19 @@ fn with_numbers(expression: &str, constants: &[(String, f64, f64)]) -> String {
     for (name, value, _) in constants.iter().rev() {
         let number = rounded(*value);
         let shown = if number < 0.0 { format!("({number})") } else { format!("{number}") };
-        let words: Vec<String> = text.split(' ').map(|w| {
-            let bare = w.trim_start_matches('(');
-            if bare == name { format!("{}{}", &w[..w.len() - bare.len()], shown) } else if bare == format!("{name})") { format!("{}{shown})", &w[..w.len() - bare.len()]) } else { w.to_owned() }
-        }).collect();
+        let words: Vec<String> = text
+            .split(' ')
+            .map(|w| {
+                let bare = w.trim_start_matches('(');
+                if bare == name {
+                    format!("{}{}", &w[..w.len() - bare.len()], shown)
+                } else if bare == format!("{name})") {
+                    format!("{}{shown})", &w[..w.len() - bare.len()])
+                } else {
+                    w.to_owned()
+                }
+            })
+            .collect();
         text = words.join(" ");
     }
     text
@@ -388,7 +402,19 @@ fn in_words(channel: &TermChannel, chosen: &[Term], constants: &[(String, f64, f
     let parts: Vec<String> = chosen
         .iter()
         .zip(constants)
-        .map(|(t, (_, k, _))| format!("{} {}", if t.feature == "1" { "is other than in the model" } else if *k < 0.0 { "falls" } else { "rises" }, t.words))
+        .map(|(t, (_, k, _))| {
+            format!(
+                "{} {}",
+                if t.feature == "1" {
+                    "is other than in the model"
+                } else if *k < 0.0 {
+                    "falls"
+                } else {
+                    "rises"
+                },
+                t.words
+            )
+        })
         .collect();
     format!("{} {}", channel.words, parts.join(" and "))
 }

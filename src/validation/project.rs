@@ -35,7 +35,12 @@ pub struct Nuisance {
 impl Nuisance {
     /// The columns of the fit.
     pub fn of(fit: &Fit) -> Self {
-        Nuisance { design: fit.design.clone(), covariance: fit.covariance.clone(), prior_precision: fit.prior_precision.clone(), prior_residual: fit.prior_residual() }
+        Nuisance {
+            design: fit.design.clone(),
+            covariance: fit.covariance.clone(),
+            prior_precision: fit.prior_precision.clone(),
+            prior_residual: fit.prior_residual(),
+        }
     }
 
     /// The columns of the fit and further whitened ones, each with a normal prior of zero mean and this precision.

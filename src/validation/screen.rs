@@ -116,7 +116,8 @@ fn signatures(library: &dyn Library, fit: &Fit, impacts: &[&Observation], which:
 
 /// Largest cosine between a signature (one column) and each effect's terms, nuisance projected out of both.
 pub fn cosines_with(library: &dyn Library, fit: &Fit, impacts: &[&Observation], signature: &[DMatrix<f64>]) -> Result<Vec<(usize, f64)>, ValidationError> {
-    let which: Vec<usize> = (0..library.effects().len()).filter(|&e| library.effects()[e].excluded.is_none() && !library.effects()[e].strengths.is_empty()).collect();
+    let which: Vec<usize> =
+        (0..library.effects().len()).filter(|&e| library.effects()[e].excluded.is_none() && !library.effects()[e].strengths.is_empty()).collect();
     let (blocks, terms) = signatures(library, fit, impacts, &which)?;
     let last = blocks.first().map_or(0, DMatrix::ncols);
     let joined: Vec<DMatrix<f64>> = blocks

@@ -81,7 +81,28 @@ fn features(o: &Observation, x: &Inputs, gear: &Gear) -> [f64; FEATURES] {
     let g = contact.slip_m_s.map(|s| s / v);
     let s = [x[3] * r / v, x[4] * r / v, x[5] * r / v];
     let swing = (x[9] * x[9] + x[10] * x[10] + x[11] * x[11]).sqrt();
-    [1.0, v, v * v, px, py, px * px, py * py, g[0].hypot(g[1]), s[0].hypot(s[1]), x[14], o.order, swing, g[0], g[1], s[0], s[1], s[2], px * py, py * x[14], x[3].hypot(x[4]) * r]
+    [
+        1.0,
+        v,
+        v * v,
+        px,
+        py,
+        px * px,
+        py * py,
+        g[0].hypot(g[1]),
+        s[0].hypot(s[1]),
+        x[14],
+        o.order,
+        swing,
+        g[0],
+        g[1],
+        s[0],
+        s[1],
+        s[2],
+        px * py,
+        py * x[14],
+        x[3].hypot(x[4]) * r,
+    ]
 }
 
 /// Responses of the 13 outputs to a unit of each channel; columns: normal, slip, across, x, y, spin n, spin slip, spin x,

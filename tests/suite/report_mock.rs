@@ -68,7 +68,7 @@ pub fn comparison(n: usize, miss: f64, name: &str) -> Comparison {
     let x: Vec<f64> = (0..21).map(|i| -0.1 + 0.01 * f64::from(i)).collect();
     let mean: Vec<f64> = x.iter().map(|x| 30.0 - 200.0 * x * x).collect();
     let held = HeldEffect { input: "impact_x".into(), low: mean.iter().map(|m| m - 0.3).collect(), high: mean.iter().map(|m| m + 0.3).collect(), x, mean };
-    let parameter = |value, sd| ParameterValue { name: name.to_owned(), value, sd, at_limit: true };
+    let parameter = |value, sd| ParameterValue { name: name.to_owned(), value, sd, at_limit: true, undetermined: false };
     Comparison {
         verdict: if miss > 0.0 { "inadequate" } else { "adequate" }.to_owned(),
         false_alarm_rate: 0.01,
@@ -111,7 +111,7 @@ pub fn provenance(name: &str) -> Provenance {
 }
 
 fn structure(p_value: f64) -> StructureTest {
-    StructureTest { statistic: 400.0, rank: 96, p_value, noise_scale: 1.02, excess: 300.0, seed: 1 }
+    StructureTest { statistic: 400.0, rank: 96, p_value, noise_scale: 1.02, residual_freedom: 2000.0, excess: 300.0, seed: 1 }
 }
 
 /// A diagnosis with everything in it.
@@ -209,7 +209,7 @@ pub fn ledger_entry(step: &str, error: f64, name: &str) -> LedgerEntry {
         parent: None,
         step: step.to_owned(),
         effects: vec![name.to_owned()],
-        parameters: vec![ParameterValue { name: name.to_owned(), value: 0.8, sd: 0.01, at_limit: false }],
+        parameters: vec![ParameterValue { name: name.to_owned(), value: 0.8, sd: 0.01, at_limit: false, undetermined: false }],
         heldout_error: error,
         fit_error: error * 0.97,
         noise_floor: 1.0,

@@ -53,6 +53,10 @@ pub struct FootageSpec {
     /// Sensor noise relative to the setting's own.
     #[serde(default = "defaults::one")]
     pub noise: f64,
+    /// Grey levels taken off before the picture is rounded to eight bits, as a camera with a raised black point does: a
+    /// dark curtain becomes plain black and the files small.
+    #[serde(default)]
+    pub black_level: f64,
     /// Incoming spin relative to the setting's own.
     #[serde(default = "defaults::one")]
     pub spin: f64,
@@ -100,6 +104,7 @@ impl FootageSpec {
             exposure_s: defaults::exposure(),
             size_px: defaults::size(),
             noise: 1.0,
+            black_level: 0.0,
             spin: 1.0,
             format: PictureFormat::default(),
         }
@@ -260,7 +265,7 @@ impl FootageWorld {
     /// Takes every picture and hands all files of the session to `sink`; `tick` after each picture. Returns the truth, in
     /// the form of the practice material.
     pub fn film(&self, sink: &Sink, tick: &(dyn Fn() + Sync), cancel: &AtomicBool) -> Result<serde_json::Value, FootageWorldError> {
-        let sensor = Sensor::new(&self.look, self.spec.seed ^ 0x5E45);
+        let sensor = Sensor::new(&self.look, self.spec.black_level, self.spec.seed ^ 0x5E45);
         let body = self.player.as_ref().map_or_else(Vec::new, Player::body);
         let empty = [0, 1].map(|c| self.backdrop.draw(&self.views[c], &self.look, &[]));
         let filled = if body.is_empty() { empty.clone() } else { [0, 1].map(|c| self.backdrop.draw(&self.views[c], &self.look, &body)) };
@@ -593,5 +598,6 @@ fn check(spec: &FootageSpec) -> Result<(), FootageWorldError> {
     need("size_px", spec.size_px[0].min(spec.size_px[1]) as f64, 128.0, 4096.0, "128 to 4096 a side")?;
     need("size_px", spec.size_px[0].max(spec.size_px[1]) as f64, 128.0, 4096.0, "128 to 4096 a side")?;
     need("noise", spec.noise, 0.0, 10.0, "0 to 10")?;
+    need("black_level", spec.black_level, 0.0, 100.0, "0 to 100")?;
     need("spin", spec.spin, 0.0, 4.0, "0 to 4")
 }

@@ -118,13 +118,16 @@ impl Look {
 pub struct Sensor {
     deviates: Vec<f32>,
     sd: [f32; 256],
+    black: f32,
 }
 
 impl Sensor {
-    pub fn new(look: &Look, seed: u64) -> Sensor {
+    /// `black_level` grey levels are taken off every pixel after its noise is added.
+    pub fn new(look: &Look, black_level: f64, seed: u64) -> Sensor {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let deviates = (0..1 << 17).map(|_| StandardNormal.sample(&mut rng)).collect();
-        Sensor { deviates, sd: std::array::from_fn(|level| (look.read_noise.powi(2) + look.shot_noise * level as f64).sqrt() as f32) }
+        let black = black_level as f32;
+        Sensor { deviates, black, sd: std::array::from_fn(|level| (look.read_noise.powi(2) + look.shot_noise * level as f64).sqrt() as f32) }
     }
 
     /// Adds noise and rounds to eight bits. `seed` picks the noise of this picture.
@@ -138,7 +141,7 @@ impl Sensor {
             for &value in row {
                 at = (at + step) & mask;
                 let level = value.clamp(0.0, 255.0);
-                out.push((level + self.sd[level as usize] * self.deviates[at] + 0.5).clamp(0.0, 255.0) as u8);
+                out.push((level + self.sd[level as usize] * self.deviates[at] - self.black + 0.5).clamp(0.0, 255.0) as u8);
             }
         }
         out

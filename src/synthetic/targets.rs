@@ -83,6 +83,11 @@ impl Board {
                         .is_some_and(|p| p.x > 3.0 && p.y > 3.0 && p.x < view.width as f64 - 4.0 && p.y < view.height as f64 - 4.0)
                 })
             };
+            // Neither edge-on nor square to a camera: 12 to 48 degrees off its line of sight.
+            let slant = |view: &View| (pose.rotation * Vector3::z()).dot(&(centre - view.centre()).normalize()).clamp(-1.0, 1.0).acos().to_degrees();
+            if !views.iter().all(|v| (12.0..48.0).contains(&slant(v))) {
+                continue;
+            }
             let other = 1 - faulty_camera;
             let good = if partly {
                 inside[faulty_camera] < whole && inside[faulty_camera] > whole / 3 && inside[other] == whole

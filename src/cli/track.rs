@@ -5,10 +5,11 @@ use super::error::{CliError, existing};
 use crate::calibration::StereoRig;
 use crate::footage::Clip;
 use crate::session::{Session, ShotFolder};
-use crate::tracking::{PointState, ShotSetup, ShotTracks, TrackingError, points_to_csv, track_shot};
+use crate::tracking::spin::{BallSpin, SPIN_FILE, spin_to_json};
+use crate::tracking::{PointState, ShotSetup, ShotTracks, TrackingError, points_to_csv, spin_of_shot, track_shot};
 use std::path::{Path, PathBuf};
 
-/// Footage to tracks.csv and points.csv
+/// Footage to tracks.csv, points.csv and spin.json
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     /// The session folder (holds session.toml)
@@ -40,12 +41,13 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     for shot in shots {
         shell.check_cancelled()?;
         let folder = results.join("shots").join(&shot.id);
-        if !shell.args.force && folder.join("tracks.csv").exists() && folder.join("points.csv").exists() {
+        if !shell.args.force && folder.join("tracks.csv").exists() && folder.join("points.csv").exists() && folder.join(SPIN_FILE).exists() {
             shell.say(format!("{}: already tracked (--force tracks again)", shot.id));
             continue;
         }
         match one(&session, shot, &rig, shell) {
-            Ok(tracked) => {
+            Ok((tracked, spin)) => {
+                shell.write(&folder.join(SPIN_FILE), spin_to_json(&spin).as_bytes())?;
                 shell.write(&folder.join("points.csv"), points_to_csv(&tracked.points).as_bytes())?;
                 shell.write(&folder.join("tracks.csv"), tracked.tracks.to_csv().as_bytes())?;
                 let summary = summary(&shot.id, &tracked);
@@ -67,13 +69,15 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     if failed.is_empty() { Ok(()) } else { Err(CliError::some_failed(failed.join("\n"))) }
 }
 
-fn one(session: &Session, shot: &ShotFolder, rig: &StereoRig, shell: &Shell) -> Result<ShotTracks, TrackingError> {
+fn one(session: &Session, shot: &ShotFolder, rig: &StereoRig, shell: &Shell) -> Result<(ShotTracks, BallSpin), TrackingError> {
     let clip = Clip::list(&shot.camera("left"), &shot.camera("right"))?;
     let bar = shell.progress(clip.pairs.len() as u64, "tracking");
     let setup = ShotSetup { rig, racket: &shot.racket, ball: &shot.ball, frame_rate_hz: session.frame_rate_hz };
     let tracked = track_shot(&clip, &setup, shell.cancel_flag(), &|n| bar.inc(n as u64));
     bar.finish_and_clear();
-    tracked
+    let tracked = tracked?;
+    let spin = spin_of_shot(&clip, &setup, &tracked.tracks, &tracked.points)?;
+    Ok((tracked, spin))
 }
 
 fn summary(id: &str, tracked: &ShotTracks) -> ShotSummary {

@@ -1,0 +1,91 @@
+//! The ball's spin in one tracked shot: crops of the ball in free flight, before and after the contact.
+
+use super::shot_tracker::{ShotSetup, TrackingError};
+use super::spin::{BallSpin, BallView, GreyPatch, SpinSettings, measure_spin};
+use super::track_file::{SpacePoint, Target, Tracks};
+use crate::calibration::CameraId;
+use crate::footage::{FrameBuffer, FrameSource};
+use nalgebra::{Point3, Vector2};
+
+/// Longest contact of ball and strings: 4 to 6 ms at the speeds of play (physics.md E.2). Frames in it show neither spin.
+const LONGEST_CONTACT_S: f64 = 6.5e-3;
+/// Frames used on each side: a longer flight adds little and takes as long again.
+const MOST_FRAMES: f64 = 24.0;
+/// Pixels kept around the ball, in radii.
+const CROP_RADII: f64 = 1.6;
+
+struct Crop {
+    camera: CameraId,
+    time_s: f64,
+    pixels: Vec<u8>,
+    side: usize,
+    left: i64,
+    top: i64,
+    centre_px: Vector2<f64>,
+    centre_sd_px: f64,
+    position: Point3<f64>,
+}
+
+/// Measures the spin before and after the contact. `points` are those of the shot, t = 0 at first contact.
+pub fn spin_of_shot(source: &impl FrameSource, setup: &ShotSetup, tracks: &Tracks, points: &[SpacePoint]) -> Result<BallSpin, TrackingError> {
+    let radius = setup.ball.radius_m();
+    let reach = MOST_FRAMES / setup.frame_rate_hz;
+    let mut sides: [Vec<Crop>; 2] = [Vec::new(), Vec::new()];
+    let mut buffer = FrameBuffer::default();
+    for index in 0..source.len() {
+        let number = source.number(index);
+        let Some(point) = points.iter().find(|p| p.frame == number && p.target == Target::Ball) else { continue };
+        let side = if (-reach..0.0).contains(&point.t) {
+            0
+        } else if (LONGEST_CONTACT_S..LONGEST_CONTACT_S + reach).contains(&point.t) {
+            1
+        } else {
+            continue;
+        };
+        for camera in CameraId::BOTH {
+            let Some(seen) = tracks.get(number, camera, Target::Ball) else { continue };
+            let in_camera = setup.rig.camera_from_global(camera) * point.position;
+            if in_camera.z <= radius {
+                continue;
+            }
+            let half = (CROP_RADII * setup.rig.camera(camera).fx * radius / in_camera.z).clamp(4.0, 400.0);
+            let rows = |height: usize| {
+                let first = (seen.uv.y - half).clamp(0.0, height as f64) as usize;
+                (first, ((seen.uv.y + half + 2.0).clamp(0.0, height as f64) as usize).saturating_sub(first))
+            };
+            if !source.read(index, camera.index(), Some(rows(setup.rig.image_size[1])), &mut buffer)? {
+                continue;
+            }
+            let Some(view) = buffer.view() else { continue };
+            let (left, top, width) = ((seen.uv.x - half).floor() as i64, (seen.uv.y - half).floor() as i64, (2.0 * half).ceil() as usize + 1);
+            // Pixels outside the picture count as saturated: the estimator leaves those out.
+            let pixels = (0..width * width).map(|i| view.get(left + (i % width) as i64, top + (i / width) as i64).unwrap_or(u8::MAX)).collect();
+            sides[side].push(Crop {
+                camera,
+                time_s: point.t,
+                pixels,
+                side: width,
+                left,
+                top,
+                centre_px: seen.uv,
+                centre_sd_px: seen.sd.max(),
+                position: point.position,
+            });
+        }
+    }
+    let [before, after] = sides.each_ref().map(|crops| crops.iter().map(Crop::view).collect::<Vec<_>>());
+    Ok(measure_spin(&before, &after, setup.rig, radius, &SpinSettings::new(setup.frame_rate_hz)))
+}
+
+impl Crop {
+    fn view(&self) -> BallView<'_> {
+        BallView {
+            camera: self.camera,
+            time_s: self.time_s,
+            picture: GreyPatch { pixels: &self.pixels, width: self.side, height: self.side, stride: self.side, left: self.left, top: self.top },
+            centre_px: self.centre_px,
+            centre_sd_px: self.centre_sd_px,
+            position: self.position,
+        }
+    }
+}

@@ -200,6 +200,13 @@ fn limbs_of(scene: &Scene, racket: &Isometry3<f64>) -> Vec<Limb> {
     limbs
 }
 
+/// Pieces of one thing follow each other, so a repeat stands last.
+fn mark_once(list: &mut Vec<u16>, i: usize) {
+    if list.last() != Some(&(i as u16)) {
+        list.push(i as u16);
+    }
+}
+
 /// Which tiles each moving thing can reach during the exposure.
 fn tiles_of(view: &View, scene: &Scene, rackets: &[Isometry3<f64>; INSTANTS], balls: &[Isometry3<f64>; INSTANTS], limbs: &[Vec<Limb>; INSTANTS]) -> Vec<Tile> {
     let (across, down) = (view.width.div_ceil(TILE), view.height.div_ceil(TILE));
@@ -222,10 +229,17 @@ fn tiles_of(view: &View, scene: &Scene, rackets: &[Isometry3<f64>; INSTANTS], ba
         }
     };
     let ends = [0, INSTANTS - 1];
+    // A long thing across the picture would mark a large box: it is marked piece by piece.
+    const PIECES: usize = 8;
+    let piece = |from: Point3<f64>, to: Point3<f64>, i: usize| from + (to - from) * (i as f64 / PIECES as f64);
     for (i, tube) in scene.shape.tubes.iter().enumerate() {
         let to = tube.end();
-        let mut points = ends.iter().flat_map(|&k| [(rackets[k] * tube.from, tube.radius), (rackets[k] * to, tube.radius)]);
-        reach(&mut points, &mut |t| t.tubes.push(i as u16));
+        let pieces = if tube.length > 0.05 { PIECES } else { 1 };
+        for p in 0..pieces {
+            let span = |j: usize| if pieces == 1 { if j == 0 { tube.from } else { to } } else { piece(tube.from, to, j) };
+            let mut points = ends.iter().flat_map(|&k| [(rackets[k] * span(p), tube.radius), (rackets[k] * span(p + 1), tube.radius)]);
+            reach(&mut points, &mut |t| mark_once(&mut t.tubes, i));
+        }
     }
     let inner = scene.shape.inner();
     let mut rim = ends.iter().flat_map(|&k| {
@@ -236,8 +250,13 @@ fn tiles_of(view: &View, scene: &Scene, rackets: &[Isometry3<f64>; INSTANTS], ba
     });
     reach(&mut rim, &mut |t| t.strings = true);
     for i in 0..limbs[0].len() {
-        let mut points = ends.iter().flat_map(|&k| [(limbs[k][i].from, limbs[k][i].radius), (limbs[k][i].to, limbs[k][i].radius)]);
-        reach(&mut points, &mut |t| t.limbs.push(i as u16));
+        for p in 0..PIECES {
+            let mut points = ends.iter().flat_map(|&k| {
+                let l = &limbs[k][i];
+                [(piece(l.from, l.to, p), l.radius), (piece(l.from, l.to, p + 1), l.radius)]
+            });
+            reach(&mut points, &mut |t| mark_once(&mut t.limbs, i));
+        }
     }
     let mut centre = ends.iter().map(|&k| (Point3::from(balls[k].translation.vector), scene.ball_radius_m));
     reach(&mut centre, &mut |t| t.ball = true);

@@ -74,6 +74,17 @@ pub fn entry(name: &str) -> Result<&'static Entry, HiddenError> {
         .ok_or_else(|| HiddenError::Unknown { name: name.to_owned(), known: ENTRIES.iter().map(|e| e.name).collect::<Vec<_>>().join(", ") })
 }
 
+/// Effects that a rendered session of the laboratory shows well enough to be found in some forty shots.
+pub fn playable() -> impl Iterator<Item = &'static Entry> {
+    let in_pictures = |e: &&Entry| {
+        let mut world = Nature::default();
+        (e.change)(&mut world, 1.0);
+        world.measurement == super::nature::MeasurementFaults::default()
+    };
+    // Half of the signal is lost to footage noise, and forty shots have 0.37 of the signal of 300.
+    ENTRIES.iter().filter(|e| e.seen == Everywhere && e.signal_in_300[0] >= 30.0).filter(in_pictures)
+}
+
 /// The world in which all of `hidden` are in force.
 pub fn nature(hidden: &[Hidden]) -> Result<Nature, HiddenError> {
     let mut nature = Nature::default();

@@ -21,6 +21,7 @@ pub mod motion;
 pub mod nature;
 pub mod player;
 pub mod racket_shape;
+pub mod sample;
 pub mod sampling;
 pub mod scenario;
 pub mod targets;

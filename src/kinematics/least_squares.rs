@@ -67,8 +67,9 @@ pub(crate) fn solve<P: Problem>(problem: &P, start: P::State) -> Result<Solution
                 residuals = r;
                 damping = (damping * 0.1).max(1e-12);
                 jacobian = differences(problem, &state, &residuals, &scales);
-                // Newton's decrement: what a further step could gain, in units of χ².
-                if gain < 1e-9 * (1.0 + cost) && scaled.dot(&(&information * &scaled)) < 1e-8 {
+                // The last step's gain and length, in units of χ²: far below one standard deviation, and the next step of a
+                // quadratically converging method is far shorter still.
+                if gain < 1e-4 && scaled.dot(&(&information * &scaled)) < 1e-4 {
                     break;
                 }
             }

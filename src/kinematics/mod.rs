@@ -21,7 +21,7 @@ mod sweet_spot;
 
 pub use ball_flight::{FlightEstimate, FlightLaw};
 pub use contact::{BodyMotion, PointMotion, ball_in_racket, crossing};
-pub use racket_motion::{MotionEstimate, MotionLaw, MotionState, MovingRacket};
+pub use racket_motion::{MotionEstimate, MotionLaw, MotionState, MovingRacket, Pace};
 pub use shot::{ImpactTiming, MeasuredShot, MomentumVerdict, Quantities, Shot, ShotInput, ShotSpin, WindowReport, Windows, measure_shot};
 pub use shot_file::{SHOT_FILE, ShotFileError, ShotRecord};
 pub use shot_motion::{FEWEST_FRAMES, FrameView, GRAVITY_M_S2, MeasureSettings, ShotMotion, measure_motion};

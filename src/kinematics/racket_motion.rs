@@ -26,33 +26,62 @@ pub enum MotionLaw {
     SteadyFall,
     /// Falls freely, torque-free rotation with the racket's own inertia (Euler).
     FreeBody,
-    /// A swing: constant angular velocity, force on the centre of mass constant in body axes (an arc).
-    SteadySwing,
-    /// A swing with constant angular acceleration as well.
-    DrivenSwing,
-    /// A swing whose force and angular acceleration change at constant rates.
-    ChangingSwing,
+    /// Driven along an arc: force and angular acceleration in body axes that change at constant rates.
+    Swing(Pace),
+    /// Held by a hand: Euler's equations with a force and a torque in body axes that change at constant rates.
+    Hold(Pace),
+}
+
+/// How strong a drive is and how fast it changes. There is no law with a constant force: a hand that pushes also changes
+/// its push, and a law that forbids the change would claim too much precision at the window's edge.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Pace {
+    Gentle,
+    Brisk,
+    Abrupt,
 }
 
 impl MotionLaw {
-    pub const ALL: [MotionLaw; 7] = [
+    pub const ALL: [MotionLaw; 10] = [
         MotionLaw::Rest,
         MotionLaw::Coasting,
         MotionLaw::SteadyFall,
         MotionLaw::FreeBody,
-        MotionLaw::SteadySwing,
-        MotionLaw::DrivenSwing,
-        MotionLaw::ChangingSwing,
+        MotionLaw::Swing(Pace::Gentle),
+        MotionLaw::Swing(Pace::Brisk),
+        MotionLaw::Swing(Pace::Abrupt),
+        MotionLaw::Hold(Pace::Gentle),
+        MotionLaw::Hold(Pace::Brisk),
+        MotionLaw::Hold(Pace::Abrupt),
     ];
+
+    /// The two most flexible laws: whatever moves in a window, one of them follows it.
+    pub(crate) const FLEXIBLE: [MotionLaw; 2] = [MotionLaw::Swing(Pace::Abrupt), MotionLaw::Hold(Pace::Abrupt)];
+
+    /// Word of shot.json.
+    pub fn word(self) -> &'static str {
+        match self {
+            MotionLaw::Rest => "rest",
+            MotionLaw::Coasting => "coasting",
+            MotionLaw::SteadyFall => "steady-fall",
+            MotionLaw::FreeBody => "free-body",
+            MotionLaw::Swing(Pace::Gentle) => "gentle-swing",
+            MotionLaw::Swing(Pace::Brisk) => "brisk-swing",
+            MotionLaw::Swing(Pace::Abrupt) => "abrupt-swing",
+            MotionLaw::Hold(Pace::Gentle) => "gentle-hold",
+            MotionLaw::Hold(Pace::Brisk) => "brisk-hold",
+            MotionLaw::Hold(Pace::Abrupt) => "abrupt-hold",
+        }
+    }
 
     /// Number of estimated three-vectors, in the order of [`MotionState`]'s fields.
     fn vectors(self) -> usize {
-        match self {
-            MotionLaw::Rest | MotionLaw::Coasting | MotionLaw::SteadyFall | MotionLaw::FreeBody => 4,
-            MotionLaw::SteadySwing => 5,
-            MotionLaw::DrivenSwing => 6,
-            MotionLaw::ChangingSwing => 8,
-        }
+        if matches!(self, MotionLaw::Swing(_) | MotionLaw::Hold(_)) { 8 } else { 4 }
+    }
+
+    fn gyroscopic(self) -> bool {
+        matches!(self, MotionLaw::FreeBody | MotionLaw::Hold(_))
     }
 
     fn falls(self) -> bool {
@@ -60,12 +89,21 @@ impl MotionLaw {
     }
 
     /// Prior standard deviations of velocity, rate, force, rate of rate, and the slopes of the last two (SI). Wide: they
-    /// weigh the laws against each other and hardly move an estimate. A hung racket sways by millimetres per second.
-    fn priors(self) -> [Option<f64>; 8] {
+    /// weigh the laws against each other and hardly move an estimate. A hung racket sways by millimetres per second. A
+    /// drive changes by its own size within `memory_s`.
+    fn priors(self, memory_s: f64) -> [Option<Vector3<f64>>; 8] {
         let (v, w) = if self == MotionLaw::Rest { (0.005, 0.02) } else { (20.0, 30.0) };
-        // Forces: a centre of mass 0.4 m from the pivot at 30 rad/s, and the blow of a hand; angular accelerations: a
-        // swing gains 30 rad/s within 0.05 to 0.1 s (physics.md E.7); slopes: either changing by its own size in 15 ms.
-        [None, None, Some(v), Some(w), Some(300.0), Some(500.0), Some(2.0e4), Some(3.0e4)]
+        // Brisk: a centre of mass 0.35 m from the pivot at 30 rad/s needs 300 m/s²; a swing gains 30 rad/s within 0.05 to
+        // 0.1 s (physics.md E.7). Gentle is a third of that, abrupt twice.
+        let (force, rate_dot) = match self {
+            MotionLaw::Swing(Pace::Gentle) | MotionLaw::Hold(Pace::Gentle) => (100.0, 130.0),
+            MotionLaw::Swing(Pace::Abrupt) | MotionLaw::Hold(Pace::Abrupt) => (600.0, 1000.0),
+            _ => (300.0, 400.0),
+        };
+        // About the handle the inertia is a tenth of the others': the same hand turns the racket faster there.
+        let twist = Vector3::new(2.5, 1.0, 1.0);
+        let all = |sd: f64| Some(Vector3::repeat(sd));
+        [None, None, all(v), all(w), all(force), Some(twist * rate_dot), all(force / memory_s), Some(twist * (rate_dot / memory_s))]
     }
 }
 
@@ -79,7 +117,7 @@ pub struct MotionState {
     pub rate_body: Vector3<f64>,
     /// Acceleration of the centre of mass beyond gravity, body axes, m/s².
     pub force_body: Vector3<f64>,
-    /// Angular acceleration, body axes, rad/s².
+    /// Angular acceleration (beyond Euler's where the law has it), body axes, rad/s².
     pub rate_dot_body: Vector3<f64>,
     /// Slopes in time of the two above.
     pub force_slope_body: Vector3<f64>,
@@ -128,11 +166,12 @@ const STEP_S: f64 = 1.0e-3;
 
 impl MovingRacket {
     fn rate_dot(&self, law: MotionLaw, s: &MotionState, rate: &Vector3<f64>, dt: f64) -> Vector3<f64> {
-        if law == MotionLaw::FreeBody {
-            let i = self.inertia;
-            return Vector3::new((i.y - i.z) * rate.y * rate.z / i.x, (i.z - i.x) * rate.z * rate.x / i.y, (i.x - i.y) * rate.x * rate.y / i.z);
+        let given = s.rate_dot_body + s.rate_ddot_body * dt;
+        if !law.gyroscopic() {
+            return given;
         }
-        s.rate_dot_body + s.rate_ddot_body * dt
+        let i = self.inertia;
+        given + Vector3::new((i.y - i.z) * rate.y * rate.z / i.x, (i.z - i.x) * rate.z * rate.x / i.y, (i.x - i.y) * rate.x * rate.y / i.z)
     }
 
     /// Poses (origin at the stringbed centre) at times `dt` after the reference time, in any order.
@@ -155,7 +194,7 @@ impl MovingRacket {
         let (mut t, mut moving) = (0.0, state.clone());
         self.advance(law, state, &mut moving, &mut t, dt);
         moving.force_body = state.force_body + state.force_slope_body * dt;
-        moving.rate_dot_body = self.rate_dot(law, state, &moving.rate_body, dt);
+        moving.rate_dot_body = state.rate_dot_body + state.rate_ddot_body * dt;
         moving
     }
 
@@ -207,6 +246,8 @@ pub struct MotionView<'a> {
     /// Reference time, s, on the clock of the sightings.
     pub reference_t: f64,
     pub common: CommonError,
+    /// Time within which a drive may change by its own size, s.
+    pub memory_s: f64,
     /// Factor on all stated deviations, from the fit of the richest law.
     pub noise_scale: f64,
 }
@@ -275,9 +316,9 @@ impl Problem for LawFit<'_> {
     fn residuals(&self, state: &MotionState) -> Option<DVector<f64>> {
         let misfits = self.misfits(state)?;
         let seen = whiten(self.view.sightings, &misfits, self.view.common, self.view.noise_scale);
-        let priors = self.law.priors();
+        let priors = self.law.priors(self.view.memory_s);
         let fields = Self::fields(state);
-        let prior_rows = (0..self.law.vectors()).filter_map(|k| priors[k].map(|sd| fields[k] / sd));
+        let prior_rows = (0..self.law.vectors()).filter_map(|k| priors[k].map(|sd| fields[k].component_div(&sd)));
         let mut all: Vec<f64> = seen.iter().copied().collect();
         for row in prior_rows {
             all.extend(row.iter());
@@ -303,18 +344,13 @@ pub(crate) fn fit_law(view: &MotionView<'_>, law: MotionLaw, start: &MotionState
     if law == MotionLaw::Rest {
         (start.velocity, start.rate_body) = (Vector3::zeros(), Vector3::zeros());
     }
-    let unused = Vector3::zeros();
     if law.vectors() < 8 {
-        (start.force_slope_body, start.rate_ddot_body) = (unused, unused);
-    }
-    if law.vectors() < 6 {
-        start.rate_dot_body = unused;
-    }
-    if law.vectors() < 5 {
-        start.force_body = unused;
+        let unused = Vector3::zeros();
+        (start.force_body, start.force_slope_body) = (unused, unused);
+        (start.rate_dot_body, start.rate_ddot_body) = (unused, unused);
     }
     let Solution { state, covariance, cost, ln_det_information } = solve(&problem, start)?;
-    let ln_prior: f64 = (0..law.vectors()).filter_map(|k| law.priors()[k]).map(|sd| -3.0 * sd.ln()).sum();
+    let ln_prior: f64 = (0..law.vectors()).filter_map(|k| law.priors(view.memory_s)[k]).map(|sd| -sd.map(f64::ln).sum()).sum();
     let chi2 = problem.misfits(&state).map_or(f64::INFINITY, |m| whiten(view.sightings, &m, view.common, view.noise_scale).norm_squared());
     Ok(LawResult {
         law,

@@ -3,7 +3,6 @@
 use super::KinematicsError;
 use super::ball_flight::FlightLaw;
 use super::characteristics::{ShotEquipment, characteristics};
-use super::racket_motion::MotionLaw;
 use super::shot_motion::{MeasureSettings, ShotMotion, measure_motion};
 use super::shot_state::{SpinVector, UncertainShot};
 use super::space_points::space_points;
@@ -207,7 +206,7 @@ fn windows(m: &ShotMotion) -> Windows {
         frames: f.frames,
         rejected_points: f.rejected,
         noise_scale: f.noise_scale,
-        laws: f.laws.iter().map(|(l, p)| (motion_word(*l).to_owned(), *p)).collect(),
+        laws: f.laws.iter().map(|(l, p)| (l.word().to_owned(), *p)).collect(),
     };
     Windows {
         ball_in: flight(&m.ball_in),
@@ -221,18 +220,6 @@ fn flight_word(l: FlightLaw) -> &'static str {
     match l {
         FlightLaw::Gravity => "gravity",
         FlightLaw::Air => "air",
-    }
-}
-
-fn motion_word(l: MotionLaw) -> &'static str {
-    match l {
-        MotionLaw::Rest => "rest",
-        MotionLaw::Coasting => "coasting",
-        MotionLaw::SteadyFall => "steady-fall",
-        MotionLaw::FreeBody => "free-body",
-        MotionLaw::SteadySwing => "steady-swing",
-        MotionLaw::DrivenSwing => "driven-swing",
-        MotionLaw::ChangingSwing => "changing-swing",
     }
 }
 

@@ -5,7 +5,8 @@
 
 use super::ball_flight::{FlightEstimate, FlightLaw, FlightResult, FlightState, FlightView, average_flight, fit_flight, flight_deviations};
 use super::contact::{PointMotion, body_at, crossing};
-use super::racket_motion::{MotionEstimate, MotionLaw, MotionState, MotionView, MovingRacket, average, fit_law, sighting_deviations};
+use super::least_squares::SolveError;
+use super::racket_motion::{LawResult, MotionEstimate, MotionLaw, MotionState, MotionView, MovingRacket, Pace, average, fit_law, sighting_deviations};
 use super::sighting::{CommonError, FrameClock, Sighting, sightings};
 use super::stereo_point::{StereoPoint, stereo_point};
 use super::{FitError, KinematicsError};
@@ -87,6 +88,8 @@ pub struct ShotMotion {
 pub const FEWEST_FRAMES: usize = 4;
 /// The face's half extents around the stringbed centre within which an approach counts as an impact, m.
 const FACE: (f64, f64) = (0.30, 0.20);
+/// Most rounds in which windows and contact settle on each other.
+const ROUNDS: usize = 6;
 /// Contact lasts 3 to 7 ms (physics.md E.2); frames this long after first contact are surely free again.
 const SURELY_FREE_S: f64 = 0.0075;
 /// Deviations (in scaled standard deviations over both axes) beyond which a point is an outlier. Among 500 good points
@@ -154,7 +157,16 @@ fn find_impact(frames: &BTreeMap<u64, FrameView>, ball: &Ball, settings: &Measur
     let nearest = match settings.impact_frame {
         Some(frame) if (span.0..=span.1).contains(&frame) => Some(frame),
         Some(frame) => return Err(KinematicsError::ImpactFrameOutside { frame, first: span.0, last: span.1 }),
-        None => local.iter().filter(|(_, p)| over_face(p) && p.z.abs() < reach).min_by(|a, b| a.1.z.abs().total_cmp(&b.1.z.abs())).map(|(k, _)| *k),
+        None => {
+            // The string plane, carried by a turning racket, may sweep past the ball more than once: the impact is where the
+            // ball's velocity jumps.
+            let near: Vec<&(u64, Point3<f64>)> = local.iter().filter(|(_, p)| over_face(p) && p.z.abs() < reach).collect();
+            let lowest = near.iter().enumerate().filter(|(i, n)| {
+                let farther = |j: Option<usize>| j.and_then(|j| near.get(j)).is_none_or(|o| o.0.abs_diff(n.0) > 1 || o.1.z.abs() >= n.1.z.abs());
+                farther(i.checked_sub(1)) && farther(Some(i + 1))
+            });
+            lowest.max_by(|a, b| velocity_jump(frames, a.1.0).total_cmp(&velocity_jump(frames, b.1.0))).map(|(_, n)| n.0)
+        }
     };
     // The ball may be hidden around the contact: then the approach is read from the frames before the gap.
     let nearest = match nearest {
@@ -169,6 +181,15 @@ fn find_impact(frames: &BTreeMap<u64, FrameView>, ball: &Ball, settings: &Measur
     Ok((nearest, before.iter().sum::<f64>().signum()))
 }
 
+/// Change of the ball's velocity from the frames before to the frames after one frame, m/s; 0 when too few are seen.
+fn velocity_jump(frames: &BTreeMap<u64, FrameView>, at: u64) -> f64 {
+    let velocity = |range: std::ops::RangeInclusive<u64>| {
+        let points: Vec<(f64, Point3<f64>)> = frames.range(range).filter_map(|(_, f)| Some((f.t, f.ball?.position))).collect();
+        (points.len() >= 3).then(|| straight_line(&points, 0.0).1)
+    };
+    velocity(at.saturating_sub(9)..=at.saturating_sub(2)).zip(velocity(at + 5..=at + 12)).map_or(0.0, |(a, b)| (b - a).norm())
+}
+
 /// Where the straight approach of the distance to the face reaches zero, when no frame shows the ball near the face.
 fn approach_end(local: &[(u64, Point3<f64>)], period_s: f64) -> Option<u64> {
     local.windows(2).find_map(|w| {
@@ -180,16 +201,25 @@ fn approach_end(local: &[(u64, Point3<f64>)], period_s: f64) -> Option<u64> {
     })
 }
 
+#[derive(Clone, Copy)]
 enum When {
     Before,
     After,
 }
 
 impl When {
-    fn word(&self) -> &'static str {
+    fn word(self) -> &'static str {
         match self {
             When::Before => "before",
             When::After => "after",
+        }
+    }
+
+    /// Muscles change a force by its own size in some 30 ms; the soft hand after the blow lets go in 10 ms.
+    fn memory_s(self) -> f64 {
+        match self {
+            When::Before => 0.030,
+            When::After => 0.010,
         }
     }
 }
@@ -202,23 +232,24 @@ impl Bench<'_> {
         // Before: start well clear of the face, then take every frame up to the contact.
         let mut end = self.last_clear(&frames, side);
         let mut contact = end + half;
-        let mut fits = None;
-        for _ in 0..6 {
+        let (mut fits, mut settled) = (None, false);
+        for round in 0..ROUNDS {
             let from = contact - self.settings.window_s;
+            // The windows settle with one law; the last round weighs them all.
+            let laws: &[MotionLaw] = if settled { &MotionLaw::ALL } else { &[MotionLaw::Hold(Pace::Brisk)] };
             let ball_in = self.flight(&frames, When::Before, from, end, contact)?;
-            let racket_in = self.motion(&frames, When::Before, from, end, contact)?;
+            let racket_in = self.motion(&frames, When::Before, from, end, contact, laws)?;
             let dt = crossing(&PointMotion::from(&ball_in), &body_at(&self.moving, &racket_in, contact), &self.moving.com_local, side, radius)
                 .ok_or(KinematicsError::NoCrossing { when: "before" })?;
-            contact += dt;
-            let next = contact - guard;
-            let same = self.same_frames(end, next);
-            end = next;
-            fits = Some((ball_in, racket_in));
-            if same && dt.abs() < 2e-6 {
+            fits = Some((ball_in, racket_in, contact + dt));
+            if settled {
                 break;
             }
+            contact += dt;
+            settled = round == ROUNDS - 2 || self.same_frames(end, contact - guard) && dt.abs() < 2e-4;
+            end = contact - guard;
         }
-        let (ball_in, racket_in) = fits.ok_or(KinematicsError::NoCrossing { when: "before" })?;
+        let (ball_in, racket_in, contact) = fits.ok_or(KinematicsError::NoCrossing { when: "before" })?;
         let mut shot = ShotMotion {
             clock: self.clock,
             side,
@@ -244,21 +275,23 @@ impl Bench<'_> {
         let guard = 0.5 * self.settings.exposure_s + 0.0002;
         let mut start = shot.first_contact_t + SURELY_FREE_S;
         let mut contact = shot.first_contact_t + 0.005;
-        for _ in 0..6 {
+        let mut settled = false;
+        for round in 0..ROUNDS {
+            let laws: &[MotionLaw] = if settled { &MotionLaw::ALL } else { &[MotionLaw::Hold(Pace::Brisk)] };
             let to = contact + self.settings.window_s;
             let ball_out = self.flight(&shot.frames, When::After, start, to, contact)?;
-            let racket_out = self.motion(&shot.frames, When::After, start, to, contact)?;
+            let racket_out = self.motion(&shot.frames, When::After, start, to, contact, laws)?;
             let dt = crossing(&PointMotion::from(&ball_out), &body_at(&self.moving, &racket_out, contact), &self.moving.com_local, shot.side, radius)
                 .ok_or(KinematicsError::NoCrossing { when: "after" })?;
-            contact = (contact + dt).clamp(shot.first_contact_t + 0.001, shot.first_contact_t + SURELY_FREE_S);
-            let next = contact + guard;
-            let same = self.same_frames(start, next);
-            start = next;
-            shot.last_contact_t = Some(contact);
-            (shot.ball_out, shot.racket_out) = (Some(ball_out), Some(racket_out));
-            if same && dt.abs() < 2e-6 {
+            let next = (contact + dt).clamp(shot.first_contact_t + 0.001, shot.first_contact_t + SURELY_FREE_S);
+            if settled {
+                shot.last_contact_t = Some(next);
+                (shot.ball_out, shot.racket_out) = (Some(ball_out), Some(racket_out));
                 break;
             }
+            settled = round == ROUNDS - 2 || self.same_frames(start, next + guard) && (next - contact).abs() < 2e-4;
+            contact = next;
+            start = contact + guard;
         }
         Ok(())
     }
@@ -324,7 +357,7 @@ impl Bench<'_> {
         }
     }
 
-    fn motion(&self, frames: &BTreeMap<u64, FrameView>, when: When, from: f64, to: f64, reference_t: f64) -> Result<MotionEstimate, KinematicsError> {
+    fn motion(&self, frames: &BTreeMap<u64, FrameView>, when: When, from: f64, to: f64, reference_t: f64, laws: &[MotionLaw]) -> Result<MotionEstimate, KinematicsError> {
         let mut seen = sightings(self.tracks, self.clock, &Target::MARKERS, from, to);
         let poses: Vec<(f64, Isometry3<f64>)> = frames.values().filter(|f| (from..=to).contains(&f.t)).filter_map(|f| Some((f.t, f.pose?))).collect();
         if poses.len() < FEWEST_FRAMES {
@@ -333,25 +366,24 @@ impl Bench<'_> {
         let start = self.starting_motion(&poses, reference_t);
         let total = seen.len();
         let failed = |source| KinematicsError::Fit { body: "racket", when: when.word(), source: FitError::from(source) };
+        let mut richest = most_flexible(&self.motion_view(&seen, when, reference_t, 1.0), &start).map_err(failed)?;
         for _ in 0..5 {
-            let view = self.motion_view(&seen, reference_t, 1.0);
-            let richest = fit_law(&view, MotionLaw::ChangingSwing, &start).map_err(failed)?;
-            let deviations = sighting_deviations(&view, &richest);
+            let deviations = sighting_deviations(&self.motion_view(&seen, when, reference_t, 1.0), &richest);
             if !drop_outliers(&mut seen, &deviations) {
                 break;
             }
+            richest = most_flexible(&self.motion_view(&seen, when, reference_t, 1.0), &richest.state).map_err(failed)?;
         }
-        let richest = fit_law(&self.motion_view(&seen, reference_t, 1.0), MotionLaw::ChangingSwing, &start).map_err(failed)?;
         let scale = noise_scale(richest.chi2, 2 * seen.len(), 24);
-        let view = self.motion_view(&seen, reference_t, scale);
-        let results: Vec<_> = MotionLaw::ALL.iter().filter_map(|law| fit_law(&view, *law, &richest.state).ok()).collect();
+        let view = self.motion_view(&seen, when, reference_t, scale);
+        let results: Vec<_> = laws.iter().filter_map(|law| fit_law(&view, *law, &richest.state).ok()).collect();
         let mut estimate = average(&self.moving, results, reference_t).ok_or(KinematicsError::NoPoints)?;
         (estimate.noise_scale, estimate.frames, estimate.rejected) = (scale, frames_in(&seen), total - seen.len());
         Ok(estimate)
     }
 
-    fn motion_view<'b>(&'b self, sightings: &'b [Sighting], reference_t: f64, noise_scale: f64) -> MotionView<'b> {
-        MotionView { rig: self.rig, racket: &self.moving, sightings, reference_t, common: CommonError(self.settings.tape_error_px), noise_scale }
+    fn motion_view<'b>(&'b self, sightings: &'b [Sighting], when: When, reference_t: f64, noise_scale: f64) -> MotionView<'b> {
+        MotionView { rig: self.rig, racket: &self.moving, sightings, reference_t, common: CommonError(self.settings.tape_error_px), memory_s: when.memory_s(), noise_scale }
     }
 
     /// Pose nearest to the reference time, carried there at the median rate of the per-frame poses.
@@ -381,6 +413,16 @@ impl Bench<'_> {
         state.global_from_racket *= nalgebra::UnitQuaternion::from_scaled_axis(rate * dt);
         (state.velocity, state.rate_body) = (velocity, rate);
         state
+    }
+}
+
+/// The flexible law that follows the points more closely.
+fn most_flexible(view: &MotionView<'_>, start: &MotionState) -> Result<LawResult, SolveError> {
+    let [a, b] = MotionLaw::FLEXIBLE.map(|law| fit_law(view, law, start));
+    match (a, b) {
+        (Ok(a), Ok(b)) => Ok(if b.chi2 < a.chi2 { b } else { a }),
+        (Ok(one), Err(_)) | (Err(_), Ok(one)) => Ok(one),
+        (Err(e), Err(_)) => Err(e),
     }
 }
 

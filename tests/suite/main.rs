@@ -9,6 +9,8 @@ mod cli;
 mod impact;
 mod impact_expression;
 mod impact_scene;
+mod kinematics;
+mod kinematics_world;
 mod layout;
 mod report;
 mod report_gallery;

@@ -9,6 +9,7 @@ mod ball_flight;
 mod characteristics;
 mod contact;
 mod least_squares;
+mod marker_distance;
 mod racket_motion;
 mod shot;
 mod shot_file;
@@ -18,9 +19,11 @@ mod sighting;
 mod space_points;
 mod stereo_point;
 mod sweet_spot;
+mod thesis_path;
 
 pub use ball_flight::{FlightEstimate, FlightLaw};
 pub use contact::{BodyMotion, PointMotion, ball_in_racket, crossing};
+pub use marker_distance::{MarkerDistance, marker_distances};
 pub use racket_motion::{MotionEstimate, MotionLaw, MotionState, MovingRacket, Pace};
 pub use shot::{ImpactTiming, MeasuredShot, MomentumVerdict, Quantities, Shot, ShotInput, ShotSpin, WindowReport, Windows, measure_shot};
 pub use shot_file::{SHOT_FILE, ShotFileError, ShotRecord};
@@ -29,6 +32,7 @@ pub use shot_state::SpinVector;
 pub use sighting::FrameClock;
 pub use space_points::space_points;
 pub use stereo_point::{StereoPoint, stereo_point};
+pub use thesis_path::{RacketAxes, ThesisShot, thesis_shot};
 pub use sweet_spot::{centre_of_percussion, dead_spot, effective_mass, ideal_point, rebound_speed};
 
 /// Why a shot's characteristics cannot be given.

@@ -5,7 +5,9 @@ use super::ball_flight::FlightLaw;
 use super::characteristics::{ShotEquipment, characteristics};
 use super::shot_motion::{MeasureSettings, ShotMotion, measure_motion};
 use super::shot_state::{SpinVector, UncertainShot};
+use super::marker_distance::{MarkerDistance, marker_distances, mismatch_remark};
 use super::space_points::space_points;
+use super::thesis_path::{ThesisShot, thesis_shot};
 use crate::calibration::StereoRig;
 use crate::equipment::{Ball, Racket};
 use crate::impact_table::{INPUTS, ImpactRow, Measured, OUTPUTS};
@@ -116,6 +118,12 @@ pub struct Shot {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub momentum: Option<MomentumVerdict>,
     pub windows: Windows,
+    /// The same shot by the thesis's construction, as a check.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub thesis: Option<ThesisShot>,
+    /// Distances between markers in the footage against racket.toml.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub marker_distances: Vec<MarkerDistance>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub remarks: Vec<String>,
 }
@@ -180,6 +188,8 @@ pub fn measure_shot(input: &ShotInput<'_>, settings: &MeasureSettings) -> Result
     let mut remarks = motion.remarks.clone();
     remarks.extend(input.spin.remarks.iter().cloned());
     let points = space_points(input.rig, input.tracks, &motion);
+    let marker_distances = marker_distances(&points, &motion.moving.figure);
+    remarks.extend(mismatch_remark(&marker_distances));
     let shot = Shot {
         id: input.id.to_owned(),
         racket: input.racket.name.clone(),
@@ -190,6 +200,8 @@ pub fn measure_shot(input: &ShotInput<'_>, settings: &MeasureSettings) -> Result
         impact_timing,
         momentum,
         windows: windows(&motion),
+        thesis: thesis_shot(&points, &motion),
+        marker_distances,
         remarks,
     };
     Ok(MeasuredShot { shot, points, motion })

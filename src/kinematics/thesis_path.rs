@@ -141,11 +141,16 @@ pub fn thesis_shot(points: &[SpacePoint], motion: &ShotMotion) -> Option<ThesisS
     let (_, tip_v) = carried(*com - Vector3::x() * arm)?;
     let (_, side_v) = carried(*com + Vector3::y() * arm)?;
     let markers = [carried(figure.points[0])?, carried(figure.points[1])?, carried(figure.points[2])?];
+    let three = |t: f64| markers.map(|(p, v)| p + v * t);
     let at = |t: f64| {
-        let m = markers.map(|(p, v)| p + v * t);
+        let m = three(t);
         RacketAxes::from_markers(&[Some(m[0]), Some(m[1]), Some(m[2]), None, None], figure)
     };
-    let gap = |t: f64| Some(at(t)?.z.dot(&(ball_at + ball_v * t - at(t)?.origin)) * motion.side);
+    let gap = |t: f64| {
+        let [m1, m2, m3] = three(t);
+        let face = plane(&m1, &m2, &m3);
+        Some(distance(&face, &(ball_at + ball_v * t)) * at(t)?.z.dot(&face.0).signum() * motion.side)
+    };
     // Bisection (4.11) between the first contact and 5 ms later.
     let (mut low, mut high) = (-0.001, 0.005);
     if gap(low)? < 0.0 || gap(high)? > 0.0 {

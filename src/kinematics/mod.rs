@@ -32,8 +32,8 @@ pub use shot_state::SpinVector;
 pub use sighting::FrameClock;
 pub use space_points::space_points;
 pub use stereo_point::{StereoPoint, stereo_point};
-pub use thesis_path::{RacketAxes, ThesisShot, thesis_shot};
 pub use sweet_spot::{centre_of_percussion, dead_spot, effective_mass, ideal_point, rebound_speed};
+pub use thesis_path::{RacketAxes, ThesisShot, thesis_shot};
 
 /// Why a shot's characteristics cannot be given.
 #[derive(Debug, thiserror::Error)]

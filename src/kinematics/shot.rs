@@ -3,9 +3,9 @@
 use super::KinematicsError;
 use super::ball_flight::FlightLaw;
 use super::characteristics::{ShotEquipment, characteristics};
+use super::marker_distance::{MarkerDistance, marker_distances, mismatch_remark};
 use super::shot_motion::{MeasureSettings, ShotMotion, measure_motion};
 use super::shot_state::{SpinVector, UncertainShot};
-use super::marker_distance::{MarkerDistance, marker_distances, mismatch_remark};
 use super::space_points::space_points;
 use super::thesis_path::{ThesisShot, thesis_shot};
 use crate::calibration::StereoRig;

@@ -357,7 +357,15 @@ impl Bench<'_> {
         }
     }
 
-    fn motion(&self, frames: &BTreeMap<u64, FrameView>, when: When, from: f64, to: f64, reference_t: f64, laws: &[MotionLaw]) -> Result<MotionEstimate, KinematicsError> {
+    fn motion(
+        &self,
+        frames: &BTreeMap<u64, FrameView>,
+        when: When,
+        from: f64,
+        to: f64,
+        reference_t: f64,
+        laws: &[MotionLaw],
+    ) -> Result<MotionEstimate, KinematicsError> {
         let mut seen = sightings(self.tracks, self.clock, &Target::MARKERS, from, to);
         let poses: Vec<(f64, Isometry3<f64>)> = frames.values().filter(|f| (from..=to).contains(&f.t)).filter_map(|f| Some((f.t, f.pose?))).collect();
         if poses.len() < FEWEST_FRAMES {
@@ -383,7 +391,15 @@ impl Bench<'_> {
     }
 
     fn motion_view<'b>(&'b self, sightings: &'b [Sighting], when: When, reference_t: f64, noise_scale: f64) -> MotionView<'b> {
-        MotionView { rig: self.rig, racket: &self.moving, sightings, reference_t, common: CommonError(self.settings.tape_error_px), memory_s: when.memory_s(), noise_scale }
+        MotionView {
+            rig: self.rig,
+            racket: &self.moving,
+            sightings,
+            reference_t,
+            common: CommonError(self.settings.tape_error_px),
+            memory_s: when.memory_s(),
+            noise_scale,
+        }
     }
 
     /// Pose nearest to the reference time, carried there at the median rate of the per-frame poses.

@@ -127,9 +127,8 @@ pub fn thesis_shot(points: &[SpacePoint], motion: &ShotMotion) -> Option<ThesisS
     let before = &before[before.len().saturating_sub(THESIS_FRAMES)..];
     let leave = motion.last_contact_t.map(|t| t - motion.first_contact_t);
     let after: Vec<_> = all.iter().filter(|f| leave.is_some_and(|l| f.0 > l)).take(THESIS_FRAMES).collect();
-    let ball_line = |frames: &[&(f64, [Option<Point3<f64>>; 6])]| {
-        line(&frames.iter().filter_map(|f| Some((f.0, f.1[Target::Ball.index()]?))).collect::<Vec<_>>())
-    };
+    let ball_line =
+        |frames: &[&(f64, [Option<Point3<f64>>; 6])]| line(&frames.iter().filter_map(|f| Some((f.0, f.1[Target::Ball.index()]?))).collect::<Vec<_>>());
     let (ball_at, ball_v) = ball_line(before)?;
     let axes: Vec<(f64, RacketAxes)> =
         before.iter().filter_map(|f| Some((f.0, RacketAxes::from_markers(&[f.1[0], f.1[1], f.1[2], f.1[3], f.1[4]], figure)?))).collect();

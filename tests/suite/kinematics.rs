@@ -22,8 +22,12 @@ impl Score {
     }
 
     fn coverage(&self, columns: &[&str]) -> f64 {
-        let all: Vec<bool> =
-            self.errors.iter().filter(|(c, _)| columns.iter().any(|p| c.starts_with(p))).flat_map(|(_, e)| e.iter().map(|(e, sd)| e.abs() < 1.96 * sd)).collect();
+        let all: Vec<bool> = self
+            .errors
+            .iter()
+            .filter(|(c, _)| columns.iter().any(|p| c.starts_with(p)))
+            .flat_map(|(_, e)| e.iter().map(|(e, sd)| e.abs() < 1.96 * sd))
+            .collect();
         all.iter().filter(|i| **i).count() as f64 / all.len() as f64
     }
 }
@@ -51,7 +55,10 @@ fn score(difficulty: &Difficulty, seeds: std::ops::Range<u64>) -> Score {
             out.push(("instant", (frame.value - truth.impact_frame) * FRAME_S, frame.sd * FRAME_S));
             if std::env::var_os("SWEETSPOT_SHOW").is_some() {
                 for (name, e, sd) in out.iter().filter(|(_, e, sd)| e.abs() > 3.5 * sd) {
-                    eprintln!("seed {seed} {name}: error {e:.4} sd {sd:.4} {:.2?}", if name.contains("in") { Some(&measured.shot.windows.racket_in) } else { measured.shot.windows.racket_out.as_ref() });
+                    eprintln!(
+                        "seed {seed} {name}: error {e:.4} sd {sd:.4} {:.2?}",
+                        if name.contains("in") { Some(&measured.shot.windows.racket_in) } else { measured.shot.windows.racket_out.as_ref() }
+                    );
                 }
             }
             out

@@ -50,13 +50,7 @@ pub fn racket() -> Racket {
         spinweight_kgm2: None,
         head: Head { inner_length_m: 0.335, inner_width_m: 0.255, tube_radius_m: 0.010 },
         strings: Strings { tension_lb: 58.0 },
-        markers: Some(Markers {
-            m1: [-0.1775, 0.0, 0.0],
-            m2: [0.0, -0.1375, 0.0],
-            m3: [0.0, 0.1375, 0.0],
-            m4: [0.2, -0.045, 0.0],
-            m5: [0.2, 0.045, 0.0],
-        }),
+        markers: Some(Markers { m1: [-0.1775, 0.0, 0.0], m2: [0.0, -0.1375, 0.0], m3: [0.0, 0.1375, 0.0], m4: [0.2, -0.045, 0.0], m5: [0.2, 0.045, 0.0] }),
     }
 }
 
@@ -66,15 +60,8 @@ pub fn ball() -> Ball {
 
 /// Two cameras at the ends of the net, 12 m away, 36° apart, as at Wimbledon.
 pub fn rig() -> StereoRig {
-    let camera = |fx: f64, k1: f64| Camera {
-        fx,
-        fy: fx * 1.001,
-        cx: 252.0,
-        cy: 259.0,
-        distortion: [k1, 0.5, 1e-4, -2e-4, 0.0],
-        rms_px: 0.1,
-        sd: BTreeMap::new(),
-    };
+    let camera =
+        |fx: f64, k1: f64| Camera { fx, fy: fx * 1.001, cx: 252.0, cy: 259.0, distortion: [k1, 0.5, 1e-4, -2e-4, 0.0], rms_px: 0.1, sd: BTreeMap::new() };
     let look = |eye: Point3<f64>| {
         let forward = (Point3::new(0.0, 1.0, 0.0) - eye).normalize();
         let right = forward.cross(&Vector3::y()).normalize();
@@ -210,7 +197,8 @@ pub fn true_shot(seed: u64, d: &Difficulty) -> TrueShot {
     after_contact.w = start.w + w_change + normal3(&mut rng, if d.laboratory { 0.0 } else { 3.0 });
     after_contact.com = start.com + (start.v + after_contact.v) * (contact_time / 2.0);
     after_contact.q = start.q * UnitQuaternion::from_scaled_axis((start.w + after_contact.w) * (contact_time / 2.0));
-    let leave = after_contact.pose(&com_local) * Point3::new(impact.x + rng.random_range(-0.01..0.01), impact.y, side * (radius - rng.random_range(0.0..0.002)));
+    let leave =
+        after_contact.pose(&com_local) * Point3::new(impact.x + rng.random_range(-0.01..0.01), impact.y, side * (radius - rng.random_range(0.0..0.002)));
     let after_force = normal3(&mut rng, 150.0 * held);
     let after_torque = Vector3::new(500.0, 250.0, 250.0).component_mul(&normal3(&mut rng, held));
     let after = |t: f64| {
@@ -256,9 +244,7 @@ pub fn true_shot(seed: u64, d: &Difficulty) -> TrueShot {
     }
 
     // Pixels.
-    let bias: Vec<Vector2<f64>> = (0..12)
-        .map(|k| normal3(&mut rng, if k % 6 == 5 { 0.2 * d.tape_error_px } else { d.tape_error_px }).xy())
-        .collect();
+    let bias: Vec<Vector2<f64>> = (0..12).map(|k| normal3(&mut rng, if k % 6 == 5 { 0.2 * d.tape_error_px } else { d.tape_error_px }).xy()).collect();
     let mut points = Vec::new();
     for (&frame, (pose, p)) in &seen {
         for camera in CameraId::BOTH {

@@ -48,6 +48,12 @@ pub fn significant(value: f64, digits: usize) -> String {
     fixed(value, (digits as i32 - 1 - power).max(0) as usize)
 }
 
+/// A setting as people type it: up to six significant digits, no needless zeros.
+pub fn plain(value: f64) -> String {
+    let text = significant(value, 6);
+    if text.contains('×') || !text.contains('.') { text } else { text.trim_end_matches('0').trim_end_matches('.').to_owned() }
+}
+
 /// `value ± sd`, the deviation to two significant digits and the value to the same place.
 pub fn with_sd(value: f64, sd: f64) -> String {
     if !(sd.is_finite() && sd > 0.0) {

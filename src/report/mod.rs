@@ -6,6 +6,7 @@
 
 pub mod chart;
 mod column;
+mod frame_doubt;
 mod markup;
 mod model_reports;
 mod page;

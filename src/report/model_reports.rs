@@ -47,13 +47,13 @@ pub fn diagnosis_report(
     let methods: Vec<&str> = DIAGNOSE_METHODS.iter().chain(&COMPARE_METHODS).copied().collect();
     let mut report = Report::new(title)
         .subtitle(&format!("What the model is missing: {}", diagnosis.model))
-        .section(sections::diagnosis_verdict(diagnosis))
+        .section(sections::diagnosis_verdict(diagnosis, after))
+        .section(sections::ledger(ledger, after.and(comparison), after))
         .section(sections::places(diagnosis, comparison))
         .section(sections::candidates(diagnosis))
         .section(sections::expression(diagnosis))
         .section(sections::next_experiments(diagnosis, racket))
-        .section(sections::equations(diagnosis))
-        .section(sections::ledger(ledger, after.and(comparison), after));
+        .section(sections::equations(diagnosis));
     if let Some(c) = comparison {
         report =
             report.section(sections::agreement(c)).section(sections::residuals(c)).section(sections::face_maps(c, racket)).section(sections::polynomials(c));

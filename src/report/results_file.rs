@@ -1,10 +1,13 @@
 //! Reads what the commands left in a session's results folder, for its report.
 
+use super::frame_doubt::{Doubt, frames_of_doubt};
+use super::session_results::FramePicture;
 use super::session_results::{SessionResults, ShotResults};
 use crate::calibration::StereoRig;
+use crate::footage::{Clip, read_grey};
 use crate::kinematics::{SHOT_FILE, ShotRecord};
-use crate::session::Session;
-use crate::tracking::{Tracks, read_points};
+use crate::session::{Session, ShotFolder};
+use crate::tracking::{SpacePoint, Tracks, read_points};
 use serde::de::DeserializeOwned;
 use std::path::Path;
 
@@ -24,7 +27,8 @@ pub fn read_session_results(session: &Session, results: &Path) -> SessionResults
             let why = if tracks.is_some() { "tracked, but not measured (see `sweetspot shots`)" } else { "not tracked (see `sweetspot track`)" };
             failed.push((folder.id.clone(), why.to_owned()));
         }
-        shots.push(ShotResults { id: folder.id.clone(), racket: folder.racket.clone(), record, tracks, points, pictures: Vec::new() });
+        let pictures = tracks.as_ref().map_or_else(Vec::new, |t| pictures(folder, t, &points));
+        shots.push(ShotResults { id: folder.id.clone(), racket: folder.racket.clone(), record, tracks, points, pictures });
     }
     SessionResults {
         name: session.name.clone(),
@@ -51,5 +55,55 @@ fn json<T: DeserializeOwned>(path: &Path, what: &str, failed: &mut Vec<(String, 
     read(path, what, failed, |p| {
         let text = std::fs::read_to_string(p).map_err(|e| format!("{}: cannot be read ({e})", p.display()))?;
         serde_json::from_str(&text).map_err(|e| format!("{}: {e}", p.display()))
+    })
+}
+
+/// Room around the points of a frame, px, and the least size of a piece.
+const MARGIN_PX: f64 = 22.0;
+const LEAST_PX: f64 = 110.0;
+
+/// Pieces of the frames of doubt. A frame that cannot be read (any more) is left out: the tracks are there all the same.
+fn pictures(folder: &ShotFolder, tracks: &Tracks, points: &[SpacePoint]) -> Vec<FramePicture> {
+    let Ok(clip) = Clip::list(&folder.camera("left"), &folder.camera("right")) else {
+        return Vec::new();
+    };
+    frames_of_doubt(tracks, points).into_iter().filter_map(|d| picture(&clip, tracks, d)).collect()
+}
+
+fn picture(clip: &Clip, tracks: &Tracks, doubt: Doubt) -> Option<FramePicture> {
+    let pair = clip.pairs.iter().find(|p| p.number == doubt.frame)?;
+    let image = read_grey(pair.files[doubt.camera.index()].as_ref()?).ok()?;
+    // All targets of the frame and its neighbours, so that a hidden one's place is in the piece too.
+    let around = |frame: u64| frame.abs_diff(doubt.frame) <= 3;
+    let seen = tracks.points.iter().filter(|p| around(p.frame) && p.camera == doubt.camera).filter_map(|p| p.point);
+    let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+    for p in seen {
+        for k in 0..2 {
+            (low[k], high[k]) = (low[k].min(p.uv[k]), high[k].max(p.uv[k]));
+        }
+    }
+    let whole = [image.width as f64, image.height as f64];
+    let (mut corner, mut size) = ([0u32; 2], [0u32; 2]);
+    for k in 0..2 {
+        if !(low[k] <= high[k]) {
+            return None;
+        }
+        let (middle, half) = (0.5 * (low[k] + high[k]), (0.5 * (high[k] - low[k]) + MARGIN_PX).max(0.5 * LEAST_PX));
+        let from = (middle - half).floor().clamp(0.0, (whole[k] - 1.0).max(0.0));
+        let to = (middle + half).ceil().clamp(from + 1.0, whole[k].max(from + 1.0));
+        (corner[k], size[k]) = (from as u32, (to - from) as u32);
+    }
+    let grey = image::GrayImage::from_raw(image.width as u32, image.height as u32, image.pixels)?;
+    let piece = image::imageops::crop_imm(&grey, corner[0], corner[1], size[0], size[1]).to_image();
+    let mut png = std::io::Cursor::new(Vec::new());
+    piece.write_to(&mut png, image::ImageFormat::Png).ok()?;
+    Some(FramePicture {
+        frame: doubt.frame,
+        camera: doubt.camera,
+        png: png.into_inner(),
+        corner,
+        size: [piece.width(), piece.height()],
+        words: doubt.words,
+        doubt: doubt.score,
     })
 }

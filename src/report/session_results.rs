@@ -6,15 +6,18 @@ use crate::kinematics::ShotRecord;
 use crate::tracking::{SpacePoint, Tracks};
 use crate::validation::{Comparison, Diagnosis, LedgerEntry};
 
-/// A piece of a frame with its tracks drawn in, PNG.
+/// A piece of a frame; the report draws the tracks over it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FramePicture {
     pub frame: u64,
     pub camera: CameraId,
     pub png: Vec<u8>,
+    /// Column and row of the piece's first pixel, and its width and height, px.
+    pub corner: [u32; 2],
+    pub size: [u32; 2],
     /// What there is to see, such as why the frame is in doubt.
     pub words: String,
-    /// How doubtful: pictures are shown from the greatest down.
+    /// How doubtful: pictures are shown from the greatest down; 0 is the impact, shown for reference.
     pub doubt: f64,
 }
 

@@ -15,5 +15,6 @@ mod layout;
 mod report;
 mod report_gallery;
 mod report_mock;
+mod report_session;
 mod shared;
 mod spin;

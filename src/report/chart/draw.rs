@@ -1,7 +1,7 @@
 //! Drawing of each layer in pixels, and the plane between the axes.
 
 use super::axis::Scale;
-use super::layer::{Arrows, Band, Bars, Cells, Label, Line, Points, Rule, Shape, Symbol};
+use super::layer::{Arrows, Band, Bars, Cells, Label, Line, Picture, Points, Rule, Shape, Symbol};
 use super::palette::{Colour, diverging, sequential};
 use super::svg::{Anchor, Svg, TEXT, polyline, px, text_width};
 use std::fmt::Write;
@@ -273,4 +273,19 @@ pub(super) fn label(svg: &mut Svg, plane: &Plane, layer: &Label, width: f64) {
     let (x, y) = plane.clamp(plane.at(layer.at));
     let x = x.min(width - text_width(&layer.text, TEXT) - 2.0).max(2.0);
     svg.text(x, y, Anchor::Start, &layer.text, "");
+}
+
+pub(super) fn picture(svg: &mut Svg, plane: &Plane, layer: &Picture) {
+    let a = plane.at((layer.corner.0 - 0.5, layer.corner.1 - 0.5));
+    let b = plane.at((layer.corner.0 + layer.size.0 - 0.5, layer.corner.1 + layer.size.1 - 0.5));
+    if finite(a) && finite(b) {
+        svg.raw(&format!(
+            "<image x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" preserveAspectRatio=\"none\" style=\"image-rendering:pixelated\" href=\"data:image/png;base64,{}\"/>",
+            px(a.0.min(b.0)),
+            px(a.1.min(b.1)),
+            px((b.0 - a.0).abs()),
+            px((b.1 - a.1).abs()),
+            crate::report::markup::base64(&layer.png)
+        ));
+    }
 }

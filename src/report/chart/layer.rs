@@ -34,7 +34,7 @@ macro_rules! layers {
     };
 }
 
-layers!(Points, Line, Band, Bars, Cells, Arrows, Shape, Rule, Label);
+layers!(Points, Line, Band, Bars, Cells, Arrows, Shape, Rule, Label, Picture);
 
 macro_rules! styled {
     ($($type:ident),*) => {$(
@@ -288,6 +288,21 @@ impl Rule {
     }
 }
 
+/// A grey or colour picture (PNG) below the other layers, in the coordinates of its pixels.
+#[derive(Debug, Clone)]
+pub struct Picture {
+    pub(super) png: Vec<u8>,
+    pub(super) corner: (f64, f64),
+    pub(super) size: (f64, f64),
+}
+
+impl Picture {
+    /// `corner`: column and row of the first pixel; `size`: width and height, px. Pixel centres lie on whole numbers.
+    pub fn new(png: &[u8], corner: (f64, f64), size: (f64, f64)) -> Self {
+        Picture { png: png.to_vec(), corner, size }
+    }
+}
+
 /// Text at a place of the chart.
 #[derive(Debug, Clone)]
 pub struct Label {
@@ -324,5 +339,6 @@ pub(super) fn extent(layer: &Layer) -> Vec<(f64, f64)> {
         Layer::Shape(s) => s.corners.clone(),
         Layer::Rule(r) => vec![if r.horizontal { (f64::NAN, r.at) } else { (r.at, f64::NAN) }],
         Layer::Label(_) => Vec::new(),
+        Layer::Picture(p) => vec![(p.corner.0 - 0.5, p.corner.1 - 0.5), (p.corner.0 + p.size.0 - 0.5, p.corner.1 + p.size.1 - 0.5)],
     }
 }

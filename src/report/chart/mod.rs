@@ -28,7 +28,7 @@ mod scene;
 mod svg;
 
 pub use histogram::{bin_edges, histogram};
-pub use layer::{Arrows, Band, Bars, Cells, Label, Layer, Line, Points, Rule, Shape, Symbol};
+pub use layer::{Arrows, Band, Bars, Cells, Label, Layer, Line, Picture, Points, Rule, Shape, Symbol};
 pub use palette::{Colour, SERIES, diverging, sequential};
 pub use plot::{Chart, Legend};
 pub use scene::Scene;

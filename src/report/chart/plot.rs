@@ -286,6 +286,7 @@ impl Chart {
             Layer::Shape(l) => draw::shape(svg, p, l),
             Layer::Rule(l) => draw::rule(svg, p, l),
             Layer::Label(l) => draw::label(svg, p, l, self.width),
+            Layer::Picture(l) => draw::picture(svg, p, l),
         }
     }
 
@@ -304,7 +305,7 @@ impl Chart {
                 Layer::Arrows(l) => (&l.name, l.colour),
                 Layer::Shape(l) => (&l.name, Some(l.colour.unwrap_or(Colour::GREY))),
                 Layer::Rule(l) => (&l.name, Some(l.colour.unwrap_or(Colour::GREY))),
-                Layer::Cells(_) | Layer::Label(_) => continue,
+                Layer::Cells(_) | Layer::Label(_) | Layer::Picture(_) => continue,
             };
             let colour = colour.unwrap_or_else(|| {
                 next += 1;

@@ -2,13 +2,14 @@
 
 use crate::report::markup::{fixed, percent};
 use crate::report::page::{Section, Tone};
+use crate::validation::Comparison;
 use crate::validation::diagnosis::{Diagnosis, Verdict};
 
 /// How the terminal text begins; the heading says it already.
 pub(super) const VERDICT_WORDS: [&str; 3] = ["ADEQUATE", "EFFECT MISSING", "UNEXPLAINED"];
 
-/// Verdict, the answer's sentences and the figures that matter.
-pub fn diagnosis_verdict(d: &Diagnosis) -> Section {
+/// Verdict, the answer's sentences and the figures that matter; `after`: the model with the recommended effects added.
+pub fn diagnosis_verdict(d: &Diagnosis, after: Option<&Comparison>) -> Section {
     let (tone, head) = match d.verdict {
         Verdict::Adequate => (Tone::Good, format!("Nothing is missing that these {} impacts could show.", d.n_impacts)),
         Verdict::EffectMissing if d.recommended.is_empty() => (Tone::Bad, "The model is missing an effect.".to_owned()),
@@ -20,6 +21,10 @@ pub fn diagnosis_verdict(d: &Diagnosis) -> Section {
     lines.extend(d.words.iter().filter(|w| !VERDICT_WORDS.iter().any(|v| w.starts_with(v))).cloned());
     if let Some(name) = &d.other_form {
         lines.push(format!("It acts like {name}, but not with the catalogue's formula: see the better form below."));
+    }
+    if let Some(a) = after {
+        let state = if a.verdict == "adequate" { "adequate" } else { "still not adequate" };
+        lines.push(format!("Added and fitted, the model is {state}: held-out error {}, noise floor {}.", fixed(a.heldout_error, 2), fixed(a.noise_floor, 2)));
     }
     let best = d.candidates.first().filter(|_| d.verdict != Verdict::Adequate);
     let mut cards = vec![(fixed(d.heldout_error, 2), "held-out error now (1 = the stated noise)".to_owned())];

@@ -1,7 +1,7 @@
 //! The cards of the effects that matter here: physics, equation, parameters, source, what they are confused with.
 
 use crate::impact::{EffectKind, effect_card};
-use crate::report::markup::significant;
+use crate::report::markup::plain;
 use crate::report::page::{Section, Table};
 use crate::validation::diagnosis::Diagnosis;
 
@@ -25,8 +25,7 @@ pub fn equations(d: &Diagnosis) -> Option<Section> {
         section = section.heading(&format!("{} ({kind})", card.name)).paragraph(card.physics).code(card.equation);
         let mut table = Table::new("").column("parameter").column("unit").numbers("default").numbers("from").numbers("to").column("meaning");
         for p in card.parameters {
-            let show = |v: f64| significant(v, 4);
-            table = table.row(&[p.name, p.unit, &show(p.default), &show(p.min), &show(p.max), p.meaning]);
+            table = table.row(&[p.name, p.unit, &plain(p.default), &plain(p.min), &plain(p.max), p.meaning]);
         }
         section = section
             .table(table)

@@ -1,6 +1,6 @@
 //! The error falls: the staircase from the first model to the noise floor, and the pictures before and after.
 
-use super::residuals::{Trend, panel, reach, trends};
+use super::residuals::{Trend, panel, reach, strongest, trends};
 use crate::report::chart::{Bars, Chart, Colour, Points, Rule, Symbol};
 use crate::report::column::column_words;
 use crate::report::markup::{fixed, with_sd};
@@ -18,9 +18,9 @@ pub fn ledger(path: &[&LedgerEntry], before: Option<&Comparison>, after: Option<
     }
     let mut section = Section::new("ledger", "The error falls");
     if path.len() >= 2 {
-        section = section.figure(
-            &staircase(path),
-            "Error on the same held-out impacts, version by version; dashed: what a model without fault would show on this data. Dots: error on the impacts the fit used.",
+        section = section.figures(
+            Layout::Wide,
+            &[(staircase(path), "Error on the same held-out impacts, version by version; dashed: what a model without fault would show on this data. Dots: error on the impacts the fit used.".to_owned())],
         );
         section = section.table(table(path));
         let refused: Vec<String> = path
@@ -65,7 +65,7 @@ fn staircase(path: &[&LedgerEntry]) -> String {
             path.len() - 1,
             fixed(floor, 2)
         ))
-        .size((120.0 + 85.0 * path.len() as f64).clamp(300.0, 760.0), 270.0)
+        .size((120.0 + 85.0 * path.len() as f64).clamp(360.0, 640.0), 270.0)
         .x_categories(&names)
         .y("rms residual, noise = 1", "")
         .y_include(0.0)
@@ -100,11 +100,10 @@ fn table(path: &[&LedgerEntry]) -> Table {
 }
 
 fn before_and_after(before: &Comparison, after: &Comparison) -> Vec<(String, String)> {
-    let (mut old, new) = (trends(before), trends(after));
-    old.sort_by(|a, b| b.strength.total_cmp(&a.strength));
+    let (old, new) = (trends(before), trends(after));
     let twin = |t: &Trend| new.iter().position(|n| n.output == t.output && n.input == t.input);
     let mut figures = Vec::new();
-    for t in old.iter().take(PAIRS) {
+    for t in strongest(&old, 1).into_iter().take(PAIRS) {
         let Some(n) = twin(t) else { continue };
         let every = t.points.len().div_ceil(900).max(1);
         let (output, input) = (column_words(&t.output).words, column_words(&t.input).words);

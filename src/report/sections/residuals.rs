@@ -48,6 +48,19 @@ pub(super) fn trends(comparison: &Comparison) -> Vec<Trend> {
     all
 }
 
+/// Trends from the clearest down, at most so many of each output: one bad output must not hide the others.
+pub(super) fn strongest(trends: &[Trend], of_each: usize) -> Vec<&Trend> {
+    let mut order: Vec<&Trend> = trends.iter().collect();
+    order.sort_by(|a, b| b.strength.total_cmp(&a.strength).then_with(|| (&a.output, &a.input).cmp(&(&b.output, &b.input))));
+    let mut kept: Vec<&Trend> = Vec::new();
+    for t in order {
+        if kept.iter().filter(|k| k.output == t.output).count() < of_each {
+            kept.push(t);
+        }
+    }
+    kept
+}
+
 fn strength(curve: &SmoothCurve) -> f64 {
     let each = curve.mean.iter().zip(curve.low.iter().zip(&curve.high)).map(|(m, (l, h))| m.abs() / (0.5 * (h - l)).max(1e-9));
     each.fold(0.0, f64::max)
@@ -61,8 +74,7 @@ pub fn residuals(comparison: &Comparison) -> Option<Section> {
     }
     let marks: usize = trends.iter().map(|t| t.points.len()).sum();
     let every = marks.div_ceil(MOST_MARKS).max(1);
-    let mut order: Vec<&Trend> = trends.iter().collect();
-    order.sort_by(|a, b| b.strength.total_cmp(&a.strength).then_with(|| (&a.output, &a.input).cmp(&(&b.output, &b.input))));
+    let order = strongest(&trends, 2);
     let clearest: Vec<(String, String)> = order
         .iter()
         .take(SHOWN)

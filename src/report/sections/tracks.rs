@@ -1,10 +1,11 @@
 //! Tracks over the frames around the impact: frames of doubt first, then paths in both pictures and what was seen when.
 
 use crate::calibration::CameraId;
-use crate::report::chart::{Chart, Colour, Legend, Line, Points, Rule, SERIES, Symbol};
+use crate::report::chart::{Chart, Colour, Legend, Line, Picture, Points, Rule, SERIES, Symbol};
+use crate::report::frame_doubt::impact_frame;
 use crate::report::markup::fixed;
 use crate::report::page::{Layout, Section};
-use crate::report::session_results::{SessionResults, ShotResults};
+use crate::report::session_results::{FramePicture, SessionResults, ShotResults};
 use crate::tracking::{PointState, Target, Tracks};
 
 /// Frames drawn on either side of the impact.
@@ -18,13 +19,14 @@ pub fn tracks(results: &SessionResults) -> Option<Section> {
         return None;
     }
     let mut section = Section::new("tracks", "Tracks");
-    let mut pictures: Vec<(&str, &crate::report::session_results::FramePicture)> =
-        shots.iter().flat_map(|s| s.pictures.iter().map(|p| (s.id.as_str(), p))).collect();
-    pictures.sort_by(|a, b| b.1.doubt.total_cmp(&a.1.doubt).then_with(|| (a.0, a.1.frame, a.1.camera).cmp(&(b.0, b.1.frame, b.1.camera))));
-    let shown: Vec<(Vec<u8>, String)> =
-        pictures.iter().take(MOST_PICTURES).map(|(id, p)| (p.png.clone(), format!("{id}, frame {}, {}: {}", p.frame, p.camera.name(), p.words))).collect();
+    let mut pictures: Vec<(&ShotResults, &FramePicture)> = shots.iter().flat_map(|s| s.pictures.iter().map(move |p| (*s, p))).collect();
+    pictures.sort_by(|a, b| b.1.doubt.total_cmp(&a.1.doubt).then_with(|| (&a.0.id, a.1.frame, a.1.camera).cmp(&(&b.0.id, b.1.frame, b.1.camera))));
+    let shown: Vec<(String, String)> = pictures.iter().take(MOST_PICTURES).map(|(shot, p)| (overlay(shot, p), p.words.clone())).collect();
     if !shown.is_empty() {
-        section = section.heading("Frames of doubt first").pictures(Layout::Small, &shown);
+        section = section
+            .heading("Frames of doubt first, then the impacts")
+            .note("Rings: measured in this frame, the size of a marker's band or the ball left free to see; dotted: the path through the neighbouring frames.")
+            .figures(Layout::Normal, &shown);
     }
     section = section.note("Paths of the five markers and the ball in both pictures, from 20 frames before to 20 after the impact, and below them what was measured in which frame. A hidden point is never drawn.");
     for (k, shot) in shots.iter().enumerate() {
@@ -39,15 +41,41 @@ pub fn tracks(results: &SessionResults) -> Option<Section> {
     Some(section)
 }
 
-/// Frame at t = 0 of the reconstructed points, or the middle of the tracks.
-fn impact_frame(shot: &ShotResults, tracks: &Tracks) -> u64 {
-    let nearest = shot.points.iter().filter(|p| p.t.is_finite()).min_by(|a, b| a.t.abs().total_cmp(&b.t.abs()));
-    let frames = tracks.frames();
-    nearest.map(|p| p.frame).or_else(|| frames.get(frames.len() / 2).copied()).unwrap_or(0)
+/// A piece of the frame with what was measured in it.
+fn overlay(shot: &ShotResults, picture: &FramePicture) -> String {
+    let camera = if picture.camera == CameraId::Left { "left" } else { "right" };
+    let (corner, size) = (picture.corner.map(f64::from), picture.size.map(f64::from));
+    let mut chart = Chart::new(&format!("{}, frame {}, {camera}", shot.id, picture.frame))
+        .describe(&picture.words)
+        .size(340.0, 340.0)
+        .height_from_width()
+        .x("u", "px")
+        .y("v", "px")
+        .x_range(corner[0] - 0.5, corner[0] + size[0] - 0.5)
+        .y_range(corner[1] - 0.5, corner[1] + size[1] - 0.5)
+        .y_reversed()
+        .without_grid()
+        .add(Picture::new(&picture.png, (corner[0], corner[1]), (size[0], size[1])));
+    let Some(tracks) = &shot.tracks else { return chart.to_svg() };
+    for (k, target) in Target::ALL.iter().enumerate() {
+        let near = (picture.frame.saturating_sub(3)..=picture.frame.saturating_add(3)).map(|f| tracks.get(f, picture.camera, *target));
+        let path: Vec<(f64, f64)> = near.map(|p| p.map_or((f64::NAN, f64::NAN), |i| (i.uv.x, i.uv.y))).collect();
+        let colour = target_colour(k);
+        chart = chart.add(Line::new(&path).colour(colour).width(0.9).dotted());
+        if let Some(p) = tracks.get(picture.frame, picture.camera, *target) {
+            chart = chart.add(Points::new(&[(p.uv.x, p.uv.y)]).symbol(Symbol::Ring).size(9.0).colour(colour).name(target.name()));
+        }
+    }
+    chart.to_svg()
+}
+
+/// The ball is blue, markers take the other colours.
+fn target_colour(index: usize) -> Colour {
+    if Target::ALL.get(index) == Some(&Target::Ball) { Colour::BLUE } else { SERIES[(index + 1) % SERIES.len()] }
 }
 
 fn shot_figures(shot: &ShotResults, tracks: &Tracks) -> Vec<(String, String)> {
-    let impact = impact_frame(shot, tracks);
+    let impact = impact_frame(tracks, &shot.points).unwrap_or(0);
     let (from, to) = (impact.saturating_sub(AROUND), impact.saturating_add(AROUND));
     let mut figures: Vec<(String, String)> = CameraId::BOTH.iter().map(|c| (paths(tracks, *c, from, to), String::new())).collect();
     figures.push((seen(tracks, impact), "What was measured when; blank: hidden or not found.".to_owned()));
@@ -75,9 +103,7 @@ fn paths(tracks: &Tracks, camera: CameraId, from: u64, to: u64) -> String {
         if at.iter().all(|p| !p.0.is_finite()) {
             continue;
         }
-        let colour = SERIES[(k + 1) % SERIES.len()];
-        let symbol = Symbol::SERIES[k % Symbol::SERIES.len()];
-        let colour = if *target == Target::Ball { Colour::BLUE } else { colour };
+        let (colour, symbol) = (target_colour(k), Symbol::SERIES[k % Symbol::SERIES.len()]);
         chart = chart.add(Line::new(&at).colour(colour).width(0.8)).add(Points::new(&at).symbol(symbol).size(3.4).colour(colour).name(target.name()));
     }
     chart.to_svg()

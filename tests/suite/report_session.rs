@@ -1,0 +1,176 @@
+//! A session's report from made-up results: plain and hostile names, everything and next to nothing.
+
+use super::report::{HOSTILE, assert_page, keep, racket};
+use super::report_mock::{comparison, diagnosis, ledger_entry, provenance};
+use nalgebra::{Isometry3, Point3, Vector2, Vector3};
+use std::collections::BTreeMap;
+use sweetspot::calibration::{BOARDS_KEY, BoardReport, Camera, CameraId, PairFate, RigidTransform, SquareSize, StereoRig};
+use sweetspot::kinematics::{ImpactTiming, MomentumVerdict, Quantities, Shot, ShotRecord, WindowReport, Windows};
+use sweetspot::quantity::Quantity;
+use sweetspot::report::{FramePicture, SessionResults, ShotResults, season_figures, session_report};
+use sweetspot::tracking::{ImagePoint, PointState, SpacePoint, Target, TrackPoint, Tracks};
+use sweetspot::validation::Verdict;
+
+fn rig(name: &str) -> StereoRig {
+    let camera = |fx| Camera {
+        fx,
+        fy: fx,
+        cx: 256.0,
+        cy: 250.0,
+        distortion: [-0.5, 0.1, 0.0, 0.0, 0.0],
+        rms_px: 0.06,
+        sd: BTreeMap::from([("fx".to_owned(), 1.9)]),
+    };
+    let turn = nalgebra::Rotation3::from_euler_angles(0.01, 0.6, -0.02);
+    let corner = |i: usize| [40.0 * i as f64 % 512.0, 30.0 * i as f64 % 512.0, 0.02 * (i as f64).sin(), 0.03 * (i as f64).cos()];
+    let boards: Vec<BoardReport> = (0..12)
+        .map(|k| {
+            let c = Vector3::new(0.3 * f64::from(k % 4) - 0.5, 0.4 * f64::from(k / 4) - 0.5, 13.0);
+            let outline = [(0.0, 0.0), (0.48, 0.0), (0.48, 0.3), (0.0, 0.3)].map(|(x, y)| [c.x + x, c.y + y, c.z + 0.3 * x]);
+            BoardReport { pair: name.to_owned(), outline_left_m: outline, left_px: (0..54).map(corner).collect(), right_px: (0..54).map(corner).collect() }
+        })
+        .collect();
+    StereoRig {
+        image_size: [512, 512],
+        left: camera(3000.0),
+        right: camera(3050.0),
+        r: [0, 1, 2].map(|i| [0, 1, 2].map(|j| turn[(i, j)])),
+        t: [-7.0, 0.1, 2.0],
+        rms_stereo_px: 0.06,
+        pairs: vec![
+            PairFate { name: name.to_owned(), used: true, reason: String::new(), rms_px: Some(0.05) },
+            PairFate { name: name.to_owned(), used: false, reason: name.to_owned(), rms_px: None },
+        ],
+        square_mm: Some(SquareSize { mean: 60.01, sd: 0.05, n: 900 }),
+        global_from_left: RigidTransform::from_isometry(&Isometry3::translation(0.0, 1.0, -13.0)),
+        more: BTreeMap::from([
+            (BOARDS_KEY.to_owned(), serde_json::to_value(boards).unwrap()),
+            ("advice".to_owned(), serde_json::json!([name, 5, { "what": name }])),
+        ]),
+    }
+}
+
+fn shot(name: &str, k: u32) -> Shot {
+    let quantity = |n: &str, value: f64, sd: f64, unit: &str| (n.to_owned(), Quantity::new(value, sd, unit));
+    let v = f64::from(k);
+    let window = WindowReport { frames: 10, rejected_points: 0, noise_scale: 1.0, laws: vec![(name.to_owned(), 0.9)] };
+    let mut all = vec![
+        quantity("ball_in_speed", 12.0 + v, 0.1, "m/s"),
+        quantity("ball_out_speed", 33.0 + v, 0.1, "m/s"),
+        quantity("ball_out_topspin_rpm", 1100.0 + 90.0 * v, 40.0, "rpm"),
+        quantity("impact_x", 0.01 * v - 0.03, 0.001, "m"),
+        quantity("impact_y", 0.02 - 0.01 * v, 0.001, "m"),
+        quantity("impact_from_butt", 0.5 - 0.01 * v, 0.001, "m"),
+        quantity("playing_angle_deg", -18.0 - 2.0 * v, 0.4, "deg"),
+        quantity("planar_racket_velocity", 6.0 + v, 0.1, "m/s"),
+        quantity("node_point_from_butt", 0.548, 0.0, "m"),
+        quantity("impact_point_in_vx", v, 0.1, "m/s"),
+        quantity("impact_point_in_vy", 6.0 - v, 0.1, "m/s"),
+        quantity("impact_success_ratio", 1.0 + 0.1 * v, 0.1, ""),
+        quantity("efficiency", 0.5, 0.01, ""),
+        quantity(name, 1.0, f64::NAN, name),
+    ];
+    for (stem, unit) in [("racket_in_global_v", "m/s"), ("ball_in_global_v", "m/s"), ("ball_out_global_v", "m/s"), ("racket_in_w", "rad/s")] {
+        all.extend(["x", "y", "z"].map(|a| quantity(&format!("{stem}{a}"), 3.0 * v, 0.2, unit)));
+    }
+    Shot {
+        id: format!("{name}{k}"),
+        racket: name.to_owned(),
+        ball: name.to_owned(),
+        ball_side_of_face: "+z".into(),
+        groups: vec![("sex".into(), if k % 2 == 0 { name.to_owned() } else { "female".into() })],
+        quantities: Quantities(all),
+        impact_timing: Some(ImpactTiming::Falling),
+        momentum: Some(MomentumVerdict { chi2: 9.0, p_value: 0.03, hand_interferes: true }),
+        windows: Windows { ball_in: window.clone(), racket_in: window, ball_out: None, racket_out: None },
+        remarks: vec![name.to_owned()],
+    }
+}
+
+fn shot_results(name: &str, k: u32) -> ShotResults {
+    let (mut tracks, mut points) = (Tracks::default(), Vec::new());
+    for frame in 90..131u64 {
+        let t = (frame as f64 - 110.0) * 1e-3;
+        for camera in CameraId::BOTH {
+            for target in Target::ALL {
+                let hidden = target == Target::M2 && frame % 7 == 0;
+                let at = Vector2::new(200.0 + 8.0 * target.index() as f64 + t * 900.0, 220.0 + 9.0 * target.index() as f64);
+                let point = (!hidden).then_some(ImagePoint { uv: at, sd: Vector2::new(0.04, 0.04) });
+                tracks.points.push(TrackPoint { frame, camera, target, point, state: if hidden { PointState::Occluded } else { PointState::Measured } });
+            }
+        }
+        for target in Target::ALL {
+            let position = Point3::new(0.4 + t * 10.0, 1.0 + 0.03 * target.index() as f64, 0.02 * target.index() as f64);
+            points.push(SpacePoint { frame, t, target, position, sd: Vector3::new(1e-3, 1e-3, 1e-3), residual_px: 0.1 });
+        }
+    }
+    let mut png = std::io::Cursor::new(Vec::new());
+    image::GrayImage::from_pixel(120, 110, image::Luma([90])).write_to(&mut png, image::ImageFormat::Png).unwrap();
+    let picture = FramePicture {
+        frame: 110,
+        camera: CameraId::Left,
+        png: png.into_inner(),
+        corner: [180, 200],
+        size: [120, 110],
+        words: name.to_owned(),
+        doubt: 2.0,
+    };
+    let record = ShotRecord { shot: shot(name, k), provenance: provenance(name) };
+    ShotResults { id: format!("{name}{k}"), racket: racket(name), record: Some(record), tracks: Some(tracks), points, pictures: vec![picture] }
+}
+
+fn session(name: &str, shots: u32) -> SessionResults {
+    SessionResults {
+        name: name.to_owned(),
+        frame_rate_hz: 1000.0,
+        rig: Some(rig(name)),
+        axes_known: true,
+        shots: (0..shots).map(|k| shot_results(name, k)).collect(),
+        failed: vec![(name.to_owned(), name.to_owned())],
+        comparison: Some(comparison(60, 0.8, name)),
+        diagnosis: Some(diagnosis(Verdict::EffectMissing, name)),
+        after: Some(comparison(60, 0.0, name)),
+        ledger: vec![ledger_entry("first model", 1.8, name), ledger_entry("added frame-vibration", 1.0, name)],
+    }
+}
+
+#[test]
+fn law_a_session_report_holds_with_plain_and_hostile_names() {
+    for (file, name) in [("plain", "lab 2026"), ("hostile", HOSTILE)] {
+        let results = session(name, 6);
+        let page = session_report(&results);
+        assert_page(&page);
+        assert_eq!(page, session_report(&results));
+        keep(&format!("session-{file}.html"), &page);
+    }
+    let page = session_report(&session("forty", 40));
+    assert_page(&page);
+}
+
+#[test]
+fn law_next_to_nothing_still_makes_a_page() {
+    assert_page(&session_report(&SessionResults::default()));
+    let mut bare = session("bare", 1);
+    bare.axes_known = false;
+    bare.rig = bare.rig.map(|r| StereoRig { more: BTreeMap::new(), pairs: Vec::new(), square_mm: None, ..r });
+    (bare.comparison, bare.diagnosis, bare.after) = (None, None, None);
+    bare.shots[0].tracks = None;
+    bare.shots[0].points.clear();
+    let page = session_report(&bare);
+    assert_page(&page);
+    assert!(page.contains("Cameras and boards") && !page.contains("Trajectories in space"));
+}
+
+#[test]
+fn truth_season_figures_follow_the_thesis_and_split_by_sex() {
+    let shots: Vec<Shot> = (0..6).map(|k| shot("male", k)).collect();
+    let figures = season_figures(&shots.iter().collect::<Vec<_>>(), Some(&racket("r")));
+    let names: Vec<&str> = figures.iter().map(|f| f.name).collect();
+    for (name, times) in [("racket-velocity", 2), ("ball-velocity-after", 2), ("spin", 1), ("playing-angle", 1), ("effective-mass", 1), ("spin-planar-velocity", 1)] {
+        assert_eq!(names.iter().filter(|n| **n == name).count(), times, "{name}: {names:?}");
+    }
+    // Spin rises by 90 rpm and the planar velocity by 1 m/s per shot.
+    let trend = figures.iter().find(|f| f.name == "spin-planar-velocity").unwrap();
+    assert!(trend.caption.contains("slope 90.00") && trend.caption.contains("R² = 1.00"), "{}", trend.caption);
+    assert!(season_figures(&shots.iter().take(3).collect::<Vec<_>>(), None).is_empty());
+}

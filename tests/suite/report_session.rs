@@ -12,15 +12,8 @@ use sweetspot::tracking::{ImagePoint, PointState, SpacePoint, Target, TrackPoint
 use sweetspot::validation::Verdict;
 
 fn rig(name: &str) -> StereoRig {
-    let camera = |fx| Camera {
-        fx,
-        fy: fx,
-        cx: 256.0,
-        cy: 250.0,
-        distortion: [-0.5, 0.1, 0.0, 0.0, 0.0],
-        rms_px: 0.06,
-        sd: BTreeMap::from([("fx".to_owned(), 1.9)]),
-    };
+    let camera =
+        |fx| Camera { fx, fy: fx, cx: 256.0, cy: 250.0, distortion: [-0.5, 0.1, 0.0, 0.0, 0.0], rms_px: 0.06, sd: BTreeMap::from([("fx".to_owned(), 1.9)]) };
     let turn = nalgebra::Rotation3::from_euler_angles(0.01, 0.6, -0.02);
     let corner = |i: usize| [40.0 * i as f64 % 512.0, 30.0 * i as f64 % 512.0, 0.02 * (i as f64).sin(), 0.03 * (i as f64).cos()];
     let boards: Vec<BoardReport> = (0..12)
@@ -106,15 +99,8 @@ fn shot_results(name: &str, k: u32) -> ShotResults {
     }
     let mut png = std::io::Cursor::new(Vec::new());
     image::GrayImage::from_pixel(120, 110, image::Luma([90])).write_to(&mut png, image::ImageFormat::Png).unwrap();
-    let picture = FramePicture {
-        frame: 110,
-        camera: CameraId::Left,
-        png: png.into_inner(),
-        corner: [180, 200],
-        size: [120, 110],
-        words: name.to_owned(),
-        doubt: 2.0,
-    };
+    let picture =
+        FramePicture { frame: 110, camera: CameraId::Left, png: png.into_inner(), corner: [180, 200], size: [120, 110], words: name.to_owned(), doubt: 2.0 };
     let record = ShotRecord { shot: shot(name, k), provenance: provenance(name) };
     ShotResults { id: format!("{name}{k}"), racket: racket(name), record: Some(record), tracks: Some(tracks), points, pictures: vec![picture] }
 }
@@ -166,7 +152,9 @@ fn truth_season_figures_follow_the_thesis_and_split_by_sex() {
     let shots: Vec<Shot> = (0..6).map(|k| shot("male", k)).collect();
     let figures = season_figures(&shots.iter().collect::<Vec<_>>(), Some(&racket("r")));
     let names: Vec<&str> = figures.iter().map(|f| f.name).collect();
-    for (name, times) in [("racket-velocity", 2), ("ball-velocity-after", 2), ("spin", 1), ("playing-angle", 1), ("effective-mass", 1), ("spin-planar-velocity", 1)] {
+    for (name, times) in
+        [("racket-velocity", 2), ("ball-velocity-after", 2), ("spin", 1), ("playing-angle", 1), ("effective-mass", 1), ("spin-planar-velocity", 1)]
+    {
         assert_eq!(names.iter().filter(|n| **n == name).count(), times, "{name}: {names:?}");
     }
     // Spin rises by 90 rpm and the planar velocity by 1 m/s per shot.

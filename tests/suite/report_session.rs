@@ -5,7 +5,7 @@ use super::report_mock::{comparison, diagnosis, ledger_entry, provenance};
 use nalgebra::{Isometry3, Point3, Vector2, Vector3};
 use std::collections::BTreeMap;
 use sweetspot::calibration::{BOARDS_KEY, BoardReport, Camera, CameraId, PairFate, RigidTransform, SquareSize, StereoRig};
-use sweetspot::kinematics::{ImpactTiming, MomentumVerdict, Quantities, Shot, ShotRecord, WindowReport, Windows};
+use sweetspot::kinematics::{ImpactTiming, MarkerDistance, MomentumVerdict, Quantities, Shot, ShotRecord, WindowReport, Windows};
 use sweetspot::quantity::Quantity;
 use sweetspot::report::{FramePicture, SessionResults, ShotResults, season_figures, session_report};
 use sweetspot::tracking::{ImagePoint, PointState, SpacePoint, Target, TrackPoint, Tracks};
@@ -76,6 +76,15 @@ fn shot(name: &str, k: u32) -> Shot {
         impact_timing: Some(ImpactTiming::Falling),
         momentum: Some(MomentumVerdict { chi2: 9.0, p_value: 0.03, hand_interferes: true }),
         windows: Windows { ball_in: window.clone(), racket_in: window, ball_out: None, racket_out: None },
+        thesis: None,
+        marker_distances: vec![MarkerDistance {
+            pair: (Target::M1, Target::M2),
+            stated_mm: 224.5,
+            seen_mm: 225.1,
+            seen_sd_mm: 0.1,
+            frames: 40,
+            mismatch_mm: 0.6,
+        }],
         remarks: vec![name.to_owned()],
     }
 }

@@ -85,7 +85,40 @@ fn details(mut section: Section, shot: &Shot) -> Section {
         let unit = if w.unit.is_empty() { q.unit.clone() } else { w.unit.to_owned() };
         table = table.row(&[w.words, with_sd(w.factor * q.value, w.factor * q.sd), unit, name.clone()]);
     }
-    section.table(table)
+    section.table(table).table(marker_distances(shot)).table(thesis(shot))
+}
+
+/// Thesis 5.3.4: distances between markers in the footage against racket.toml.
+fn marker_distances(shot: &Shot) -> Table {
+    let mut table = Table::new("Distances between markers: in the footage, and as racket.toml states them")
+        .column("markers")
+        .numbers("stated (mm)")
+        .numbers("seen (mm)")
+        .numbers("difference (mm)");
+    for d in &shot.marker_distances {
+        let (a, b) = d.pair;
+        table =
+            table.row(&[format!("{} to {}", a.name(), b.name()), fixed(d.stated_mm, 1), with_sd(d.seen_mm, d.seen_sd_mm), fixed(d.seen_mm - d.stated_mm, 2)]);
+    }
+    table
+}
+
+/// The thesis's own construction beside ours.
+fn thesis(shot: &Shot) -> Table {
+    let mut table = Table::new("A check by the thesis's own construction (chapter 4: three markers, straight lines through ten frames)")
+        .column("quantity")
+        .numbers("thesis's way")
+        .numbers("here")
+        .column("unit");
+    let Some(t) = &shot.thesis else { return table };
+    for (stem, values) in [("ball_in_v", t.ball_in_v), ("racket_in_v", t.racket_in_v), ("racket_in_w", t.racket_in_w)] {
+        for (axis, value) in ["x", "y", "z"].iter().zip(values) {
+            let name = format!("{stem}{axis}");
+            let w = quantity_words(&name);
+            table = table.row(&[w.words, fixed(w.factor * value, 2), cell(shot, &name), w.unit.to_owned()]);
+        }
+    }
+    table
 }
 
 /// One face per racket, with every impact and the mean sweet spots of its shots.

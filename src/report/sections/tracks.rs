@@ -25,7 +25,7 @@ pub fn tracks(results: &SessionResults) -> Option<Section> {
     if !shown.is_empty() {
         section = section
             .heading("Frames of doubt first, then the impacts")
-            .note("Rings: measured in this frame, the size of a marker's band or the ball left free to see; dotted: the path through the neighbouring frames.")
+            .note("Rings mark what was measured in this frame; dotted: the path through the neighbouring frames. What has no ring was not measured.")
             .figures(Layout::Normal, &shown);
     }
     section = section.note("Paths of the five markers and the ball in both pictures, from 20 frames before to 20 after the impact, and below them what was measured in which frame. A hidden point is never drawn.");

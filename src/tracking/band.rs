@@ -24,7 +24,7 @@ pub struct BandShape {
 impl Default for BandShape {
     /// Tape of 25 mm, the usual width, black on both sides.
     fn default() -> Self {
-        BandShape { white_half_m: 0.0115, black_m: 0.020, blur_px: 0.75 }
+        BandShape { white_half_m: 0.0115, black_m: 0.020, blur_px: 0.65 }
     }
 }
 
@@ -41,6 +41,8 @@ pub struct BandView {
     pub radius_px: f64,
     /// How far the tube's nearest line is moved along the tube, against its axis.
     pub bow_px: f64,
+    /// The tube's own bend: across the tube by this times the square of the way along it, 1/px.
+    pub bend: f64,
 }
 
 impl BandView {
@@ -58,13 +60,15 @@ impl BandView {
         let n = (toward - toward.dot(&axis) * axis).try_normalize(1e-6)?;
         let centre = view.project(camera, &patch)?;
         let along = along / px_per_m;
+        let inward = j * (pose.rotation * figure.bend[marker]);
+        let bend = 0.5 * inward.dot(&Vector2::new(-along.y, along.x)) / (px_per_m * px_per_m);
         let bow_px = (j * n).dot(&along) * figure.tube_radius_m;
-        (px_per_m > 1e-6 && centre.norm().is_finite()).then_some(BandView { centre, along, px_per_m, radius_px, bow_px })
+        (px_per_m > 1e-6 && centre.norm().is_finite()).then_some(BandView { centre, along, px_per_m, radius_px, bow_px, bend })
     }
 
     /// Image position of a place on the band: `t` px along the tube, `s` px across.
     pub fn place(&self, t: f64, s: f64) -> Vector2<f64> {
-        self.centre + self.along * t + Vector2::new(-self.along.y, self.along.x) * s
+        self.centre + self.along * t + Vector2::new(-self.along.y, self.along.x) * (s + self.bend * t * t)
     }
 
     /// White less black, grey levels, with the band moved by (`t`, `s`) px: the mean of a few places on the white band less
@@ -73,10 +77,11 @@ impl BandView {
         let white = shape.white_half_m * self.px_per_m;
         let black = white + 0.5 * shape.black_m * self.px_per_m;
         let side = 0.45 * self.radius_px;
+        let shift = self.along * t + Vector2::new(-self.along.y, self.along.x) * s;
         let mean = |places: &[(f64, f64)]| -> Option<f64> {
             let mut sum = 0.0;
             for (a, b) in places {
-                let p = self.place(t + a, s + b);
+                let p = self.place(*a, *b) + shift;
                 sum += f64::from(image.get(p.x.round() as i64, p.y.round() as i64)?);
             }
             Some(sum / places.len() as f64)
@@ -120,8 +125,15 @@ pub struct BandFit {
     pub shift: Vector2<f64>,
 }
 
-/// Number of unknowns: shift along and across, white, black, background on either side with its slope along the tube.
-const UNKNOWNS: usize = 8;
+/// Grey levels: white, black, background on either side with its slope along the tube, and how the white brightens across
+/// the tube: linearly (light from the side would otherwise pull the band toward it by up to 0.3 px) and from the edges to
+/// the middle (light from the camera's side).
+const LEVELS: usize = 8;
+/// Residuals up to this share of the contrast are the model's own (tape not evenly white, pixels of finite size).
+const MISFIT: f64 = 0.1;
+const ROUNDS: usize = 8;
+/// Shift along and across, and the levels.
+const UNKNOWNS: usize = 2 + LEVELS;
 
 /// Fits the band's place, starting `start` px (along, across) from the expected one. `None` when the band leaves the
 /// picture, runs away by more than its own size, or the picture does not determine the place.
@@ -135,7 +147,7 @@ pub fn fit(image: &GreyView, band: &BandView, shape: &BandShape, start: (f64, f6
     let across = Vector2::new(-band.along.y, band.along.x);
     let blur = 1.0 / (shape.blur_px * std::f64::consts::SQRT_2);
     let (mut t0, mut s0) = start;
-    let mut levels: Option<SVector<f64, 6>> = None;
+    let mut levels: Option<SVector<f64, LEVELS>> = None;
     let mut scale = f64::INFINITY;
     let mut out = None;
     let corner = band.place(start.0, start.1);
@@ -143,7 +155,7 @@ pub fn fit(image: &GreyView, band: &BandView, shape: &BandShape, start: (f64, f6
     let (x0, x1) = ((corner.x - reach).floor() as i64, (corner.x + reach).ceil() as i64);
     let (y0, y1) = ((corner.y - reach).floor() as i64, (corner.y + reach).ceil() as i64);
     let mut residuals: Vec<f64> = Vec::with_capacity(256);
-    for round in 0..6 {
+    for round in 0..ROUNDS {
         let mut jtj = SMatrix::<f64, UNKNOWNS, UNKNOWNS>::zeros();
         let mut jtr = SVector::<f64, UNKNOWNS>::zeros();
         let (mut weight, mut chi) = (0.0, 0.0);
@@ -151,21 +163,24 @@ pub fn fit(image: &GreyView, band: &BandView, shape: &BandShape, start: (f64, f6
         for y in y0..=y1 {
             for x in x0..=x1 {
                 let d = Vector2::new(x as f64, y as f64) - band.centre;
-                let (t, s) = (d.dot(&band.along) - t0, d.dot(&across) - s0);
+                let t = d.dot(&band.along) - t0;
+                let s = d.dot(&across) - s0 - band.bend * t * t;
                 if t.abs() > black_end || s.abs() > side {
                     continue;
                 }
                 let grey = f64::from(image.get(x, y)?);
                 // Where the ends of the band lie at this distance from the tube's middle line.
                 let q = (s / band.radius_px).clamp(-1.0, 1.0);
-                let bow = band.bow_px * ((1.0 - q * q).sqrt() - VISIBLE_DEPTH);
+                let depth = (1.0 - q * q).sqrt();
+                let bow = band.bow_px * (depth - VISIBLE_DEPTH);
                 let (a, b) = ((t - bow + white_half) * blur, (t - bow - white_half) * blur);
                 let along = 0.5 * (erf(a) - erf(b));
                 let (c, e) = ((s + band.radius_px) * blur, (s - band.radius_px) * blur);
                 let tube = 0.5 * (erf(c) - erf(e));
                 let (plus, minus) = (0.5 * (1.0 + erf(e)), 0.5 * (1.0 - erf(c)));
                 let slope = t / black_end;
-                let row = [tube * along, tube * (1.0 - along), plus, plus * slope, minus, minus * slope];
+                let row =
+                    [tube * along, tube * (1.0 - along), plus, plus * slope, minus, minus * slope, tube * along * q, tube * along * (depth - VISIBLE_DEPTH)];
                 let (jt, js, r) = match &levels {
                     None => (0.0, 0.0, grey),
                     Some(l) => {
@@ -174,14 +189,16 @@ pub fn fit(image: &GreyView, band: &BandView, shape: &BandShape, start: (f64, f6
                         // Derivatives by a shift of the band: along, the white ends move; across, the tube's sides move.
                         let along_t = -(bell(a) - bell(b));
                         let (side_plus, side_minus) = (bell(e), bell(c));
-                        let inside = l[0] * along + l[1] * (1.0 - along);
-                        let jt = tube * along_t * (l[0] - l[1]);
-                        let js = inside * (side_plus - side_minus) - side_plus * (l[2] + l[3] * slope) + side_minus * (l[4] + l[5] * slope);
+                        let white = l[0] + l[6] * q + l[7] * (depth - VISIBLE_DEPTH);
+                        let inside = white * along + l[1] * (1.0 - along);
+                        let jt = tube * along_t * (white - l[1]);
+                        let turn = if q.abs() < 1.0 { (l[7] * q / depth.max(0.3) - l[6]) / band.radius_px * tube * along } else { 0.0 };
+                        let js = turn + inside * (side_plus - side_minus) - side_plus * (l[2] + l[3] * slope) + side_minus * (l[4] + l[5] * slope);
                         (jt, js, grey - model)
                     }
                 };
                 let w = if r.abs() <= scale || levels.is_none() { 1.0 } else { scale / r.abs() };
-                let j = SVector::<f64, UNKNOWNS>::from([jt, js, row[0], row[1], row[2], row[3], row[4], row[5]]);
+                let j = SVector::<f64, UNKNOWNS>::from([jt, js, row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7]]);
                 jtj += j * j.transpose() * w;
                 jtr += j * (r * w);
                 weight += w;
@@ -196,11 +213,11 @@ pub fn fit(image: &GreyView, band: &BandView, shape: &BandShape, start: (f64, f6
         }
         match &mut levels {
             None => {
-                let mut h = jtj.fixed_view::<6, 6>(2, 2).into_owned();
-                for i in 0..6 {
+                let mut h = jtj.fixed_view::<LEVELS, LEVELS>(2, 2).into_owned();
+                for i in 0..LEVELS {
                     h[(i, i)] += 1e-3;
                 }
-                levels = Some(h.cholesky()?.solve(&jtr.fixed_rows::<6>(2).into_owned()));
+                levels = Some(h.cholesky()?.solve(&jtr.fixed_rows::<LEVELS>(2).into_owned()));
             }
             Some(l) => {
                 let mut h = jtj;
@@ -211,17 +228,19 @@ pub fn fit(image: &GreyView, band: &BandView, shape: &BandShape, start: (f64, f6
                 let (dt, ds) = (step[0].clamp(-1.0, 1.0), step[1].clamp(-1.0, 1.0));
                 t0 += dt;
                 s0 += ds;
-                *l += step.fixed_rows::<6>(2);
+                *l += step.fixed_rows::<LEVELS>(2);
                 // Huber's weights: 1.5 robust deviations (median / 0.6745) keep strings and edges behind from pulling.
                 let mid = residuals.len() / 2;
                 let median = *residuals.select_nth_unstable_by(mid, f64::total_cmp).1;
-                scale = (1.5 * median / 0.6745).max(1.0);
+                // On a dark curtain most pixels are black and the median is camera noise alone, so the limit also follows
+                // the contrast, with which the model's own misfit grows.
+                scale = (1.5 * median / 0.6745).max(MISFIT * (l[0] - l[1])).max(1.0);
                 let variance = chi / (weight - UNKNOWNS as f64).max(1.0);
                 if (t0 - start.0).abs() > white_half + 2.0 || (s0 - start.1).abs() > band.radius_px + 1.5 {
                     return None;
                 }
                 let settled = dt.abs().max(ds.abs()) < 0.005;
-                if settled || round == 5 {
+                if settled || round + 1 == ROUNDS {
                     let c = jtj.try_inverse()?.fixed_view::<2, 2>(0, 0).into_owned() * variance;
                     let turn = Matrix2::from_columns(&[band.along, across]);
                     let covariance = turn * c * turn.transpose();

@@ -18,6 +18,9 @@ pub struct RacketFigure {
     pub points: [Point3<f64>; 5],
     /// Unit vector along the tube at each marker; the sign has no meaning.
     pub tube: [Unit<Vector3<f64>>; 5],
+    /// Curvature of the tube's axis at each marker, toward the inside of the bend, 1/m; zero in the throat, whose shape
+    /// racket.toml does not tell.
+    pub bend: [Vector3<f64>; 5],
     pub tube_radius_m: f64,
 }
 
@@ -28,7 +31,7 @@ impl RacketFigure {
         let r = racket.head.tube_radius_m;
         let (a, b) = (0.5 * racket.head.inner_length_m + r, 0.5 * racket.head.inner_width_m + r);
         let tube = points.map(|p| tube_direction(&p, a, b));
-        Some(RacketFigure { points, tube, tube_radius_m: r })
+        Some(RacketFigure { points, tube, bend: points.map(|p| bend(&p, a, b)), tube_radius_m: r })
     }
 
     /// The local point whose image is the centroid of the visible tape, seen from `eye` (local axes), with the unit
@@ -76,6 +79,18 @@ fn toward(p: &Vector3<f64>, tube: &Unit<Vector3<f64>>, eye: &Vector3<f64>) -> Ve
     across.try_normalize(1e-9).unwrap_or_else(Vector3::z)
 }
 
+/// Curvature of the head's ellipse at a marker on it, 1/m: at (a cos e, b sin e) it is ab / (a² sin² e + b² cos² e)^1.5
+/// along the inward normal.
+fn bend(p: &Point3<f64>, a: f64, b: f64) -> Vector3<f64> {
+    let (x, y) = (p.x / a, p.y / b);
+    if x.hypot(y) > 1.1 {
+        return Vector3::zeros();
+    }
+    let (sin, cos) = y.atan2(x).sin_cos();
+    let size = a * b / ((a * sin).powi(2) + (b * cos).powi(2)).powf(1.5);
+    Vector3::new(-cos / a, -sin / b, 0.0).normalize() * size
+}
+
 /// Direction of the tube at a marker: on the head, the tangent of the head's ellipse (semi-axes `a`, `b`, m, on the tube's
 /// axis); in the throat, the tangent from the marker to that ellipse on the marker's own side.
 fn tube_direction(p: &Point3<f64>, a: f64, b: f64) -> Unit<Vector3<f64>> {
@@ -98,7 +113,7 @@ pub(crate) mod tests {
 
     pub(crate) fn figure() -> RacketFigure {
         let points = [[-0.1775, 0.0], [0.0, -0.1375], [0.0, 0.1375], [0.2, -0.045], [0.2, 0.045]].map(|[x, y]| Point3::new(x, y, 0.0));
-        RacketFigure { points, tube: points.map(|p| tube_direction(&p, 0.1775, 0.1375)), tube_radius_m: 0.01 }
+        RacketFigure { points, tube: points.map(|p| tube_direction(&p, 0.1775, 0.1375)), bend: points.map(|p| bend(&p, 0.1775, 0.1375)), tube_radius_m: 0.01 }
     }
 
     #[test]
@@ -106,6 +121,10 @@ pub(crate) mod tests {
         let f = figure();
         assert!(f.tube[0].y.abs() > 0.999);
         assert!(f.tube[1].x.abs() > 0.999 && f.tube[2].x.abs() > 0.999);
+        // Radius of curvature b²/a at the tip, a²/b at the sides.
+        assert!((f.bend[0] - Vector3::new(0.1775 / 0.1375f64.powi(2), 0.0, 0.0)).norm() < 1e-9);
+        assert!((f.bend[2] - Vector3::new(0.0, -0.1375 / 0.1775f64.powi(2), 0.0)).norm() < 1e-9);
+        assert_eq!(f.bend[3], Vector3::zeros());
         let angle = (f.tube[4].y / -f.tube[4].x).atan().to_degrees();
         assert!((20.0..50.0).contains(&angle), "{angle}");
         assert!((f.tube[3].y / f.tube[3].x + f.tube[4].y / f.tube[4].x).abs() < 1e-12);

@@ -2,6 +2,7 @@
 
 use super::Shell;
 use super::error::{CliError, Kind, existing};
+use crate::report::{read_session_results, session_report};
 use crate::session::Session;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
@@ -58,7 +59,9 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     for session in &sessions {
         let results = place(session, sessions.len() > 1, shell);
         shell.say(format_args!("== {} ({})", session.name, session.root.display()));
-        outcomes.push(one_session(session, &results, arguments.model.as_deref(), shell)?);
+        let outcome = one_session(session, &results, arguments.model.as_deref(), shell)?;
+        write_report(session, &results, &outcome, shell)?;
+        outcomes.push(outcome);
     }
     shell.print_json(&outcomes)?;
     let failures: Vec<String> = outcomes.iter().flat_map(|o| o.failed.iter().map(|f| format!("{}: {}: {}", o.session.display(), f.step, f.reason))).collect();
@@ -67,6 +70,20 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     }
     let message = failures.join("\n");
     Err(if outcomes.iter().any(|o| o.shots_measured > 0) { CliError::some_failed(message) } else { CliError::input(message) })
+}
+
+/// One report of the whole session, in place of those that single steps wrote.
+fn write_report(session: &Session, results: &Path, outcome: &Outcome, shell: &Shell) -> Result<(), CliError> {
+    let mut all = read_session_results(session, results);
+    // What a step said beats the bare fact that its file is missing.
+    if !outcome.failed.is_empty() {
+        all.failed.retain(|(id, _)| !outcome.failed.iter().any(|f| f.reason.contains(id.as_str())));
+        all.failed.extend(outcome.failed.iter().map(|f| (f.step.to_owned(), f.reason.clone())));
+    }
+    let path = results.join("report.html");
+    shell.write(&path, session_report(&all).as_bytes())?;
+    shell.say(format_args!("report: {}", path.display()));
+    Ok(())
 }
 
 /// Results of a session; with several sessions and `--out`, each gets a folder of its own name there.

@@ -131,6 +131,7 @@ commands! {
     calibrate => Calibrate,
     track => Track,
     shots => Shots,
+    racket => Racket,
     predict => Predict,
     compare => Compare,
     diagnose => Diagnose,

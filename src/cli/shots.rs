@@ -4,8 +4,12 @@ use super::Shell;
 use super::error::CliError;
 use crate::calibration::StereoRig;
 use crate::impact_table::ImpactTable;
-use crate::kinematics::{MeasureSettings, SHOT_FILE, ShotInput, ShotRecord, ShotSpin, SpinVector, measure_shot};
+use crate::kinematics::{
+    GroupStatistic, MeasureSettings, RiseInterval, SHOT_FILE, Shot, ShotInput, ShotRecord, ShotSpin, SpinVector, measure_shot, rise_table,
+    season_statistics, season_to_csv,
+};
 use crate::provenance::Provenance;
+use crate::report::season_figures;
 use crate::session::{Session, ShotFolder};
 use crate::tracking::spin::{SPIN_FILE, SpinEstimate, read_spin};
 use crate::tracking::{Tracks, points_to_csv};
@@ -74,6 +78,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     if !shots.is_empty() {
         let table = ImpactTable { rows: shots.iter().enumerate().map(|(k, r)| r.shot.impact_row(k as f64)).collect() };
         shell.write(&impacts, table.to_csv().as_bytes())?;
+        write_season(&session, &shots, &results, shell)?;
     }
     shell.say(format_args!("{} of {} shots measured: {}", shots.len(), shots.len() + failed.len(), impacts.display()));
     let summary = Summary { impacts, shots, failed };
@@ -84,6 +89,26 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let lines: Vec<String> = summary.failed.iter().map(|(id, why)| format!("{id}: {why}")).collect();
     let message = format!("{} of {} shots failed:\n  {}", lines.len(), summary.shots.len() + lines.len(), lines.join("\n  "));
     Err(if summary.shots.is_empty() { CliError::input(message) } else { CliError::some_failed(message) })
+}
+
+#[derive(serde::Serialize)]
+struct Season {
+    statistics: Vec<GroupStatistic>,
+    /// Table 5.9b: forward speed of the incoming ball by its vertical velocity.
+    rise: Vec<RiseInterval>,
+}
+
+/// The session as a whole: `season.csv`, `season.json`, and the figures of chapter 5 as `season/*.svg`.
+fn write_season(session: &Session, records: &[ShotRecord], results: &Path, shell: &Shell) -> Result<(), CliError> {
+    let shots: Vec<&Shot> = records.iter().map(|r| &r.shot).collect();
+    let season = Season { statistics: season_statistics(&shots), rise: rise_table(&shots) };
+    shell.write(&results.join("season.csv"), season_to_csv(&season.statistics).as_bytes())?;
+    let json = serde_json::to_string_pretty(&season).map_err(CliError::output)? + "\n";
+    shell.write(&results.join("season.json"), json.as_bytes())?;
+    for figure in season_figures(&shots, Some(&session.racket)) {
+        shell.write(&results.join("season").join(format!("{}.svg", figure.name)), figure.svg.as_bytes())?;
+    }
+    Ok(())
 }
 
 /// The rig of `calibration.json`.

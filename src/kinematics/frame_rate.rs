@@ -94,9 +94,7 @@ fn slower(full: &MeasuredShot, input: &ShotInput<'_>, settings: &MeasureSettings
         };
         phases += 1;
         let own = |name: &str| measured.shot.quantities.get(name).map(|q| q.value);
-        let differences = |stems: &[&str]| -> Vec<f64> {
-            stems.iter().flat_map(|s| names(s)).filter_map(|n| Some(own(&n)? - truth(&n)?)).collect()
-        };
+        let differences = |stems: &[&str]| -> Vec<f64> { stems.iter().flat_map(|s| names(s)).filter_map(|n| Some(own(&n)? - truth(&n)?)).collect() };
         ball.add(differences(&["ball_in_v", "ball_out_v"]));
         racket.add(differences(&["racket_in_v", "racket_out_v"]));
         rate.add(differences(&["racket_in_w", "racket_out_w"]));

@@ -27,11 +27,11 @@ mod thesis_path;
 pub use ball_flight::{FlightEstimate, FlightLaw};
 pub use contact::{BodyMotion, PointMotion, ball_in_racket, crossing};
 pub use frame_rate::{FrameRateStudy, SlowerCamera, frame_rate_study};
+pub use marker_distance::{MarkerDistance, marker_distances};
 pub use racket_bench::{
     BenchError, Bifilar, Pendulum, Uncertain, balance_from_scales, from_rdc_kg_cm2, perpendicular_axis_mismatch, swingweight_from_pendulum,
     twistweight_from_bifilar,
 };
-pub use marker_distance::{MarkerDistance, marker_distances};
 pub use racket_motion::{MotionEstimate, MotionLaw, MotionState, MovingRacket, Pace};
 pub use season::{GroupStatistic, RiseInterval, rise_table, season_statistics, season_to_csv};
 pub use shot::{ImpactTiming, MeasuredShot, MomentumVerdict, Quantities, Shot, ShotInput, ShotSpin, WindowReport, Windows, measure_shot};

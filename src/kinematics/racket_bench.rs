@@ -72,7 +72,12 @@ pub fn swingweight_from_pendulum(mass: f64, balance: f64, balance_sd: f64, p: &P
 /// Twistweight from a bifilar suspension: I_x = M g a b T²/(4π² L) (small turns, parallel threads).
 pub fn twistweight_from_bifilar(mass: f64, b: &Bifilar) -> Result<Uncertain, BenchError> {
     let mass = positive("mass_kg", mass)?;
-    for (name, v) in [("half_distance_above_m", b.half_distance_above_m), ("half_distance_below_m", b.half_distance_below_m), ("thread_m", b.thread_m), ("period_s", b.period_s)] {
+    for (name, v) in [
+        ("half_distance_above_m", b.half_distance_above_m),
+        ("half_distance_below_m", b.half_distance_below_m),
+        ("thread_m", b.thread_m),
+        ("period_s", b.period_s),
+    ] {
         positive(name, v)?;
     }
     let value = mass * G * b.half_distance_above_m * b.half_distance_below_m * (b.period_s / std::f64::consts::TAU).powi(2) / b.thread_m;

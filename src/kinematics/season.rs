@@ -144,7 +144,21 @@ pub fn rise_table(shots: &[&Shot]) -> Vec<RiseInterval> {
 pub fn season_to_csv(statistics: &[GroupStatistic]) -> String {
     let mut csv = csv::Writer::from_writer(Vec::new());
     let number = |v: Option<f64>| v.map_or_else(String::new, |v| v.to_string());
-    let header = ["column", "value", "quantity", "unit", "n", "mean", "mean_sd", "sd", "measuring_sd", "thesis_men_mean", "thesis_men_sd", "thesis_women_mean", "thesis_women_sd"];
+    let header = [
+        "column",
+        "value",
+        "quantity",
+        "unit",
+        "n",
+        "mean",
+        "mean_sd",
+        "sd",
+        "measuring_sd",
+        "thesis_men_mean",
+        "thesis_men_sd",
+        "thesis_women_mean",
+        "thesis_women_sd",
+    ];
     let mut write = |fields: Vec<String>| csv.write_record(&fields).unwrap_or_else(|e| unreachable!("writing to memory: {e}"));
     write(header.iter().map(|h| (*h).to_owned()).collect());
     for s in statistics {

@@ -3,7 +3,7 @@
 use super::Shell;
 use super::error::CliError;
 use crate::equipment_set::EquipmentSet;
-use crate::impact::Model;
+use crate::impact::{Base, Model};
 use crate::impact_table::ImpactTable;
 use crate::provenance::{Provenance, VERSION, sha256_file, sha256_hex};
 use crate::validation::comparison::{Comparison, ParameterValue};
@@ -46,12 +46,22 @@ pub struct Loaded {
 
 impl ImpactsInput {
     pub fn load(&self, command: &str) -> Result<Loaded, CliError> {
-        let table = ImpactTable::read(&self.impacts)?;
+        let mut table = ImpactTable::read(&self.impacts)?;
         let equipment = EquipmentSet::read(&self.racket, &self.ball)?;
         let model_text =
             std::fs::read_to_string(&self.model).map_err(|e| CliError::input(format!("{}: cannot be read ({e}); check the name", self.model.display())))?;
         let model = Model::parse(&model_text, &self.model)?;
-        let observations = Observations::new(&table, &equipment.rackets, &equipment.balls, &TableOptions { group: self.group.clone() })?;
+        // Footage gives a contact time, an impulse model has none: it is left out, or no impact could be compared.
+        let timed = model.base() == Base::Rigid && table.rows.iter().any(|r| r.get("contact_time").is_some());
+        if timed {
+            table.rows.iter_mut().for_each(|r| {
+                r.set("contact_time", None);
+            });
+        }
+        let mut observations = Observations::new(&table, &equipment.rackets, &equipment.balls, &TableOptions { group: self.group.clone() })?;
+        if timed {
+            observations.notes.push("`contact_time` is left out: base \"rigid\" is an impulse and has none".to_owned());
+        }
         let library = ModelLibrary::new(model, &observations.gear);
         let mut provenance = Provenance::new(command);
         for path in [&self.impacts, &self.model].into_iter().chain(&self.racket).chain(&self.ball) {

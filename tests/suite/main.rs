@@ -18,3 +18,4 @@ mod report_mock;
 mod report_session;
 mod shared;
 mod spin;
+mod spin_ball;

@@ -1,11 +1,13 @@
 //! Spin of the ball: rendered balls with known spin, and the practice footage with its truth.
 
 use crate::shared::shared;
+use crate::spin_ball::{Picture, RADIUS_M, Scene, random_turn, rig, rig_of_poses};
+use rand::{Rng, SeedableRng};
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector2, Vector3};
 use std::collections::BTreeMap;
 use std::path::Path;
-use sweetspot::calibration::{Camera, CameraId, RigidTransform, StereoRig};
-use sweetspot::tracking::spin::{BallView, GreyPatch, SpinEstimate, SpinSettings, estimate_spin};
+use sweetspot::calibration::{Camera, CameraId, StereoRig};
+use sweetspot::tracking::spin::{BallView, SpinEstimate, SpinSettings, estimate_spin};
 
 fn numbers(v: &serde_json::Value) -> Vec<f64> {
     v.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()
@@ -21,24 +23,6 @@ fn pose(v: &serde_json::Value) -> Isometry3<f64> {
     Isometry3::from_parts(Translation3::from(vector(&v["t"])), UnitQuaternion::from_rotation_matrix(&r))
 }
 
-fn rig_of_poses(image_size: [usize; 2], cameras: [Camera; 2], camera_from_global: [Isometry3<f64>; 2]) -> StereoRig {
-    let [left, right] = cameras;
-    let right_from_left = camera_from_global[1] * camera_from_global[0].inverse();
-    let between = RigidTransform::from_isometry(&right_from_left);
-    StereoRig {
-        image_size,
-        left,
-        right,
-        r: between.r,
-        t: between.t,
-        rms_stereo_px: 0.0,
-        pairs: Vec::new(),
-        square_mm: None,
-        global_from_left: RigidTransform::from_isometry(&camera_from_global[0].inverse()),
-        more: BTreeMap::new(),
-    }
-}
-
 fn true_rig(truth: &serde_json::Value) -> StereoRig {
     let camera = |v: &serde_json::Value| {
         let d = numbers(&v["dist"]);
@@ -47,28 +31,6 @@ fn true_rig(truth: &serde_json::Value) -> StereoRig {
     };
     let c = &truth["cameras"];
     rig_of_poses([512, 512], [camera(&c["left"]), camera(&c["right"])], [pose(&c["left"]), pose(&c["right"])])
-}
-
-struct Picture {
-    camera: CameraId,
-    time_s: f64,
-    pixels: Vec<u8>,
-    size: (usize, usize),
-    centre_px: Vector2<f64>,
-    position: Point3<f64>,
-}
-
-impl Picture {
-    fn view(&self) -> BallView<'_> {
-        BallView {
-            camera: self.camera,
-            time_s: self.time_s,
-            picture: GreyPatch::frame(&self.pixels, self.size.0, self.size.1),
-            centre_px: self.centre_px,
-            centre_sd_px: 0.05,
-            position: self.position,
-        }
-    }
 }
 
 /// Frame number at the end of a file's name.
@@ -100,6 +62,9 @@ fn practice_shot(session: &Path, id: &str, shot: &serde_json::Value) -> [Vec<Pic
                 time_s: t,
                 size: (picture.width() as usize, picture.height() as usize),
                 pixels: picture.into_raw(),
+                left: 0,
+                top: 0,
+                centre_sd_px: 0.05,
                 centre_px: Vector2::new(ball["u"].as_f64().unwrap(), ball["v"].as_f64().unwrap()),
                 position: Point3::from(vector(&f["points"]["ball"])),
             });
@@ -140,4 +105,54 @@ fn real_practice_balls_turn_as_they_were_made_to() {
             }
         }
     }
+}
+
+/// Spins of random direction between the rates.
+fn random_spin(random: &mut rand_chacha::ChaCha8Rng, slowest: f64, fastest: f64) -> Vector3<f64> {
+    let rate = random.random_range(slowest..fastest);
+    random_turn(random) * Vector3::x() * rate
+}
+
+#[test]
+fn law_rendered_balls() {
+    let rig = rig();
+    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(5);
+    let (mut z, mut rates) = (Vec::new(), Vec::new());
+    let n: u64 = std::env::var("N").ok().and_then(|s| s.parse().ok()).unwrap_or(12);
+    for seed in 0..n {
+        let omega = random_spin(&mut random, 84.0, 300.0);
+        let mut scene = Scene::usual(omega, seed);
+        let env = |k: &str, d: f64| std::env::var(k).ok().and_then(|s| s.parse().ok()).unwrap_or(d);
+        scene.noise = env("NOISE", scene.noise);
+        scene.centre_sd_px = env("CENTRE", scene.centre_sd_px);
+        scene.blur_px = env("SBLUR", scene.blur_px);
+        scene.ambient = env("AMBIENT", scene.ambient);
+        let pictures = scene.render(&rig);
+        let views: Vec<BallView> = pictures.iter().map(Picture::view).collect();
+        let start = std::time::Instant::now();
+        let got = estimate_spin(&views, &rig, RADIUS_M, &SpinSettings::new(1000.0));
+        let ms = start.elapsed().as_secs_f64() * 1e3;
+        match &got {
+            SpinEstimate::Vector { omega_rad_s, covariance, quality, .. } => {
+                let miss = omega_rad_s - omega;
+                let z2 = miss.dot(&(covariance.try_inverse().unwrap() * miss));
+                z.push(z2);
+                rates.push(omega_rad_s.norm() / omega.norm() - 1.0);
+                eprintln!(
+                    "sim {seed} |w| {:.1} rate {:+.2} % axis {:.2} deg miss {:.2?} z2 {z2:.2} sd {:.2?} noise {:.4} outl {:.3} margin {:?} {ms:.0} ms",
+                    omega.norm(),
+                    100.0 * rates.last().unwrap(),
+                    omega_rad_s.angle(&omega).to_degrees(),
+                    miss.as_slice(),
+                    covariance.diagonal().map(f64::sqrt).as_slice(),
+                    quality.noise,
+                    quality.outliers,
+                    quality.margin
+                );
+            }
+            other => eprintln!("sim {seed} |w| {:.1} {omega:?}: {other:?} {ms:.0} ms", omega.norm()),
+        }
+    }
+    let k = z.len() as f64;
+    eprintln!("sim mean z2/3 {:.2}  mean rate {:+.3} %  rms rate {:.3} %", z.iter().sum::<f64>() / k / 3.0, 100.0 * rates.iter().sum::<f64>() / k, 100.0 * (rates.iter().map(|r| r * r).sum::<f64>() / k).sqrt());
 }

@@ -108,11 +108,11 @@ pub fn estimate_spin(views: &[BallView], rig: &StereoRig, radius_m: f64, setting
     if frames < LEAST_FRAMES || samples.len() < 200 {
         return SpinEstimate::Refused { reason: SpinRefusal::TooFewFrames { seen: frames, needed: LEAST_FRAMES } };
     }
-    let marks = divide_out(&infos, &samples);
+    let (shading, marks) = divide_out(&infos, &samples);
     let search = Search::new(&infos, &marks);
     let candidates = search.candidates(1.0 / settings.frame_rate_hz, settings.limit_rad_s);
     let map = SphereMap::new();
-    let registrar = Registrar::new(&map, &infos, &marks);
+    let registrar = Registrar::new(&map, &infos, &marks, &shading);
     let mut fits: Vec<Registration> = Vec::new();
     for c in candidates.iter().take(3) {
         let fit = registrar.refine(c.omega, 6);

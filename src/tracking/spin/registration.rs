@@ -4,7 +4,7 @@
 //! Gauss–Newton on everything at once; the linear system is solved by conjugate gradients over the pixels. The prior of
 //! the map's coefficients is a zero-mean normal, so that the fit is a Gaussian-process regression of the markings.
 
-use super::shading::{Mark, TERMS, median, terms};
+use super::shading::{Mark, Shading, TERMS, median, terms};
 use super::sphere_map::{KernelRow, SphereMap};
 use super::view::ViewInfo;
 use nalgebra::{Matrix3, Rotation3, Vector3};
@@ -46,7 +46,8 @@ struct Design {
     rows: Vec<Row>,
     node: Vec<u16>,
     value: Vec<f64>,
-    slope: Vec<Vector3<f64>>,
+    /// d value / d (small turn of the ball's attitude), body axes.
+    moment: Vec<Vector3<f64>>,
     unknowns: usize,
     prior: Vec<f64>,
     omega_at: usize,
@@ -56,18 +57,25 @@ pub(super) struct Registrar<'a> {
     map: &'a SphereMap,
     views: &'a [ViewInfo],
     marks: &'a [Mark],
+    shading: &'a Shading,
     middle_s: f64,
     /// Prior precision of a kernel coefficient in units of 1 / contrast².
     map_precision: f64,
+    /// Points of the blur's quadrature: shift on the disc in standard deviations, weight.
+    blur: Vec<([f64; 2], f64)>,
+    blur_px: f64,
 }
 
 impl<'a> Registrar<'a> {
-    pub fn new(map: &'a SphereMap, views: &'a [ViewInfo], marks: &'a [Mark]) -> Self {
+    pub fn new(map: &'a SphereMap, views: &'a [ViewInfo], marks: &'a [Mark], shading: &'a Shading) -> Self {
         let middle_s = marks.iter().map(|m| views[m.view].time_s).sum::<f64>() / marks.len().max(1) as f64;
         let total: f64 = marks.iter().map(|m| m.weight).sum();
         let variance = marks.iter().map(|m| m.weight * m.contrast * m.contrast).sum::<f64>() / total.max(1e-12);
         // A kernel's squares sum to about 2 over the nodes in reach.
-        Registrar { map, views, marks, middle_s, map_precision: 2.0 / variance.max(1e-6) }
+        let a = 3.0_f64.sqrt();
+        let blur = vec![([0.0, 0.0], 1.0 / 3.0), ([a, 0.0], 1.0 / 6.0), ([-a, 0.0], 1.0 / 6.0), ([0.0, a], 1.0 / 6.0), ([0.0, -a], 1.0 / 6.0)];
+        let blur_px = std::env::var("BLUR").ok().and_then(|s| s.parse().ok()).unwrap_or(0.7);
+        Registrar { map, views, marks, shading, middle_s, map_precision: 2.0 / variance.max(1e-6), blur, blur_px }
     }
 
     /// Refines from `start`; `iterations` bounds the Gauss–Newton steps.
@@ -119,15 +127,37 @@ impl<'a> Registrar<'a> {
         let mut prior = vec![self.map_precision; nodes];
         prior.resize(unknowns, NUISANCE_SD.powi(-2));
         let mut d =
-            Design { rows: Vec::with_capacity(self.marks.len()), node: Vec::new(), value: Vec::new(), slope: Vec::new(), unknowns, prior, omega_at: unknowns };
+            Design { rows: Vec::with_capacity(self.marks.len()), node: Vec::new(), value: Vec::new(), moment: Vec::new(), unknowns, prior, omega_at: unknowns };
         let back: Vec<Rotation3<f64>> = self.views.iter().map(|v| Rotation3::new(-omega * (v.time_s - self.middle_s))).collect();
         let mut row = KernelRow::default();
+        let mut place = vec![0usize; nodes];
         for m in self.marks {
-            self.map.row(&(back[m.view] * m.normal), &mut row);
+            let view = &self.views[m.view];
+            let sd = self.blur_px / view.radius_px;
             let start = d.node.len();
-            d.node.extend_from_slice(&row.node);
-            d.value.extend_from_slice(&row.value);
-            d.slope.extend_from_slice(&row.slope);
+            // The lens blurs light, not contrast: a line on a slope of the shading seems to move toward the dark.
+            let here = self.shading.at(view.camera, &m.disc);
+            for (shift, weight) in &self.blur {
+                let (x, y) = (m.disc.x + sd * shift[0], m.disc.y + sd * shift[1]);
+                let disc = Vector3::new(x, y, (1.0 - x * x - y * y).max(0.01).sqrt()).normalize();
+                let weight = weight * self.shading.at(view.camera, &disc) / here;
+                let body = back[m.view] * (view.axes * disc);
+                self.map.row(&body, &mut row);
+                for ((&node, value), slope) in row.node.iter().zip(&row.value).zip(&row.slope) {
+                    let at = match place[node as usize] {
+                        at if at >= start && at < d.node.len() && d.node[at] == node => at,
+                        _ => {
+                            place[node as usize] = d.node.len();
+                            d.node.push(node);
+                            d.value.push(0.0);
+                            d.moment.push(Vector3::zeros());
+                            d.node.len() - 1
+                        }
+                    };
+                    d.value[at] += weight * value;
+                    d.moment[at] += slope.cross(&body) * weight;
+                }
+            }
             d.rows.push(Row {
                 start,
                 end: d.node.len(),
@@ -139,7 +169,7 @@ impl<'a> Registrar<'a> {
         d
     }
 
-    /// d contrast / d ω of every pixel: (t − t₀) Jᵀ ((R ∇map) × n), J the left Jacobian of the rotation.
+    /// d contrast / d ω of every pixel: (t − t₀) Jᵀ R (∇map × Rᵀ n), J the left Jacobian of the rotation.
     fn omega_slopes(&self, d: &Design, omega: &Vector3<f64>, unknown: &[f64]) -> Vec<Vector3<f64>> {
         let turns: Vec<(Rotation3<f64>, Matrix3<f64>)> = self
             .views
@@ -153,9 +183,9 @@ impl<'a> Registrar<'a> {
             .iter()
             .zip(self.marks)
             .map(|(r, m)| {
-                let gradient: Vector3<f64> = (r.start..r.end).map(|i| d.slope[i] * unknown[d.node[i] as usize]).sum();
+                let moment: Vector3<f64> = (r.start..r.end).map(|i| d.moment[i] * unknown[d.node[i] as usize]).sum();
                 let (turn, jacobian) = &turns[m.view];
-                jacobian * (turn * gradient).cross(&m.normal)
+                jacobian * (turn * moment)
             })
             .collect()
     }

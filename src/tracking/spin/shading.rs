@@ -44,15 +44,32 @@ pub(super) struct Mark {
 const DARKEST: f64 = -0.8;
 const BRIGHTEST: f64 = 0.5;
 
+/// Fitted shading per camera: relative brightness over the disc.
+#[derive(Debug, Clone)]
+pub(super) struct Shading {
+    /// Constant, then the harmonics; empty when too few pixels.
+    coefficients: [Vec<f64>; 2],
+}
+
+impl Shading {
+    /// Brightness relative to the view's gain at a place on the disc.
+    pub fn at(&self, camera: crate::calibration::CameraId, disc: &Vector3<f64>) -> f64 {
+        match self.coefficients[camera.index()].split_first() {
+            Some((constant, rest)) => (constant + terms(disc).iter().zip(rest).map(|(t, c)| t * c).sum::<f64>()).max(0.05),
+            None => 1.0,
+        }
+    }
+}
+
 /// Divides out one gain per view and one shading pattern per camera; robust against marks and things in front.
-pub(super) fn divide_out(views: &[ViewInfo], samples: &[Sample]) -> Vec<Mark> {
+pub(super) fn divide_out(views: &[ViewInfo], samples: &[Sample]) -> (Shading, Vec<Mark>) {
     let mut per_view: Vec<Vec<usize>> = vec![Vec::new(); views.len()];
     for (i, s) in samples.iter().enumerate() {
         per_view[s.view].push(i);
     }
     // Gain: the median grey of the disc.
     let gains: Vec<f64> = per_view.iter().map(|own| median(own.iter().map(|&i| samples[i].grey).collect()).max(1.0)).collect();
-    let mut shade = vec![1.0; samples.len()];
+    let mut shading = Shading { coefficients: [Vec::new(), Vec::new()] };
     for camera in crate::calibration::CameraId::BOTH {
         let own: Vec<usize> = (0..samples.len()).filter(|&i| views[samples[i].view].camera == camera).collect();
         if own.len() < 10 * (TERMS + 1) {
@@ -74,17 +91,16 @@ pub(super) fn divide_out(views: &[ViewInfo], samples: &[Sample]) -> Vec<Mark> {
             let Some(solution) = normal.cholesky().map(|c| c.solve(&right)) else { break };
             let misses: Vec<f64> = own.iter().map(|&i| samples[i].grey / gains[samples[i].view] - row(i).dot(&solution)).collect();
             let scale = 1.5 * median(misses.iter().map(|m| m.abs()).collect()).max(1e-3);
-            for (k, (&i, miss)) in own.iter().zip(&misses).enumerate() {
+            for (k, miss) in misses.iter().enumerate() {
                 weight[k] = 1.0 / (1.0 + (miss / (2.0 * scale)).powi(2)).powi(2);
-                shade[i] = row(i).dot(&solution).max(0.05);
             }
+            shading.coefficients[camera.index()] = solution.iter().copied().collect();
         }
     }
     let mut marks: Vec<Mark> = samples
         .iter()
-        .zip(&shade)
-        .map(|(s, &f)| {
-            let bright = gains[s.view] * f;
+        .map(|s| {
+            let bright = gains[s.view] * shading.at(views[s.view].camera, &s.disc);
             Mark { view: s.view, normal: s.normal, disc: s.disc, contrast: (s.grey / bright - 1.0).clamp(DARKEST, BRIGHTEST), weight: bright * bright }
         })
         .collect();
@@ -92,7 +108,7 @@ pub(super) fn divide_out(views: &[ViewInfo], samples: &[Sample]) -> Vec<Mark> {
     for m in &mut marks {
         m.weight /= mean.max(1e-12);
     }
-    marks
+    (shading, marks)
 }
 
 /// Median; 0 of nothing.

@@ -1,7 +1,7 @@
 //! One picture of the ball, and its pixels as directions on the sphere.
 
 use crate::calibration::{CameraId, StereoRig};
-use nalgebra::{Matrix2, Point3, Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix3, Point3, Vector2, Vector3};
 
 /// A rectangle of 8-bit grey pixels: the whole frame or a crop around the ball. Pixel `(column, row)` of the patch is
 /// pixel `(left + column, top + row)` of the image.
@@ -63,11 +63,15 @@ pub(super) struct Sample {
 pub(super) struct ViewInfo {
     pub camera: CameraId,
     pub time_s: f64,
+    /// The camera's right, down and toward, as directions in global axes.
+    pub axes: Matrix3<f64>,
+    /// The ball's radius in the picture, px.
+    pub radius_px: f64,
 }
 
 /// Part of the ball's disc that is used: beyond it, lines are foreshortened below the width of the blur and the
 /// background mixes in. Measured in docs/spin.md, "Used part of the disc".
-pub(super) const USED_RADIUS: f64 = 0.88;
+pub(super) const USED_RADIUS: f64 = 0.82;
 
 /// The pixels of the ball's disc in all views whose disc is at least half inside the picture.
 pub(super) fn sample_views(views: &[BallView], rig: &StereoRig, radius_m: f64) -> (Vec<ViewInfo>, Vec<Sample>) {
@@ -77,10 +81,9 @@ pub(super) fn sample_views(views: &[BallView], rig: &StereoRig, radius_m: f64) -
     for (view, centre) in views.iter().zip(&centres) {
         let start = samples.len();
         let at = infos.len();
-        if sample_view(view, *centre, rig, radius_m, at, &mut samples).is_some() {
-            infos.push(ViewInfo { camera: view.camera, time_s: view.time_s });
-        } else {
-            samples.truncate(start);
+        match sample_view(view, *centre, rig, radius_m, at, &mut samples) {
+            Some(info) => infos.push(info),
+            None => samples.truncate(start),
         }
     }
     (infos, samples)
@@ -88,7 +91,7 @@ pub(super) fn sample_views(views: &[BallView], rig: &StereoRig, radius_m: f64) -
 
 /// Samples one view with the affine camera at the ball's centre: the ball subtends 0.3° at 12 m, so the error of that
 /// approximation is below 0.03 px. `None` when the geometry is impossible or less than half of the disc is in the picture.
-fn sample_view(view: &BallView, centre: Vector2<f64>, rig: &StereoRig, radius_m: f64, at: usize, out: &mut Vec<Sample>) -> Option<()> {
+fn sample_view(view: &BallView, centre: Vector2<f64>, rig: &StereoRig, radius_m: f64, at: usize, out: &mut Vec<Sample>) -> Option<ViewInfo> {
     let camera_from_global = rig.camera_from_global(view.camera);
     let in_camera = camera_from_global * view.position;
     let (_, jacobian) = rig.camera(view.camera).project_with_jacobian(&in_camera)?;
@@ -104,13 +107,16 @@ fn sample_view(view: &BallView, centre: Vector2<f64>, rig: &StereoRig, radius_m:
     if !(radius_px.is_finite() && (2.0..=200.0).contains(&radius_px) && centre.x.is_finite() && centre.y.is_finite()) {
         return None;
     }
-    let global_from_camera = camera_from_global.rotation.inverse();
+    let axes = camera_from_global.rotation.inverse().to_rotation_matrix().matrix() * Matrix3::from_columns(&[right, down, toward]);
+    let nearer = radius_m / in_camera.coords.norm();
     let reach = radius_px.ceil() as i64 + 1;
     let (u0, v0) = (centre.x.round() as i64, centre.y.round() as i64);
     let (mut inside, mut lost) = (0usize, 0usize);
     for row in v0.saturating_sub(reach)..=v0.saturating_add(reach) {
         for column in u0.saturating_sub(reach)..=u0.saturating_add(reach) {
-            let p = disc_from_px * Vector2::new(column as f64 - centre.x, row as f64 - centre.y);
+            let mut p = disc_from_px * Vector2::new(column as f64 - centre.x, row as f64 - centre.y);
+            // The ball's near side is nearer than its centre and so looks larger: 0.3 % at 12 m, and so would the spin.
+            p *= 1.0 - nearer * (1.0 - p.norm_squared()).max(0.0).sqrt();
             let rho2 = p.norm_squared();
             if rho2 > USED_RADIUS * USED_RADIUS {
                 continue;
@@ -119,15 +125,14 @@ fn sample_view(view: &BallView, centre: Vector2<f64>, rig: &StereoRig, radius_m:
                 // A saturated pixel says only that the ball is bright there.
                 Some(grey) if grey < 255 => {
                     let disc = Vector3::new(p.x, p.y, (1.0 - rho2).sqrt());
-                    let normal = global_from_camera * (right * p.x + down * p.y + toward * disc.z);
-                    out.push(Sample { view: at, normal, disc, grey: f64::from(grey) });
+                    out.push(Sample { view: at, normal: axes * disc, disc, grey: f64::from(grey) });
                     inside += 1;
                 }
                 _ => lost += 1,
             }
         }
     }
-    (inside > lost).then_some(())
+    (inside > lost).then_some(ViewInfo { camera: view.camera, time_s: view.time_s, axes, radius_px })
 }
 
 /// Centres smoothed along each camera's track: the ball flies freely over the window, so a low-order polynomial in time

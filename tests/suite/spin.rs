@@ -33,6 +33,12 @@ fn true_rig(truth: &serde_json::Value) -> StereoRig {
     rig_of_poses([512, 512], [camera(&c["left"]), camera(&c["right"])], [pose(&c["left"]), pose(&c["right"])])
 }
 
+/// Processor time of this thread, ms (0 where the system does not tell).
+fn cpu_ms() -> f64 {
+    let text = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
+    text.split_whitespace().next().and_then(|n| n.parse::<f64>().ok()).unwrap_or(0.0) * 1e-6
+}
+
 /// Frame number at the end of a file's name.
 fn frame_number(path: &Path) -> Option<u64> {
     let stem = path.file_stem()?.to_str()?;
@@ -84,9 +90,9 @@ fn real_practice_balls_turn_as_they_were_made_to() {
             for (pictures, key) in sides.iter().zip(["ball_in_w", "ball_out_w"]) {
                 let views: Vec<BallView> = pictures.iter().map(Picture::view).collect();
                 let expected = vector(&shot["global"][key]);
-                let start = std::time::Instant::now();
+                let start = cpu_ms();
                 let got = estimate_spin(&views, &rig, 0.033, &SpinSettings::new(1000.0));
-                let ms = start.elapsed().as_secs_f64() * 1e3;
+                let ms = cpu_ms() - start;
                 match &got {
                     SpinEstimate::Vector { omega_rad_s, covariance, frames_used, quality } => {
                         let miss = omega_rad_s - expected;
@@ -129,9 +135,9 @@ fn law_rendered_balls() {
         scene.ambient = env("AMBIENT", scene.ambient);
         let pictures = scene.render(&rig);
         let views: Vec<BallView> = pictures.iter().map(Picture::view).collect();
-        let start = std::time::Instant::now();
+        let start = cpu_ms();
         let got = estimate_spin(&views, &rig, RADIUS_M, &SpinSettings::new(1000.0));
-        let ms = start.elapsed().as_secs_f64() * 1e3;
+        let ms = cpu_ms() - start;
         match &got {
             SpinEstimate::Vector { omega_rad_s, covariance, quality, .. } => {
                 let miss = omega_rad_s - omega;

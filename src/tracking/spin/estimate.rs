@@ -2,7 +2,7 @@
 
 use super::registration::{Registrar, Registration};
 use super::search::Search;
-use super::shading::divide_out;
+use super::shading::{Mark, divide_out};
 use super::sphere_map::SphereMap;
 use super::view::{BallView, ViewInfo, sample_views};
 use crate::calibration::StereoRig;
@@ -108,26 +108,36 @@ pub fn estimate_spin(views: &[BallView], rig: &StereoRig, radius_m: f64, setting
     if frames < LEAST_FRAMES || samples.len() < 200 {
         return SpinEstimate::Refused { reason: SpinRefusal::TooFewFrames { seen: frames, needed: LEAST_FRAMES } };
     }
-    let (shading, marks) = divide_out(&infos, &samples);
+    let t0 = std::time::Instant::now();
+    let (shading, marks) = divide_out(&infos, &samples, None);
     let search = Search::new(&infos, &marks);
     let candidates = search.candidates(1.0 / settings.frame_rate_hz, settings.limit_rad_s);
-    let map = SphereMap::new();
-    let registrar = Registrar::new(&map, &infos, &marks, &shading);
-    let mut fits: Vec<Registration> = Vec::new();
-    for c in candidates.iter().take(3) {
-        let fit = registrar.refine(c.omega, 6);
-        fits.push(fit);
-    }
+    let t1 = std::time::Instant::now();
+    // Which candidate: a coarse map, every second pixel, no blur.
+    let coarse_map = SphereMap::new(600);
+    let few: Vec<Mark> = marks.iter().copied().step_by(2).collect();
+    let coarse = Registrar::new(&coarse_map, &infos, &few, &shading, 0.0);
+    let fits: Vec<Registration> = candidates.iter().take(3).map(|c| coarse.refine(c.omega, 6)).collect();
+    let t2 = std::time::Instant::now();
+    if std::env::var_os("TIMES").is_some() { eprintln!("sim search {:?} coarse {:?} candidates {} pixels {}", t1 - t0, t2 - t1, candidates.len(), marks.len()); }
     let Some(noise) = fits.iter().map(|f| f.noise).min_by(f64::total_cmp) else {
         return SpinEstimate::Refused { reason: SpinRefusal::TooFewFrames { seen: frames, needed: LEAST_FRAMES } };
     };
-    let mut ranked: Vec<(f64, Registration)> = fits.into_iter().map(|f| (registrar.cost(&f.residuals, noise), f)).collect();
+    let mut ranked: Vec<(f64, Registration)> = fits.into_iter().map(|f| (coarse.cost(&f.residuals, noise), f)).collect();
     ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
     let span = infos.iter().map(|v| v.time_s).fold(f64::NEG_INFINITY, f64::max) - infos.iter().map(|v| v.time_s).fold(f64::INFINITY, f64::min);
-    let (best_cost, best) = (ranked[0].0, ranked[0].1.clone());
+    let (best_cost, found) = (ranked[0].0, &ranked[0].1);
     // Candidates that ran into the same minimum are one.
-    let second = ranked.iter().skip(1).find(|(_, f)| (f.omega - best.omega).norm() > 0.2 / span.max(1e-6));
+    let second = ranked.iter().skip(1).find(|(_, f)| (f.omega - found.omega).norm() > 0.2 / span.max(1e-6));
     let margin = second.map(|(c, _)| c - best_cost);
+    let blur_px = std::env::var("BLUR").ok().and_then(|s| s.parse().ok()).unwrap_or(0.6);
+    let map = SphereMap::new(1400);
+    let t3 = std::time::Instant::now();
+    let first = Registrar::new(&map, &infos, &marks, &shading, blur_px).refine(found.omega, 2);
+    // The lines darken the first estimate of the shading where they pass most often; once they are known, again.
+    let (shading, marks) = divide_out(&infos, &samples, Some(&first.markings));
+    let best = Registrar::new(&map, &infos, &marks, &shading, blur_px).refine(first.omega, 3);
+    if std::env::var_os("TIMES").is_some() { eprintln!("sim fine {:?}", t3.elapsed()); }
     let quality = SpinQuality { views: infos.len(), pixels: marks.len(), noise: best.noise, markings: best.texture, outliers: best.outliers, margin };
     if best.omega.norm() > 0.98 * settings.limit_rad_s {
         return SpinEstimate::Refused { reason: SpinRefusal::Aliased { rate_rad_s: best.omega.norm(), limit_rad_s: settings.limit_rad_s } };

@@ -26,6 +26,8 @@ pub(super) struct Registration {
     pub residuals: Vec<f64>,
     /// Noise of one pixel of weight 1, contrast.
     pub noise: f64,
+    /// Fitted markings at every pixel, contrast.
+    pub markings: Vec<f64>,
     /// Root mean square of the fitted markings over the pixels, contrast.
     pub texture: f64,
     /// Pixels' share with robust weight below one half.
@@ -67,14 +69,19 @@ pub(super) struct Registrar<'a> {
 }
 
 impl<'a> Registrar<'a> {
-    pub fn new(map: &'a SphereMap, views: &'a [ViewInfo], marks: &'a [Mark], shading: &'a Shading) -> Self {
+    pub fn new(map: &'a SphereMap, views: &'a [ViewInfo], marks: &'a [Mark], shading: &'a Shading, blur_px: f64) -> Self {
+        let a = 3.0_f64.sqrt();
+        let sixth = 1.0 / 6.0;
+        // Exact for polynomials of order 3 under a normal blur.
+        let blur = if blur_px > 0.0 {
+            vec![([0.0, 0.0], 2.0 * sixth), ([a, 0.0], sixth), ([-a, 0.0], sixth), ([0.0, a], sixth), ([0.0, -a], sixth)]
+        } else {
+            vec![([0.0, 0.0], 1.0)]
+        };
         let middle_s = marks.iter().map(|m| views[m.view].time_s).sum::<f64>() / marks.len().max(1) as f64;
         let total: f64 = marks.iter().map(|m| m.weight).sum();
         let variance = marks.iter().map(|m| m.weight * m.contrast * m.contrast).sum::<f64>() / total.max(1e-12);
         // A kernel's squares sum to about 2 over the nodes in reach.
-        let a = 3.0_f64.sqrt();
-        let blur = vec![([0.0, 0.0], 1.0 / 3.0), ([a, 0.0], 1.0 / 6.0), ([-a, 0.0], 1.0 / 6.0), ([0.0, a], 1.0 / 6.0), ([0.0, -a], 1.0 / 6.0)];
-        let blur_px = std::env::var("BLUR").ok().and_then(|s| s.parse().ok()).unwrap_or(0.7);
         Registrar { map, views, marks, shading, middle_s, map_precision: 2.0 / variance.max(1e-6), blur, blur_px }
     }
 
@@ -88,7 +95,7 @@ impl<'a> Registrar<'a> {
         let no_slopes = vec![Vector3::zeros(); self.marks.len()];
         // The map at the start's attitude, without turning it: the slopes need a map first.
         for _ in 0..2 {
-            self.solve(&design, &no_slopes, &robust, noise, &mut unknown, 25);
+            self.solve(&design, &no_slopes, &robust, noise, &mut unknown, 30);
             noise = self.reweigh(&self.residuals(&design, &unknown), &mut robust);
         }
         for _ in 0..iterations {
@@ -112,9 +119,10 @@ impl<'a> Registrar<'a> {
         let residuals = self.residuals(&design, &unknown);
         let slopes = self.omega_slopes(&design, &omega, &unknown);
         let (model_covariance, scatter_covariance) = self.covariances(&design, &slopes, &robust, noise, &residuals);
-        let texture = self.texture(&design, &unknown);
+        let markings = self.markings(&design, &unknown);
+        let texture = (markings.iter().map(|m| m * m).sum::<f64>() / markings.len().max(1) as f64).sqrt();
         let outliers = robust.iter().filter(|&&w| w < 0.5).count() as f64 / robust.len().max(1) as f64;
-        Registration { omega, model_covariance, scatter_covariance, residuals, noise, texture, outliers }
+        Registration { omega, model_covariance, scatter_covariance, residuals, noise, markings, texture, outliers }
     }
 
     fn noise_guess(&self) -> f64 {
@@ -290,7 +298,7 @@ impl<'a> Registrar<'a> {
         let mut z: Vec<f64> = residual.iter().zip(&diagonal).map(|(r, d)| r / d).collect();
         let mut direction = z.clone();
         let mut rz = dot(&residual, &z);
-        let end = 1e-10 * dot(right, &right.iter().zip(&diagonal).map(|(r, d)| r / d).collect::<Vec<_>>()) + 1e-300;
+        let end = 1e-8 * dot(right, &right.iter().zip(&diagonal).map(|(r, d)| r / d).collect::<Vec<_>>()) + 1e-300;
         for _ in 0..rounds {
             if rz <= end {
                 break;
@@ -343,13 +351,8 @@ impl<'a> Registrar<'a> {
         (covariance, covariance * scatter * covariance)
     }
 
-    fn texture(&self, d: &Design, unknown: &[f64]) -> f64 {
-        let mut squares = 0.0;
-        for r in &d.rows {
-            let v: f64 = (r.start..r.end).map(|i| d.value[i] * unknown[d.node[i] as usize]).sum();
-            squares += v * v;
-        }
-        (squares / d.rows.len().max(1) as f64).sqrt()
+    fn markings(&self, d: &Design, unknown: &[f64]) -> Vec<f64> {
+        d.rows.iter().map(|r| (r.start..r.end).map(|i| d.value[i] * unknown[d.node[i] as usize]).sum()).collect()
     }
 
     /// Robust cost of residuals at a common noise: Student-t log-likelihood ratio, so that 2 × difference is a χ².

@@ -5,22 +5,29 @@
 //! grid cannot miss the right one. The rate is common to all runs, the markings are free in each. Then the runs grow.
 
 use super::shading::Mark;
-use super::sphere_map::cube_cell;
 use super::view::ViewInfo;
 use nalgebra::{Rotation3, Vector3};
 
-/// Cells per edge of a cube's face: 0.22 rad, the width of a blurred line on a ball of 16 px.
-const CELLS: usize = 7;
+/// Cells per edge of the cube around the sphere. A slice of 0.22, the width of a blurred line on a ball of 16 px;
+/// single precision and no branch per pixel, because this loop is most of the search.
+const CELLS: usize = 9;
 /// Turn at the ends of a run that one grid step may add, rad: half a line's width.
 const STEP_RAD: f64 = 0.14;
 /// Candidates kept after the coarse grid.
 const KEPT: usize = 12;
 
 pub(super) struct Search<'a> {
-    marks: &'a [Mark],
     views: &'a [ViewInfo],
-    /// Range of `marks` of each view.
-    ranges: Vec<std::ops::Range<usize>>,
+    /// Normal, weight, weight × contrast of every pixel, by view.
+    pixels: Vec<Vec<Pixel>>,
+}
+
+struct Pixel {
+    normal: [f32; 3],
+    weight: f32,
+    weighted: f32,
+    /// Weight × contrast².
+    square: f32,
 }
 
 /// A rate, rad/s, with the variance it leaves.
@@ -31,16 +38,14 @@ pub(super) struct Candidate {
 }
 
 impl<'a> Search<'a> {
-    /// `marks` must be ordered by view.
-    pub fn new(views: &'a [ViewInfo], marks: &'a [Mark]) -> Self {
-        let mut ranges = Vec::with_capacity(views.len());
-        let mut start = 0;
-        for v in 0..views.len() {
-            let end = start + marks[start..].iter().take_while(|m| m.view == v).count();
-            ranges.push(start..end);
-            start = end;
+    pub fn new(views: &'a [ViewInfo], marks: &[Mark]) -> Self {
+        let mut pixels: Vec<Vec<Pixel>> = views.iter().map(|_| Vec::new()).collect();
+        for m in marks {
+            let weighted = m.weight * m.contrast;
+            let [weight, weighted, square] = [m.weight, weighted, weighted * m.contrast].map(|x| x as f32);
+            pixels[m.view].push(Pixel { normal: m.normal.map(|x| x as f32).into(), weight, weighted, square });
         }
-        Search { marks, views, ranges }
+        Search { views, pixels }
     }
 
     /// Runs of views of about `length_s`, together covering the whole window.
@@ -59,30 +64,35 @@ impl<'a> Search<'a> {
 
     /// Weighted variance inside the cells, per degree of freedom, over all runs; `every` skips pixels.
     fn cost(&self, omega: &Vector3<f64>, runs: &[Vec<usize>], every: usize) -> f64 {
-        let (mut squares, mut freedom) = (0.0, 0.0);
-        let mut cells = [(0.0f64, 0.0f64, 0.0f64, 0u32); 6 * CELLS * CELLS];
+        let (mut squares, mut freedom) = (0.0f64, 0.0f64);
         for run in runs {
-            cells.fill((0.0, 0.0, 0.0, 0));
+            let mut cells = [[0.0f32; 2]; CELLS * CELLS * CELLS];
+            let (mut square, mut count) = (0.0f32, 0usize);
             let middle = run.iter().map(|&v| self.views[v].time_s).sum::<f64>() / run.len() as f64;
             for &v in run {
                 let back = Rotation3::new(-omega * (self.views[v].time_s - middle));
-                for m in self.marks[self.ranges[v].clone()].iter().step_by(every) {
-                    let c = &mut cells[cube_cell(&(back * m.normal), CELLS)];
-                    let wy = m.weight * m.contrast;
-                    c.0 += m.weight;
-                    c.1 += wy;
-                    c.2 += wy * m.contrast;
-                    c.3 += 1;
+                let r: [[f32; 3]; 3] = std::array::from_fn(|i| std::array::from_fn(|j| back[(i, j)] as f32 * (0.4999 * CELLS as f32)));
+                const MIDDLE: f32 = 0.5 * CELLS as f32;
+                for p in self.pixels[v].iter().step_by(every) {
+                    let place = |i: usize| (r[i][0] * p.normal[0] + r[i][1] * p.normal[1] + r[i][2] * p.normal[2] + MIDDLE) as usize;
+                    let at = (place(0) * CELLS + place(1)) * CELLS + place(2);
+                    // A direction is a unit vector, so that the place is inside; `min` spares the check.
+                    let cell = &mut cells[at.min(CELLS * CELLS * CELLS - 1)];
+                    cell[0] += p.weight;
+                    cell[1] += p.weighted;
+                    square += p.square;
+                    count += 1;
                 }
             }
-            for &(w, wy, wyy, n) in &cells {
-                if n > 1 {
-                    squares += wyy - wy * wy / w.max(1e-12);
-                    freedom += f64::from(n - 1);
-                }
+            let (mut explained, mut occupied) = (0.0f32, 0usize);
+            for [weight, weighted] in cells {
+                explained += weighted * weighted / weight.max(1e-6);
+                occupied += usize::from(weight > 0.0);
             }
+            squares += f64::from(square - explained).max(0.0);
+            freedom += (count - occupied) as f64;
         }
-        squares / f64::max(freedom, 1.0)
+        squares / freedom.max(1.0)
     }
 
     /// The best rates below `limit_rad_s`, best first, distinct on the scale the whole window resolves.
@@ -102,7 +112,7 @@ impl<'a> Search<'a> {
                 for k in -reach..=reach {
                     let omega = Vector3::new(i as f64, j as f64, k as f64) * step;
                     if omega.norm() <= limit_rad_s {
-                        grid.insert((i, j, k), self.cost(&omega, &runs, 2));
+                        grid.insert((i, j, k), self.cost(&omega, &runs, 3));
                     }
                 }
             }

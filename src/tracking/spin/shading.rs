@@ -62,13 +62,20 @@ impl Shading {
 }
 
 /// Divides out one gain per view and one shading pattern per camera; robust against marks and things in front.
-pub(super) fn divide_out(views: &[ViewInfo], samples: &[Sample]) -> (Shading, Vec<Mark>) {
+///
+/// `markings`: contrast of the markings at every pixel as a first registration found it, or nothing yet.
+pub(super) fn divide_out(views: &[ViewInfo], samples: &[Sample], markings: Option<&[f64]>) -> (Shading, Vec<Mark>) {
     let mut per_view: Vec<Vec<usize>> = vec![Vec::new(); views.len()];
     for (i, s) in samples.iter().enumerate() {
         per_view[s.view].push(i);
     }
-    // Gain: the median grey of the disc.
-    let gains: Vec<f64> = per_view.iter().map(|own| median(own.iter().map(|&i| samples[i].grey).collect()).max(1.0)).collect();
+    // Grey of the felt as it would be without markings.
+    let felt: Vec<f64> = match markings {
+        Some(m) => samples.iter().zip(m).map(|(s, m)| s.grey / (1.0 + m).max(0.2)).collect(),
+        None => samples.iter().map(|s| s.grey).collect(),
+    };
+    // Gain: the median over the disc.
+    let gains: Vec<f64> = per_view.iter().map(|own| median(own.iter().map(|&i| felt[i]).collect()).max(1.0)).collect();
     let mut shading = Shading { coefficients: [Vec::new(), Vec::new()] };
     for camera in crate::calibration::CameraId::BOTH {
         let own: Vec<usize> = (0..samples.len()).filter(|&i| views[samples[i].view].camera == camera).collect();
@@ -86,10 +93,10 @@ pub(super) fn divide_out(views: &[ViewInfo], samples: &[Sample]) -> (Shading, Ve
             for (&i, &w) in own.iter().zip(&weight) {
                 let r = row(i);
                 normal.ger(w, &r, &r, 1.0);
-                right.axpy(w * samples[i].grey / gains[samples[i].view], &r, 1.0);
+                right.axpy(w * felt[i] / gains[samples[i].view], &r, 1.0);
             }
             let Some(solution) = normal.cholesky().map(|c| c.solve(&right)) else { break };
-            let misses: Vec<f64> = own.iter().map(|&i| samples[i].grey / gains[samples[i].view] - row(i).dot(&solution)).collect();
+            let misses: Vec<f64> = own.iter().map(|&i| felt[i] / gains[samples[i].view] - row(i).dot(&solution)).collect();
             let scale = 1.5 * median(misses.iter().map(|m| m.abs()).collect()).max(1e-3);
             for (k, miss) in misses.iter().enumerate() {
                 weight[k] = 1.0 / (1.0 + (miss / (2.0 * scale)).powi(2)).powi(2);

@@ -2,10 +2,6 @@
 
 use nalgebra::Vector3;
 
-/// Nodes of the map. 700 nodes lie 0.13 rad apart, about one pixel on a ball of 16 px.
-const NODES: usize = 700;
-/// Reach of a kernel, chord length on the unit sphere.
-const REACH: f64 = 0.26;
 /// Cells per edge of a cube's face in the table that finds the nodes near a direction.
 const TABLE: usize = 16;
 
@@ -13,6 +9,8 @@ const TABLE: usize = 16;
 pub(super) struct SphereMap {
     nodes: Vec<Vector3<f64>>,
     near: Vec<Vec<u16>>,
+    /// Reach of a kernel, chord length on the unit sphere.
+    reach: f64,
 }
 
 /// Kernel values, and gradients, of the nodes that reach one direction.
@@ -25,13 +23,17 @@ pub(super) struct KernelRow {
 }
 
 impl SphereMap {
-    pub fn new() -> Self {
+    /// A map of `count` nodes (up to 65 535).
+    ///
+    /// The reach of 2 node distances lets 10 to 12 kernels overlap: a ripple of the map below 1 %.
+    pub fn new(count: u16) -> Self {
+        let reach = 2.0 * (4.0 * std::f64::consts::PI / f64::from(count.max(12))).sqrt();
         // Fibonacci lattice: equal areas, no pole.
         let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
-        let nodes: Vec<Vector3<f64>> = (0..NODES)
+        let nodes: Vec<Vector3<f64>> = (0..count)
             .map(|i| {
-                let z = 1.0 - (2.0 * i as f64 + 1.0) / NODES as f64;
-                let (s, c) = (golden * i as f64).sin_cos();
+                let z = 1.0 - (2.0 * f64::from(i) + 1.0) / f64::from(count);
+                let (s, c) = (golden * f64::from(i)).sin_cos();
                 let r = (1.0 - z * z).sqrt();
                 Vector3::new(r * c, r * s, z)
             })
@@ -41,10 +43,10 @@ impl SphereMap {
         let near = (0..6 * TABLE * TABLE)
             .map(|cell| {
                 let middle = cell_middle(cell, TABLE);
-                (0..NODES as u16).filter(|&k| (nodes[k as usize] - middle).norm() < REACH + slack).collect()
+                (0..count).filter(|&k| (nodes[k as usize] - middle).norm() < reach + slack).collect()
             })
             .collect();
-        SphereMap { nodes, near }
+        SphereMap { nodes, near, reach }
     }
 
     pub fn len(&self) -> usize {
@@ -56,14 +58,14 @@ impl SphereMap {
         row.node.clear();
         row.value.clear();
         row.slope.clear();
-        const INVERSE: f64 = 1.0 / (REACH * REACH);
+        let inverse = 1.0 / (self.reach * self.reach);
         for &k in &self.near[cube_cell(direction, TABLE)] {
             let d = direction - self.nodes[k as usize];
-            let u = 1.0 - d.norm_squared() * INVERSE;
+            let u = 1.0 - d.norm_squared() * inverse;
             if u > 0.0 {
                 row.node.push(k);
                 row.value.push(u * u);
-                row.slope.push(d * (-4.0 * u * INVERSE));
+                row.slope.push(d * (-4.0 * u * inverse));
             }
         }
     }
@@ -112,11 +114,11 @@ mod tests {
 
     #[test]
     fn truth_the_table_finds_every_node_in_reach() {
-        let map = SphereMap::new();
+        let map = SphereMap::new(700);
         let mut row = KernelRow::default();
         for d in directions() {
             map.row(&d, &mut row);
-            let all = map.nodes.iter().filter(|n| (d - **n).norm() < REACH).count();
+            let all = map.nodes.iter().filter(|n| (d - **n).norm() < map.reach).count();
             assert_eq!(row.node.len(), all);
             assert!(all >= 5, "only {all} kernels reach {d:?}");
         }
@@ -124,7 +126,7 @@ mod tests {
 
     #[test]
     fn truth_kernel_slope_equals_central_differences() {
-        let map = SphereMap::new();
+        let map = SphereMap::new(700);
         let (mut row, mut a, mut b) = (KernelRow::default(), KernelRow::default(), KernelRow::default());
         for d in directions().step_by(37) {
             map.row(&d, &mut row);

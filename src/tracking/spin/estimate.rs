@@ -1,6 +1,6 @@
 //! From views to a spin estimate: search, registration, and the verdict whether it may be believed.
 
-use super::registration::{Registrar, Registration};
+use super::registration::{Effort, Registrar, Registration};
 use super::search::Search;
 use super::shading::{Mark, divide_out};
 use super::sphere_map::SphereMap;
@@ -101,6 +101,15 @@ const LARGEST_SD: f64 = 17.0;
 /// Least difference of log-likelihood to the second-best spin, in units of the residuals' correlation length.
 const LEAST_MARGIN: f64 = 50.0;
 
+/// Frames over which residuals stay correlated.
+const LAG: f64 = 6.0;
+/// Which candidate: a coarse map without blur.
+const COARSE: Effort = Effort { steps: 4, last_step_rad_s: 0.5, rounds: 12, covariance: false, memory_s: 0.0 };
+/// Fine map with blur, before the shading is fitted again.
+const FIRST: Effort = Effort { steps: 2, last_step_rad_s: 0.3, rounds: 15, covariance: false, memory_s: 0.0 };
+const FINAL: Effort = Effort { steps: 3, last_step_rad_s: 0.03, rounds: 20, covariance: true, memory_s: 0.0 };
+
+
 /// Measures one constant spin vector over the free flight shown by `views`.
 pub fn estimate_spin(views: &[BallView], rig: &StereoRig, radius_m: f64, settings: &SpinSettings) -> SpinEstimate {
     let (infos, samples) = sample_views(views, rig, radius_m);
@@ -108,17 +117,17 @@ pub fn estimate_spin(views: &[BallView], rig: &StereoRig, radius_m: f64, setting
     if frames < LEAST_FRAMES || samples.len() < 200 {
         return SpinEstimate::Refused { reason: SpinRefusal::TooFewFrames { seen: frames, needed: LEAST_FRAMES } };
     }
-    let t0 = std::time::Instant::now();
+    let t0 = cpu();
     let (shading, marks) = divide_out(&infos, &samples, None);
     let search = Search::new(&infos, &marks);
     let candidates = search.candidates(1.0 / settings.frame_rate_hz, settings.limit_rad_s);
-    let t1 = std::time::Instant::now();
+    let t1 = cpu();
     // Which candidate: a coarse map, every second pixel, no blur.
     let coarse_map = SphereMap::new(600);
     let few: Vec<Mark> = marks.iter().copied().step_by(2).collect();
     let coarse = Registrar::new(&coarse_map, &infos, &few, &shading, 0.0);
-    let fits: Vec<Registration> = candidates.iter().take(3).map(|c| coarse.refine(c.omega, 6)).collect();
-    let t2 = std::time::Instant::now();
+    let fits: Vec<Registration> = candidates.iter().take(3).map(|c| coarse.refine(c.omega, &COARSE)).collect();
+    let t2 = cpu();
     if std::env::var_os("TIMES").is_some() { eprintln!("sim search {:?} coarse {:?} candidates {} pixels {}", t1 - t0, t2 - t1, candidates.len(), marks.len()); }
     let Some(noise) = fits.iter().map(|f| f.noise).min_by(f64::total_cmp) else {
         return SpinEstimate::Refused { reason: SpinRefusal::TooFewFrames { seen: frames, needed: LEAST_FRAMES } };
@@ -132,12 +141,12 @@ pub fn estimate_spin(views: &[BallView], rig: &StereoRig, radius_m: f64, setting
     let margin = second.map(|(c, _)| c - best_cost);
     let blur_px = std::env::var("BLUR").ok().and_then(|s| s.parse().ok()).unwrap_or(0.6);
     let map = SphereMap::new(1400);
-    let t3 = std::time::Instant::now();
-    let first = Registrar::new(&map, &infos, &marks, &shading, blur_px).refine(found.omega, 2);
+    let t3 = cpu();
+    let first = Registrar::new(&map, &infos, &marks, &shading, blur_px).refine(found.omega, &FIRST);
     // The lines darken the first estimate of the shading where they pass most often; once they are known, again.
     let (shading, marks) = divide_out(&infos, &samples, Some(&first.markings));
-    let best = Registrar::new(&map, &infos, &marks, &shading, blur_px).refine(first.omega, 3);
-    if std::env::var_os("TIMES").is_some() { eprintln!("sim fine {:?}", t3.elapsed()); }
+    let best = Registrar::new(&map, &infos, &marks, &shading, blur_px).refine(first.omega, &Effort { memory_s: LAG / settings.frame_rate_hz, ..FINAL });
+    if std::env::var_os("TIMES").is_some() { eprintln!("sim fine {:?}", cpu() - t3); }
     let quality = SpinQuality { views: infos.len(), pixels: marks.len(), noise: best.noise, markings: best.texture, outliers: best.outliers, margin };
     if best.omega.norm() > 0.98 * settings.limit_rad_s {
         return SpinEstimate::Refused { reason: SpinRefusal::Aliased { rate_rad_s: best.omega.norm(), limit_rad_s: settings.limit_rad_s } };
@@ -192,4 +201,9 @@ fn larger(a: &Matrix3<f64>, b: &Matrix3<f64>) -> Matrix3<f64> {
     let joint = root * relative.eigenvectors;
     let c = joint * grown * joint.transpose();
     0.5 * (c + c.transpose())
+}
+
+fn cpu() -> f64 {
+    let text = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
+    text.split_whitespace().next().and_then(|n| n.parse::<f64>().ok()).unwrap_or(0.0) * 1e-6
 }

@@ -34,6 +34,21 @@ pub(super) struct Registration {
     pub outliers: f64,
 }
 
+/// How long to work on one registration.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Effort {
+    /// Most Gauss–Newton steps.
+    pub steps: usize,
+    /// A step shorter than this is the last, rad/s.
+    pub last_step_rad_s: f64,
+    /// Rounds of conjugate gradients per step. Each step starts from the last one's map, and what a dozen rounds have
+    /// not reached are smooth shifts between map and shading that do not touch ω (docs/spin.md, "Rounds").
+    pub rounds: usize,
+    pub covariance: bool,
+    /// Time over which one camera's residuals stay correlated, s.
+    pub memory_s: f64,
+}
+
 /// The pixel's row of the design: kernels, then shading, then gain.
 struct Row {
     start: usize,
@@ -85,8 +100,8 @@ impl<'a> Registrar<'a> {
         Registrar { map, views, marks, shading, middle_s, map_precision: 2.0 / variance.max(1e-6), blur, blur_px }
     }
 
-    /// Refines from `start`; `iterations` bounds the Gauss–Newton steps.
-    pub fn refine(&self, start: Vector3<f64>, iterations: usize) -> Registration {
+    /// Refines from `start`.
+    pub fn refine(&self, start: Vector3<f64>, effort: &Effort) -> Registration {
         let mut omega = start;
         let mut design = self.design(&omega);
         let mut robust = vec![1.0; self.marks.len()];
@@ -95,12 +110,12 @@ impl<'a> Registrar<'a> {
         let no_slopes = vec![Vector3::zeros(); self.marks.len()];
         // The map at the start's attitude, without turning it: the slopes need a map first.
         for _ in 0..2 {
-            self.solve(&design, &no_slopes, &robust, noise, &mut unknown, 30);
+            self.solve(&design, &no_slopes, &robust, noise, &mut unknown, effort.rounds);
             noise = self.reweigh(&self.residuals(&design, &unknown), &mut robust);
         }
-        for _ in 0..iterations {
+        for _ in 0..effort.steps {
             let slopes = self.omega_slopes(&design, &omega, &unknown);
-            self.solve(&design, &slopes, &robust, noise, &mut unknown, 40);
+            self.solve(&design, &slopes, &robust, noise, &mut unknown, effort.rounds);
             let at = design.omega_at;
             let mut step = Vector3::new(unknown[at], unknown[at + 1], unknown[at + 2]);
             let length = step.norm();
@@ -111,14 +126,18 @@ impl<'a> Registrar<'a> {
             unknown[at..].fill(0.0);
             design = self.design(&omega);
             noise = self.reweigh(&self.residuals(&design, &unknown), &mut robust);
-            if length < 0.02 {
+            if length < effort.last_step_rad_s {
                 break;
             }
         }
-        self.solve(&design, &no_slopes, &robust, noise, &mut unknown, 40);
+        self.solve(&design, &no_slopes, &robust, noise, &mut unknown, effort.rounds);
         let residuals = self.residuals(&design, &unknown);
         let slopes = self.omega_slopes(&design, &omega, &unknown);
-        let (model_covariance, scatter_covariance) = self.covariances(&design, &slopes, &robust, noise, &residuals);
+        let (model_covariance, scatter_covariance) = if effort.covariance {
+            self.covariances(&design, &slopes, &robust, noise, &residuals, 2 * effort.rounds, effort.memory_s)
+        } else {
+            (Matrix3::zeros(), Matrix3::zeros())
+        };
         let markings = self.markings(&design, &unknown);
         let texture = (markings.iter().map(|m| m * m).sum::<f64>() / markings.len().max(1) as f64).sqrt();
         let outliers = robust.iter().filter(|&&w| w < 0.5).count() as f64 / robust.len().max(1) as f64;
@@ -299,8 +318,9 @@ impl<'a> Registrar<'a> {
         let mut direction = z.clone();
         let mut rz = dot(&residual, &z);
         let end = 1e-8 * dot(right, &right.iter().zip(&diagonal).map(|(r, d)| r / d).collect::<Vec<_>>()) + 1e-300;
-        for _ in 0..rounds {
-            if rz <= end {
+        for round in 0..=rounds {
+            if rz <= end || round == rounds {
+                if std::env::var_os("TIMES").is_some() { eprint!("{round}/{n} "); }
                 break;
             }
             self.apply(d, slopes, weights, &direction, &mut image);
@@ -320,7 +340,7 @@ impl<'a> Registrar<'a> {
     }
 
     /// Covariance from the curvature with everything else profiled out, and from the scatter of the views' scores.
-    fn covariances(&self, d: &Design, slopes: &[Vector3<f64>], robust: &[f64], noise: f64, residuals: &[f64]) -> (Matrix3<f64>, Matrix3<f64>) {
+    fn covariances(&self, d: &Design, slopes: &[Vector3<f64>], robust: &[f64], noise: f64, residuals: &[f64], rounds: usize, memory_s: f64) -> (Matrix3<f64>, Matrix3<f64>) {
         let weights = self.weights(robust, noise);
         let none = vec![Vector3::zeros(); self.marks.len()];
         // Slopes with what map, gains and shading can imitate taken out.
@@ -331,7 +351,7 @@ impl<'a> Registrar<'a> {
                 Self::scatter(d, r, w * s[k], &mut right);
             }
             let mut x = vec![0.0; d.unknowns + 3];
-            self.conjugate_gradients(d, &none, &weights, &right, &mut x, 40);
+            self.conjugate_gradients(d, &none, &weights, &right, &mut x, rounds);
             for (r, o) in d.rows.iter().zip(&mut own) {
                 o[k] -= Self::predict(d, r, &x);
             }
@@ -346,9 +366,23 @@ impl<'a> Registrar<'a> {
         for (((o, m), &w), r) in own.iter().zip(self.marks).zip(&weights).zip(residuals) {
             scores[m.view] += o * (w * r);
         }
+        // What the model misses (a line's edge, a step of the shading) stays nearly the same from one frame to the next:
+        // scores of neighbouring frames of one camera count as correlated, with weights falling to 0 (Newey and West 1987).
+        let mut scatter = Matrix3::zeros();
+        for (i, a) in scores.iter().enumerate() {
+            for (j, b) in scores.iter().enumerate() {
+                let (v, u) = (&self.views[i], &self.views[j]);
+                if v.camera == u.camera {
+                    let near = 1.0 - (v.time_s - u.time_s).abs() / memory_s;
+                    if near > 0.0 {
+                        scatter += a * b.transpose() * near;
+                    }
+                }
+            }
+        }
         let n = scores.len() as f64;
-        let scatter: Matrix3<f64> = scores.iter().map(|s| s * s.transpose()).sum::<Matrix3<f64>>() * (n / (n - 3.0).max(1.0));
-        (covariance, covariance * scatter * covariance)
+        let c = covariance * scatter * covariance * (n / (n - 3.0).max(1.0));
+        (covariance, 0.5 * (c + c.transpose()))
     }
 
     fn markings(&self, d: &Design, unknown: &[f64]) -> Vec<f64> {

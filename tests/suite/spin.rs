@@ -1,7 +1,7 @@
 //! Spin of the ball: rendered balls with known spin, and the practice footage with its truth.
 
 use crate::shared::shared;
-use crate::spin_ball::{Picture, RADIUS_M, Scene, random_turn, rig, rig_of_poses};
+use crate::spin_ball::{Markings, Picture, RADIUS_M, Scene, random_turn, rig, rig_of_poses};
 use rand::{Rng, SeedableRng};
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector2, Vector3};
 use std::collections::BTreeMap;
@@ -119,46 +119,171 @@ fn random_spin(random: &mut rand_chacha::ChaCha8Rng, slowest: f64, fastest: f64)
     random_turn(random) * Vector3::x() * rate
 }
 
-#[test]
-fn law_rendered_balls() {
+/// What became of a number of rendered balls of one kind.
+#[derive(Default, Debug)]
+struct Tally {
+    /// Relative error of the rate, angle between the axes (deg), squared normalised error (3 degrees of freedom).
+    rate: Vec<f64>,
+    axis_deg: Vec<f64>,
+    z2: Vec<f64>,
+    one_axis_z: Vec<f64>,
+    refused: Vec<String>,
+    ms: Vec<f64>,
+}
+
+fn rms(x: &[f64]) -> f64 {
+    (x.iter().map(|v| v * v).sum::<f64>() / x.len().max(1) as f64).sqrt()
+}
+
+impl Tally {
+    fn worst_rate(&self) -> f64 {
+        self.rate.iter().fold(0.0, |m, r| m.max(r.abs()))
+    }
+
+    fn worst_axis_deg(&self) -> f64 {
+        self.axis_deg.iter().fold(0.0, |m, a| m.max(*a))
+    }
+
+    /// Mean squared normalised error per component; 1 when the covariance is right.
+    fn z2_mean(&self) -> f64 {
+        self.z2.iter().sum::<f64>() / (3 * self.z2.len()).max(1) as f64
+    }
+
+    fn add(&mut self, got: &SpinEstimate, omega: &Vector3<f64>, label: &str) {
+        match got {
+            SpinEstimate::Vector { omega_rad_s, covariance, quality, .. } => {
+                let miss = omega_rad_s - omega;
+                self.z2.push(miss.dot(&(covariance.try_inverse().unwrap() * miss)));
+                self.rate.push(omega_rad_s.norm() / omega.norm() - 1.0);
+                self.axis_deg.push(omega_rad_s.angle(omega).to_degrees());
+                if std::env::var_os("TELL").is_some() {
+                    eprintln!(
+                        "{label} |w| {:.1} rate {:+.2} % axis {:.2} deg miss {:.2?} z2 {:.2} sd {:.2?} {quality:?}",
+                        omega.norm(),
+                        100.0 * self.rate.last().unwrap(),
+                        self.axis_deg.last().unwrap(),
+                        miss.as_slice(),
+                        self.z2.last().unwrap(),
+                        covariance.diagonal().map(f64::sqrt).as_slice(),
+                    );
+                }
+            }
+            SpinEstimate::OneAxis { axis, rate_rad_s, sd_rad_s, .. } => {
+                self.one_axis_z.push((rate_rad_s - omega.dot(axis)) / sd_rad_s);
+                if std::env::var_os("TELL").is_some() {
+                    eprintln!("{label} |w| {:.1} {:?} along {axis:.3?}: {rate_rad_s:.1} sd {sd_rad_s:.1}, true {:.1}", omega.norm(), omega.as_slice(), omega.dot(axis));
+                }
+            }
+            SpinEstimate::Refused { reason } => {
+                if std::env::var_os("TELL").is_some() {
+                    eprintln!("{label} |w| {:.1} {:.1?}: {reason}", omega.norm(), omega.as_slice());
+                }
+                self.refused.push(reason.to_string());
+            }
+        }
+    }
+
+    fn tell(&self, label: &str) {
+        eprintln!(
+            "{label}: {} vectors, rate rms {:.2} % worst {:.2} %, axis rms {:.2} worst {:.2} deg, z2 per component {:.2}; {} one-axis (z rms {:.2}), {} refused; {:.0} ms each",
+            self.rate.len(),
+            100.0 * rms(&self.rate),
+            100.0 * self.worst_rate(),
+            rms(&self.axis_deg),
+            self.worst_axis_deg(),
+            self.z2_mean(),
+            self.one_axis_z.len(),
+            rms(&self.one_axis_z),
+            self.refused.len(),
+            self.ms.iter().sum::<f64>() / self.ms.len().max(1) as f64
+        );
+    }
+}
+
+/// Renders and measures `n` balls: rates between the two, the scene as `change` leaves it.
+fn tally(label: &str, n: u64, rates: (f64, f64), change: impl Fn(&mut Scene, &mut rand_chacha::ChaCha8Rng)) -> Tally {
     let rig = rig();
-    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(5);
-    let (mut z, mut rates) = (Vec::new(), Vec::new());
-    let n: u64 = std::env::var("N").ok().and_then(|s| s.parse().ok()).unwrap_or(12);
-    for seed in 0..n {
-        let omega = random_spin(&mut random, 84.0, 300.0);
-        let mut scene = Scene::usual(omega, seed);
-        let env = |k: &str, d: f64| std::env::var(k).ok().and_then(|s| s.parse().ok()).unwrap_or(d);
-        scene.noise = env("NOISE", scene.noise);
-        scene.centre_sd_px = env("CENTRE", scene.centre_sd_px);
-        scene.blur_px = env("SBLUR", scene.blur_px);
-        scene.ambient = env("AMBIENT", scene.ambient);
+    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(label.bytes().map(u64::from).sum());
+    let mut out = Tally::default();
+    let n = std::env::var("N").ok().and_then(|s| s.parse().ok()).unwrap_or(n);
+    for k in 0..n {
+        let omega = random_spin(&mut random, rates.0, rates.1);
+        let mut scene = Scene::usual(omega, random.random());
+        change(&mut scene, &mut random);
         let pictures = scene.render(&rig);
         let views: Vec<BallView> = pictures.iter().map(Picture::view).collect();
         let start = cpu_ms();
-        let got = estimate_spin(&views, &rig, RADIUS_M, &SpinSettings::new(1000.0));
-        let ms = cpu_ms() - start;
-        match &got {
-            SpinEstimate::Vector { omega_rad_s, covariance, quality, .. } => {
-                let miss = omega_rad_s - omega;
-                let z2 = miss.dot(&(covariance.try_inverse().unwrap() * miss));
-                z.push(z2);
-                rates.push(omega_rad_s.norm() / omega.norm() - 1.0);
-                eprintln!(
-                    "sim {seed} |w| {:.1} rate {:+.2} % axis {:.2} deg miss {:.2?} z2 {z2:.2} sd {:.2?} noise {:.4} outl {:.3} margin {:?} {ms:.0} ms",
-                    omega.norm(),
-                    100.0 * rates.last().unwrap(),
-                    omega_rad_s.angle(&omega).to_degrees(),
-                    miss.as_slice(),
-                    covariance.diagonal().map(f64::sqrt).as_slice(),
-                    quality.noise,
-                    quality.outliers,
-                    quality.margin
-                );
-            }
-            other => eprintln!("sim {seed} |w| {:.1} {omega:?}: {other:?} {ms:.0} ms", omega.norm()),
-        }
+        let got = estimate_spin(&views, &rig, RADIUS_M, &SpinSettings::new(scene.frame_rate_hz));
+        out.ms.push(cpu_ms() - start);
+        out.add(&got, &omega, &format!("  {label} {k}"));
     }
-    let k = z.len() as f64;
-    eprintln!("sim mean z2/3 {:.2}  mean rate {:+.3} %  rms rate {:.3} %", z.iter().sum::<f64>() / k / 3.0, 100.0 * rates.iter().sum::<f64>() / k, 100.0 * (rates.iter().map(|r| r * r).sum::<f64>() / k).sqrt());
+    out.tell(label);
+    out
+}
+
+fn lines_and_dots(random: &mut rand_chacha::ChaCha8Rng) -> Markings {
+    let mut dots: Vec<(Vector3<f64>, f64)> = (0..5).map(|_| (random_turn(random) * Vector3::x(), random.random_range(0.12..0.3))).collect();
+    dots.push((random_turn(random) * Vector3::x(), 0.35));
+    Markings::Dots(dots)
+}
+
+#[test]
+fn law_two_drawn_lines() {
+    tally("two lines", 12, (84.0, 300.0), |_, _| {});
+}
+
+#[test]
+fn law_fast() {
+    tally("fast", 6, (300.0, 500.0), |_, _| {});
+}
+
+#[test]
+fn law_slow() {
+    tally("slow", 6, (10.0, 80.0), |_, _| {});
+}
+
+#[test]
+fn law_dots() {
+    tally("dots", 8, (84.0, 300.0), |s, r| s.markings = lines_and_dots(r));
+}
+
+#[test]
+fn law_three_lines() {
+    tally("three lines", 6, (84.0, 300.0), |s, r| {
+        let turn = random_turn(r);
+        s.markings = Markings::Circles([Vector3::x(), Vector3::y(), Vector3::z()].map(|a| (turn * a, 0.0, 0.05)).to_vec());
+    });
+}
+
+#[test]
+fn law_hard() {
+    tally("hard", 8, (84.0, 300.0), |s, _| {
+        s.noise = 5.0;
+        s.bright = 90.0;
+        s.ink = 0.45;
+        s.frames = 25;
+        s.blur_px = 0.75;
+        s.background = 100.0;
+        s.centre_sd_px = 0.15;
+    });
+}
+
+#[test]
+fn law_one_line() {
+    tally("one line", 6, (84.0, 300.0), |s, r| s.markings = Markings::Circles(vec![(random_turn(r) * Vector3::x(), 0.0, 0.06)]));
+}
+
+#[test]
+fn law_one_line_about_its_own_axis() {
+    tally("line about its axis", 4, (84.0, 300.0), |s, _| s.markings = Markings::SpinCircle);
+}
+
+#[test]
+fn fails_without_markings() {
+    tally("bare", 4, (84.0, 300.0), |s, _| s.markings = Markings::None);
+}
+
+#[test]
+fn law_short() {
+    tally("short", 6, (84.0, 300.0), |s, _| s.frames = 7);
 }

@@ -16,6 +16,8 @@ pub enum Markings {
     Circles(Vec<(Vector3<f64>, f64, f64)>),
     /// Round dots: direction and angular radius.
     Dots(Vec<(Vector3<f64>, f64)>),
+    /// One great circle whose plane stands across the spin: turning does not move it.
+    SpinCircle,
     None,
 }
 
@@ -24,7 +26,7 @@ impl Markings {
         match self {
             Markings::Circles(c) => c.iter().any(|(axis, height, half)| (axis.dot(b).clamp(-1.0, 1.0).asin() - height).abs() < *half),
             Markings::Dots(d) => d.iter().any(|(at, r)| at.angle(b) < *r),
-            Markings::None => false,
+            Markings::SpinCircle | Markings::None => false,
         }
     }
 }
@@ -131,6 +133,10 @@ impl Scene {
     pub fn render(&self, rig: &StereoRig) -> Vec<Picture> {
         let mut random = ChaCha8Rng::seed_from_u64(self.seed ^ 0x5bd1_e995);
         let attitude = random_turn(&mut random);
+        let markings = match &self.markings {
+            Markings::SpinCircle => Markings::Circles(vec![(attitude.inverse() * self.omega.normalize(), 0.0, 0.06)]),
+            other => other.clone(),
+        };
         let mut out = Vec::new();
         for k in 0..self.frames {
             let t = (k as f64 - 0.5 * self.frames as f64) / self.frame_rate_hz;
@@ -138,13 +144,13 @@ impl Scene {
             let body_from_global = (Rotation3::new(self.omega * t) * attitude).inverse();
             for camera in CameraId::BOTH {
                 let gain = 1.0 + self.flicker * random.sample::<f64, _>(StandardNormal);
-                out.push(self.picture(rig, camera, t, position, &body_from_global, gain, &mut random));
+                out.push(self.picture(rig, &markings, camera, t, position, &body_from_global, gain, &mut random));
             }
         }
         out
     }
 
-    fn picture(&self, rig: &StereoRig, camera: CameraId, time_s: f64, position: Point3<f64>, body: &Rotation3<f64>, gain: f64, random: &mut ChaCha8Rng) -> Picture {
+    fn picture(&self, rig: &StereoRig, markings: &Markings, camera: CameraId, time_s: f64, position: Point3<f64>, body: &Rotation3<f64>, gain: f64, random: &mut ChaCha8Rng) -> Picture {
         const HALF: i64 = 15;
         const FINE: usize = 5;
         let centre = rig.project(camera, &position).unwrap();
@@ -167,7 +173,7 @@ impl Scene {
                     let hit = eye + ray * (along - (RADIUS_M * RADIUS_M - off2).sqrt());
                     let n = (hit - position) / RADIUS_M;
                     let light = self.ambient + (1.0 - self.ambient) * n.dot(&self.light).max(0.0);
-                    let albedo = if self.markings.dark(&(body * n)) { self.ink } else { 1.0 };
+                    let albedo = if markings.dark(&(body * n)) { self.ink } else { 1.0 };
                     self.bright * gain * light * albedo
                 } else {
                     self.background

@@ -318,9 +318,8 @@ impl<'a> Registrar<'a> {
         let mut direction = z.clone();
         let mut rz = dot(&residual, &z);
         let end = 1e-8 * dot(right, &right.iter().zip(&diagonal).map(|(r, d)| r / d).collect::<Vec<_>>()) + 1e-300;
-        for round in 0..=rounds {
-            if rz <= end || round == rounds {
-                if std::env::var_os("TIMES").is_some() { eprint!("{round}/{n} "); }
+        for _ in 0..rounds {
+            if rz <= end {
                 break;
             }
             self.apply(d, slopes, weights, &direction, &mut image);

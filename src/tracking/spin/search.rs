@@ -7,13 +7,17 @@
 use super::shading::Mark;
 use super::view::ViewInfo;
 use nalgebra::{Rotation3, Vector3};
+use std::collections::BTreeSet;
 
 /// Cells per edge of the cube around the sphere. A slice of 0.22, the width of a blurred line on a ball of 16 px;
 /// single precision and no branch per pixel, because this loop is most of the search.
-const CELLS: usize = 9;
+const WIDE: usize = 9;
+/// Smaller cells, to rank what the search has found.
+const NARROW: usize = 14;
 /// Turn at the ends of a run that one grid step may add, rad: half a line's width.
 const STEP_RAD: f64 = 0.14;
-/// Candidates kept after the coarse grid.
+/// Places kept after the first lattice, and at the end.
+const WIDEST: usize = 120;
 const KEPT: usize = 12;
 
 pub(super) struct Search<'a> {
@@ -63,18 +67,18 @@ impl<'a> Search<'a> {
     }
 
     /// Weighted variance inside the cells, per degree of freedom, over all runs; `every` skips pixels.
-    fn cost(&self, omega: &Vector3<f64>, runs: &[Vec<usize>], every: usize) -> f64 {
+    fn cost<const CELLS: usize>(&self, omega: &Vector3<f64>, runs: &[Vec<usize>], every: usize) -> f64 {
         let (mut squares, mut freedom) = (0.0f64, 0.0f64);
         for run in runs {
-            let mut cells = [[0.0f32; 2]; CELLS * CELLS * CELLS];
+            let mut cells = vec![[0.0f32; 2]; CELLS * CELLS * CELLS];
             let (mut square, mut count) = (0.0f32, 0usize);
             let middle = run.iter().map(|&v| self.views[v].time_s).sum::<f64>() / run.len() as f64;
             for &v in run {
                 let back = Rotation3::new(-omega * (self.views[v].time_s - middle));
                 let r: [[f32; 3]; 3] = std::array::from_fn(|i| std::array::from_fn(|j| back[(i, j)] as f32 * (0.4999 * CELLS as f32)));
-                const MIDDLE: f32 = 0.5 * CELLS as f32;
+                let half = 0.5 * CELLS as f32;
                 for p in self.pixels[v].iter().step_by(every) {
-                    let place = |i: usize| (r[i][0] * p.normal[0] + r[i][1] * p.normal[1] + r[i][2] * p.normal[2] + MIDDLE) as usize;
+                    let place = |i: usize| (r[i][0] * p.normal[0] + r[i][1] * p.normal[1] + r[i][2] * p.normal[2] + half) as usize;
                     let at = (place(0) * CELLS + place(1)) * CELLS + place(2);
                     // A direction is a unit vector, so that the place is inside; `min` spares the check.
                     let cell = &mut cells[at.min(CELLS * CELLS * CELLS - 1)];
@@ -85,7 +89,7 @@ impl<'a> Search<'a> {
                 }
             }
             let (mut explained, mut occupied) = (0.0f32, 0usize);
-            for [weight, weighted] in cells {
+            for &[weight, weighted] in &cells {
                 explained += weighted * weighted / weight.max(1e-6);
                 occupied += usize::from(weight > 0.0);
             }
@@ -103,44 +107,42 @@ impl<'a> Search<'a> {
         let last = self.views.iter().map(|v| v.time_s).fold(f64::NEG_INFINITY, f64::max);
         let whole = (last - first).max(frame_s);
         let mut length = (4.5 * frame_s).min(whole);
-        let runs = self.runs(length);
-        let step = 2.0 * STEP_RAD / length;
+        let mut step = 2.0 * STEP_RAD / length;
         let reach = (limit_rad_s / step).ceil() as i64;
-        let mut grid = std::collections::BTreeMap::new();
-        for i in -reach..=reach {
-            for j in -reach..=reach {
-                for k in -reach..=reach {
-                    let omega = Vector3::new(i as f64, j as f64, k as f64) * step;
-                    if omega.norm() <= limit_rad_s {
-                        grid.insert((i, j, k), self.cost(&omega, &runs, 3));
-                    }
-                }
-            }
-        }
-        let mut found: Vec<Candidate> = grid
-            .iter()
-            .filter(|&(&(i, j, k), &cost)| {
-                let around = (-1..=1).flat_map(|a| (-1..=1).flat_map(move |b| (-1..=1).map(move |c| (i + a, j + b, k + c))));
-                around.filter_map(|at| grid.get(&at)).all(|&other| cost <= other)
-            })
-            .map(|(&(i, j, k), &cost)| Candidate { omega: Vector3::new(i as f64, j as f64, k as f64) * step, cost })
-            .collect();
-        found.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-        found.truncate(KEPT);
-        // Grow the runs; the grid around each candidate shrinks in step.
-        let mut last_step = step;
-        loop {
+        let rate = |at: &[i64; 3], step: f64| Vector3::new(at[0] as f64, at[1] as f64, at[2] as f64) * step;
+        let cube = |reach: i64| (-reach..=reach).flat_map(move |i| (-reach..=reach).flat_map(move |j| (-reach..=reach).map(move |k| [i, j, k])));
+        let mut places: BTreeSet<[i64; 3]> = cube(reach).collect();
+        let mut kept = WIDEST;
+        // Over a few frames a single line slides along itself, and the cost has long level valleys: so not its minima are
+        // kept but a broad beam of places, which longer runs thin out while the lattice becomes finer.
+        let found = loop {
             let runs = self.runs(length);
-            let step = (2.0 * STEP_RAD / length).min(last_step);
-            for c in &mut found {
-                *c = self.descend(*c, &runs, step);
-            }
+            places.retain(|at| rate(at, step).norm() <= limit_rad_s);
+            let mut costs: Vec<([i64; 3], f64)> = places.iter().map(|at| (*at, self.cost::<WIDE>(&rate(at, step), &runs, 3))).collect();
+            costs.sort_by(|a, b| a.1.total_cmp(&b.1));
             if length >= whole {
+                break costs;
+            }
+            costs.truncate(kept);
+            kept = (kept / 2).max(KEPT);
+            let next = (2.0 * length).min(whole);
+            // Half the step, or nearly: the lattice of the last level is a part of the next one.
+            step *= 0.5;
+            length = next;
+            places = costs.iter().flat_map(|(at, _)| cube(1).map(move |d| [2 * at[0] + d[0], 2 * at[1] + d[1], 2 * at[2] + d[2]])).collect();
+        };
+        let mut distinct: Vec<Candidate> = Vec::new();
+        for (at, cost) in &found {
+            let omega = rate(at, step);
+            if distinct.iter().all(|d| (d.omega - omega).norm() > 2.5 * step) {
+                distinct.push(Candidate { omega, cost: *cost });
+            }
+            if distinct.len() >= KEPT {
                 break;
             }
-            last_step = step;
-            length = (1.8 * length).min(whole);
         }
+        let runs = self.runs(whole);
+        let mut found: Vec<Candidate> = distinct.iter().map(|c| self.descend(*c, &runs, 0.5 * step)).collect();
         found.sort_by(|a, b| a.cost.total_cmp(&b.cost));
         let apart = 2.0 * STEP_RAD / whole;
         let mut distinct: Vec<Candidate> = Vec::new();
@@ -154,7 +156,7 @@ impl<'a> Search<'a> {
 
     /// Moves to the best of the neighbours (faces of a cube of ±step, then ±step/2) until none is better.
     fn descend(&self, from: Candidate, runs: &[Vec<usize>], step: f64) -> Candidate {
-        let mut best = Candidate { omega: from.omega, cost: self.cost(&from.omega, runs, 1) };
+        let mut best = Candidate { omega: from.omega, cost: self.cost::<NARROW>(&from.omega, runs, 1) };
         let mut step = step;
         for _ in 0..2 {
             for _ in 0..4 {
@@ -163,7 +165,7 @@ impl<'a> Search<'a> {
                     for sign in [-1.0, 1.0] {
                         let mut omega = centre;
                         omega[axis] += sign * step;
-                        let cost = self.cost(&omega, runs, 1);
+                        let cost = self.cost::<NARROW>(&omega, runs, 1);
                         if cost < best.cost {
                             best = Candidate { omega, cost };
                         }

@@ -30,6 +30,8 @@ pub(super) struct Registration {
     pub markings: Vec<f64>,
     /// Root mean square of the fitted markings over the pixels, contrast.
     pub texture: f64,
+    /// Length of the last step, rad/s.
+    pub last_step_rad_s: f64,
     /// Pixels' share with robust weight below one half.
     pub outliers: f64,
 }
@@ -113,12 +115,13 @@ impl<'a> Registrar<'a> {
             self.solve(&design, &no_slopes, &robust, noise, &mut unknown, effort.rounds);
             noise = self.reweigh(&self.residuals(&design, &unknown), &mut robust);
         }
+        let mut length = 0.0;
         for _ in 0..effort.steps {
             let slopes = self.omega_slopes(&design, &omega, &unknown);
             self.solve(&design, &slopes, &robust, noise, &mut unknown, effort.rounds);
             let at = design.omega_at;
             let mut step = Vector3::new(unknown[at], unknown[at + 1], unknown[at + 2]);
-            let length = step.norm();
+            length = step.norm();
             if length > 15.0 {
                 step *= 15.0 / length;
             }
@@ -141,7 +144,20 @@ impl<'a> Registrar<'a> {
         let markings = self.markings(&design, &unknown);
         let texture = (markings.iter().map(|m| m * m).sum::<f64>() / markings.len().max(1) as f64).sqrt();
         let outliers = robust.iter().filter(|&&w| w < 0.5).count() as f64 / robust.len().max(1) as f64;
-        Registration { omega, model_covariance, scatter_covariance, residuals, noise, markings, texture, outliers }
+        Registration { omega, model_covariance, scatter_covariance, residuals, noise, markings, texture, last_step_rad_s: length, outliers }
+    }
+
+    /// Robust cost at a fixed spin, everything else fitted.
+    pub fn cost_at(&self, omega: &Vector3<f64>, noise: f64, rounds: usize) -> f64 {
+        let design = self.design(omega);
+        let mut robust = vec![1.0; self.marks.len()];
+        let mut unknown = vec![0.0; design.unknowns + 3];
+        let none = vec![Vector3::zeros(); self.marks.len()];
+        for _ in 0..2 {
+            self.solve(&design, &none, &robust, noise, &mut unknown, rounds);
+            self.reweigh(&self.residuals(&design, &unknown), &mut robust);
+        }
+        self.cost(&self.residuals(&design, &unknown), noise)
     }
 
     fn noise_guess(&self) -> f64 {

@@ -2,12 +2,12 @@
 
 use crate::shared::shared;
 use crate::spin_ball::{Markings, Picture, RADIUS_M, Scene, random_turn, rig, rig_of_poses};
-use rand::{Rng, SeedableRng};
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector2, Vector3};
+use rand::{Rng, SeedableRng};
 use std::collections::BTreeMap;
 use std::path::Path;
 use sweetspot::calibration::{Camera, CameraId, StereoRig};
-use sweetspot::tracking::spin::{BallView, SpinEstimate, SpinSettings, estimate_spin};
+use sweetspot::tracking::spin::{BallView, SpinEstimate, SpinRefusal, SpinSettings, estimate_spin};
 
 fn numbers(v: &serde_json::Value) -> Vec<f64> {
     v.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()
@@ -90,24 +90,24 @@ fn real_practice_balls_turn_as_they_were_made_to() {
             for (pictures, key) in sides.iter().zip(["ball_in_w", "ball_out_w"]) {
                 let views: Vec<BallView> = pictures.iter().map(Picture::view).collect();
                 let expected = vector(&shot["global"][key]);
-                let start = cpu_ms();
                 let got = estimate_spin(&views, &rig, 0.033, &SpinSettings::new(1000.0));
-                let ms = cpu_ms() - start;
-                match &got {
-                    SpinEstimate::Vector { omega_rad_s, covariance, frames_used, quality } => {
-                        let miss = omega_rad_s - expected;
-                        let z2 = miss.dot(&(covariance.try_inverse().unwrap() * miss));
-                        eprintln!(
-                            "{name} {id} {key}: |w| {:.1} rate {:+.2} % axis {:.2} deg  miss {:.2?} z2 {z2:.2} sd {:.2?} frames {frames_used} {quality:?} {ms:.0} ms",
-                            expected.norm(),
-                            100.0 * (omega_rad_s.norm() / expected.norm() - 1.0),
-                            omega_rad_s.angle(&expected).to_degrees(),
-                            miss.as_slice(),
-                            covariance.diagonal().map(f64::sqrt).as_slice()
-                        );
-                    }
-                    other => eprintln!("{name} {id} {key}: |w| {:.1} {expected:?}: {other:?} {ms:.0} ms", expected.norm()),
-                }
+                let SpinEstimate::Vector { omega_rad_s, covariance, .. } = &got else {
+                    panic!("{name} {id} {key}: {got:?}");
+                };
+                let miss = omega_rad_s - expected;
+                let rate = omega_rad_s.norm() / expected.norm() - 1.0;
+                let axis_deg = omega_rad_s.angle(&expected).to_degrees();
+                let z2 = miss.dot(&(covariance.try_inverse().unwrap() * miss));
+                eprintln!("{name} {id} {key}: |w| {:.1} rad/s, rate {:+.2} %, axis {axis_deg:.2} deg, z2 {z2:.2}", expected.norm(), 100.0 * rate);
+                // The bars hold from 800 rpm on; below, the same turn error is a larger share.
+                let bars = match name {
+                    _ if expected.norm() < 83.8 => (0.05, 8.0),
+                    "lab-11" => (0.02, 5.0),
+                    "court-12" => (0.03, 8.0),
+                    _ => (0.10, 10.0),
+                };
+                assert!(rate.abs() < bars.0 && axis_deg < bars.1, "{name} {id} {key}: {got:?}, true {expected:?}");
+                assert!(z2 < 16.3, "{name} {id} {key}: z2 {z2:.1} is beyond the 99.9 % bound");
             }
         }
     }
@@ -171,7 +171,12 @@ impl Tally {
             SpinEstimate::OneAxis { axis, rate_rad_s, sd_rad_s, .. } => {
                 self.one_axis_z.push((rate_rad_s - omega.dot(axis)) / sd_rad_s);
                 if std::env::var_os("TELL").is_some() {
-                    eprintln!("{label} |w| {:.1} {:?} along {axis:.3?}: {rate_rad_s:.1} sd {sd_rad_s:.1}, true {:.1}", omega.norm(), omega.as_slice(), omega.dot(axis));
+                    eprintln!(
+                        "{label} |w| {:.1} {:?} along {axis:.3?}: {rate_rad_s:.1} sd {sd_rad_s:.1}, true {:.1}",
+                        omega.norm(),
+                        omega.as_slice(),
+                        omega.dot(axis)
+                    );
                 }
             }
             SpinEstimate::Refused { reason } => {
@@ -221,43 +226,44 @@ fn tally(label: &str, n: u64, rates: (f64, f64), change: impl Fn(&mut Scene, &mu
     out
 }
 
-fn lines_and_dots(random: &mut rand_chacha::ChaCha8Rng) -> Markings {
+fn dots(random: &mut rand_chacha::ChaCha8Rng) -> Markings {
     let mut dots: Vec<(Vector3<f64>, f64)> = (0..5).map(|_| (random_turn(random) * Vector3::x(), random.random_range(0.12..0.3))).collect();
     dots.push((random_turn(random) * Vector3::x(), 0.35));
     Markings::Dots(dots)
 }
 
 #[test]
-fn law_two_drawn_lines() {
-    tally("two lines", 12, (84.0, 300.0), |_, _| {});
+fn law_two_drawn_lines_give_the_vector_and_an_honest_covariance() {
+    let t = tally("two lines", 12, (84.0, 300.0), |_, _| {});
+    assert_eq!(t.rate.len(), 12);
+    assert!(t.worst_rate() < 0.02 && t.worst_axis_deg() < 5.0);
+    // 36 components: the mean of their squares has a standard deviation of 0.24.
+    assert!((0.3..1.9).contains(&t.z2_mean()), "{}", t.z2_mean());
 }
 
 #[test]
-fn law_fast() {
-    tally("fast", 6, (300.0, 500.0), |_, _| {});
+fn law_fast_and_slow_spins_are_found() {
+    let fast = tally("fast", 5, (300.0, 500.0), |_, _| {});
+    assert!(fast.rate.len() == 5 && fast.worst_rate() < 0.01 && fast.worst_axis_deg() < 3.0);
+    let slow = tally("slow", 5, (10.0, 80.0), |_, _| {});
+    assert!(slow.rate.len() == 5 && slow.worst_rate() < 0.05 && slow.z2_mean() < 2.5);
 }
 
 #[test]
-fn law_slow() {
-    tally("slow", 6, (10.0, 80.0), |_, _| {});
-}
-
-#[test]
-fn law_dots() {
-    tally("dots", 8, (84.0, 300.0), |s, r| s.markings = lines_and_dots(r));
-}
-
-#[test]
-fn law_three_lines() {
-    tally("three lines", 6, (84.0, 300.0), |s, r| {
+fn law_other_markings_serve_as_well() {
+    let dots = tally("dots", 6, (84.0, 300.0), |s, r| s.markings = dots(r));
+    assert!(dots.rate.len() >= 5 && dots.worst_rate() < 0.03 && dots.worst_axis_deg() < 5.0);
+    // Three lines across each other look the same after quarter turns about three axes.
+    let three = tally("three lines", 5, (84.0, 300.0), |s, r| {
         let turn = random_turn(r);
         s.markings = Markings::Circles([Vector3::x(), Vector3::y(), Vector3::z()].map(|a| (turn * a, 0.0, 0.05)).to_vec());
     });
+    assert!(three.rate.len() == 5 && three.worst_rate() < 0.02 && three.worst_axis_deg() < 5.0);
 }
 
 #[test]
-fn law_hard() {
-    tally("hard", 8, (84.0, 300.0), |s, _| {
+fn law_poor_pictures_are_right_or_refused() {
+    let hard = tally("hard", 6, (84.0, 300.0), |s, _| {
         s.noise = 5.0;
         s.bright = 90.0;
         s.ink = 0.45;
@@ -266,24 +272,61 @@ fn law_hard() {
         s.background = 100.0;
         s.centre_sd_px = 0.15;
     });
+    assert!(hard.rate.len() >= 4 && hard.worst_rate() < 0.05 && hard.z2_mean() < 3.0);
+    let short = tally("short", 5, (84.0, 300.0), |s, _| s.frames = 7);
+    assert!(short.worst_rate() < 0.10);
 }
 
 #[test]
-fn law_one_line() {
-    tally("one line", 6, (84.0, 300.0), |s, r| s.markings = Markings::Circles(vec![(random_turn(r) * Vector3::x(), 0.0, 0.06)]));
+fn fails_where_the_markings_do_not_hold_the_spin() {
+    let bare = tally("bare", 3, (84.0, 300.0), |s, _| s.markings = Markings::None);
+    assert!(bare.refused.len() == 3 && bare.refused.iter().all(|r| r.contains("no markings")), "{:?}", bare.refused);
+    let own = tally("line about its axis", 4, (84.0, 300.0), |s, _| s.markings = Markings::SpinCircle);
+    assert!(own.worst_rate() < 0.10, "a line that slides along itself: {own:?}");
+    let one = tally("one line", 4, (84.0, 300.0), |s, r| s.markings = Markings::Circles(vec![(random_turn(r) * Vector3::x(), 0.0, 0.06)]));
+    assert!(one.worst_rate() < 0.10, "{one:?}");
 }
 
 #[test]
-fn law_one_line_about_its_own_axis() {
-    tally("line about its axis", 4, (84.0, 300.0), |s, _| s.markings = Markings::SpinCircle);
+fn fails_with_too_few_frames_or_no_ball_in_the_picture() {
+    let rig = rig();
+    let scene = Scene { frames: 3, ..Scene::usual(Vector3::new(0.0, 150.0, 0.0), 3) };
+    let pictures = scene.render(&rig);
+    let views: Vec<BallView> = pictures.iter().map(Picture::view).collect();
+    let settings = SpinSettings::new(1000.0);
+    let refused =
+        |views: &[BallView]| matches!(estimate_spin(views, &rig, RADIUS_M, &settings), SpinEstimate::Refused { reason: SpinRefusal::TooFewFrames { .. } });
+    assert!(refused(&views) && refused(&[]));
+    let pictures = Scene { frames: 8, ..scene }.render(&rig);
+    let mut views: Vec<BallView> = pictures.iter().map(Picture::view).collect();
+    for v in &mut views {
+        v.centre_px.x = -4000.0;
+    }
+    assert!(refused(&views));
+    for v in &mut views {
+        v.centre_px.x = f64::NAN;
+    }
+    assert!(refused(&views));
 }
 
 #[test]
-fn fails_without_markings() {
-    tally("bare", 4, (84.0, 300.0), |s, _| s.markings = Markings::None);
-}
-
-#[test]
-fn law_short() {
-    tally("short", 6, (84.0, 300.0), |s, _| s.frames = 7);
+fn law_one_camera_is_enough_and_order_does_not_matter() {
+    let rig = rig();
+    let omega = Vector3::new(-40.0, 110.0, 120.0);
+    let pictures = Scene::usual(omega, 8).render(&rig);
+    let settings = SpinSettings::new(1000.0);
+    let left: Vec<BallView> = pictures.iter().filter(|p| p.camera == CameraId::Left).map(Picture::view).collect();
+    let SpinEstimate::Vector { omega_rad_s, covariance, .. } = estimate_spin(&left, &rig, RADIUS_M, &settings) else { panic!("refused") };
+    let miss = omega_rad_s - omega;
+    assert!(miss.norm() < 0.03 * omega.norm() && miss.dot(&(covariance.try_inverse().unwrap() * miss)) < 16.3, "{miss:?}");
+    let views: Vec<BallView> = pictures.iter().map(Picture::view).collect();
+    let mut turned = views.clone();
+    turned.reverse();
+    let vector = |views: &[BallView]| match estimate_spin(views, &rig, RADIUS_M, &settings) {
+        SpinEstimate::Vector { omega_rad_s, .. } => omega_rad_s,
+        other => panic!("{other:?}"),
+    };
+    let (a, b) = (vector(&views), vector(&turned));
+    assert_eq!(a, vector(&views), "same input, same answer");
+    assert!((a - b).norm() < 0.5, "order changes the answer by {:?}", a - b);
 }

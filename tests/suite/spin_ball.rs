@@ -150,7 +150,17 @@ impl Scene {
         out
     }
 
-    fn picture(&self, rig: &StereoRig, markings: &Markings, camera: CameraId, time_s: f64, position: Point3<f64>, body: &Rotation3<f64>, gain: f64, random: &mut ChaCha8Rng) -> Picture {
+    fn picture(
+        &self,
+        rig: &StereoRig,
+        markings: &Markings,
+        camera: CameraId,
+        time_s: f64,
+        position: Point3<f64>,
+        body: &Rotation3<f64>,
+        gain: f64,
+        random: &mut ChaCha8Rng,
+    ) -> Picture {
         const HALF: i64 = 15;
         const FINE: usize = 5;
         let centre = rig.project(camera, &position).unwrap();
@@ -216,11 +226,8 @@ fn blur(x: &[f64], n: usize, sd: f64) -> Vec<f64> {
         let mut out = vec![0.0; n * n];
         for line in 0..n {
             for i in 0..n {
-                let sum: f64 = kernel
-                    .iter()
-                    .enumerate()
-                    .map(|(k, w)| w * x[line * other + (i as i64 + k as i64 - reach).clamp(0, n as i64 - 1) as usize * step])
-                    .sum();
+                let sum: f64 =
+                    kernel.iter().enumerate().map(|(k, w)| w * x[line * other + (i as i64 + k as i64 - reach).clamp(0, n as i64 - 1) as usize * step]).sum();
                 out[line * other + i * step] = sum / total;
             }
         }

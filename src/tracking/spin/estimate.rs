@@ -114,6 +114,8 @@ const LEAST_CONTRAST: f64 = 0.015;
 /// Blur of the recording, standard deviation in px: lens and pixel together. Half of it or one and a half change the
 /// rate by 0.3 % (docs/spin.md, "Blur").
 const BLUR_PX: f64 = 0.6;
+/// Growth of the covariance with the noise: the map follows some of it, and its slopes there look like information.
+const NOISE_SHARE: f64 = 8.0;
 /// Systematic displacement of the markings from one end of the window to its middle, px, and relative error of the rate.
 /// Calibrated on rendered balls (tests/suite/spin.rs, `law_`), checked on the practice footage (docs/spin.md).
 const SYSTEMATIC_PX: f64 = 0.04;
@@ -126,8 +128,7 @@ const MEMORY_FRAMES: f64 = 6.0;
 const COARSE: Effort = Effort { steps: 4, last_step_rad_s: 0.5, rounds: 12, covariance: false, memory_s: 0.0 };
 /// Fine map with blur, before the shading is fitted again.
 const FIRST: Effort = Effort { steps: 2, last_step_rad_s: 0.3, rounds: 15, covariance: false, memory_s: 0.0 };
-const FINAL: Effort = Effort { steps: 10, last_step_rad_s: 0.1, rounds: 20, covariance: true, memory_s: 0.0 };
-
+const FINAL: Effort = Effort { steps: 3, last_step_rad_s: 0.1, rounds: 20, covariance: true, memory_s: 0.0 };
 
 /// Measures one constant spin vector over the free flight shown by `views`.
 pub fn estimate_spin(views: &[BallView], rig: &StereoRig, radius_m: f64, settings: &SpinSettings) -> SpinEstimate {
@@ -151,8 +152,8 @@ pub fn estimate_spin(views: &[BallView], rig: &StereoRig, radius_m: f64, setting
     let first = Registrar::new(&map, &infos, &marks, &shading, BLUR_PX).refine(contest.omega, &FIRST);
     // The lines darken the first estimate of the shading where they pass most often; once they are known, again.
     let (shading, marks) = divide_out(&infos, &samples, Some(&first.markings));
-    let best = Registrar::new(&map, &infos, &marks, &shading, BLUR_PX)
-        .refine(first.omega, &Effort { memory_s: MEMORY_FRAMES / settings.frame_rate_hz, ..FINAL });
+    let best =
+        Registrar::new(&map, &infos, &marks, &shading, BLUR_PX).refine(first.omega, &Effort { memory_s: MEMORY_FRAMES / settings.frame_rate_hz, ..FINAL });
     let quality =
         SpinQuality { views: infos.len(), pixels: marks.len(), noise: best.noise, markings: best.texture, outliers: best.outliers, margin: contest.margin };
     if best.texture < f64::max(LEAST_CONTRAST, 0.4 * best.noise) {
@@ -167,7 +168,8 @@ pub fn estimate_spin(views: &[BallView], rig: &StereoRig, radius_m: f64, setting
     if best.last_step_rad_s > 1.0 {
         return SpinEstimate::Refused { reason: SpinRefusal::Unsettled { step_rad_s: best.last_step_rad_s } };
     }
-    let covariance = larger(&best.model_covariance, &best.scatter_covariance) + systematic(&best.omega, &infos);
+    let covariance =
+        larger(&best.model_covariance, &best.scatter_covariance) * (1.0 + NOISE_SHARE * (best.noise / best.texture).powi(2)) + systematic(&best.omega, &infos);
     let eigen = covariance.symmetric_eigen();
     let worst = eigen.eigenvalues.max().sqrt();
     if worst <= LARGEST_SD {
@@ -233,7 +235,6 @@ fn contest(coarse: &Registrar, candidates: &[Candidate], span_s: f64) -> Option<
     }
     fits.sort_by(|a, b| cost(a).total_cmp(&cost(b)));
     let best = fits.first()?;
-    let best = fits.first()?;
     let at_best = coarse.cost_at(&best.omega, noise, COARSE.rounds);
     let gain = explained(best).max(1.0);
     // A solution that hardly moves the markings is favoured by everything that stands still: shading, strings, dirt.
@@ -286,4 +287,3 @@ fn larger(a: &Matrix3<f64>, b: &Matrix3<f64>) -> Matrix3<f64> {
     let c = joint * grown * joint.transpose();
     0.5 * (c + c.transpose())
 }
-

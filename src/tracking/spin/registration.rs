@@ -51,6 +51,15 @@ pub(super) struct Effort {
     pub memory_s: f64,
 }
 
+/// Most steps with everything but ω projected out.
+const POLISH: usize = 5;
+
+struct Information {
+    model_covariance: Matrix3<f64>,
+    scatter_covariance: Matrix3<f64>,
+    step: Vector3<f64>,
+}
+
 /// The pixel's row of the design: kernels, then shading, then gain.
 struct Row {
     start: usize,
@@ -133,14 +142,31 @@ impl<'a> Registrar<'a> {
                 break;
             }
         }
+        let mut information = None;
+        // The steps above share their few rounds with the map and so fall short where ω is held weakly. With map, gains
+        // and shading projected out of the slopes first (variable projection), the step is whole.
+        for last in (0..if effort.covariance { POLISH } else { 0 }).rev() {
+            self.solve(&design, &no_slopes, &robust, noise, &mut unknown, effort.rounds);
+            let residuals = self.residuals(&design, &unknown);
+            let slopes = self.omega_slopes(&design, &omega, &unknown);
+            let found = self.information(&design, &slopes, &robust, noise, &residuals, 2 * effort.rounds, effort.memory_s);
+            let mut step = found.step;
+            length = step.norm();
+            let small = step.component_div(&found.model_covariance.diagonal().map(f64::sqrt)).norm() < 0.3;
+            information = Some(found);
+            if small || last == 0 {
+                break;
+            }
+            if length > 15.0 {
+                step *= 15.0 / length;
+            }
+            omega += step;
+            design = self.design(&omega);
+            noise = self.reweigh(&self.residuals(&design, &unknown), &mut robust);
+        }
         self.solve(&design, &no_slopes, &robust, noise, &mut unknown, effort.rounds);
         let residuals = self.residuals(&design, &unknown);
-        let slopes = self.omega_slopes(&design, &omega, &unknown);
-        let (model_covariance, scatter_covariance) = if effort.covariance {
-            self.covariances(&design, &slopes, &robust, noise, &residuals, 2 * effort.rounds, effort.memory_s)
-        } else {
-            (Matrix3::zeros(), Matrix3::zeros())
-        };
+        let (model_covariance, scatter_covariance) = information.map_or((Matrix3::zeros(), Matrix3::zeros()), |i| (i.model_covariance, i.scatter_covariance));
         let markings = self.markings(&design, &unknown);
         let texture = (markings.iter().map(|m| m * m).sum::<f64>() / markings.len().max(1) as f64).sqrt();
         let outliers = robust.iter().filter(|&&w| w < 0.5).count() as f64 / robust.len().max(1) as f64;
@@ -354,8 +380,8 @@ impl<'a> Registrar<'a> {
         }
     }
 
-    /// Covariance from the curvature with everything else profiled out, and from the scatter of the views' scores.
-    fn covariances(&self, d: &Design, slopes: &[Vector3<f64>], robust: &[f64], noise: f64, residuals: &[f64], rounds: usize, memory_s: f64) -> (Matrix3<f64>, Matrix3<f64>) {
+    /// Covariance from the curvature with everything else profiled out, and from the scatter of the views' scores; the step.
+    fn information(&self, d: &Design, slopes: &[Vector3<f64>], robust: &[f64], noise: f64, residuals: &[f64], rounds: usize, memory_s: f64) -> Information {
         let weights = self.weights(robust, noise);
         let none = vec![Vector3::zeros(); self.marks.len()];
         // Slopes with what map, gains and shading can imitate taken out.
@@ -397,7 +423,8 @@ impl<'a> Registrar<'a> {
         }
         let n = scores.len() as f64;
         let c = covariance * scatter * covariance * (n / (n - 3.0).max(1.0));
-        (covariance, 0.5 * (c + c.transpose()))
+        let step = covariance * scores.iter().sum::<Vector3<f64>>();
+        Information { model_covariance: covariance, scatter_covariance: 0.5 * (c + c.transpose()), step }
     }
 
     fn markings(&self, d: &Design, unknown: &[f64]) -> Vec<f64> {

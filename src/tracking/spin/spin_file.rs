@@ -54,3 +54,41 @@ pub fn read_spin(path: &Path) -> Result<BallSpin, SpinFileError> {
     }
     Ok(spin)
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::super::estimate::{SpinQuality, SpinRefusal};
+    use super::*;
+    use nalgebra::{Matrix3, Vector3};
+
+    fn spin() -> BallSpin {
+        let quality = SpinQuality { views: 40, pixels: 6000, noise: 0.02, markings: 0.17, outliers: 0.03, margin: Some(0.4) };
+        BallSpin {
+            before: SpinEstimate::Vector { omega_rad_s: Vector3::new(1.0, -200.5, 30.0), covariance: Matrix3::identity() * 0.3, frames_used: 20, quality },
+            after: SpinEstimate::Refused { reason: SpinRefusal::TooFewFrames { seen: 2, needed: 4 } },
+        }
+    }
+
+    #[test]
+    fn truth_a_spin_file_reads_back_as_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(SPIN_FILE);
+        std::fs::write(&path, spin_to_json(&spin())).unwrap();
+        assert_eq!(read_spin(&path).unwrap(), spin());
+    }
+
+    #[test]
+    fn fails_on_a_covariance_that_is_none() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(SPIN_FILE);
+        let mut broken = spin();
+        if let SpinEstimate::Vector { covariance, .. } = &mut broken.before {
+            covariance[(0, 0)] = -1.0;
+        }
+        std::fs::write(&path, spin_to_json(&broken)).unwrap();
+        assert!(matches!(read_spin(&path), Err(SpinFileError::Value { field: "before", .. })));
+        std::fs::write(&path, "{}").unwrap();
+        assert!(matches!(read_spin(&path), Err(SpinFileError::Format { .. })));
+    }
+}

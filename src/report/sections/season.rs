@@ -19,7 +19,8 @@ const MOST_GROUPS: usize = 4;
 /// A figure with a name fit for a file, the thesis's figure it follows, and its caption.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SeasonFigure {
-    pub name: &'static str,
+    /// Letters, digits and hyphens; its own within the list.
+    pub name: String,
     pub svg: String,
     pub caption: String,
 }
@@ -62,13 +63,15 @@ pub fn season_figures(shots: &[&Shot], racket: Option<&Racket>) -> Vec<SeasonFig
         ("ball-velocity-after", "Ball velocity after", "ball_out_global_v", "ball_out_speed", "m/s", ["U", "V", "W"], "5.10, 5.11"),
         ("racket-angular-velocity", "Racket angular velocity before", "racket_in_w", "racket_in_rate", "rad/s", ["x", "y", "z"], "5.12, 5.13"),
     ] {
-        for group in &groups {
+        for (k, group) in groups.iter().enumerate() {
+            // Groups' names come from users' files: a number is safe in a file name and never repeats.
+            let name = if groups.len() > 1 { format!("{name}-group-{}", k + 1) } else { name.to_owned() };
             let names = axes(stem);
             let series: Vec<(String, Vec<f64>)> = labels.iter().zip(&names).map(|(l, n)| ((*l).to_owned(), group.values(n))).collect();
             let title = if groups.len() > 1 { format!("{title}: {}", group.name) } else { title.to_owned() };
             let all = group.values(resultant);
             let resultant = if all.is_empty() { String::new() } else { format!("; resultant {}", mean_sd(&all)) };
-            figures.extend(frequency(name, &title, "", unit, &series, &format!("{resultant} {unit} (as thesis figures {thesis})")));
+            figures.extend(frequency(&name, &title, "", unit, &series, &format!("{resultant} {unit} (as thesis figures {thesis})")));
         }
     }
     for (name, quantity, thesis) in [
@@ -113,7 +116,7 @@ fn mean_sd(values: &[f64]) -> String {
     if values.len() < 2 { fixed(mean, decimals) } else { format!("{} ± {}", fixed(mean, decimals), fixed(sd, decimals)) }
 }
 
-fn frequency(name: &'static str, title: &str, label: &str, unit: &str, series: &[(String, Vec<f64>)], tail: &str) -> Option<SeasonFigure> {
+fn frequency(name: &str, title: &str, label: &str, unit: &str, series: &[(String, Vec<f64>)], tail: &str) -> Option<SeasonFigure> {
     let edges = bin_edges(series.iter().flat_map(|(_, v)| v));
     if edges.is_empty() {
         return None;
@@ -126,7 +129,7 @@ fn frequency(name: &'static str, title: &str, label: &str, unit: &str, series: &
         told.push(format!("{group} {}", mean_sd(values)));
     }
     let caption = format!("Mean ± sd over the shots: {}{tail}.", told.join(", "));
-    Some(SeasonFigure { name, svg: chart.describe(&caption).to_svg(), caption })
+    Some(SeasonFigure { name: name.to_owned(), svg: chart.describe(&caption).to_svg(), caption })
 }
 
 /// Thesis figure 5.18: effective mass of every point of the face.
@@ -138,7 +141,7 @@ fn effective_mass_map(racket: &Racket) -> SeasonFigure {
     let cells: Vec<(f64, f64, f64)> = at.iter().map(|&(y, x)| (y, x, grams(y, x))).collect();
     let chart = face::bare("Effective mass over the face", racket).add(Cells::new(&cells, (side, side), "g"));
     SeasonFigure {
-        name: "effective-mass",
+        name: "effective-mass".to_owned(),
         svg: face::outline(chart, racket).to_svg(),
         caption: format!("Effective mass of each point of {} (as thesis figure 5.18).", racket.name),
     }
@@ -149,7 +152,7 @@ fn pairs(group: &Group<'_>, x: &str, y: &str) -> Vec<(f64, f64)> {
     group.shots.iter().filter_map(|s| Some((fx * s.quantities.get(x)?.value, fy * s.quantities.get(y)?.value))).collect()
 }
 
-fn trend(name: &'static str, groups: &[Group<'_>], x: &str, y: &str, thesis: &str) -> Option<SeasonFigure> {
+fn trend(name: &str, groups: &[Group<'_>], x: &str, y: &str, thesis: &str) -> Option<SeasonFigure> {
     let (wx, wy) = (quantity_words(x), quantity_words(y));
     let all: Vec<(f64, f64)> = groups.iter().flat_map(|g| pairs(g, x, y)).collect();
     if all.len() < FEWEST {
@@ -171,7 +174,7 @@ fn trend(name: &'static str, groups: &[Group<'_>], x: &str, y: &str, thesis: &st
     for (k, g) in groups.iter().enumerate() {
         chart = chart.add(Points::new(&pairs(g, x, y)).name(&g.name).symbol(Symbol::SERIES[k % 6]).colour(SERIES[k % SERIES.len()]));
     }
-    Some(SeasonFigure { name, svg: chart.describe(&caption).to_svg(), caption })
+    Some(SeasonFigure { name: name.to_owned(), svg: chart.describe(&caption).to_svg(), caption })
 }
 
 /// Thesis figure 5.23: how the impact point moved in the plane of the face.
@@ -189,7 +192,7 @@ fn movement(groups: &[Group<'_>]) -> Option<SeasonFigure> {
         chart = chart.add(Arrows::new(&vec![(0.0, 0.0); by.len()], &by, 1.0).name(&g.name).colour(SERIES[k % SERIES.len()]));
     }
     let caption = "Each arrow is one shot (as thesis figure 5.23).".to_owned();
-    any.then(|| SeasonFigure { name: "local-movement", svg: chart.describe(&caption).to_svg(), caption })
+    any.then(|| SeasonFigure { name: "local-movement".to_owned(), svg: chart.describe(&caption).to_svg(), caption })
 }
 
 /// Thesis figure 5.24.
@@ -202,5 +205,9 @@ fn success(groups: &[Group<'_>]) -> Option<SeasonFigure> {
         chart = chart.add(Points::new(&at).name(&g.name).symbol(Symbol::SERIES[k % 6]).colour(SERIES[k % SERIES.len()]));
     }
     let caption = "1: the ball met the ideal point (as thesis figure 5.24).".to_owned();
-    any.then(|| SeasonFigure { name: "success-efficiency", svg: chart.add(Rule::vertical(1.0).name("ideal point")).describe(&caption).to_svg(), caption })
+    any.then(|| SeasonFigure {
+        name: "success-efficiency".to_owned(),
+        svg: chart.add(Rule::vertical(1.0).name("ideal point")).describe(&caption).to_svg(),
+        caption,
+    })
 }

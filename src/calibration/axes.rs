@@ -2,7 +2,7 @@
 
 use super::sphere::{SphereImage, SphereShape, Spot, bright_spots, fit_sphere};
 use super::view::median;
-use super::{CalibrationError, CameraId, RigidTransform, StereoRig};
+use super::{CalibrationError, CameraId, RigidTransform, StereoRig, rays};
 use crate::footage::GreyImage;
 use nalgebra::{Isometry3, Matrix2x3, Matrix3, Matrix6, Point3, Rotation3, SMatrix, Translation3, UnitQuaternion, Vector2, Vector3, Vector6};
 use serde::{Deserialize, Serialize};
@@ -167,22 +167,8 @@ fn distinct(a: [usize; 2], b: [usize; 2]) -> bool {
     a[0] != b[0] && a[1] != b[1]
 }
 
-/// Midpoint of the two rays' closest approach in the left camera's frame; `None` for parallel rays or behind a camera.
 fn midpoint(rig: &StereoRig, uv: &[Vector2<f64>; 2]) -> Option<Point3<f64>> {
-    let left_from_right = rig.right_from_left().inverse();
-    let a = rig.left.normalise(uv[0])?;
-    let b = rig.right.normalise(uv[1])?;
-    let d1 = Vector3::new(a.x, a.y, 1.0).normalize();
-    let d2 = (left_from_right.rotation * Vector3::new(b.x, b.y, 1.0)).normalize();
-    let o2 = left_from_right.translation.vector;
-    let c = d1.dot(&d2);
-    let denominator = 1.0 - c * c;
-    if denominator < 1e-10 {
-        return None;
-    }
-    let s = (d1.dot(&o2) - c * d2.dot(&o2)) / denominator;
-    let t = (c * d1.dot(&o2) - d2.dot(&o2)) / denominator;
-    (s > 0.0 && t > 0.0).then(|| Point3::from((d1 * s + o2 + d2 * t) / 2.0))
+    rays::midpoint(&rig.left, &rig.right, &rig.right_from_left(), uv)
 }
 
 /// Maximum-likelihood pose of the frame from its six outline centres, by Gauss-Newton on `global_from_left`.

@@ -46,6 +46,8 @@ pub struct BundleOptions {
     /// Residual length beyond which a corner counts linearly (Huber), px; `None` is plain least squares.
     pub huber_px: Option<f64>,
     pub max_iterations: usize,
+    /// Widen the covariance when the corners of a board err together.
+    pub clustered_errors: bool,
 }
 
 /// Quality of an adjustment, besides the adjusted `Bundle` itself.
@@ -53,6 +55,9 @@ pub struct BundleOptions {
 pub struct BundleFit {
     /// Covariance of the shared parameters (order of `distortion::shared_names`; rows of fixed ones are zero).
     pub covariance: SharedMatrix,
+    /// How much more the boards pull against each other than independent corners would, at least 1; `covariance` already
+    /// holds it (`clustering`).
+    pub clustering: f64,
     /// Variance of one pixel coordinate, from the residuals and the degrees of freedom.
     pub variance_px2: f64,
     pub degrees_of_freedom: usize,
@@ -82,13 +87,13 @@ struct Normal {
 }
 
 /// Derivatives of one pixel with respect to everything that moves it.
-struct PixelDerivatives {
-    residual: Vector2<f64>,
-    intrinsics: SMatrix<f64, 2, 9>,
-    point: Matrix2x3<f64>,
+pub(super) struct PixelDerivatives {
+    pub residual: Vector2<f64>,
+    pub intrinsics: SMatrix<f64, 2, 9>,
+    pub point: Matrix2x3<f64>,
 }
 
-fn pixel_derivatives(camera: &Camera, p: &Point3<f64>, seen: Vector2<f64>) -> Option<PixelDerivatives> {
+pub(super) fn pixel_derivatives(camera: &Camera, p: &Point3<f64>, seen: Vector2<f64>) -> Option<PixelDerivatives> {
     let (uv, point) = camera.project_with_jacobian(p)?;
     let (x, y) = (p.x / p.z, p.y / p.z);
     let r2 = x * x + y * y;
@@ -169,7 +174,29 @@ impl Bundle {
         let degrees_of_freedom = 2 * corners - parameters;
         let variance_px2 = squared_error_px2 / degrees_of_freedom as f64;
         let inverse = normal.shared_inverse(&options.active).ok_or(BundleError::Singular)?;
-        Ok(BundleFit { covariance: inverse * variance_px2, variance_px2, degrees_of_freedom, squared_error_px2, iterations })
+        let clustering = if options.clustered_errors { self.clustering(options, &inverse, variance_px2) } else { 1.0 };
+        Ok(BundleFit { covariance: inverse * (variance_px2 * clustering), clustering, variance_px2, degrees_of_freedom, squared_error_px2, iterations })
+    }
+
+    /// Ratio of the boards' pull on the shared parameters to what independent errors would give, at least 1.
+    ///
+    /// A board's pull is its gradient `g` on the shared parameters with its pose eliminated. For independent errors the sum
+    /// of `g' C g` over boards has expectation `s² (p - Σ tr(C S C S))`, with S the board's own normal matrix and C the
+    /// inverse of their sum; errors common to a board (blur, bending, uneven light) make it larger. One factor for all
+    /// parameters, because the full cluster-robust matrix needs many more boards than parameters.
+    fn clustering(&self, options: &BundleOptions, inverse: &SharedMatrix, variance_px2: f64) -> f64 {
+        let (mut pull, mut expected) = (0.0, options.active.iter().filter(|on| **on).count() as f64);
+        for view in &self.views {
+            let alone = Bundle { views: vec![view.clone()], ..self.clone() };
+            let Some((s, g, _)) = alone.normal_equations(options).and_then(|n| n.reduced(0.0, &[true; SHARED])) else { return 1.0 };
+            pull += (g.transpose() * inverse * g)[0];
+            let own = inverse * s;
+            expected -= (own * own).trace();
+        }
+        if expected < 1.0 || variance_px2 <= 0.0 {
+            return 1.0; // too few boards to tell
+        }
+        (pull / (variance_px2 * expected)).clamp(1.0, 10.0)
     }
 
     fn moved(&self, shared: &Shared, boards: &[Vector6<f64>]) -> Bundle {

@@ -38,11 +38,13 @@ pub struct CalibrationOptions {
     /// Leave out views and corners that do not fit the others. Off: plain least squares over everything.
     pub reject_outliers: bool,
     pub max_iterations: usize,
+    /// Widen the covariance when the corners of a board err together (see `BundleFit::clustering`).
+    pub clustered_errors: bool,
 }
 
 impl Default for CalibrationOptions {
     fn default() -> Self {
-        CalibrationOptions { model: None, reject_outliers: true, max_iterations: 200 }
+        CalibrationOptions { model: None, reject_outliers: true, max_iterations: 200, clustered_errors: true }
     }
 }
 
@@ -84,7 +86,7 @@ pub fn calibrate_views(
         for _ in 0..4 {
             let mut robust = bundle.clone();
             let model = options.model.unwrap_or(DistortionModel::K1K2);
-            match robust.adjust(&BundleOptions { active: model.active(), huber_px: Some(HUBER_PX), max_iterations: options.max_iterations }) {
+            match robust.adjust(&BundleOptions { active: model.active(), huber_px: Some(HUBER_PX), max_iterations: options.max_iterations, clustered_errors: false }) {
                 Ok(_) | Err(super::bundle::BundleError::NotConverged { .. }) => bundle = robust,
                 Err(e) => return Err(e.into()),
             }
@@ -99,7 +101,7 @@ pub fn calibrate_views(
     }
     let mut corners_left_out = 0;
     let fit_models = |bundle: &Bundle| -> Result<(Vec<ModelFit>, usize), CalibrationError> {
-        let mut models = adjust_all(bundle, options.max_iterations)?;
+        let mut models = adjust_all(bundle, options)?;
         if let Some(only) = options.model {
             models.retain(|m| m.model == only);
         }
@@ -275,10 +277,26 @@ impl Calibration {
         more.insert(
             "stereo".into(),
             json!({ "sd": { "rotation_rad": rotation_rad, "t_m": t_m }, "noise_px": self.fit.variance_px2.sqrt(),
-            "degrees_of_freedom": self.fit.degrees_of_freedom, "corners_left_out": self.corners_left_out }),
+            "degrees_of_freedom": self.fit.degrees_of_freedom, "clustering": self.fit.clustering, "corners_left_out": self.corners_left_out }),
         );
         more.insert("covariance".into(), json!({ "names": shared_names(), "matrix": covariance }));
         Ok(more)
+    }
+
+    /// Adds what is judged in millimetres to a rig whose global axes are laid: `square_mm`, `verdict`, `volume`, `coverage`,
+    /// `advice`.
+    pub fn add_quality(&self, rig: &mut StereoRig) -> Result<(), serde_json::Error> {
+        if let Some(verdict) = self.verdict() {
+            rig.square_mm = Some(verdict.squares.clone());
+            rig.more.insert("verdict".into(), serde_json::to_value(verdict)?);
+        }
+        if let Some((volume, error)) = self.volume(&rig.global_from_left) {
+            let coverage = self.coverage(&error);
+            rig.more.insert("advice".into(), serde_json::to_value(self.advice(&coverage))?);
+            rig.more.insert("coverage".into(), serde_json::to_value(coverage)?);
+            rig.more.insert("volume".into(), serde_json::to_value(volume)?);
+        }
+        Ok(())
     }
 
     /// One standard deviation of the rotation (rad, about the right camera's axes) and shift (m) of `right_from_left`.

@@ -2,14 +2,15 @@
 //! `cornerSubPix` with a window that follows the size of the squares in the picture.
 
 use super::board::Checkerboard;
+use super::calibrator::{Calibration, CalibrationOptions, PairViews, calibrate_views};
 use super::error::CalibrationError;
 use super::saddle::refine_corners;
 use super::view::{BoardView, ViewFault, even_squares_dark};
 use crate::footage::GreyImage;
 use nalgebra::Vector2;
 use opencv::core::{Mat, Point2f, Size, TermCriteria, TermCriteria_Type, Vector};
-use opencv::prelude::*;
 use opencv::{calib3d, imgproc};
+use rayon::prelude::*;
 
 /// Half-window of the sub-pixel search as a share of the smallest corner spacing: a fixed one drags corners of small
 /// squares by pixels (0.3 worked on three sets, 0.4 broke one of them).
@@ -62,4 +63,32 @@ fn find(image: &GreyImage, board: &Checkerboard) -> opencv::Result<Result<BoardV
         }
     }
     Ok(Err(fault))
+}
+
+/// Both cameras' pictures of one position of the board.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct PairImages {
+    pub name: String,
+    pub left: Option<GreyImage>,
+    pub right: Option<GreyImage>,
+}
+
+/// Calibrates from pictures in memory: corners of all pictures in parallel, then [`calibrate_views`].
+///
+/// # Errors  those of `find_corners` and `calibrate_views`; pictures of different sizes
+pub fn calibrate_images(board: &Checkerboard, pairs: &[PairImages], options: &CalibrationOptions) -> Result<Calibration, CalibrationError> {
+    let mut size = None;
+    for (name, image) in pairs.iter().flat_map(|p| [(&p.name, &p.left), (&p.name, &p.right)]).filter_map(|(n, i)| Some((n, i.as_ref()?))) {
+        let first = *size.get_or_insert([image.width, image.height]);
+        if first != [image.width, image.height] {
+            let (width, height) = (image.width, image.height);
+            return Err(CalibrationError::PictureSize { name: name.clone(), width, height, expected_width: first[0], expected_height: first[1] });
+        }
+    }
+    let look = |image: &Option<GreyImage>| image.as_ref().map_or(Ok(Err(ViewFault::NoPicture)), |i| find_corners(i, board));
+    let views = pairs
+        .par_iter()
+        .map(|p| Ok(PairViews { name: p.name.clone(), left: look(&p.left)?, right: look(&p.right)? }))
+        .collect::<Result<Vec<_>, CalibrationError>>()?;
+    calibrate_views(board, size.unwrap_or([0, 0]), &views, options)
 }

@@ -15,13 +15,17 @@ mod corners_opencv;
 mod distortion;
 mod error;
 mod homography;
+mod methods;
 mod model_choice;
+mod rays;
 mod rig;
 mod rig_file;
 mod saddle;
 mod sphere;
 mod stereo_start;
+mod verdict;
 mod view;
+mod volume;
 mod zhang;
 
 pub use axes::{AxesFrame, AxesReport, global_axes};
@@ -31,8 +35,12 @@ pub use bundle::{Bundle, BundleError, BundleFit, BundleOptions, BundleView, Corn
 pub use calibrator::{Calibration, CalibrationOptions, PairViews, calibrate_views};
 pub use camera_model::Camera;
 #[cfg(feature = "vision")]
-pub use corners_opencv::find_corners;
+pub use corners_opencv::{PairImages, calibrate_images, find_corners};
 pub use distortion::DistortionModel;
 pub use error::CalibrationError;
+pub use methods::{MethodError, dlt_coefficients, dltdv_csv};
+pub use rays::CalibrationError3d;
 pub use rig::{CameraId, PairFate, RigidTransform, SquareSize, StereoRig};
+pub use verdict::Verdict;
 pub use view::{BoardView, ViewFault};
+pub use volume::{Coverage, Slice, SlicePoint, Volume};

@@ -1,6 +1,7 @@
 //! Which distortion terms the data ask for: the same corners adjusted with each set of terms, weighed by evidence.
 
 use super::bundle::{Bundle, BundleError, BundleFit, BundleOptions};
+use super::calibrator::CalibrationOptions;
 use super::distortion::DistortionModel;
 use serde::{Deserialize, Serialize};
 
@@ -33,7 +34,7 @@ pub struct ModelSummary {
 }
 
 /// Adjusts every model, each starting at the one before; models that do not settle are left out.
-pub fn adjust_all(start: &Bundle, max_iterations: usize) -> Result<Vec<ModelFit>, BundleError> {
+pub fn adjust_all(start: &Bundle, options: &CalibrationOptions) -> Result<Vec<ModelFit>, BundleError> {
     let mut fits: Vec<ModelFit> = Vec::new();
     let mut last_error = BundleError::Singular;
     for model in DistortionModel::ALL {
@@ -46,7 +47,7 @@ pub fn adjust_all(start: &Bundle, max_iterations: usize) -> Result<Vec<ModelFit>
                 }
             }
         }
-        match bundle.adjust(&BundleOptions { active: on, huber_px: None, max_iterations }) {
+        match bundle.adjust(&BundleOptions { active: on, huber_px: None, max_iterations: options.max_iterations, clustered_errors: options.clustered_errors }) {
             Ok(fit) => {
                 let n = 2.0 * bundle.views.iter().map(|v| v.left.len() + v.right.len()).sum::<usize>() as f64;
                 let p = (model.free_parameters() + 6 * bundle.views.len()) as f64;

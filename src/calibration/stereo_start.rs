@@ -39,7 +39,7 @@ pub fn single_camera(
             Some(m) => active[..9].copy_from_slice(&m.active()[..9]),
         }
         // A stage that does not settle leaves its last good state; the joint adjustment decides in the end.
-        let _ = bundle.adjust(&BundleOptions { active, huber_px: Some(HUBER_PX), max_iterations: 60 });
+        let _ = bundle.adjust(&BundleOptions { active, huber_px: Some(HUBER_PX), max_iterations: 60, clustered_errors: false });
     }
     Ok((bundle.left, bundle.views.into_iter().map(|v| v.pose).collect()))
 }

@@ -3,7 +3,7 @@
 use super::Shell;
 use super::error::{CliError, existing};
 use crate::calibration::{
-    AxesFrame, CalibrationError, CalibrationOptions, Checkerboard, PairViews, StereoRig, ViewFault, calibrate_views, find_corners, global_axes,
+    AxesFrame, CalibrationError, CalibrationOptions, Checkerboard, PairViews, StereoRig, ViewFault, calibrate_views, dltdv_csv, find_corners, global_axes,
 };
 use crate::footage::{numbered_images, read_grey};
 use crate::provenance::Provenance;
@@ -17,6 +17,12 @@ use std::path::{Path, PathBuf};
 pub struct Arguments {
     /// The session folder (holds session.toml)
     pub session: PathBuf,
+    /// Also calibrate with the direct linear transform and its variants on the same pictures, and compare the errors
+    #[arg(long)]
+    pub compare_methods: bool,
+    /// Also write the DLT coefficients of both cameras for DLTdv and easyWand (undistorted pixels)
+    #[arg(long)]
+    pub dlt: bool,
 }
 
 pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
@@ -25,15 +31,21 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let json = out.join("calibration.json");
     let provenance = inputs(&session)?;
     if !shell.args.force
+        && !arguments.compare_methods
+        && !arguments.dlt
         && let Ok(rig) = StereoRig::read(&json)
         && rig.more.get("provenance").is_some_and(|p| serde_json::to_value(&provenance).is_ok_and(|q| *p == q))
     {
         shell.say(format!("{} is up to date (--force calibrates again)", json.display()));
         return shell.print_json(&rig);
     }
-    let rig = calibrate(&session, provenance, shell)?;
+    let rig = calibrate(&session, provenance, &arguments, shell)?;
     shell.write(&json, rig.to_json().map_err(CliError::output)?.as_bytes())?;
     shell.write(&out.join("calibration.yml"), rig.to_opencv_yaml().as_bytes())?;
+    if arguments.dlt {
+        let text = dltdv_csv(&rig).ok_or_else(|| CliError::input("no DLT coefficients: the global origin lies in a camera's own plane"))?;
+        shell.write(&out.join("dlt-coefficients.csv"), text.as_bytes())?;
+    }
     summarise(&rig, &json, shell);
     shell.print_json(&rig)
 }
@@ -78,7 +90,7 @@ fn inputs(session: &Session) -> Result<Provenance, CliError> {
     Ok(provenance)
 }
 
-fn calibrate(session: &Session, provenance: Provenance, shell: &Shell) -> Result<StereoRig, CliError> {
+fn calibrate(session: &Session, provenance: Provenance, arguments: &Arguments, shell: &Shell) -> Result<StereoRig, CliError> {
     let board = Checkerboard { columns: session.board.columns, rows: session.board.rows, square_m: session.board.square_m };
     let (left, right) = (pictures(&session.board.images, "left")?, pictures(&session.board.images, "right")?);
     let mut numbers: Vec<u64> = left.keys().chain(right.keys()).copied().collect();
@@ -124,6 +136,15 @@ fn calibrate(session: &Session, provenance: Provenance, shell: &Shell) -> Result
         rig.global_from_left = global_from_left;
         rig.more.insert("axes".into(), serde_json::to_value(report).map_err(CliError::output)?);
     }
+    calibration.add_quality(&mut rig).map_err(CliError::output)?;
+    if arguments.compare_methods {
+        let methods = calibration.compare_methods();
+        shell.say("lengths on boards held out (mm):              mean     max   in the pictures (px)");
+        for m in &methods {
+            shell.say(format!("  {:42} {:7.3} {:7.3}   {:.3}", m.method, m.mean_error_mm, m.max_error_mm, m.rms_px));
+        }
+        rig.more.insert("methods".into(), serde_json::to_value(methods).map_err(CliError::output)?);
+    }
     rig.more.insert("provenance".into(), serde_json::to_value(provenance).map_err(CliError::output)?);
     Ok(rig)
 }
@@ -140,6 +161,13 @@ fn pair_name(number: u64, path: Option<&PathBuf>) -> String {
 fn summarise(rig: &StereoRig, json: &Path, shell: &Shell) {
     let used = rig.pairs.iter().filter(|p| p.used).count();
     shell.say(format!("{used} of {} pairs used; {:.3} px left, {:.3} px right", rig.pairs.len(), rig.left.rms_px, rig.right.rms_px));
+    if let Some(s) = &rig.square_mm {
+        shell.say(format!("squares on boards held out: {:.3} mm, sd {:.3} mm ({} sides)", s.mean, s.sd, s.n));
+    }
+    let advice: Vec<String> = rig.more.get("advice").and_then(|a| serde_json::from_value(a.clone()).ok()).unwrap_or_default();
+    for line in advice {
+        shell.say(format!("  advice: {line}"));
+    }
     for p in rig.pairs.iter().filter(|p| !p.used) {
         shell.say(format!("  pair {}: {}", p.name, p.reason));
     }

@@ -1,6 +1,6 @@
 //! One point from its pixels in both cameras: maximum likelihood in pixels, with covariance.
 
-use crate::calibration::{Camera, CameraId, StereoRig};
+use crate::calibration::{CalibrationError3d, Camera, CameraId, StereoRig};
 use crate::tracking::ImagePoint;
 use nalgebra::{Isometry3, Matrix2x3, Matrix3, Point3, Vector2, Vector3};
 
@@ -29,6 +29,12 @@ pub struct Triangulated {
     pub position: Point3<f64>,
     /// Covariance from the pixel deviations alone, m².
     pub covariance: Matrix3<f64>,
+    /// Covariance from the calibration, without the common shift and turn of everything (which belongs to the global axes),
+    /// m²; `None` for a rig without `covariance` and `volume`. It is the same error for all points of a session: add it
+    /// for positions and distances, leave it out of differences between frames.
+    pub calibration_covariance: Option<Matrix3<f64>>,
+    /// Whether the point lies more than half the calibrated volume's extent outside it, where the calibration is a guess.
+    pub far_outside: bool,
     /// Root-mean-square distance between the pixels and the point's projections, px. Two cameras leave one redundant number
     /// a point, so a single small residual says little.
     pub residual_px: f64,
@@ -42,6 +48,9 @@ pub struct Triangulator {
     cameras: [Camera; 2],
     right_from_left: Isometry3<f64>,
     global_from_left: Isometry3<f64>,
+    calibration: Option<CalibrationError3d>,
+    /// Smallest and largest left-camera coordinates a point may have without being far outside, m.
+    allowed: Option<(Point3<f64>, Point3<f64>)>,
 }
 
 /// One point; for many points prepare a [`Triangulator`] once.
@@ -54,10 +63,18 @@ pub fn triangulate(rig: &StereoRig, left: &ImagePoint, right: &ImagePoint) -> Re
 
 impl Triangulator {
     pub fn new(rig: &StereoRig) -> Self {
+        let calibration = CalibrationError3d::of_rig(rig);
+        let allowed = calibration.as_ref().map(|c| {
+            let (low, high) = c.extent();
+            let margin = (high - low) * 0.5;
+            (low - margin, high + margin)
+        });
         Triangulator {
             cameras: [rig.left.clone(), rig.right.clone()],
             right_from_left: rig.right_from_left(),
             global_from_left: rig.global_from_left.isometry(),
+            calibration,
+            allowed,
         }
     }
 
@@ -88,11 +105,16 @@ impl Triangulator {
         let (normal, _, residuals) = self.equations(&x, left, right, &weights)?;
         let covariance = normal.try_inverse().ok_or(TriangulationError::NotConverged)?;
         let r = self.global_from_left.rotation.to_rotation_matrix();
-        let rotated = r.matrix() * covariance * r.matrix().transpose();
+        let to_global = |c: Matrix3<f64>| {
+            let g = r.matrix() * c * r.matrix().transpose();
+            (g + g.transpose()) / 2.0
+        };
         let chi2 = residuals.iter().zip(&weights).map(|(d, w)| d.x * d.x * w.x + d.y * d.y * w.y).sum();
         Ok(Triangulated {
             position: self.global_from_left * x,
-            covariance: (rotated + rotated.transpose()) / 2.0,
+            covariance: to_global(covariance),
+            calibration_covariance: self.calibration.as_ref().and_then(|c| c.covariance(&x)).map(to_global),
+            far_outside: self.allowed.is_some_and(|(low, high)| (0..3).any(|i| x[i] < low[i] || x[i] > high[i])),
             residual_px: (residuals.iter().map(|d| d.norm_squared()).sum::<f64>() / 2.0).sqrt(),
             chi2,
         })

@@ -5,6 +5,9 @@
 #![allow(clippy::unwrap_used)]
 
 mod calibration;
+mod calibration_coverage;
+#[cfg(feature = "vision")]
+mod calibration_pictures;
 mod cli;
 mod impact;
 mod impact_expression;

@@ -1,0 +1,103 @@
+//! Do the stated intervals cover? Two hundred seeded calibrations of a rig like the practice ones, corners with Gaussian
+//! noise, everything else as in everyday use (outlier rejection, choice of the distortion model, clustering).
+
+use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector2, Vector3};
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+use rayon::prelude::*;
+use sweetspot::calibration::{BoardView, CalibrationError3d, CalibrationOptions, Camera, Checkerboard, PairViews, ViewFault, calibrate_views};
+use sweetspot::reconstruction::Triangulator;
+use sweetspot::tracking::ImagePoint;
+
+const NOISE_PX: f64 = 0.05;
+const PAIRS: usize = 20;
+
+fn cameras() -> (Camera, Camera, Isometry3<f64>) {
+    let camera =
+        |fx: f64, cx: f64, cy: f64, distortion| Camera { fx, fy: fx - 1.3, cx, cy, distortion, rms_px: 0.0, sd: Default::default() };
+    let left = camera(2950.0, 252.0, 268.0, [0.55, -0.4, -9e-4, -7e-4, 0.0]);
+    let right = camera(3060.0, 258.0, 249.0, [-0.6, -2.0, -1.4e-3, -6e-4, 0.0]);
+    (left, right, Isometry3::new(Vector3::new(-7.4, 0.1, 2.5), Vector3::new(0.02, 0.65, -0.01)))
+}
+
+/// A calibration's views with noise, and where the volume's middle is (left camera's frame).
+fn views(seed: u64, board: &Checkerboard) -> Vec<PairViews> {
+    let (left, right, right_from_left) = cameras();
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let middle = Vector3::new((board.columns - 1) as f64, (board.rows - 1) as f64, 0.0) * (board.square_m / 2.0);
+    let mut out = Vec::new();
+    while out.len() < PAIRS {
+        let turn = UnitQuaternion::from_scaled_axis(Vector3::new(rng.random_range(-0.7..0.7), 0.33 + rng.random_range(-0.7..0.7), rng.random_range(-0.5..0.5)));
+        let place = Vector3::new(rng.random_range(-0.75..0.75), rng.random_range(-0.75..0.75), 12.3 + rng.random_range(-0.9..0.9));
+        let pose = Isometry3::from_parts(place.into(), turn) * Isometry3::translation(-middle.x, -middle.y, 0.0);
+        let mut see = |camera: &Camera, pose: Isometry3<f64>| -> Result<BoardView, ViewFault> {
+            let mut corners = Vec::new();
+            for p in board.corners() {
+                let uv = camera.project(&(pose * p)).ok_or(ViewFault::NotFound)?;
+                if uv.x < 5.0 || uv.y < 5.0 || uv.x > 506.0 || uv.y > 506.0 {
+                    return Err(ViewFault::NotFound);
+                }
+                let noise: [f64; 2] = [StandardNormal.sample(&mut rng), StandardNormal.sample(&mut rng)];
+                corners.push(uv + Vector2::new(noise[0], noise[1]) * NOISE_PX);
+            }
+            BoardView::from_corners(board, corners)
+        };
+        let pair = PairViews { name: out.len().to_string(), left: see(&left, pose), right: see(&right, right_from_left * pose) };
+        if pair.left.is_ok() && pair.right.is_ok() {
+            out.push(pair);
+        }
+    }
+    out
+}
+
+#[test]
+fn truth_intervals_of_parameters_and_distances_cover_over_seeded_calibrations() {
+    let board = Checkerboard { columns: 9, rows: 6, square_m: 0.06 };
+    let (left, right, right_from_left) = cameras();
+    let runs = 200u64;
+    let counts: Vec<[usize; 6]> = (0..runs)
+        .into_par_iter()
+        .map(|seed| {
+            let c = calibrate_views(&board, [512, 512], &views(seed, &board), &CalibrationOptions::default()).unwrap();
+            let mut n = [0; 6];
+            let rig = c.rig();
+            for (ours, truth) in [(&rig.left, &left), (&rig.right, &right)] {
+                let values = |c: &Camera| [c.fx, c.fy, c.cx, c.cy, c.distortion[0], c.distortion[1], c.distortion[2], c.distortion[3]];
+                for ((name, a), b) in ["fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2"].into_iter().zip(values(ours)).zip(values(truth)) {
+                    if let Some(sd) = ours.sd.get(name) {
+                        n[0] += usize::from((a - b).abs() < 1.96 * sd);
+                        n[1] += 1;
+                    }
+                }
+            }
+            // Distances between points of the volume from their noise-free pixels.
+            let (_, error): (_, CalibrationError3d) = c.volume(&rig.global_from_left).unwrap();
+            let triangulator = Triangulator::new(&rig);
+            let seen = |p: &Point3<f64>| {
+                let at = |uv| ImagePoint { uv, sd: Vector2::new(0.1, 0.1) };
+                triangulator.triangulate(&at(left.project(p).unwrap()), &at(right.project(&(right_from_left * p)).unwrap())).unwrap().position
+            };
+            let mut rng = ChaCha8Rng::seed_from_u64(1_000 + seed);
+            for _ in 0..20 {
+                let [a, b] = [0, 1].map(|_| Point3::new(rng.random_range(-0.8..0.8), rng.random_range(-0.8..0.8), 12.3 + rng.random_range(-0.8..0.8)));
+                if (a - b).norm() < 0.2 {
+                    continue;
+                }
+                let off = (seen(&a) - seen(&b)).norm() - (a - b).norm();
+                let sd = error.distance_variance(&seen(&a), &seen(&b)).unwrap().sqrt();
+                n[2] += usize::from(off.abs() < 1.96 * sd);
+                n[3] += 1;
+            }
+            n[4] = usize::from(c.pairs.iter().all(|p| p.used));
+            n[5] = 1;
+            n
+        })
+        .collect();
+    let total: [usize; 6] = std::array::from_fn(|k| counts.iter().map(|c| c[k]).sum());
+    let percent = |k: usize| 100.0 * total[k] as f64 / total[k + 1] as f64;
+    eprintln!("{runs} calibrations: parameters {:.1} % of {}, distances {:.1} % of {}", percent(0), total[1], percent(2), total[3]);
+    assert!((93.0..=97.0).contains(&percent(0)), "parameters: {:.2} %", percent(0));
+    assert!((93.0..=97.0).contains(&percent(2)), "distances: {:.2} %", percent(2));
+    assert_eq!(total[4], total[5], "no good pair may be dropped");
+}

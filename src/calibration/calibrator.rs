@@ -86,7 +86,12 @@ pub fn calibrate_views(
         for _ in 0..4 {
             let mut robust = bundle.clone();
             let model = options.model.unwrap_or(DistortionModel::K1K2);
-            match robust.adjust(&BundleOptions { active: model.active(), huber_px: Some(HUBER_PX), max_iterations: options.max_iterations, clustered_errors: false }) {
+            match robust.adjust(&BundleOptions {
+                active: model.active(),
+                huber_px: Some(HUBER_PX),
+                max_iterations: options.max_iterations,
+                clustered_errors: false,
+            }) {
                 Ok(_) | Err(super::bundle::BundleError::NotConverged { .. }) => bundle = robust,
                 Err(e) => return Err(e.into()),
             }

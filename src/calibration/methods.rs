@@ -125,7 +125,10 @@ impl MethodCamera {
             let r2 = d.norm_squared();
             let [k1, k2, k3, p1, p2] = self.distortion;
             let radial = r2 * (k1 + r2 * (k2 + r2 * k3));
-            let shift = Vector2::new(d.x * radial + 2.0 * p1 * d.x * d.y + p2 * (r2 + 2.0 * d.x * d.x), d.y * radial + p1 * (r2 + 2.0 * d.y * d.y) + 2.0 * p2 * d.x * d.y);
+            let shift = Vector2::new(
+                d.x * radial + 2.0 * p1 * d.x * d.y + p2 * (r2 + 2.0 * d.x * d.x),
+                d.y * radial + p1 * (r2 + 2.0 * d.y * d.y) + 2.0 * p2 * d.x * d.y,
+            );
             ideal + shift * self.scale
         })
     }
@@ -146,7 +149,17 @@ impl MethodCamera {
                 11
             }
             Kind::Modified | Kind::ModifiedDistortion => {
-                let k = Matrix3::new(free[0] * start.scale, 0.0, start.centre.x + free[2] * start.scale, 0.0, free[1] * start.scale, start.centre.y + free[3] * start.scale, 0.0, 0.0, 1.0);
+                let k = Matrix3::new(
+                    free[0] * start.scale,
+                    0.0,
+                    start.centre.x + free[2] * start.scale,
+                    0.0,
+                    free[1] * start.scale,
+                    start.centre.y + free[3] * start.scale,
+                    0.0,
+                    0.0,
+                    1.0,
+                );
                 let r = nalgebra::Rotation3::from_scaled_axis(Vector3::new(free[4], free[5], free[6]));
                 let mut pose = SMatrix::<f64, 3, 4>::zeros();
                 pose.fixed_view_mut::<3, 3>(0, 0).copy_from(r.matrix());
@@ -201,7 +214,9 @@ fn fit_camera(kind: Kind, points: &[Point3<f64>], pixels: &[Vector2<f64>], image
             }
             let t: Vector3<f64> = Matrix3::new(fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0).try_inverse()? * matrix.column(3) / size;
             let turn = nalgebra::Rotation3::from_matrix_unchecked(r).scaled_axis();
-            for (i, v) in [fx / scale, fy / scale, (cx - middle.x) / scale, (cy - middle.y) / scale, turn.x, turn.y, turn.z, t.x, t.y, t.z].into_iter().enumerate() {
+            for (i, v) in
+                [fx / scale, fy / scale, (cx - middle.x) / scale, (cy - middle.y) / scale, turn.x, turn.y, turn.z, t.x, t.y, t.z].into_iter().enumerate()
+            {
                 free[i] = v;
             }
         }
@@ -237,7 +252,11 @@ fn fit_camera(kind: Kind, points: &[Point3<f64>], pixels: &[Vector2<f64>], image
             for k in 0..n {
                 damped[(k, k)] *= 1.0 + damping;
             }
-            better = damped.cholesky().map(|c| &free + c.solve(&gradient)).and_then(|f| residuals(&f).map(|r| (f, r))).filter(|(_, trial)| trial.norm_squared() < r.norm_squared());
+            better = damped
+                .cholesky()
+                .map(|c| &free + c.solve(&gradient))
+                .and_then(|f| residuals(&f).map(|r| (f, r)))
+                .filter(|(_, trial)| trial.norm_squared() < r.norm_squared());
             damping *= if better.is_some() { 0.1 } else { 10.0 };
         }
         let Some((next, next_r)) = better else { break };

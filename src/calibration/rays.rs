@@ -51,7 +51,8 @@ impl CalibrationError3d {
         let bound = |pick: fn(f64, f64) -> f64| reference.iter().copied().reduce(|a, b| Point3::new(pick(a.x, b.x), pick(a.y, b.y), pick(a.z, b.z)));
         let extent = (bound(f64::min)?, bound(f64::max)?);
         let (left, right) = (left.clone(), right.clone());
-        let mut out = CalibrationError3d { left, right, right_from_left: *right_from_left, covariance: *covariance, middle, gauge: GaugeByShared::zeros(), extent };
+        let mut out =
+            CalibrationError3d { left, right, right_from_left: *right_from_left, covariance: *covariance, middle, gauge: GaugeByShared::zeros(), extent };
         let mut normal = Matrix6::zeros();
         let mut sum = GaugeByShared::zeros();
         for p in reference {
@@ -67,7 +68,11 @@ impl CalibrationError3d {
     pub fn of_rig(rig: &StereoRig) -> Option<Self> {
         let rows: Vec<Vec<f64>> = serde_json::from_value(rig.more.get("covariance")?.get("matrix")?.clone()).ok()?;
         let reference: Vec<[f64; 3]> = serde_json::from_value(rig.more.get("volume")?.get("reference_points_m")?.clone()).ok()?;
-        if rows.len() != SHARED || rows.iter().any(|r| r.len() != SHARED || r.iter().any(|v| !v.is_finite())) || reference.len() < 3 || reference.len() > 100_000 {
+        if rows.len() != SHARED
+            || rows.iter().any(|r| r.len() != SHARED || r.iter().any(|v| !v.is_finite()))
+            || reference.len() < 3
+            || reference.len() > 100_000
+        {
             return None;
         }
         let covariance = SharedMatrix::from_fn(|i, j| rows[i][j]);

@@ -90,10 +90,8 @@ impl Calibration {
         let centre = global * Point3::from(middles.iter().map(|p| p.coords).sum::<Vector3<f64>>() / middles.len().max(1) as f64);
         let grid = |i: usize, n: usize| HALF_SIDE_M * (2.0 * i as f64 / (n - 1) as f64 - 1.0);
         let to_left = global.inverse();
-        let mut reference: Vec<Point3<f64>> = (0..125)
-            .map(|k| to_left * (centre + Vector3::new(grid(k % 5, 5), grid(k / 5 % 5, 5), grid(k / 25, 5))))
-            .filter(|p| self.in_view(p))
-            .collect();
+        let mut reference: Vec<Point3<f64>> =
+            (0..125).map(|k| to_left * (centre + Vector3::new(grid(k % 5, 5), grid(k / 5 % 5, 5), grid(k / 25, 5)))).filter(|p| self.in_view(p)).collect();
         reference.extend(&middles);
         let error = CalibrationError3d::new(&self.bundle.left, &self.bundle.right, &self.bundle.right_from_left, &self.fit.covariance, &reference)?;
         let spread = |c: Matrix3<f64>| {
@@ -166,7 +164,8 @@ impl Calibration {
             self.in_view(&p).then(|| error.covariance(&p).map(|c| c.trace().max(0.0).sqrt())).flatten()
         };
         let at = |i: usize, size: usize| (i as f64 + 0.5) / CELLS as f64 * size as f64 - 0.5;
-        let all: Vec<Vec<Option<f64>>> = (0..CELLS).map(|r| (0..CELLS).map(|c| spread(at(c, self.image_size[0]), at(r, self.image_size[1]))).collect()).collect();
+        let all: Vec<Vec<Option<f64>>> =
+            (0..CELLS).map(|r| (0..CELLS).map(|c| spread(at(c, self.image_size[0]), at(r, self.image_size[1]))).collect()).collect();
         let middle = super::view::median(&mut all.iter().flatten().flatten().copied().collect::<Vec<_>>());
         all.into_iter().map(|row| row.into_iter().map(|s| s.zip(middle).filter(|(_, m)| *m > 0.0).map(|(s, m)| s / m)).collect()).collect()
     }
@@ -205,10 +204,15 @@ impl Calibration {
             }
         }
         let defensible: Vec<_> = super::model_choice::summaries(&self.models).into_iter().filter(|m| m.defensible).collect();
-        for (name, value, sd) in [("left", (|m: &super::model_choice::ModelSummary| m.left_cx) as fn(&_) -> f64, self.sd(2)), ("right", |m| m.right_cx, self.sd(11))] {
+        for (name, value, sd) in
+            [("left", (|m: &super::model_choice::ModelSummary| m.left_cx) as fn(&_) -> f64, self.sd(2)), ("right", |m| m.right_cx, self.sd(11))]
+        {
             let (low, high) = defensible.iter().map(value).fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
             if high - low > 4.0 * sd {
-                out.push(format!("the {name} principal point moves by {:.1} px between defensible distortion models, its stated deviation is {sd:.1} px", high - low));
+                out.push(format!(
+                    "the {name} principal point moves by {:.1} px between defensible distortion models, its stated deviation is {sd:.1} px",
+                    high - low
+                ));
             }
         }
         out

@@ -14,8 +14,7 @@ const NOISE_PX: f64 = 0.05;
 const PAIRS: usize = 20;
 
 fn cameras() -> (Camera, Camera, Isometry3<f64>) {
-    let camera =
-        |fx: f64, cx: f64, cy: f64, distortion| Camera { fx, fy: fx - 1.3, cx, cy, distortion, rms_px: 0.0, sd: Default::default() };
+    let camera = |fx: f64, cx: f64, cy: f64, distortion| Camera { fx, fy: fx - 1.3, cx, cy, distortion, rms_px: 0.0, sd: Default::default() };
     let left = camera(2950.0, 252.0, 268.0, [0.55, -0.4, -9e-4, -7e-4, 0.0]);
     let right = camera(3060.0, 258.0, 249.0, [-0.6, -2.0, -1.4e-3, -6e-4, 0.0]);
     (left, right, Isometry3::new(Vector3::new(-7.4, 0.1, 2.5), Vector3::new(0.02, 0.65, -0.01)))

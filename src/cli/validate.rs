@@ -4,6 +4,7 @@ use super::Shell;
 use super::error::{CliError, Kind, existing};
 use crate::report::{read_session_results, session_report};
 use crate::session::Session;
+use crate::validation::observation::FEWEST_IMPACTS;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
@@ -15,9 +16,6 @@ base = \"rigid\"
 restitution = { value = 0.80, fit = true, min = 0.3, max = 1.0 }
 friction    = { value = 0.45, fit = true, min = 0.0, max = 1.5 }
 ";
-
-/// Below this many measured shots the fitted model would have more free numbers than it can be judged by.
-const FEWEST_FOR_DIAGNOSIS: usize = 8;
 
 /// Batch: everything that is still to do for one or more sessions, against a model
 ///
@@ -131,12 +129,12 @@ fn one_session(session: &Session, results: &Path, model: Option<&Path>, shell: &
     for (flag, files) in [("--racket", &session.racket_files), ("--ball", &session.ball_files)] {
         words.extend(files.iter().flat_map(|f| [OsStr::new(flag), f.as_os_str()]));
     }
-    let mut steps = vec!["predict", "compare"];
-    if outcome.shots_measured >= FEWEST_FOR_DIAGNOSIS {
-        steps.push("diagnose");
+    let mut steps = vec!["predict"];
+    if outcome.shots_measured >= FEWEST_IMPACTS {
+        steps.extend(["compare", "diagnose"]);
     } else {
         shell.say(format_args!(
-            "diagnose: {} measured shots are too few to tell what a model is missing; it needs {FEWEST_FOR_DIAGNOSIS} or more, better 60",
+            "compare, diagnose: {} measured shots are too few to judge a model; {FEWEST_IMPACTS} or more are needed, better 60.",
             outcome.shots_measured
         ));
     }

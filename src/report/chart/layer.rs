@@ -70,7 +70,11 @@ pub struct Points {
 impl Points {
     pub fn new(at: &[(f64, f64)]) -> Self {
         // Small marks where there are many, so that a cloud shows its density.
-        let size = if at.len() > 400 { 2.4 } else { (at.len() > 100).then_some(3.2).unwrap_or(4.6) };
+        let size = match at.len() {
+            401.. => 2.4,
+            101..=400 => 3.2,
+            _ => 4.6,
+        };
         Points { at: at.to_vec(), size, ..Default::default() }
     }
     pub fn x_error(mut self, sd: &[f64]) -> Self {

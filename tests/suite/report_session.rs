@@ -4,7 +4,9 @@ use super::report::{HOSTILE, assert_page, keep, racket};
 use super::report_mock::{comparison, diagnosis, ledger_entry, provenance};
 use nalgebra::{Isometry3, Point3, Vector2, Vector3};
 use std::collections::BTreeMap;
-use sweetspot::calibration::{BOARDS_KEY, BoardReport, Camera, CameraId, PairFate, RigidTransform, SquareSize, StereoRig};
+use sweetspot::calibration::{
+    BOARDS_KEY, BoardReport, Camera, CameraId, Coverage, MethodError, PairFate, RigidTransform, Slice, SlicePoint, SquareSize, StereoRig, Volume,
+};
 use sweetspot::kinematics::{ImpactTiming, MarkerDistance, MomentumVerdict, Quantities, Shot, ShotRecord, WindowReport, Windows};
 use sweetspot::quantity::Quantity;
 use sweetspot::report::{FramePicture, SessionResults, ShotResults, season_figures, session_report};
@@ -39,8 +41,64 @@ fn rig(name: &str) -> StereoRig {
         more: BTreeMap::from([
             (BOARDS_KEY.to_owned(), serde_json::to_value(boards).unwrap()),
             ("advice".to_owned(), serde_json::json!([name, 5, { "what": name }])),
+            ("axes".to_owned(), serde_json::json!({ "wrong": name })),
+            ("verdict".to_owned(), serde_json::to_value(verdict()).unwrap()),
+            ("volume".to_owned(), serde_json::to_value(volume()).unwrap()),
+            ("coverage".to_owned(), serde_json::to_value(coverage()).unwrap()),
+            ("methods".to_owned(), serde_json::to_value(vec![method(name), method("DLT")]).unwrap()),
         ]),
     }
+}
+
+fn verdict() -> sweetspot::calibration::Verdict {
+    sweetspot::calibration::Verdict {
+        squares: SquareSize { mean: 60.01, sd: 0.05, n: 900 },
+        square_bias_mm: 0.01,
+        diagonal_error_mean_mm: 0.02,
+        diagonal_error_sd_mm: 0.08,
+        diagonal_error_max_mm: 0.3,
+        diagonals: 50,
+        diagonal_stated_mm: 566.0,
+        boards: 25,
+    }
+}
+
+fn volume() -> Volume {
+    let slice = |fixed: usize, fixed_axis: char| {
+        let point = |a: i32, b: i32| {
+            let mut at_m = [0.0, 1.0, 0.0];
+            (at_m[(fixed + 1) % 3], at_m[(fixed + 2) % 3]) = (0.25 * f64::from(a), 0.25 * f64::from(b));
+            SlicePoint { at_m, in_view: a != 4, calibration_sd_mm: [0.1 + 0.01 * f64::from(a), 0.1, 0.2], pixel_sd_mm: [0.3; 3] }
+        };
+        Slice { fixed_axis, points: (-4..=4).flat_map(|a| (-4..=4).map(move |b| (a, b))).map(|(a, b)| point(a, b)).collect() }
+    };
+    Volume {
+        centre_m: [0.0, 1.0, 0.0],
+        side_m: 2.0,
+        pixel_sd: 0.1,
+        slices: vec![slice(0, 'U'), slice(1, 'V'), slice(2, 'W'), slice(0, '?')],
+        reference_points_m: vec![],
+        worst_calibration_mm: 0.8,
+        rms_calibration_mm: 0.3,
+    }
+}
+
+fn coverage() -> Coverage {
+    let cells = vec![vec![0, 3, 9, 4], vec![2, 30, 40, 12], vec![1, 20, 33, 0], vec![0, 0, 5, 0]];
+    let relative = vec![vec![None; 4]; 4];
+    Coverage {
+        left_cells: cells.clone(),
+        right_cells: cells,
+        left_relative_error: relative.clone(),
+        right_relative_error: relative,
+        left_tilt_deg: vec![5.0, 22.0, 31.0, 44.0, 48.0],
+        right_tilt_deg: vec![15.0, 25.0, 38.0, 41.0, 52.0],
+        pairs_used: 5,
+    }
+}
+
+fn method(name: &str) -> MethodError {
+    MethodError { method: name.to_owned(), parameters: 11, mean_error_mm: 0.4, max_error_mm: 1.9, rms_px: 0.2, lengths: 900 }
 }
 
 fn shot(name: &str, k: u32) -> Shot {
@@ -136,6 +194,7 @@ fn law_a_session_report_holds_with_plain_and_hostile_names() {
         let page = session_report(&results);
         assert_page(&page);
         assert_eq!(page, session_report(&results));
+        assert_eq!(page.matches("Uncertainty of a point").count(), 6, "three slices, each in title and label");
         keep(&format!("session-{file}.html"), &page);
     }
     let page = session_report(&session("forty", 40));
@@ -153,7 +212,7 @@ fn law_next_to_nothing_still_makes_a_page() {
     bare.shots[0].points.clear();
     let page = session_report(&bare);
     assert_page(&page);
-    assert!(page.contains("Cameras and boards") && !page.contains("Trajectories in space"));
+    assert!(page.contains("Cameras and boards") && !page.contains("Uncertainty of a point") && !page.contains("Trajectories in space"));
 }
 
 #[test]

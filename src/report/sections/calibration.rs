@@ -10,7 +10,7 @@ use crate::report::page::{Layout, Section, Table};
 /// The section on a rig; `axes_known` is false when the global axes are the left camera's own.
 pub fn calibration(rig: &StereoRig, axes_known: bool) -> Section {
     let detail = CalibrationDetail::of(rig);
-    let mut section = Section::new("calibration", "Calibration").cards(&cards(rig)).list(&detail.advice);
+    let mut section = detail.say(Section::new("calibration", "Calibration").cards(&cards(rig))).list(&detail.advice);
     let mut figures = vec![(scene(rig, &detail, axes_known), "Cameras and checkerboard positions in a fixed oblique view.".to_owned())];
     figures.extend(
         volume(rig, &detail, axes_known)

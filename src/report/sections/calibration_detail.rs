@@ -1,8 +1,11 @@
 //! What a calibration reports beyond the rig itself, read from the other keys of `calibration.json` where they stand.
 
-use crate::calibration::{CameraId, StereoRig};
-use crate::report::page::Table;
-use nalgebra::Point3;
+use crate::calibration::{AxesReport, CameraId, Coverage, MethodError, Slice, StereoRig, Verdict, Volume};
+use crate::report::chart::{Bars, Cells, Chart, Colour, Rule, bin_edges, histogram};
+use crate::report::markup::fixed;
+use crate::report::page::{Section, Table};
+use nalgebra::{Point3, Vector3};
+use serde::de::DeserializeOwned;
 
 /// One corner in one picture, px.
 pub(super) struct CornerError {
@@ -11,12 +14,16 @@ pub(super) struct CornerError {
     pub error: (f64, f64),
 }
 
-#[derive(Default)]
 pub(super) struct CalibrationDetail {
     /// Outer corners of each board, global axes, m.
     pub boards: Vec<Vec<Point3<f64>>>,
     pub corners: Vec<CornerError>,
     pub advice: Vec<String>,
+    pub verdict: Option<Verdict>,
+    pub axes: Option<AxesReport>,
+    volume: Option<Volume>,
+    coverage: Option<Coverage>,
+    methods: Vec<MethodError>,
 }
 
 impl CalibrationDetail {
@@ -31,23 +38,193 @@ impl CalibrationDetail {
             };
             of(CameraId::Left, &b.left_px).into_iter().chain(of(CameraId::Right, &b.right_px))
         });
-        CalibrationDetail { boards, corners: corners.collect(), advice }
+        CalibrationDetail {
+            boards,
+            corners: corners.collect(),
+            advice,
+            verdict: part(rig, "verdict"),
+            axes: part(rig, "axes"),
+            volume: part(rig, "volume"),
+            coverage: part(rig, "coverage"),
+            methods: part(rig, "methods").unwrap_or_default(),
+        }
     }
 
     /// Middle of all boards.
     pub fn centre(&self) -> Option<Point3<f64>> {
         let all: Vec<&Point3<f64>> = self.boards.iter().flatten().collect();
-        let sum = all.iter().fold(nalgebra::Vector3::zeros(), |s, p| s + p.coords);
+        let sum = all.iter().fold(Vector3::zeros(), |s, p| s + p.coords);
         (!all.is_empty()).then(|| (sum / all.len() as f64).into())
     }
 
-    /// Further figures with captions.
-    pub fn figures(&self) -> Vec<(String, String)> {
-        Vec::new()
+    /// What there is to say in millimetres.
+    pub fn sentences(&self) -> Vec<String> {
+        let mut out = Vec::new();
+        if let Some(v) = &self.verdict {
+            out.push(format!(
+                "On {} boards held out of the fit, squares come out as {} ± {} mm (bias {} mm) and board diagonals of {} mm are wrong by {} ± {} mm, at most {} mm. The thesis reached ± 2.5 mm on court.",
+                v.boards,
+                fixed(v.squares.mean, 3),
+                fixed(v.squares.sd, 3),
+                fixed(v.square_bias_mm, 3),
+                fixed(v.diagonal_stated_mm, 1),
+                fixed(v.diagonal_error_mean_mm, 3),
+                fixed(v.diagonal_error_sd_mm, 3),
+                fixed(v.diagonal_error_max_mm, 2)
+            ));
+        }
+        if let Some(v) = &self.volume {
+            out.push(format!(
+                "Inside a cube of {} m side the calibration's own uncertainty of a point is {} mm (rms over the places both cameras see; {} mm at the worst); a pixel noise of {} px comes on top.",
+                fixed(v.side_m, 1),
+                fixed(v.rms_calibration_mm, 2),
+                fixed(v.worst_calibration_mm, 2),
+                fixed(v.pixel_sd, 2)
+            ));
+        }
+        if let Some(a) = &self.axes {
+            out.push(format!(
+                "Global axes: the frame's arms measure {} and {} mm (± {} mm), their angle is off a right angle by {}° ± {}°.",
+                fixed(a.arm_u_mm, 1),
+                fixed(a.arm_w_mm, 1),
+                fixed(a.arm_sd_mm, 1),
+                fixed(a.orthogonality_error_deg, 2),
+                fixed(a.orthogonality_sd_deg, 2)
+            ));
+            out.extend(a.warnings.iter().cloned());
+        }
+        out
     }
 
-    /// Further figures as numbers.
-    pub fn table(&self) -> Table {
-        Table::default()
+    /// Slices of uncertainty, coverage of both pictures, tilts, methods.
+    pub fn figures(&self) -> Vec<(String, String)> {
+        let mut out = Vec::new();
+        if let Some(v) = &self.volume {
+            for slice in &v.slices {
+                out.extend(slice_map(v, slice));
+            }
+        }
+        if let Some(c) = &self.coverage {
+            for (name, cells) in [("left", &c.left_cells), ("right", &c.right_cells)] {
+                out.extend(coverage(name, cells));
+            }
+            out.extend(tilts(c));
+        }
+        out.extend(self.method_bars());
+        out
     }
+
+    /// Thesis figure 2.24 for the user's own pictures.
+    fn method_bars(&self) -> Option<(String, String)> {
+        if self.methods.is_empty() {
+            return None;
+        }
+        let names: Vec<String> = self.methods.iter().map(|m| m.method.clone()).collect();
+        let bars = |from: f64, pick: fn(&MethodError) -> f64| -> Vec<(f64, f64, f64)> {
+            self.methods.iter().enumerate().map(|(i, m)| (i as f64 + from, i as f64 + from + 0.35, pick(m))).collect()
+        };
+        let chart = Chart::new("Methods compared on the same pictures")
+            .x_categories(&names)
+            .y("error of lengths", "mm")
+            .add(Bars::new(&bars(-0.37, |m| m.mean_error_mm)).name("mean"))
+            .add(Bars::new(&bars(0.02, |m| m.max_error_mm)).name("largest"));
+        Some((chart.to_svg(), "Error of distances between corners by each calibration method (as thesis figure 2.24).".to_owned()))
+    }
+
+    pub fn table(&self) -> Table {
+        let mut table = Table::new("Methods compared")
+            .column("method")
+            .numbers("parameters per camera")
+            .numbers("mean error (mm)")
+            .numbers("largest (mm)")
+            .numbers("rms (px)");
+        for m in &self.methods {
+            table = table.row(&[m.method.clone(), m.parameters.to_string(), fixed(m.mean_error_mm, 3), fixed(m.max_error_mm, 3), fixed(m.rms_px, 3)]);
+        }
+        table
+    }
+
+    /// The sentences, framed.
+    pub fn say(&self, section: Section) -> Section {
+        self.sentences().iter().fold(section, |s, line| s.paragraph(line))
+    }
+}
+
+/// A key of the file in its own type; `None` when it is absent or of another version.
+fn part<T: DeserializeOwned>(rig: &StereoRig, key: &str) -> Option<T> {
+    serde_json::from_value(rig.more.get(key)?.clone()).ok()
+}
+
+fn slice_map(volume: &Volume, slice: &Slice) -> Option<(String, String)> {
+    let names = ['U', 'V', 'W'];
+    let fixed_axis = names
+        .iter()
+        .position(|n| n.eq_ignore_ascii_case(&slice.fixed_axis))
+        .or_else(|| ['x', 'y', 'z'].iter().position(|n| n.eq_ignore_ascii_case(&slice.fixed_axis)))?;
+    // V upward wherever it is drawn.
+    let (across, up) = [(2, 1), (0, 2), (0, 1)][fixed_axis];
+    let seen: Vec<_> = slice.points.iter().filter(|p| p.in_view).collect();
+    let total = |p: &crate::calibration::SlicePoint| (Vector3::from(p.calibration_sd_mm).norm_squared() + Vector3::from(p.pixel_sd_mm).norm_squared()).sqrt();
+    let cells: Vec<(f64, f64, f64)> = seen.iter().map(|p| (p.at_m[across], p.at_m[up], total(p))).collect();
+    let pitch = |k: usize| {
+        let mut values: Vec<f64> = slice.points.iter().map(|p| p.at_m[k]).collect();
+        values.sort_by(f64::total_cmp);
+        values.dedup_by(|a, b| (*a - *b).abs() < 1e-6);
+        values.windows(2).map(|w| w[1] - w[0]).fold(f64::INFINITY, f64::min)
+    };
+    let cell = (pitch(across), pitch(up));
+    if cells.is_empty() || !(cell.0.is_finite() && cell.1.is_finite()) {
+        return None;
+    }
+    let half = 0.5 * volume.side_m;
+    let middle = volume.centre_m;
+    let chart = Chart::new(&format!("Uncertainty of a point, {} = {} m", names[fixed_axis], fixed(middle[fixed_axis], 2)))
+        .describe("Total standard deviation of a point in a slice of the volume.")
+        .size(340.0, 320.0)
+        .height_from_width()
+        .x(&names[across].to_string(), "m")
+        .y(&names[up].to_string(), "m")
+        .x_include(middle[across] - half)
+        .x_include(middle[across] + half)
+        .y_include(middle[up] - half)
+        .y_include(middle[up] + half)
+        .without_grid()
+        .add(Cells::new(&cells, cell, "mm"));
+    let caption = format!(
+        "Standard deviation of a point (root sum over three axes): calibration and {} px of image noise together; blank: not in view of both cameras.",
+        fixed(volume.pixel_sd, 2)
+    );
+    Some((chart.to_svg(), caption))
+}
+
+fn coverage(camera: &str, rows: &[Vec<usize>]) -> Option<(String, String)> {
+    let cells: Vec<(f64, f64, f64)> =
+        rows.iter().enumerate().flat_map(|(j, row)| row.iter().enumerate().map(move |(i, n)| (i as f64, j as f64, *n as f64))).collect();
+    if cells.is_empty() {
+        return None;
+    }
+    let chart = Chart::new(&format!("Corners over the {camera} picture"))
+        .size(340.0, 300.0)
+        .height_from_width()
+        .without_axes()
+        .y_reversed()
+        .without_grid()
+        .add(Cells::new(&cells, (1.0, 1.0), "corners"));
+    Some((chart.to_svg(), format!("How many corners fell into each part of the {camera} picture: dark parts are calibrated by few.")))
+}
+
+fn tilts(c: &Coverage) -> Option<(String, String)> {
+    let edges = bin_edges(c.left_tilt_deg.iter().chain(&c.right_tilt_deg));
+    if edges.is_empty() {
+        return None;
+    }
+    let chart = Chart::new("Tilt of the boards")
+        .x("angle between board and image plane", "°")
+        .y("boards", "")
+        .add(Bars::new(&histogram(&c.left_tilt_deg, &edges)).name("left camera").colour(Colour::BLUE))
+        .add(Bars::new(&histogram(&c.right_tilt_deg, &edges)).name("right camera").colour(Colour::ORANGE))
+        .add(Rule::vertical(20.0).name("recommended: 20° to 50°"))
+        .add(Rule::vertical(50.0));
+    let mean = c.left_tilt_deg.iter().chain(&c.right_tilt_deg).sum::<f64>() / (c.left_tilt_deg.len() + c.right_tilt_deg.len()).max(1) as f64;
+    Some((chart.to_svg(), format!("Mean tilt {}°: flat boards leave the focal length in doubt.", fixed(mean, 0))))
 }

@@ -157,7 +157,10 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
     if diagnosis.verdict == Verdict::EffectMissing && form_is_off {
         diagnosis.other_form = diagnosis.recommended.first().cloned();
     }
-    diagnosis.next_experiments = refits.next_experiments(&reference, &diagnosis.candidates)?;
+    // Names that take nothing away are not worth an experiment.
+    if diagnosis.verdict == Verdict::EffectMissing {
+        diagnosis.next_experiments = refits.next_experiments(&reference, &diagnosis.candidates)?;
+    }
     diagnosis.words = verdict_words(&diagnosis);
     Ok(diagnosis)
 }

@@ -18,9 +18,9 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 
 /// Corrected level of the library test.
-pub const LIBRARY_LEVEL: f64 = 0.02;
+pub const LIBRARY_LEVEL: f64 = 0.01;
 /// Level of the structure test.
-pub const STRUCTURE_LEVEL: f64 = 0.005;
+pub const STRUCTURE_LEVEL: f64 = 0.003;
 /// The two together: how often nothing-missing is called missing, at most.
 pub const FALSE_ALARM_RATE: f64 = LIBRARY_LEVEL + STRUCTURE_LEVEL;
 /// Share of the excess that a catalogue effect must take away to be called missing.
@@ -63,7 +63,7 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
     let base = fit(library.current(), observations, &seen, &FitOptions::default(), None)?;
     let structure = structure_test(&base, observations, &seen, options.seed);
     let c = structure.noise_scale;
-    let screening = screen(library, &base, &seen, c)?;
+    let screening = screen(library, &base, &seen, structure.noise_scale_for_screening())?;
     let held_base = linearise_held_out(library.current(), &base, observations, &held)?;
     let before = error_of(&held_base);
     let mut notes = observations.notes.clone();

@@ -21,6 +21,8 @@ pub struct Projected {
     pub raw: DVector<f64>,
     /// Information each impact carries on each term: one row per impact.
     pub per_impact: DMatrix<f64>,
+    /// What is left of each impact's signatures after projection.
+    left: Vec<DMatrix<f64>>,
 }
 
 /// What is projected out: the fit's own columns, and more if asked.
@@ -94,12 +96,14 @@ pub fn project_out(fit: &Fit, nuisance: &Nuisance, signatures: &[DMatrix<f64>]) 
     let n = signatures.len();
     let mut contributions = DMatrix::zeros(n + p, m);
     let mut per_impact = DMatrix::zeros(n, m);
+    let mut remaining = Vec::with_capacity(n);
     for (i, (g, a)) in signatures.iter().zip(&nuisance.design).enumerate() {
         let left = g - a * &absorbed;
         contributions.set_row(i, &left.tr_mul(&fit.impacts[i].z).transpose());
         for j in 0..m {
             per_impact[(i, j)] = left.column(j).norm_squared();
         }
+        remaining.push(left);
     }
     for j in 0..p {
         let root = nuisance.prior_precision[j].sqrt();
@@ -108,7 +112,7 @@ pub fn project_out(fit: &Fit, nuisance: &Nuisance, signatures: &[DMatrix<f64>]) 
         }
     }
     let score = contributions.row_sum().transpose();
-    Projected { contributions, score, information, raw, per_impact }
+    Projected { contributions, score, information, raw, per_impact, left: remaining }
 }
 
 impl Projected {
@@ -136,16 +140,28 @@ impl Projected {
     }
 
     /// Variance of one score at noise scale 1: the larger of I and its sandwich estimate, which stands wrong noise.
-    pub fn variance(&self, term: usize, c: f64) -> f64 {
+    ///
+    /// The sandwich is taken about the fitted strengths of the terms `which`: a real effect carried by a few impacts must
+    /// not count as their noise.
+    pub fn variance(&self, term: usize, which: &[usize], strengths: &DVector<f64>, c: f64) -> f64 {
         let information = self.information[(term, term)];
         let (sum, squares) = self.per_impact.column(term).iter().fold((0.0, 0.0), |(s, q), v| (s + v, q + v * v));
         let effective = if squares > 0.0 { sum * sum / squares } else { 0.0 };
         if effective < 12.0 || c <= 0.0 {
             return information;
         }
-        let n = self.per_impact.nrows();
-        let mean = self.score[term] / n as f64;
-        let sandwich: f64 = self.contributions.column(term).iter().take(n).map(|u| (u - mean).powi(2)).sum::<f64>() * effective / (effective - 1.0);
+        let sandwich: f64 = self
+            .left
+            .iter()
+            .enumerate()
+            .map(|(i, left)| {
+                let own = left.column(term);
+                let explained: f64 = which.iter().zip(strengths.iter()).map(|(&j, k)| k * own.dot(&left.column(j))).sum();
+                (self.contributions[(i, term)] - explained).powi(2)
+            })
+            .sum::<f64>()
+            * effective
+            / (effective - 1.0);
         information.max(sandwich / c)
     }
 }

@@ -51,8 +51,9 @@ impl Refit {
     pub fn judge(&mut self, base: &Fit, c: f64) {
         let by_impact: Vec<f64> =
             base.impacts.iter().zip(&self.fit.impacts).map(|(b, f)| (b.z.norm_squared() - f.z.norm_squared()) / c + b.log_det - f.log_det).collect();
-        self.gain = by_impact.iter().sum();
         let largest = by_impact.iter().copied().fold(0.0, f64::max);
+        // With the offsets' priors: what a session's offsets had to bend for is relieved by the effect.
+        self.gain = minus_two_log(base, c) - minus_two_log(&self.fit, c);
         self.largest_share = if self.gain > 0.0 { largest / self.gain } else { 1.0 };
         self.p_value = chi2_tail(self.gain, self.strengths.len().max(1) as f64);
         self.log_evidence = log_evidence_over(base, &self.fit, c, self.one_sided);

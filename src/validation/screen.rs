@@ -197,14 +197,15 @@ fn screen_one(projected: &Projected, outline: &EffectOutline, effect: usize, ter
         }
         screened.p_value = if columns.len() == 1 {
             let t = columns[0];
-            let z = projected.score[t] / (projected.variance(t, c) * c).max(1e-300).sqrt();
+            let z = projected.score[t] / (projected.variance(t, &columns, &strengths, c) * c).max(1e-300).sqrt();
             let one_sided = outline.strengths[active[0]].one_sided;
             let p = if one_sided { normal_tail(z) } else { 2.0 * normal_tail(z.abs()) };
             // The other strengths were looked at too.
             (p * screened.terms.len() as f64).min(1.0)
         } else {
             // Each term's sandwich may exceed its information: shrink the joint gain by the worst of them.
-            let inflation = columns.iter().map(|&t| projected.variance(t, c) / projected.information[(t, t)].max(1e-300)).fold(1.0, f64::max);
+            let inflation =
+                columns.iter().map(|&t| projected.variance(t, &columns, &strengths, c) / projected.information[(t, t)].max(1e-300)).fold(1.0, f64::max);
             chi2_tail(screened.gain / inflation, columns.len() as f64)
         };
         break;

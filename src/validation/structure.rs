@@ -36,6 +36,15 @@ pub struct StructureTest {
     pub seed: u64,
 }
 
+impl StructureTest {
+    /// The noise scale for judging single effects. When no structure shows, all residuals are noise, and all of them
+    /// together tell its scale best: with few impacts c alone rests on what a hundred generic terms have left over.
+    pub fn noise_scale_for_screening(&self) -> f64 {
+        let all = (self.statistic + self.noise_scale * self.residual_freedom) / (self.rank as f64 + self.residual_freedom);
+        if self.p_value > 0.05 { all.max(SMALLEST_SCALE) } else { self.noise_scale }
+    }
+}
+
 /// Dimensionless inputs of an impact, as features and words use them.
 #[derive(Debug, Clone, Copy)]
 pub struct ContactInputs {

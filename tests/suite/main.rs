@@ -20,6 +20,6 @@ mod report_gallery;
 mod report_mock;
 mod report_session;
 mod shared;
-mod validation;
 mod spin;
 mod spin_ball;
+mod validation;

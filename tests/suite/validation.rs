@@ -49,7 +49,8 @@ fn real_practice_tables_without_a_hidden_effect_are_adequate() {
 
 #[test]
 fn real_practice_tables_with_a_hidden_effect_are_named() {
-    let answers: [(usize, &[&str]); 5] = [(3, &["ball-damping"]), (4, &["frame-vibration"]), (5, &["lateral-strings"]), (6, &["friction-law"]), (9, &["hand-mass", "racket-inertia"])];
+    let answers: [(usize, &[&str]); 5] =
+        [(3, &["ball-damping"]), (4, &["frame-vibration"]), (5, &["lateral-strings"]), (6, &["friction-law"]), (9, &["hand-mass", "racket-inertia"])];
     for (number, names) in answers {
         let Some(d) = practice(number) else { return };
         assert_eq!(d.verdict, Verdict::EffectMissing, "table {number}: {:?}", d.words);
@@ -186,7 +187,9 @@ fn cli_compare_diagnose_add_fit_compare_and_the_error_falls() {
     lay_out(&table(Kind::Lab, 120, &[("frame-vibration", 1.0)], 1, NoiseOptions::default()), at);
     let commented = format!("# my racket's model\n{FIRST_MODEL}");
     std::fs::write(at.join("model.toml"), commented).unwrap();
-    let files = |model: &str| -> Vec<String> { ["--impacts", "impacts.csv", "--racket", "racket.toml", "--ball", "ball.toml", "--model", model].map(String::from).to_vec() };
+    let files = |model: &str| -> Vec<String> {
+        ["--impacts", "impacts.csv", "--racket", "racket.toml", "--ball", "ball.toml", "--model", model].map(String::from).to_vec()
+    };
     let command = |name: &str, model: &str, more: &[&str]| {
         let mut all = vec![name.to_owned()];
         all.extend(files(model));

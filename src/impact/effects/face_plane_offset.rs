@@ -51,9 +51,10 @@ impl Effect for FacePlaneOffset {
         }
     }
 
-    fn observed_output(&self, p: &[f64], _: &Body, _: &ImpactInput, output: &mut ImpactOutput) {
+    fn observed_output(&self, p: &[f64], _: &Body, input: &ImpactInput, output: &mut ImpactOutput) {
         if p[0] != 0.0 {
-            output.racket_velocity -= output.racket_rate.cross(&Vector3::new(0.0, 0.0, p[0]));
+            // What `true_input` added; the centre of mass itself is where the racket's file has it, before and after.
+            output.racket_velocity -= input.racket_rate.cross(&Vector3::new(0.0, 0.0, p[0]));
         }
         if p[1] != 0.0 || p[2] != 0.0 {
             let seen_from_true = Rotation3::from_scaled_axis(Vector3::new(p[1], p[2], 0.0));

@@ -27,6 +27,8 @@ pub const FALSE_ALARM_RATE: f64 = LIBRARY_LEVEL + STRUCTURE_LEVEL;
 pub const SHARE: f64 = 0.75;
 /// Noise variance over the stated one that is believed to be noise: deviations understated by half.
 const LARGEST_NOISE_SCALE: f64 = 2.25;
+/// What is left of an effect's probability when the held-out impacts refuse it.
+const REFUSED: f64 = 0.3;
 /// Candidates refitted alone, and pairs.
 const SINGLES: usize = 8;
 const PAIRS: usize = 8;
@@ -121,8 +123,28 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
         (None, _) if diagnosis.structure.p_value >= STRUCTURE_LEVEL => Verdict::Adequate,
         _ => Verdict::Unexplained,
     };
+    // The last word has the impacts the fit never saw: an effect that makes their error worse is not added.
+    let mut refused = None;
+    if let (Some(best), Verdict::EffectMissing) = (chosen, diagnosis.verdict) {
+        let forward = library.with(&best.effects.iter().map(String::as_str).collect::<Vec<_>>())?;
+        let after = held_out_error(forward.as_ref(), &best.fit, observations)?;
+        if after >= before {
+            diagnosis.verdict = if diagnosis.structure.p_value >= STRUCTURE_LEVEL { Verdict::Adequate } else { Verdict::Unexplained };
+            diagnosis.notes.push(format!(
+                "{} would fit these impacts better, but the error on held-out impacts does not fall ({before:.3} to {after:.3}): not believed",
+                best.effects.join(" and ")
+            ));
+            refused = Some(best.effects.clone());
+        }
+    }
     diagnosis.candidates = refits.report(&reference, &screening, before, excess, overdispersion, diagnosis.verdict)?;
-    if let Some(best) = chosen {
+    for c in diagnosis.candidates.iter_mut().filter(|c| refused.as_ref().is_some_and(|r| r.contains(&c.effect))) {
+        c.probability *= REFUSED;
+    }
+    diagnosis
+        .candidates
+        .sort_by(|a, b| b.probability.total_cmp(&a.probability).then(b.log_evidence_gain.total_cmp(&a.log_evidence_gain)).then(a.effect.cmp(&b.effect)));
+    if let Some(best) = chosen.filter(|_| refused.is_none()) {
         diagnosis.structure_after = Some(best.structure.clone());
         if diagnosis.verdict == Verdict::EffectMissing {
             diagnosis.recommended = best.effects.clone();
@@ -143,7 +165,7 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
             (&held, linearise_held_out(library.with(&best.effects.iter().map(String::as_str).collect::<Vec<_>>())?.as_ref(), &best.fit, observations, &held)?);
         diagnosis.outliers = outliers(&seen, &best.fit.impacts, held, &held_best);
     }
-    let form_is_off = chosen.is_some_and(|b| b.structure.p_value < STRUCTURE_LEVEL);
+    let form_is_off = chosen.filter(|_| refused.is_none()).is_some_and(|b| b.structure.p_value < STRUCTURE_LEVEL);
     if options.expressions && (diagnosis.verdict == Verdict::Unexplained || (diagnosis.verdict == Verdict::EffectMissing && form_is_off)) {
         let found = find_expression(&mut reference, &screening, |t, c| excess_at(t, c.min(LARGEST_NOISE_SCALE)), &diagnosis.structure)?;
         if let Some(found) = found {

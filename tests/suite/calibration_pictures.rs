@@ -11,19 +11,22 @@ use sweetspot::footage::{numbered_images, read_grey};
 use sweetspot::reconstruction::Triangulator;
 use sweetspot::tracking::ImagePoint;
 
-/// Bouguet's pairs: `calib/` of the repository where the setup script has unpacked them, else the shared copy.
-fn bouguet_folder() -> Option<PathBuf> {
-    let own = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("calib");
-    if own.join("left01.jpg").exists() { Some(own) } else { shared("real-calibration/opencv-bouguet-stereo") }
+/// One of Bouguet's pictures: from `calib/bouguet` where the setup script has unpacked them, else the shared copy.
+fn bouguet_picture(side: &str, n: usize) -> Option<PathBuf> {
+    let name = format!("{side}{n:02}.jpg");
+    let own = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("calib/bouguet/calib").join(side).join(&name);
+    if own.exists() { Some(own) } else { shared("real-calibration/opencv-bouguet-stereo").map(|f| f.join(name)) }
 }
 
 #[test]
 fn real_bouguet_pairs_agree_with_the_published_calibration() {
-    let Some(folder) = bouguet_folder() else { return };
+    if bouguet_picture("left", 1).is_none() {
+        return;
+    }
     let pairs: Vec<PairImages> = (1..=14)
         .filter(|n| *n != 10) // missing in OpenCV's copy
         .map(|n| {
-            let read = |side: &str| Some(read_grey(&folder.join(format!("{side}{n:02}.jpg"))).unwrap());
+            let read = |side: &str| bouguet_picture(side, n).map(|p| read_grey(&p).unwrap());
             PairImages { name: format!("{n:02}"), left: read("left"), right: read("right") }
         })
         .collect();

@@ -19,7 +19,9 @@ const BOARD: Checkerboard = Checkerboard { columns: 7, rows: 5, square_m: 0.0315
 /// The board as a camera sees it: 4x4 samples a pixel, white rim of one square, grey noise.
 fn draw(camera: &Camera, pose: &Isometry3<f64>, noise: f64, rng: &mut ChaCha8Rng) -> GreyImage {
     let r = pose.rotation.to_rotation_matrix();
-    let to_board = Matrix3::from_columns(&[r.matrix().column(0).into_owned(), r.matrix().column(1).into_owned(), pose.translation.vector]).try_inverse().expect("the board is seen from the front");
+    let to_board = Matrix3::from_columns(&[r.matrix().column(0).into_owned(), r.matrix().column(1).into_owned(), pose.translation.vector])
+        .try_inverse()
+        .expect("the board is seen from the front");
     let s = BOARD.square_m;
     let grey = |u: f64, v: f64| {
         let x = to_board * Vector3::new((u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, 1.0);
@@ -56,7 +58,11 @@ fn main() {
             .map(|n| {
                 // The same positions at every zoom, as in the thesis.
                 let mut rng = ChaCha8Rng::seed_from_u64(n);
-                let turn = UnitQuaternion::from_scaled_axis(Vector3::new(rng.random_range(-0.6..0.6), 0.25 + rng.random_range(-0.6..0.6), rng.random_range(-0.4..0.4)));
+                let turn = UnitQuaternion::from_scaled_axis(Vector3::new(
+                    rng.random_range(-0.6..0.6),
+                    0.25 + rng.random_range(-0.6..0.6),
+                    rng.random_range(-0.4..0.4),
+                ));
                 let place = Point3::new(rng.random_range(-0.12..0.12), rng.random_range(-0.12..0.12), DISTANCE_M + rng.random_range(-0.25..0.25));
                 let pose = Isometry3::from_parts(place.coords.into(), turn) * Isometry3::translation(-middle.x, -middle.y, 0.0);
                 let left = draw(&camera, &pose, noise, &mut rng);
@@ -66,7 +72,13 @@ fn main() {
             .collect();
         match calibrate_images(&BOARD, &pairs, &CalibrationOptions::default()) {
             Ok(c) => {
-                let sides: Vec<f64> = c.bundle.views.iter().filter(|v| v.left.len() == BOARD.corner_count()).map(|v| BOARD.mean_spacing_px(&v.left.iter().map(|q| q.uv).collect::<Vec<Vector2<f64>>>())).collect();
+                let sides: Vec<f64> = c
+                    .bundle
+                    .views
+                    .iter()
+                    .filter(|v| v.left.len() == BOARD.corner_count())
+                    .map(|v| BOARD.mean_spacing_px(&v.left.iter().map(|q| q.uv).collect::<Vec<Vector2<f64>>>()))
+                    .collect();
                 let square_px = sides.iter().sum::<f64>() / sides.len().max(1) as f64;
                 let mm = 1e3 * BOARD.square_m / square_px;
                 let (l, r) = (c.rms_px(Some(CameraId::Left)), c.rms_px(Some(CameraId::Right)));

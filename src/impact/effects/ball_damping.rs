@@ -3,6 +3,7 @@
 use super::Effect;
 use crate::impact::card::{Bases, EffectCard, EffectKind, ParameterCard};
 use crate::impact::rigid::{Contact, Laws};
+use crate::impact::viscoelastic;
 
 pub(super) static CARD: EffectCard = EffectCard {
     name: "ball-damping",
@@ -25,11 +26,18 @@ pub(super) static CARD: EffectCard = EffectCard {
 /// Speed at which the restitution keeps its base value, m/s.
 const REFERENCE_SPEED: f64 = 25.0;
 
+/// Fall at which the visco-elastic base's area damping doubles.
+const TYPICAL_FALL: f64 = 0.13;
+
 #[derive(Debug)]
 struct BallDamping;
 
 impl Effect for BallDamping {
     fn change_laws(&self, p: &[f64], at: &Contact, laws: &mut Laws) {
         laws.restitution -= p[0] * ((at.approach_speed / REFERENCE_SPEED).powf(p[1]) - 1.0);
+    }
+
+    fn change_viscoelastic(&self, p: &[f64], _: &Contact, laws: &mut viscoelastic::Laws) {
+        laws.a_c *= 1.0 + p[0] / TYPICAL_FALL;
     }
 }

@@ -3,6 +3,7 @@
 use super::Effect;
 use crate::impact::card::{Bases, EffectCard, EffectKind, ParameterCard};
 use crate::impact::rigid::{Contact, Laws};
+use crate::impact::viscoelastic;
 
 pub(super) static CARD: EffectCard = EffectCard {
     name: "ball-deformation",
@@ -42,5 +43,10 @@ impl Effect for BallDeformation {
         let x = MEAN_SHARE * COMPRESSION * (at.approach_speed / REFERENCE_SPEED).powf(SPEED_POWER);
         laws.ball_arm -= (p[0] * x).min(MOST * laws.ball_arm);
         laws.ball_inertia *= 1.0 - (p[1] * x).min(MOST);
+    }
+
+    fn change_viscoelastic(&self, p: &[f64], _: &Contact, laws: &mut viscoelastic::Laws) {
+        laws.lambda_r += p[0];
+        laws.kappa_i += p[1];
     }
 }

@@ -3,6 +3,7 @@
 use super::Effect;
 use crate::impact::card::{Bases, EffectCard, EffectKind, ParameterCard};
 use crate::impact::rigid::{Contact, Laws};
+use crate::impact::viscoelastic;
 
 pub(super) static CARD: EffectCard = EffectCard {
     name: "ball-stiffening",
@@ -25,11 +26,18 @@ pub(super) static CARD: EffectCard = EffectCard {
 /// m/s.
 const REFERENCE_SPEED: f64 = 25.0;
 
+/// Gain at which the visco-elastic base's growth of stiffness doubles.
+const GAIN_OF_BASE: f64 = 0.2;
+
 #[derive(Debug)]
 struct BallStiffening;
 
 impl Effect for BallStiffening {
     fn change_laws(&self, p: &[f64], at: &Contact, laws: &mut Laws) {
         laws.restitution += p[0] * ((at.approach_speed / REFERENCE_SPEED).powi(2) - 1.0);
+    }
+
+    fn change_viscoelastic(&self, p: &[f64], _: &Contact, laws: &mut viscoelastic::Laws) {
+        laws.a_k *= 1.0 + p[0] / GAIN_OF_BASE;
     }
 }

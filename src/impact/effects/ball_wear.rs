@@ -3,6 +3,7 @@
 use super::Effect;
 use crate::impact::card::{Bases, EffectCard, EffectKind, ParameterCard};
 use crate::impact::rigid::{Contact, Laws};
+use crate::impact::viscoelastic;
 
 pub(super) static CARD: EffectCard = EffectCard {
     name: "ball-wear",
@@ -24,11 +25,18 @@ pub(super) static CARD: EffectCard = EffectCard {
 /// m/s.
 const REFERENCE_SPEED: f64 = 25.0;
 
+/// Relative growth of the ball's damping per relative loss of restitution.
+const DAMPING_PER_LOSS: f64 = 8.0;
+
 #[derive(Debug)]
 struct BallWear;
 
 impl Effect for BallWear {
     fn change_laws(&self, p: &[f64], at: &Contact, laws: &mut Laws) {
         laws.restitution *= 1.0 - p[0] * at.input.order / 100.0 * (at.approach_speed / REFERENCE_SPEED).sqrt();
+    }
+
+    fn change_viscoelastic(&self, p: &[f64], at: &Contact, laws: &mut viscoelastic::Laws) {
+        laws.a_c *= 1.0 + DAMPING_PER_LOSS * p[0] * at.input.order / 100.0;
     }
 }

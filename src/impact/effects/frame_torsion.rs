@@ -3,6 +3,7 @@
 use super::Effect;
 use crate::impact::card::{Bases, EffectCard, EffectKind, ParameterCard};
 use crate::impact::rigid::{Contact, Laws};
+use crate::impact::viscoelastic;
 
 pub(super) static CARD: EffectCard = EffectCard {
     name: "frame-torsion",
@@ -24,6 +25,9 @@ pub(super) static CARD: EffectCard = EffectCard {
     effect: &FrameTorsion,
 };
 
+/// Transfer at which the modal inertia is the stated one.
+const TYPICAL_TRANSFER: f64 = 0.05;
+
 #[derive(Debug)]
 struct FrameTorsion;
 
@@ -31,5 +35,13 @@ impl Effect for FrameTorsion {
     fn change_laws(&self, p: &[f64], at: &Contact, laws: &mut Laws) {
         let y = at.input.position.y;
         laws.mode_loss += p[0] * y * y / (p[1] * at.body.racket_inertia.x * at.normal_compliance);
+    }
+
+    fn change_viscoelastic(&self, p: &[f64], at: &Contact, laws: &mut viscoelastic::Laws) {
+        if p[0] > 0.0 {
+            laws.torsion_shape = at.input.position.y;
+            laws.torsion_inertia = p[1] * at.body.racket_inertia.x / (p[0] / TYPICAL_TRANSFER);
+            laws.torsion_rate = 2.0 * std::f64::consts::PI * p[2];
+        }
     }
 }

@@ -4,6 +4,7 @@ use super::Effect;
 use crate::impact::body::Body;
 use crate::impact::card::{Bases, EffectCard, EffectKind, ParameterCard};
 use crate::impact::rigid::{Contact, Laws};
+use crate::impact::viscoelastic;
 use std::f64::consts::PI;
 
 pub(super) static CARD: EffectCard = EffectCard {
@@ -50,6 +51,17 @@ impl Effect for FrameVibration {
         let phi = beam.shape(0, from_butt(at.body, at.input.position.x));
         let s = pulse_response(p[1], p[2]);
         laws.mode_loss += p[0] * phi * phi * s * s / (beam.modes[0].modal_mass * at.normal_compliance);
+    }
+
+    fn change_viscoelastic(&self, p: &[f64], at: &Contact, laws: &mut viscoelastic::Laws) {
+        let Some(beam) = &at.body.beam else { return };
+        if p[0] > 0.0 {
+            laws.mode_shape = beam.shape(0, from_butt(at.body, at.input.position.x));
+            // `amount` scales the energy that the mode takes, so it divides the modal mass.
+            laws.mode_mass = beam.modes[0].modal_mass / p[0];
+            laws.mode_rate = 2.0 * PI * p[1];
+            laws.mode_damping = p[3];
+        }
     }
 }
 

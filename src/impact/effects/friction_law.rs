@@ -3,6 +3,7 @@
 use super::Effect;
 use crate::impact::card::{Bases, EffectCard, EffectKind, ParameterCard};
 use crate::impact::rigid::{Contact, Laws};
+use crate::impact::viscoelastic;
 
 pub(super) static CARD: EffectCard = EffectCard {
     name: "friction-law",
@@ -19,7 +20,7 @@ pub(super) static CARD: EffectCard = EffectCard {
                 more or less as the slip or approach speed grows.",
     confused_with: &["lateral-strings", "offset-normal-force"],
     separated_by: "incidence swept to 50-70 degrees from the normal at two speeds",
-    bases: Bases { rigid: "as given", viscoelastic: "same law with the momentary slip speed and load" },
+    bases: Bases { rigid: "as given", viscoelastic: "as given, with slip and approach speed at first touch" },
     effect: &FrictionLaw,
 };
 
@@ -28,12 +29,20 @@ const SOFT_SLIP: f64 = 5.0;
 const REFERENCE_SLIP: f64 = 15.0;
 const REFERENCE_APPROACH: f64 = 25.0;
 
+fn factor(p: &[f64], at: &Contact) -> f64 {
+    let level = |v: f64| 1.0 + (v / SOFT_SLIP).powi(2);
+    (level(at.slip_speed) / level(REFERENCE_SLIP)).powf(0.5 * p[0]) * (at.approach_speed / REFERENCE_APPROACH).powf(p[1])
+}
+
 #[derive(Debug)]
 struct FrictionLaw;
 
 impl Effect for FrictionLaw {
     fn change_laws(&self, p: &[f64], at: &Contact, laws: &mut Laws) {
-        let level = |v: f64| 1.0 + (v / SOFT_SLIP).powi(2);
-        laws.friction *= (level(at.slip_speed) / level(REFERENCE_SLIP)).powf(0.5 * p[0]) * (at.approach_speed / REFERENCE_APPROACH).powf(p[1]);
+        laws.friction *= factor(p, at);
+    }
+
+    fn change_viscoelastic(&self, p: &[f64], at: &Contact, laws: &mut viscoelastic::Laws) {
+        laws.mu *= factor(p, at);
     }
 }

@@ -3,6 +3,7 @@
 use super::Effect;
 use crate::impact::card::{Bases, EffectCard, EffectKind, ParameterCard};
 use crate::impact::rigid::{Contact, Laws};
+use crate::impact::viscoelastic;
 
 pub(super) static CARD: EffectCard = EffectCard {
     name: "grip-torque",
@@ -29,5 +30,10 @@ struct GripTorque;
 impl Effect for GripTorque {
     fn change_laws(&self, p: &[f64], at: &Contact, laws: &mut Laws) {
         laws.twist_hold += (p[0] * at.input.grip_torque.abs() + p[1]) * p[2];
+    }
+
+    fn change_viscoelastic(&self, p: &[f64], at: &Contact, laws: &mut viscoelastic::Laws) {
+        laws.grip += p[0] * at.input.grip_torque.abs() + p[1];
+        laws.twist_start = at.input.racket_rate.x;
     }
 }

@@ -3,6 +3,7 @@
 use super::Effect;
 use crate::impact::card::{Bases, EffectCard, EffectKind, ParameterCard};
 use crate::impact::rigid::{Contact, Laws};
+use crate::impact::viscoelastic;
 
 pub(super) static CARD: EffectCard = EffectCard {
     name: "lateral-strings",
@@ -23,6 +24,11 @@ pub(super) static CARD: EffectCard = EffectCard {
     effect: &LateralStrings,
 };
 
+/// Sideways stiffness of typical strings, N/m, and the strength that stands for it.
+const STIFFNESS: f64 = 60e3;
+const TYPICAL: f64 = 0.15;
+const RIGID_OVER_SOFT: f64 = 50.0;
+
 #[derive(Debug)]
 struct LateralStrings;
 
@@ -30,5 +36,20 @@ impl Effect for LateralStrings {
     fn change_laws(&self, p: &[f64], _: &Contact, laws: &mut Laws) {
         laws.tangential_restitution[1] += p[0];
         laws.tangential_restitution[0] += p[1];
+    }
+
+    fn change_viscoelastic(&self, p: &[f64], _: &Contact, laws: &mut viscoelastic::Laws) {
+        for (strength, stiffness) in [(p[0], &mut laws.k_ty), (p[1], &mut laws.k_tx)] {
+            // The softer, the more they store: compliance in proportion to the strength.
+            if strength != 0.0 {
+                *stiffness = STIFFNESS / (strength.abs() / TYPICAL);
+            }
+        }
+        // One direction soft, the other rigid: rigid stands for stiff enough to follow within the contact.
+        let rigid = STIFFNESS * RIGID_OVER_SOFT;
+        if laws.k_tx > 0.0 || laws.k_ty > 0.0 {
+            laws.k_tx = if laws.k_tx > 0.0 { laws.k_tx } else { rigid };
+            laws.k_ty = if laws.k_ty > 0.0 { laws.k_ty } else { rigid };
+        }
     }
 }

@@ -7,6 +7,7 @@ use super::body::Body;
 use super::card::EffectCard;
 use super::input::{ImpactInput, ImpactOutput};
 use super::rigid::{Contact, Impulse, Laws};
+use super::viscoelastic;
 use std::fmt;
 
 /// One cause. `p` holds the effect's parameter values in the order of its card.
@@ -41,6 +42,11 @@ pub trait Effect: fmt::Debug + Send + Sync {
 
     /// Changes the contact laws of the rigid base.
     fn change_laws(&self, p: &[f64], at: &Contact, laws: &mut Laws) {
+        let _ = (p, at, laws);
+    }
+
+    /// Changes bodies' and contact's laws of the visco-elastic base.
+    fn change_viscoelastic(&self, p: &[f64], at: &Contact, laws: &mut viscoelastic::Laws) {
         let _ = (p, at, laws);
     }
 

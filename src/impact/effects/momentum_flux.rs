@@ -3,6 +3,7 @@
 use super::Effect;
 use crate::impact::card::{Bases, EffectCard, EffectKind, ParameterCard};
 use crate::impact::rigid::{Contact, Laws};
+use crate::impact::viscoelastic;
 
 pub(super) static CARD: EffectCard = EffectCard {
     name: "momentum-flux",
@@ -26,6 +27,9 @@ const REFERENCE_SPEED: f64 = 30.0;
 /// ln(0.32/0.15) / ln(30/7): how the share grows from 7 to 30 m/s.
 const SPEED_POWER: f64 = 0.52;
 
+/// Share of the energy that the visco-elastic base's own momentum flux takes.
+const SHARE_OF_BASE: f64 = 0.15;
+
 #[derive(Debug)]
 struct MomentumFlux;
 
@@ -35,5 +39,9 @@ impl Effect for MomentumFlux {
         if p[0] != 0.0 {
             laws.restitution = left.max(0.0).sqrt();
         }
+    }
+
+    fn change_viscoelastic(&self, p: &[f64], _: &Contact, laws: &mut viscoelastic::Laws) {
+        laws.flux *= 1.0 + p[0] / SHARE_OF_BASE;
     }
 }

@@ -3,6 +3,7 @@
 use super::Effect;
 use crate::impact::card::{Bases, EffectCard, EffectKind, ParameterCard};
 use crate::impact::rigid::{Contact, Laws};
+use crate::impact::viscoelastic;
 
 pub(super) static CARD: EffectCard = EffectCard {
     name: "offset-normal-force",
@@ -32,5 +33,9 @@ impl Effect for OffsetNormalForce {
     fn change_laws(&self, p: &[f64], at: &Contact, laws: &mut Laws) {
         // Without slip there is no direction; the offset grows in over half a metre per second of it.
         laws.normal_offset += p[0] * at.slip_speed / (at.slip_speed * at.slip_speed + SOFT_SLIP * SOFT_SLIP).sqrt();
+    }
+
+    fn change_viscoelastic(&self, p: &[f64], _: &Contact, laws: &mut viscoelastic::Laws) {
+        laws.normal_offset += p[0];
     }
 }

@@ -3,6 +3,7 @@
 use super::Effect;
 use crate::impact::card::{Bases, EffectCard, EffectKind, ParameterCard};
 use crate::impact::rigid::{Contact, Laws};
+use crate::impact::viscoelastic;
 
 pub(super) static CARD: EffectCard = EffectCard {
     name: "string-damping",
@@ -30,5 +31,9 @@ struct StringDamping;
 impl Effect for StringDamping {
     fn change_laws(&self, p: &[f64], _: &Contact, laws: &mut Laws) {
         laws.restitution *= (-p[0] / SCALE).exp();
+    }
+
+    fn change_viscoelastic(&self, p: &[f64], _: &Contact, laws: &mut viscoelastic::Laws) {
+        laws.c_s += p[0];
     }
 }

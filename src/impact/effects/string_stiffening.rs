@@ -3,6 +3,7 @@
 use super::Effect;
 use crate::impact::card::{Bases, EffectCard, EffectKind, ParameterCard};
 use crate::impact::rigid::{Contact, Laws};
+use crate::impact::viscoelastic;
 
 pub(super) static CARD: EffectCard = EffectCard {
     name: "string-stiffening",
@@ -25,11 +26,18 @@ pub(super) static CARD: EffectCard = EffectCard {
 /// m/s.
 const REFERENCE_SPEED: f64 = 30.0;
 
+/// Fall that the visco-elastic base's own stiffening causes at 30 m/s.
+const FALL_OF_BASE: f64 = 0.024;
+
 #[derive(Debug)]
 struct StringStiffening;
 
 impl Effect for StringStiffening {
     fn change_laws(&self, p: &[f64], at: &Contact, laws: &mut Laws) {
         laws.restitution -= p[0] * (at.approach_speed / REFERENCE_SPEED).powi(2);
+    }
+
+    fn change_viscoelastic(&self, p: &[f64], _: &Contact, laws: &mut viscoelastic::Laws) {
+        laws.k_s2 *= 1.0 + p[0] / FALL_OF_BASE;
     }
 }

@@ -3,6 +3,7 @@
 use super::Effect;
 use crate::impact::card::{Bases, EffectCard, EffectKind, ParameterCard};
 use crate::impact::rigid::{Contact, Laws};
+use crate::impact::viscoelastic;
 
 pub(super) static CARD: EffectCard = EffectCard {
     name: "string-tension",
@@ -27,11 +28,18 @@ const PER_LB: f64 = 0.0013;
 /// m/s.
 const REFERENCE_SPEED: f64 = 30.0;
 
+/// N/m per lb: 27 to 45 kN/m from 40 to 70 lb.
+const STIFFNESS_PER_LB: f64 = 600.0;
+
 #[derive(Debug)]
 struct StringTension;
 
 impl Effect for StringTension {
     fn change_laws(&self, p: &[f64], at: &Contact, laws: &mut Laws) {
         laws.restitution -= PER_LB * p[0] * (REFERENCE_SPEED / at.approach_speed).powf(0.2);
+    }
+
+    fn change_viscoelastic(&self, p: &[f64], _: &Contact, laws: &mut viscoelastic::Laws) {
+        laws.k_s0 += STIFFNESS_PER_LB * p[0];
     }
 }

@@ -3,6 +3,7 @@
 use super::Effect;
 use crate::impact::card::{Bases, EffectCard, EffectKind, ParameterCard};
 use crate::impact::rigid::{Contact, Laws};
+use crate::impact::viscoelastic;
 
 pub(super) static CARD: EffectCard = EffectCard {
     name: "string-tilt",
@@ -38,5 +39,10 @@ impl Effect for StringTilt {
         let depth = DEPTH * at.approach_speed / REFERENCE_SPEED;
         laws.tilt[0] -= p[0] * depth * at.input.position.x / (ALONG * ALONG);
         laws.tilt[1] -= p[0] * depth * at.input.position.y / (ACROSS * ACROSS);
+    }
+
+    fn change_viscoelastic(&self, p: &[f64], _: &Contact, laws: &mut viscoelastic::Laws) {
+        laws.tilt_x += p[0] / (ALONG * ALONG);
+        laws.tilt_y += p[0] / (ACROSS * ACROSS);
     }
 }

@@ -3,6 +3,7 @@
 use super::Effect;
 use crate::impact::card::{Bases, EffectCard, EffectKind, ParameterCard};
 use crate::impact::rigid::{Contact, Laws};
+use crate::impact::viscoelastic;
 use nalgebra::Vector3;
 
 pub(super) static CARD: EffectCard = EffectCard {
@@ -33,5 +34,10 @@ impl Effect for SwingDrive {
         laws.drive += Vector3::new(0.0, 0.0, at.side * p[0] * p[2]);
         // Positive rate about y carries the head (negative x) toward +z.
         laws.drive_twist += Vector3::new(0.0, at.side * p[1] * p[2], 0.0);
+    }
+
+    fn change_viscoelastic(&self, p: &[f64], _: &Contact, laws: &mut viscoelastic::Laws) {
+        laws.drive_force += p[0];
+        laws.drive_torque += p[1];
     }
 }

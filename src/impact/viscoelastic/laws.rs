@@ -1,0 +1,174 @@
+//! The numbers of one visco-elastic impact, singly and side by side.
+
+use crate::impact::body::Body;
+
+macro_rules! laws {
+    ($($(#[$meta:meta])* $field:ident),* $(,)?) => {
+        /// Bodies and contact laws of one impact. Effects change it before the impact is stepped.
+        #[derive(Debug, Clone, Copy, PartialEq)]
+        pub struct Laws {
+            $($(#[$meta])* pub $field: f64,)*
+        }
+
+        /// The same for `W` impacts, field by field, so that one instruction serves several impacts.
+        #[derive(Clone)]
+        pub(super) struct LawsLanes<const W: usize> {
+            $($field: [f64; W],)*
+        }
+
+        impl<const W: usize> LawsLanes<W> {
+            pub fn new(laws: &Laws) -> Self {
+                LawsLanes { $($field: [laws.$field; W],)* }
+            }
+
+            pub fn put(&mut self, lane: usize, laws: &Laws) {
+                $(self.$field[lane] = laws.$field;)*
+            }
+
+            #[inline(always)]
+            pub fn get(&self, lane: usize) -> Laws {
+                Laws { $($field: self.$field[lane],)* }
+            }
+        }
+    };
+}
+
+laws! {
+    /// kg.
+    ball_mass,
+    /// m.
+    ball_radius,
+    /// Undeformed, kg m².
+    ball_inertia,
+    /// kg.
+    racket_mass,
+    /// kg m².
+    inertia_x,
+    /// kg m².
+    inertia_y,
+    /// kg m².
+    inertia_z,
+    /// N/m.
+    k_b0,
+    /// N/m^(1+alpha).
+    a_k,
+    alpha,
+    /// N s/m³.
+    a_c,
+    beta_c,
+    /// N s/m.
+    c_b0,
+    /// Factor on the momentum-flux force.
+    flux,
+    /// N/m.
+    k_s0,
+    /// N/m³.
+    k_s2,
+    /// N s/m.
+    c_s,
+    mu,
+    lambda_r,
+    /// 1/m.
+    kappa_i,
+    /// Relative growth of the stringbed's stiffness with x² and y² from the centre, 1/m².
+    edge_x,
+    edge_y,
+    /// Local position of the centre of mass, m.
+    com_x,
+    /// Sideways stiffness and damping of the strings, N/m and N s/m; 0: rigid sideways.
+    k_tx,
+    k_ty,
+    c_t,
+    /// Normal force behind the centre, m.
+    normal_offset,
+    /// Lean of the pocket per metre of deflection and metre from the centre, 1/m.
+    tilt_x,
+    tilt_y,
+    /// Largest torque of the mount about x, N m.
+    grip,
+    /// Rate about x at first touch, rad/s.
+    twist_start,
+    /// Force (along z) and torque (about y) of the player, N and N m.
+    drive_force,
+    drive_torque,
+    /// Bending mode: shape at the impact point, modal mass (kg), frequency (rad/s), damping ratio; a mass of 0: no mode.
+    mode_shape,
+    mode_mass,
+    mode_rate,
+    mode_damping,
+    /// Torsional mode: shape at the impact point (m), modal inertia (kg m²), frequency (rad/s); an inertia of 0: none.
+    torsion_shape,
+    torsion_inertia,
+    torsion_rate,
+}
+
+/// Values of the base's 14 parameters, in the order of [`crate::impact::Base::parameters`], and the body.
+impl Laws {
+    pub(crate) fn new(p: &[f64], body: &Body, stiffness_from_tension: bool) -> Self {
+        Laws {
+            ball_mass: body.ball_mass,
+            ball_radius: body.ball_radius,
+            ball_inertia: body.ball_inertia,
+            racket_mass: body.racket_mass,
+            inertia_x: body.racket_inertia.x,
+            inertia_y: body.racket_inertia.y,
+            inertia_z: body.racket_inertia.z,
+            k_b0: p[0],
+            a_k: p[1],
+            alpha: p[2],
+            a_c: p[3],
+            beta_c: p[4],
+            c_b0: p[5],
+            flux: 1.0,
+            k_s0: if stiffness_from_tension { stringbed_stiffness(body.tension_lb) } else { p[6] },
+            k_s2: p[7],
+            c_s: p[8],
+            mu: p[9],
+            lambda_r: p[10],
+            kappa_i: p[11],
+            edge_x: 0.0,
+            edge_y: 0.0,
+            com_x: body.com_x,
+            k_tx: p[12],
+            k_ty: p[12],
+            c_t: p[13],
+            normal_offset: 0.0,
+            tilt_x: 0.0,
+            tilt_y: 0.0,
+            grip: 0.0,
+            twist_start: 0.0,
+            drive_force: 0.0,
+            drive_torque: 0.0,
+            mode_shape: 0.0,
+            mode_mass: 0.0,
+            mode_rate: 0.0,
+            mode_damping: 0.0,
+            torsion_shape: 0.0,
+            torsion_inertia: 0.0,
+            torsion_rate: 0.0,
+        }
+    }
+
+    /// True when the short kernel describes the impact: no effect beyond the plain base, powers of 2.
+    pub(super) fn is_plain(&self) -> bool {
+        self.alpha == 2.0
+            && self.beta_c == 2.0
+            && self.edge_x == 0.0
+            && self.edge_y == 0.0
+            && self.k_tx == 0.0
+            && self.k_ty == 0.0
+            && self.normal_offset == 0.0
+            && self.tilt_x == 0.0
+            && self.tilt_y == 0.0
+            && self.grip == 0.0
+            && self.drive_force == 0.0
+            && self.drive_torque == 0.0
+            && self.mode_mass == 0.0
+            && self.torsion_inertia == 0.0
+    }
+}
+
+/// Stringbed stiffness from the tension, N/m: 27, 36, 39, 45 kN/m at 40, 55, 60, 70 lb lie on one line.
+pub fn stringbed_stiffness(tension_lb: f64) -> f64 {
+    3e3 + 600.0 * tension_lb
+}

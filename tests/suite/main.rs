@@ -12,6 +12,7 @@ mod cli;
 mod impact;
 mod impact_expression;
 mod impact_scene;
+mod impact_viscoelastic;
 mod kinematics;
 mod kinematics_world;
 mod layout;

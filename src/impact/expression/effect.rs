@@ -48,6 +48,11 @@ impl ExpressionEffect {
         &self.text
     }
 
+    /// Whether it changes the bodies or the outcome, and not the contact itself.
+    pub(crate) fn acts_around_contact(&self) -> bool {
+        matches!(self.channel.access, Access::Body(..) | Access::Output(..))
+    }
+
     /// What it replaces.
     pub fn replaces(&self) -> &'static str {
         self.channel.name

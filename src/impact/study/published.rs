@@ -152,10 +152,9 @@ pub fn table() -> Result<Vec<Line>, ModelError> {
         add(quantity, published, reference, 100.0 * r.output.ball_velocity.z / 20.0, "%");
     }
     // 25.0 m/s at 40 degrees from the normal, 3820 rpm of backspin; positive out is topspin.
-    for (quantity, reference, changes) in [
-        ("spin off a clamped bed, 40 degrees, 3820 rpm backspin in", 1225.0, &[][..]),
-        ("the same, strings of 60 kN/m sideways", 1810.0, &[("k_t", 60e3)][..]),
-    ] {
+    for (quantity, reference, changes) in
+        [("spin off a clamped bed, 40 degrees, 3820 rpm backspin in", 1225.0, &[][..]), ("the same, strings of 60 kN/m sideways", 1810.0, &[("k_t", 60e3)][..])]
+    {
         let (angle, body) = (40f64.to_radians(), clamped(60.0));
         let spin = 3820.0 * std::f64::consts::TAU / 60.0;
         // Travelling along +y, topspin is about −x.
@@ -177,7 +176,14 @@ struct Players {
 }
 
 const PLAYERS: [Players; 2] = [
-    Players { who: "men", com: [15.96, 6.21, -4.43], ball_in: [-9.30, -0.64, 1.13], ball_out: [32.86, 5.37, -4.72], rate: [2.75, 30.53, 6.46], topspin_rpm: 1125.0 },
+    Players {
+        who: "men",
+        com: [15.96, 6.21, -4.43],
+        ball_in: [-9.30, -0.64, 1.13],
+        ball_out: [32.86, 5.37, -4.72],
+        rate: [2.75, 30.53, 6.46],
+        topspin_rpm: 1125.0,
+    },
     Players {
         who: "women",
         com: [14.93, 5.51, -1.10],

@@ -97,7 +97,13 @@ pub(super) fn rates<const S: usize>(s: &[f64; S], k: &Laws, mode: Mode) -> ([f64
     // Ball: truncated sphere (thesis 2.7.3).
     let xc = delta - xs;
     let r0 = k.ball_radius;
-    let x = if xc < 0.0 { 0.0 } else if xc > DEEPEST * r0 { DEEPEST * r0 } else { xc };
+    let x = if xc < 0.0 {
+        0.0
+    } else if xc > DEEPEST * r0 {
+        DEEPEST * r0
+    } else {
+        xc
+    };
     let area = 2.0 * r0 * x - x * x;
     let m = k.ball_mass;
     let resting = m * area / (4.0 * r0 * r0);
@@ -202,8 +208,20 @@ pub(super) fn rates<const S: usize>(s: &[f64; S], k: &Laws, mode: Mode) -> ([f64
     let q = (qx * qx + qy * qy).sqrt() + 1e-300;
     let (slide_x, slide_y) = (-limit * qx / q, -limit * qy / q);
     let creep = limit / (stick_size + 1e-300);
-    let mut fx = if mode.stick == STICK { stick_x } else if mode.stick == CREEP { creep * stick_x } else { slide_x };
-    let mut fy = if mode.stick == STICK { stick_y } else if mode.stick == CREEP { creep * stick_y } else { slide_y };
+    let mut fx = if mode.stick == STICK {
+        stick_x
+    } else if mode.stick == CREEP {
+        creep * stick_x
+    } else {
+        slide_x
+    };
+    let mut fy = if mode.stick == STICK {
+        stick_y
+    } else if mode.stick == CREEP {
+        creep * stick_y
+    } else {
+        slide_y
+    };
     let mut side_rate = [0.0; 2];
     if full && k.k_tx > 0.0 {
         // Sideways springs in series with friction (C.5 c).
@@ -250,8 +268,11 @@ pub(super) fn rates<const S: usize>(s: &[f64; S], k: &Laws, mode: Mode) -> ([f64
             if k.mode_mass > 0.0 { -n * force * phi / k.mode_mass - 2.0 * k.mode_damping * k.mode_rate * ed - k.mode_rate * k.mode_rate * e } else { 0.0 };
         let (f, fd) = (s[TORSION], s[TORSION + 1]);
         d[TORSION] = fd;
-        d[TORSION + 1] =
-            if k.torsion_inertia > 0.0 { -n * force * psi / k.torsion_inertia - 2.0 * k.mode_damping * k.torsion_rate * fd - k.torsion_rate * k.torsion_rate * f } else { 0.0 };
+        d[TORSION + 1] = if k.torsion_inertia > 0.0 {
+            -n * force * psi / k.torsion_inertia - 2.0 * k.mode_damping * k.torsion_rate * fd - k.torsion_rate * k.torsion_rate * f
+        } else {
+            0.0
+        };
         // Ledger: every power by its cause; what the contact gives to the bodies must be what ball, strings and friction take.
         let given = gx * ux + gy * uy + gz * uz + moment[0] * (wx - ox) + moment[1] * (wy - oy) + moment[2] * (wz - oz);
         let taken = force * w;
@@ -274,14 +295,6 @@ pub(super) fn rates<const S: usize>(s: &[f64; S], k: &Laws, mode: Mode) -> ([f64
         // While the ball slides, the sideways strings settle in c/k.
         settling = settling.min(1.5 * k.c_t / k.k_tx.max(k.k_ty));
     }
-    let signs = Signs {
-        force,
-        onset: xc - ONSET,
-        compressing: c,
-        slip: [tx, ty],
-        grip_left: limit - stick_size,
-        stick: [stick_x, stick_y],
-        settling,
-    };
+    let signs = Signs { force, onset: xc - ONSET, compressing: c, slip: [tx, ty], grip_left: limit - stick_size, stick: [stick_x, stick_y], settling };
     (d, signs)
 }

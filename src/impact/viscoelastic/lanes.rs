@@ -16,7 +16,7 @@ const WIDTH: usize = 8;
 /// Contact longer than this is an error of the model, s.
 pub(super) const LONGEST_S: f64 = 20e-3;
 /// Steps after which a contact is given up: only parameters at the edge of their range come near.
-const MOST_STEPS: usize = 200_000;
+const MOST_STEPS: usize = 20_000;
 /// Share of the time in which ball and strings settle that one step may take (explicit stability ends at 2.8).
 const SETTLING_SHARE: f64 = 1.0;
 /// Steps never get shorter than this share of the longest.
@@ -150,6 +150,7 @@ struct Lane {
     time: f64,
     steps: usize,
     longest: f64,
+    most_steps: usize,
     step: f64,
     start: Signs,
     mode: Mode,
@@ -207,7 +208,7 @@ impl Lane {
         if !finite {
             return Verdict::Done(Err(ModelError::NotFinite));
         }
-        if self.steps > MOST_STEPS || self.time > LONGEST_S {
+        if self.steps > self.most_steps || self.time > LONGEST_S {
             return Verdict::Done(Err(ModelError::NoRelease { elapsed_s: self.time, force_n: end.force }));
         }
         if let Some(hunt) = self.hunt {
@@ -330,6 +331,7 @@ const IDLE: Lane = Lane {
     time: 0.0,
     steps: 0,
     longest: 0.0,
+    most_steps: MOST_STEPS,
     step: 0.0,
     start: Signs { force: 0.0, onset: 0.0, compressing: 0.0, slip: [0.0; 2], grip_left: 0.0, stick: [0.0; 2], settling: 0.0 },
     mode: Mode { side: 1.0, stick: SLIDE, direction: [1.0, 0.0] },
@@ -359,7 +361,15 @@ pub(super) fn step_all<const S: usize, const W: usize>(jobs: &[Job<S>]) -> Vec<R
         for (i, lane) in lanes.iter_mut().enumerate() {
             if lane.job.is_none() && next < jobs.len() {
                 let job = &jobs[next];
-                *lane = Lane { job: Some(next), longest: job.step, slip_compliance: job.slip_compliance(), mu: job.laws.mu, mode: Mode { side: job.side, ..IDLE.mode }, ..IDLE };
+                *lane = Lane {
+                    job: Some(next),
+                    longest: job.step,
+                    most_steps: MOST_STEPS + (LONGEST_S / job.step) as usize,
+                    slip_compliance: job.slip_compliance(),
+                    mu: job.laws.mu,
+                    mode: Mode { side: job.side, ..IDLE.mode },
+                    ..IDLE
+                };
                 next += 1;
                 laws.put(i, &job.laws);
                 let (mut d, mut s) = rates(&job.state, &job.laws, lane.mode);

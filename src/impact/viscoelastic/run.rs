@@ -47,6 +47,8 @@ impl Ledger {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Run {
     pub output: ImpactOutput,
+    /// Racket rates after impact along the racket's own axes as they then stand, rad/s.
+    pub racket_rate_own_axes: Vector3<f64>,
     pub ledger: Ledger,
     /// N.
     pub peak_force: f64,
@@ -117,7 +119,15 @@ pub(crate) fn run(ready: &Ready, steps: f64) -> Result<Run, ModelError> {
             + mass * racket_end.cross(&output.racket_velocity)
             + turn * v(s, RATE).component_mul(&inertia),
     };
-    Ok(Run { output, ledger, peak_force: end.peak_force, peak_compression: end.peak_compression, peak_deflection: end.peak_deflection, steps: end.steps })
+    Ok(Run {
+        output,
+        racket_rate_own_axes: v(s, RATE),
+        ledger,
+        peak_force: end.peak_force,
+        peak_compression: end.peak_compression,
+        peak_deflection: end.peak_deflection,
+        steps: end.steps,
+    })
 }
 
 fn turn_of(s: &[f64; FULL]) -> nalgebra::UnitQuaternion<f64> {

@@ -1,0 +1,113 @@
+//! The visco-elastic base from outside: catalogue, limits, robustness.
+
+use crate::impact_scene::{ball, impacts, racket};
+use rand::{Rng, SeedableRng};
+use sweetspot::impact::card::Role;
+use sweetspot::impact::{Base, ImpactInput, ImpactOutput, Model, ModelError, catalogue};
+
+fn predict(model: &Model, inputs: &[ImpactInput]) -> Vec<ImpactOutput> {
+    model.prepare(&racket(), &ball()).unwrap().predict_all(inputs).into_iter().map(Result::unwrap).collect()
+}
+
+fn difference(a: &ImpactOutput, b: &ImpactOutput) -> f64 {
+    a.as_vector().iter().zip(b.as_vector()).map(|(x, y)| (x - y).abs() / (1.0 + x.abs())).fold(0.0, f64::max)
+}
+
+#[test]
+fn switch_catalogue_in_the_viscoelastic_base() {
+    let inputs = impacts(60, 31);
+    let base = Model::new(Base::Viscoelastic);
+    let plain = predict(&base, &inputs);
+    for card in catalogue() {
+        let mut off = base.with_effect(card.name).unwrap();
+        for i in off.effect_parameters(card.name) {
+            if let Role::Strength { absent, .. } = off.parameters()[i].role {
+                off.set_at(i, absent).unwrap();
+            }
+        }
+        assert_eq!(predict(&off, &inputs), plain, "{}: absent, yet it acts", card.name);
+        let first = off.effect_parameters(card.name).start;
+        for (k, p) in card.strengths() {
+            let mut on = off.clone();
+            on.set_at(first + k, p.typical).unwrap();
+            let moved = predict(&on, &inputs).iter().zip(&plain).map(|(a, b)| difference(a, b)).fold(0.0, f64::max);
+            // The contact has a duration of its own here.
+            assert!((card.name == "finite-contact") == (moved < 1e-6), "{}.{}: moves outputs by {moved:e}", card.name, p.name);
+        }
+    }
+}
+
+/// A contact without loss and friction keeps the normal energy; a hard, frictionless one is the rigid impulse.
+#[test]
+fn agrees_hard_contact_with_the_rigid_impulse() {
+    let inputs = impacts(40, 32);
+    let mut hard = Model::new(Base::Viscoelastic);
+    for (name, value) in
+        [("mu", 0.0), ("k_B0", 3e7), ("A_K", 0.0), ("A_C", 0.0), ("c_B0", 0.0), ("kS0", 3e8), ("kS2", 0.0), ("c_S", 50.0), ("lambda_r", 0.0), ("kappa_I", 0.0)]
+    {
+        hard.set(name, value).unwrap();
+    }
+    let prepared = hard.prepare(&racket(), &ball()).unwrap();
+    for input in &inputs {
+        let o = prepared.predict(input).unwrap();
+        let com = racket().com_local();
+        let lever = nalgebra::Vector3::new(input.position.x - com.x, input.position.y, 0.0);
+        let normal = |b: &nalgebra::Vector3<f64>, v: &nalgebra::Vector3<f64>, w: &nalgebra::Vector3<f64>| (b - v - w.cross(&lever)).z;
+        let e = -normal(&o.ball_velocity, &o.racket_velocity, &o.racket_rate) / normal(&input.ball_velocity, &input.racket_velocity, &input.racket_rate);
+        let mut rigid = Model::new(Base::Rigid);
+        rigid.set("restitution", e.clamp(0.0, 1.0)).unwrap();
+        rigid.set("friction", 0.0).unwrap();
+        let r = rigid.prepare(&racket(), &ball()).unwrap().predict(input).unwrap();
+        assert!(difference(&o, &r) < 0.01, "e {e}: {o:?} against {r:?}");
+    }
+}
+
+#[test]
+fn law_random_parameters_never_hang_panic_or_return_nan() {
+    let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(33);
+    let inputs = impacts(1000, 34);
+    let (mut answered, mut refused) = (0, 0);
+    for _ in 0..100 {
+        let mut model = Model::new(Base::Viscoelastic);
+        for i in 0..model.parameters().len() {
+            // Two thirds of the parameters move within a factor of three of their defaults, as far as the documented range goes.
+            let p = &model.parameters()[i];
+            let value = if rng.random_bool(0.33) { p.value } else { (p.value * 3f64.powf(rng.random_range(-1.0..1.0))).clamp(p.min, p.max) };
+            model.set_at(i, value).unwrap();
+        }
+        for result in model.prepare(&racket(), &ball()).unwrap().predict_all(&inputs) {
+            match result {
+                Ok(o) => {
+                    assert!(o.is_finite() && o.contact_time.unwrap() > 0.0);
+                    answered += 1;
+                }
+                Err(e) => {
+                    assert!(matches!(e, ModelError::NoRelease { .. } | ModelError::NotFinite | ModelError::NoApproach { .. }), "{e}");
+                    refused += 1;
+                }
+            }
+        }
+    }
+    assert!(answered > 95_000, "{answered} answered, {refused} refused");
+}
+
+#[test]
+fn fails_a_contact_without_release_is_said() {
+    let mut sticky = Model::new(Base::Viscoelastic);
+    sticky.set("k_B0", 1e3).unwrap();
+    sticky.set("kS0", 5e3).unwrap();
+    sticky.set("A_K", 0.0).unwrap();
+    sticky.set("kS2", 0.0).unwrap();
+    let mut heavy = ball();
+    heavy.mass_kg = 1.0;
+    let result = sticky.prepare(&racket(), &heavy).unwrap().predict(&impacts(1, 35)[0]);
+    assert!(matches!(result, Err(ModelError::NoRelease { .. })), "{result:?}");
+}
+
+#[test]
+fn law_threads_do_not_matter_in_lanes() {
+    let inputs = impacts(700, 36);
+    let model = Model::new(Base::Viscoelastic);
+    let run = |threads: usize| rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| predict(&model, &inputs));
+    assert_eq!(run(1), run(3));
+}

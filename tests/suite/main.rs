@@ -24,3 +24,4 @@ mod shared;
 mod spin;
 mod spin_ball;
 mod validation;
+mod synthetic;

@@ -23,5 +23,5 @@ mod report_session;
 mod shared;
 mod spin;
 mod spin_ball;
-mod validation;
 mod synthetic;
+mod validation;

@@ -277,9 +277,9 @@ impl Report {
         }
         out.push_str("</header>\n<main>");
         for (i, s) in self.sections.iter().enumerate() {
-            let _ = write!(out, "<section id=\"{}\"><h2>{}</h2>{}</section>\n", anchor(s, i), escape(&s.heading), s.body);
+            let _ = writeln!(out, "<section id=\"{}\"><h2>{}</h2>{}</section>", anchor(s, i), escape(&s.heading), s.body);
         }
-        let _ = write!(out, "</main>\n<footer><p>Written by sweetspot {}.</p></footer></body></html>\n", crate::provenance::VERSION);
+        let _ = writeln!(out, "</main>\n<footer><p>Written by sweetspot {}.</p></footer></body></html>", crate::provenance::VERSION);
         out
     }
 }

@@ -85,7 +85,7 @@ fn picture(clip: &Clip, tracks: &Tracks, doubt: Doubt) -> Option<FramePicture> {
     let whole = [image.width as f64, image.height as f64];
     let (mut corner, mut size) = ([0u32; 2], [0u32; 2]);
     for k in 0..2 {
-        if !(low[k] <= high[k]) {
+        if !low[k].is_finite() || !high[k].is_finite() {
             return None;
         }
         let (middle, half) = (0.5 * (low[k] + high[k]), (0.5 * (high[k] - low[k]) + MARGIN_PX).max(0.5 * LEAST_PX));

@@ -51,11 +51,11 @@ pub fn comparison(n: usize, miss: f64, name: &str) -> Comparison {
         .collect();
     let varied: Vec<usize> = (0..14).collect();
     let mut residual_curves = Vec::new();
-    for k in 0..OUTPUTS.len() - 1 {
+    for (k, output) in OUTPUTS.iter().enumerate().take(OUTPUTS.len() - 1) {
         for &j in &varied {
             let points: Vec<(f64, f64)> = impacts.iter().map(|i| (i.inputs[j], i.outputs[k].residual())).collect();
             if let Some(curve) = smooth(&points, 31) {
-                residual_curves.push(ResidualCurve { output: OUTPUTS[k].to_owned(), input: INPUTS[j].to_owned(), curve });
+                residual_curves.push(ResidualCurve { output: (*output).to_owned(), input: INPUTS[j].to_owned(), curve });
             }
         }
     }

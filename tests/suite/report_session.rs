@@ -153,7 +153,7 @@ fn shot_results(name: &str, k: u32) -> ShotResults {
         let t = (frame as f64 - 110.0) * 1e-3;
         for camera in CameraId::BOTH {
             for target in Target::ALL {
-                let hidden = target == Target::M2 && frame % 7 == 0;
+                let hidden = target == Target::M2 && frame.is_multiple_of(7);
                 let at = Vector2::new(200.0 + 8.0 * target.index() as f64 + t * 900.0, 220.0 + 9.0 * target.index() as f64);
                 let point = (!hidden).then_some(ImagePoint { uv: at, sd: Vector2::new(0.04, 0.04) });
                 tracks.points.push(TrackPoint { frame, camera, target, point, state: if hidden { PointState::Occluded } else { PointState::Measured } });
@@ -194,7 +194,7 @@ fn law_a_session_report_holds_with_plain_and_hostile_names() {
         let page = session_report(&results);
         assert_page(&page);
         assert_eq!(page, session_report(&results));
-        assert_eq!(page.matches("Uncertainty of a point").count(), 6, "three slices, each in title and label");
+        assert_eq!(page.matches("<title>Uncertainty of a point").count(), 3, "one figure a slice, none for an axis that does not exist");
         keep(&format!("session-{file}.html"), &page);
     }
     let page = session_report(&session("forty", 40));

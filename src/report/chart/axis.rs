@@ -75,10 +75,10 @@ impl Scale {
         let last = (high / step + 1e-9).floor();
         let largest = low.abs().max(high.abs());
         // Long labels are unreadable: take powers of a thousand out.
-        let power = if largest >= 1e5 || largest < 0.01 { 3 * (largest.log10() / 3.0).floor() as i32 } else { 0 };
+        let power = if !(0.01..1e5).contains(&largest) { 3 * (largest.log10() / 3.0).floor().clamp(-100.0, 100.0) as i32 } else { 0 };
         let unit = 10f64.powi(power);
         let decimals = (-(step / unit).log10() - 1e-9).ceil().max(0.0) as usize;
-        let n = (last - first).max(0.0).min(40.0) as usize;
+        let n = (last - first).clamp(0.0, 40.0) as usize;
         let ticks = (0..=n).map(|k| (first + k as f64) * step).map(|v| (v, fixed(v / unit, decimals))).collect();
         Scale { low, high, ticks, power }
     }

@@ -1,7 +1,7 @@
 //! Where the model fails: ranges of an input over which an output is off, in words, a table and pictures.
 
-use super::residuals::{Trend, trends};
-use crate::report::chart::{Band, Chart, Colour, Legend, Line, Points, Rule, Shape};
+use super::residuals::{Trend, curve_layers, trends, usual_size};
+use crate::report::chart::{Chart, Colour, Legend, Line, Points, Rule, Shape};
 use crate::report::column::column_words;
 use crate::report::markup::{fixed, significant};
 use crate::report::page::{Layout, Section, Table};
@@ -51,10 +51,7 @@ fn picture(p: &Place, trend: &Trend, comparison: &Comparison) -> String {
     // Back from own deviations to the output's unit: the typical deviation scales the smooth, the points have their own.
     let scale = comparison.outputs.iter().find(|s| s.name == p.output).map_or(1.0, |s| o.factor * s.noise_sd);
     let at: Vec<(f64, f64)> = trend.points.iter().map(|(x, z)| (*x, z * scale)).collect();
-    let mut sizes: Vec<f64> = at.iter().map(|a| a.1.abs()).filter(|v| v.is_finite()).collect();
-    sizes.sort_by(f64::total_cmp);
-    let usual = sizes.get(sizes.len() * 97 / 100).copied().unwrap_or(1.0);
-    let reach = (1.4 * usual).max(1.3 * (o.factor * p.ci_low).abs().max((o.factor * p.ci_high).abs())).max(1e-12);
+    let reach = (1.4 * usual_size(&at).unwrap_or(1.0)).max(1.3 * (o.factor * p.ci_low).abs().max((o.factor * p.ci_high).abs())).max(1e-12);
     let (from, to) = (i.factor * p.from, i.factor * p.to);
     let low = trend.points.iter().map(|a| a.0).filter(|v| v.is_finite()).fold(f64::INFINITY, f64::min);
     let high = trend.points.iter().map(|a| a.0).filter(|v| v.is_finite()).fold(f64::NEG_INFINITY, f64::max);
@@ -69,9 +66,8 @@ fn picture(p: &Place, trend: &Trend, comparison: &Comparison) -> String {
         .add(Shape::new(&[(from, -reach), (to, -reach), (to, reach), (from, reach)]).filled().opacity(0.14).colour(Colour::AMBER))
         .add(Points::new(&at).colour(Colour::GREY));
     if let Some(c) = &trend.curve {
-        let band: Vec<(f64, f64, f64)> = (0..c.x.len()).map(|k| (c.x[k], scale * c.low[k], scale * c.high[k])).collect();
-        let line: Vec<(f64, f64)> = c.x.iter().copied().zip(c.mean.iter().map(|m| scale * m)).collect();
-        chart = chart.add(Band::new(&band).colour(Colour::BLUE)).add(Line::new(&line).colour(Colour::BLUE));
+        let (band, line) = curve_layers(c, scale);
+        chart = chart.add(band).add(line);
     }
     let level = o.factor * p.mean_residual;
     chart.add(Rule::horizontal(0.0).solid()).add(Line::new(&[(from, level), (to, level)]).colour(Colour::ORANGE).width(3.0)).to_svg()

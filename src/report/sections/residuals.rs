@@ -104,10 +104,22 @@ pub fn residuals(comparison: &Comparison) -> Option<Section> {
 
 /// Half-height of a residual panel, own sd: a few outliers must not flatten the picture; they stand as rings on the edge.
 pub(super) fn reach(points: &[(f64, f64)]) -> f64 {
+    (1.3 * usual_size(points).unwrap_or(3.0)).max(3.2)
+}
+
+/// The size that 97 of 100 ordinates stay below.
+pub(super) fn usual_size(points: &[(f64, f64)]) -> Option<f64> {
     let mut sizes: Vec<f64> = points.iter().map(|p| p.1.abs()).filter(|v| v.is_finite()).collect();
     sizes.sort_by(f64::total_cmp);
-    let usual = sizes.get(sizes.len() * 97 / 100).copied().unwrap_or(3.0);
-    (1.3 * usual).min(sizes.last().copied().unwrap_or(3.0)).max(3.2)
+    sizes.get(sizes.len() * 97 / 100).copied()
+}
+
+/// A smooth with its band, ordinates times `scale`.
+pub(super) fn curve_layers(c: &SmoothCurve, scale: f64) -> (Band, Line) {
+    let ordinates = c.mean.iter().zip(c.low.iter().zip(&c.high));
+    let band: Vec<(f64, f64, f64)> = c.x.iter().zip(ordinates).map(|(x, (_, (l, h)))| (*x, scale * l, scale * h)).collect();
+    let line: Vec<(f64, f64)> = c.x.iter().zip(&c.mean).map(|(x, m)| (*x, scale * m)).collect();
+    (Band::new(&band).colour(Colour::BLUE), Line::new(&line).colour(Colour::BLUE))
 }
 
 /// One residual panel; `title` and half-height `reach` as given, so that panels can be compared.
@@ -123,9 +135,8 @@ pub(super) fn panel(trend: &Trend, title: &str, every: usize, size: (f64, f64), 
         .legend(Legend::Hidden)
         .add(Points::new(&drawn).colour(Colour::GREY).size(if drawn.len() > 200 { 2.0 } else { 3.2 }));
     if let Some(c) = &trend.curve {
-        let band: Vec<(f64, f64, f64)> = (0..c.x.len()).map(|i| (c.x[i], c.low[i], c.high[i])).collect();
-        let line: Vec<(f64, f64)> = c.x.iter().copied().zip(c.mean.iter().copied()).collect();
-        chart = chart.add(Band::new(&band).colour(Colour::BLUE)).add(Line::new(&line).colour(Colour::BLUE));
+        let (band, line) = curve_layers(c, 1.0);
+        chart = chart.add(band).add(line);
     }
     chart.add(Rule::horizontal(0.0).solid()).to_svg()
 }

@@ -6,12 +6,12 @@ use super::error::ValidationError;
 use super::experiments::{Rival, next_experiment};
 use super::expression::find_expression;
 use super::fit::{Fit, FitOptions, fit};
-use super::forward::Library;
+use super::forward::{Library, Strength};
 use super::heldout::{error_of, held_out_error, linearise_held_out};
 use super::observation::Observations;
 use super::place::places;
-use super::rank::{Reference, Refit, added_parameters, form_overdispersion};
-use super::screen::{Screened, Screening, screen, screen_pairs};
+use super::rank::{Reference, Refit, added_parameters, flexible_nuisance, form_overdispersion};
+use super::screen::{Screened, Screening, screen, screen_beyond, screen_pairs};
 use super::structure::{StructureTest, structure_test};
 use super::verdict_words::verdict_words;
 use rayon::prelude::*;
@@ -65,7 +65,21 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
     let base = fit(library.current(), observations, &seen, &FitOptions::default(), None)?;
     let structure = structure_test(&base, observations, &seen, options.seed);
     let c = structure.noise_scale;
-    let screening = screen(library, &base, &seen, structure.noise_scale_for_screening())?;
+    // Effects that are in the model already may have another form than the catalogue's; what that leaves is no new effect.
+    let present: Vec<(usize, Strength)> = library
+        .effects()
+        .iter()
+        .filter(|o| o.excluded.is_some())
+        .flat_map(|o| &o.strengths)
+        .filter_map(|s| library.current().parameters().iter().position(|p| p.name == s.parameter).map(|at| (at, s.clone())))
+        .collect();
+    let c_screen = structure.noise_scale_for_screening();
+    let screening = if present.is_empty() {
+        screen(library, &base, &seen, c_screen)?
+    } else {
+        let nuisance = flexible_nuisance(library.current(), &base, observations, &seen, &present)?;
+        screen_beyond(library, &base, &seen, c_screen, &nuisance, None)?
+    };
     let held_base = linearise_held_out(library.current(), &base, observations, &held)?;
     let before = error_of(&held_base);
     let mut notes = observations.notes.clone();
@@ -108,7 +122,15 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
     let mut reference = Reference { library, observations, impacts: &seen, base: &base, c, seed: options.seed };
     let refits = Refits::new(&mut reference, &screening)?;
     let c = refits.c;
-    let chosen = refits.choose();
+    let beyond_form = |r: &Refit| {
+        let stands_out =
+            |name: &String| screening.effects.iter().any(|s| library.effects()[s.effect].name == *name && s.p_value * (screening.tested as f64) < FIRST_LEVEL);
+        present.is_empty() || r.effects.iter().all(stands_out)
+    };
+    let chosen = refits.choose().filter(|r| beyond_form(r));
+    if !present.is_empty() && chosen.is_none() {
+        diagnosis.notes.push("what is left looks like the form of the effects already in the model, not like a further effect of the catalogue".to_owned());
+    }
     diagnosis.noise_floor = c.sqrt();
     diagnosis.places = places(&seen, &base.impacts, &varied_inputs(observations), c);
     // Noise may be misstated by half; what the best model leaves beyond that is not noise but something unexplained.

@@ -153,45 +153,50 @@ impl Reference<'_> {
         let names: Vec<&str> = first.effects.iter().map(String::as_str).collect();
         let forward = self.library.with(&names)?;
         let library = self.library.extended(&names, &first.fit.values)?;
-        let nuisance = self.flexible(first, forward.as_ref(), &names)?;
+        let places = self.strengths_in(forward.as_ref(), &names);
+        let nuisance = flexible_nuisance(forward.as_ref(), &first.fit, self.observations, self.impacts, &places)?;
         screen_beyond(library.as_ref(), &first.fit, self.impacts, self.c, &nuisance, only)
     }
+}
 
-    /// The fit's columns and the effect's contribution times smooth features: the effect in any other form.
-    fn flexible(&self, first: &Refit, forward: &dyn Forward, names: &[&str]) -> Result<Nuisance, ValidationError> {
-        let features = form_features(&first.fit, self.observations, self.impacts);
-        let places = self.strengths_in(forward, names);
-        let with = forward.prepare(&first.fit.values)?;
-        // One contribution per strength: what the model loses when this strength alone is absent.
-        let absent = places
-            .iter()
-            .map(|(at, s)| {
-                let mut values = first.fit.values.clone();
-                values[*at] = s.absent;
-                forward.prepare(&values)
-            })
-            .collect::<Result<Vec<_>, _>>()?;
-        let width = features.ncols();
-        let blocks: Vec<DMatrix<f64>> = self
-            .impacts
-            .iter()
-            .zip(&first.fit.impacts)
-            .enumerate()
-            .map(|(i, (o, l))| {
-                let mut block = DMatrix::zeros(l.z.len(), width * absent.len());
-                let Some(full) = predict_measured(with.as_ref(), o, &l.true_inputs) else { return block };
-                for (s, without) in absent.iter().enumerate() {
-                    let Some(bare) = predict_measured(without.as_ref(), o, &l.true_inputs) else { continue };
-                    let contribution = &l.whitener * (&full - bare);
-                    for f in 0..width {
-                        block.set_column(s * width + f, &(&contribution * features[(i, f)]));
-                    }
+/// The fit's columns and each strength's contribution times smooth features: the effects in any other form.
+pub fn flexible_nuisance(
+    forward: &dyn Forward,
+    fit: &Fit,
+    observations: &Observations,
+    impacts: &[&Observation],
+    places: &[(usize, Strength)],
+) -> Result<Nuisance, ValidationError> {
+    let features = form_features(fit, observations, impacts);
+    let with = forward.prepare(&fit.values)?;
+    // One contribution per strength: what the model loses when this strength alone is absent.
+    let absent = places
+        .iter()
+        .map(|(at, s)| {
+            let mut values = fit.values.clone();
+            values[*at] = s.absent;
+            forward.prepare(&values)
+        })
+        .collect::<Result<Vec<_>, _>>()?;
+    let width = features.ncols();
+    let blocks: Vec<DMatrix<f64>> = impacts
+        .iter()
+        .zip(&fit.impacts)
+        .enumerate()
+        .map(|(i, (o, l))| {
+            let mut block = DMatrix::zeros(l.z.len(), width * absent.len());
+            let Some(full) = predict_measured(with.as_ref(), o, &l.true_inputs) else { return block };
+            for (s, without) in absent.iter().enumerate() {
+                let Some(bare) = predict_measured(without.as_ref(), o, &l.true_inputs) else { continue };
+                let contribution = &l.whitener * (&full - bare);
+                for f in 0..width {
+                    block.set_column(s * width + f, &(&contribution * features[(i, f)]));
                 }
-                block
-            })
-            .collect();
-        Nuisance::with_columns(&first.fit, &blocks, FORM_SHARE.powi(-2))
-    }
+            }
+            block
+        })
+        .collect();
+    Nuisance::with_columns(fit, &blocks, FORM_SHARE.powi(-2))
 }
 
 /// Overdispersion by which log evidences are divided: 1 when the best model leaves no structure. `left` is its excess over

@@ -92,11 +92,11 @@ pub fn global_axes(rig: &StereoRig, left: &GreyImage, right: &GreyImage, frame: 
             let of = |value: fn(&SphereShape) -> f64| median(&mut seen.iter().map(|s| value(&s[camera].shape)).collect::<Vec<_>>()).unwrap_or(0.0);
             SphereShape { radius_px: 0.0, blur_px: of(|s| s.blur_px), shading: [of(|s| s.shading[0]), of(|s| s.shading[1]), of(|s| s.shading[2])] }
         });
-        for sphere in 0..3 {
-            for camera in 0..2 {
+        for (sphere, pictures) in seen.iter_mut().enumerate() {
+            for (camera, picture) in pictures.iter_mut().enumerate() {
                 let shape = SphereShape { radius_px: radius_m * px_per_m(sphere, camera), ..shared[camera] };
                 if let Ok(better) = fit(sphere, camera, Some(&shape)) {
-                    seen[sphere][camera] = better;
+                    *picture = better;
                 }
             }
         }

@@ -78,6 +78,9 @@ pub enum BundleError {
     BehindCamera,
 }
 
+/// Residuals of the left and of the right picture, px.
+pub type ViewResiduals = (Vec<Vector2<f64>>, Vec<Vector2<f64>>);
+
 /// Normal equations in blocks.
 struct Normal {
     cost: f64,
@@ -109,7 +112,7 @@ pub(super) fn pixel_derivatives(camera: &Camera, p: &Point3<f64>, seen: Vector2<
 
 impl Bundle {
     /// Residuals (seen minus predicted, px) of one view: left corners, then right ones. `None` behind a camera.
-    pub fn residuals(&self, view: &BundleView) -> Option<(Vec<Vector2<f64>>, Vec<Vector2<f64>>)> {
+    pub fn residuals(&self, view: &BundleView) -> Option<ViewResiduals> {
         let of = |camera: &Camera, pose: &Isometry3<f64>, corners: &[CornerPixel]| {
             corners.iter().map(|c| Some(c.uv - camera.project(&(pose * self.board[c.index]))?)).collect::<Option<Vec<_>>>()
         };

@@ -31,7 +31,7 @@ mod zhang;
 pub use axes::{AxesFrame, AxesReport, global_axes};
 pub use board::Checkerboard;
 pub use board_report::{BOARDS_KEY, BoardReport};
-pub use bundle::{Bundle, BundleError, BundleFit, BundleOptions, BundleView, CornerPixel};
+pub use bundle::{Bundle, BundleError, BundleFit, BundleOptions, BundleView, CornerPixel, ViewResiduals};
 pub use calibrator::{Calibration, CalibrationOptions, PairViews, calibrate_views};
 pub use camera_model::Camera;
 #[cfg(feature = "vision")]

@@ -60,8 +60,7 @@ impl BoardView {
         let points = board.corners();
         let allowed_px = WRONG_GRID_SHARE * spacing_px;
         let rms_px = homography(&points, &corners).map_or(f64::INFINITY, |h| homography_rms_px(&h, &points, &corners));
-        // Written so that a NaN is refused too.
-        if !(rms_px <= allowed_px) {
+        if rms_px.is_nan() || rms_px > allowed_px {
             return Err(ViewFault::WrongGrid { rms_px, allowed_px });
         }
         Ok(BoardView { corners, spacing_px, blur_px: None, bloom_px: None })

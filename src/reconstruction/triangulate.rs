@@ -42,6 +42,9 @@ pub struct Triangulated {
     pub chi2: f64,
 }
 
+/// Normal matrix, gradient, and residuals of both pictures.
+type Equations = (Matrix3<f64>, Vector3<f64>, [Vector2<f64>; 2]);
+
 /// A rig prepared for many points.
 #[derive(Debug, Clone)]
 pub struct Triangulator {
@@ -153,7 +156,7 @@ impl Triangulator {
         left: &ImagePoint,
         right: &ImagePoint,
         weights: &[Vector2<f64>; 2],
-    ) -> Result<(Matrix3<f64>, Vector3<f64>, [Vector2<f64>; 2]), TriangulationError> {
+    ) -> Result<Equations, TriangulationError> {
         let behind = |camera| TriangulationError::BehindCamera { camera };
         let (uv, jl) = self.cameras[0].project_with_jacobian(x).ok_or(behind(CameraId::Left))?;
         let dl = left.uv - uv;

@@ -4,7 +4,10 @@ use super::shared::shared;
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
 use std::collections::BTreeMap;
 use std::path::Path;
-use sweetspot::calibration::{BoardView, Calibration, CalibrationOptions, Checkerboard, DistortionModel, PairViews, ViewFault, calibrate_views};
+use sweetspot::calibration::{BoardView, Calibration, CalibrationOptions, Checkerboard, DistortionModel, PairViews, calibrate_views};
+
+/// Board coordinates (mm) and both cameras' pixels of one corner.
+type Row = ([f64; 2], [f64; 4]);
 
 /// DuoDIC's corners: MATLAB pixels (first pixel (1, 1)) and board coordinates in mm.
 fn duodic_views(path: &Path) -> (Checkerboard, Vec<PairViews>) {
@@ -21,7 +24,7 @@ fn duodic_views(path: &Path) -> (Checkerboard, Vec<PairViews>) {
     }
     let steps = |k: usize| (rows.iter().map(|r| r.1[k]).fold(0.0, f64::max) / 10.0).round() as usize + 1;
     let board = Checkerboard { columns: steps(0), rows: steps(1), square_m: 0.010 };
-    let mut pairs: BTreeMap<i64, Vec<([f64; 2], [f64; 4])>> = BTreeMap::new();
+    let mut pairs: BTreeMap<i64, Vec<Row>> = BTreeMap::new();
     for (n, b, uv) in rows {
         pairs.entry(n).or_default().push((b, uv));
     }
@@ -94,9 +97,9 @@ fn agrees_duodic_reproduces_matlab_optimum_and_standard_errors() {
     }
 }
 
-fn corner_views(pairs: &[(String, Option<Vec<Vector2<f64>>>, Option<Vec<Vector2<f64>>>)], board: &Checkerboard) -> Vec<PairViews> {
-    let view = |c: &Option<Vec<Vector2<f64>>>| c.clone().map_or(Err(ViewFault::NoPicture), |c| BoardView::from_corners(board, c));
-    pairs.iter().map(|(n, l, r)| PairViews { name: n.clone(), left: view(l), right: view(r) }).collect()
+fn corner_views(pairs: &[(String, [Vec<Vector2<f64>>; 2])], board: &Checkerboard) -> Vec<PairViews> {
+    let view = |c: &Vec<Vector2<f64>>| BoardView::from_corners(board, c.clone());
+    pairs.iter().map(|(n, [l, r])| PairViews { name: n.clone(), left: view(l), right: view(r) }).collect()
 }
 
 /// Bouguet's corners as stored with the reference runs (same corners for every tool).
@@ -115,7 +118,7 @@ fn agrees_bouguet_corners_reproduce_the_reference_adjustment() {
         entry[0].push(Vector2::new(number(at("uL_px")), number(at("vL_px"))));
         entry[1].push(Vector2::new(number(at("uR_px")), number(at("vR_px"))));
     }
-    let list: Vec<_> = pairs.into_iter().map(|(n, [l, r])| (n, Some(l), Some(r))).collect();
+    let list: Vec<_> = pairs.into_iter().collect();
     let c = calibrate_views(&board, [640, 480], &corner_views(&list, &board), &plain(DistortionModel::K1K2P1P2)).unwrap();
     let (l, r) = (&c.bundle.left, &c.bundle.right);
     for (what, ours, theirs, sd, sd_theirs) in [

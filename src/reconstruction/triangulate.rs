@@ -150,13 +150,7 @@ impl Triangulator {
     }
 
     /// Normal matrix, gradient and residuals (seen minus predicted) at a point of the left camera's frame.
-    fn equations(
-        &self,
-        x: &Point3<f64>,
-        left: &ImagePoint,
-        right: &ImagePoint,
-        weights: &[Vector2<f64>; 2],
-    ) -> Result<Equations, TriangulationError> {
+    fn equations(&self, x: &Point3<f64>, left: &ImagePoint, right: &ImagePoint, weights: &[Vector2<f64>; 2]) -> Result<Equations, TriangulationError> {
         let behind = |camera| TriangulationError::BehindCamera { camera };
         let (uv, jl) = self.cameras[0].project_with_jacobian(x).ok_or(behind(CameraId::Left))?;
         let dl = left.uv - uv;

@@ -1,5 +1,6 @@
 //! Where tracking gets its frames from: a recorded clip, or pictures in memory (tests, synthetic worlds).
 
+use super::bitmap::Bitmap;
 use super::{Clip, FootageError, GreyImage, GreyView, read_grey};
 
 /// Frames of both cameras by index. Reading is independent per index, so that several threads may read at once.
@@ -21,13 +22,14 @@ pub trait FrameSource: Sync {
 /// A reusable place for one picture.
 #[derive(Debug, Default)]
 pub struct FrameBuffer {
+    bitmap: Bitmap,
     whole: Option<GreyImage>,
 }
 
 impl FrameBuffer {
     /// What was read last.
     pub fn view(&self) -> Option<GreyView<'_>> {
-        self.whole.as_ref().map(GreyView::of)
+        self.whole.as_ref().map(GreyView::of).or_else(|| self.bitmap.view())
     }
 
     /// Puts a whole picture in.
@@ -47,7 +49,10 @@ impl FrameSource for Clip {
 
     fn read(&self, index: usize, camera: usize, _rows: Option<(usize, usize)>, buffer: &mut FrameBuffer) -> Result<bool, FootageError> {
         let Some(path) = self.pairs.get(index).and_then(|p| p.files[camera].as_ref()) else { return Ok(false) };
-        buffer.put(read_grey(path)?);
+        buffer.whole = None;
+        if !buffer.bitmap.read(path).unwrap_or(false) {
+            buffer.put(read_grey(path)?);
+        }
         Ok(true)
     }
 }

@@ -3,6 +3,7 @@
 //! Comes in: paths. Goes out: [`GreyImage`], a [`Clip`] of paired frames and [`GreyView`]s of them. Everything read here is
 //! untrusted: sizes are checked before memory is taken, and a file that ends early is an error, never a half-grey picture.
 
+mod bitmap;
 mod clip;
 mod frame_source;
 mod grey_view;

@@ -13,6 +13,13 @@ use nalgebra::{Point3, Vector2, Vector3};
 const FLOOR_SD_PX: f64 = 0.02;
 /// Share of the outline that must stand out from the surroundings.
 const LEAST_OUTLINE: f64 = 0.3;
+/// The same when the other camera's ray meets this one's where the ball was expected.
+const LEAST_SUPPORTED_OUTLINE: f64 = 0.15;
+/// A faint outline may be this far from where the ball was expected, px.
+const FAINT_SHIFT_PX: f64 = 2.0;
+/// A ball on the strings changes its velocity by less than this per frame, m (50 m/s over 5 ms), and depth is good to
+/// about as much; with every pixel of search a quarter more.
+const STEP_M: f64 = 0.015;
 /// Share above which a fit from the predicted place is taken at once.
 const CLEAR_OUTLINE: f64 = 0.6;
 /// The two rays of one ball may miss each other by this, px (deviations are added).
@@ -40,6 +47,9 @@ pub struct BallScene<'a> {
     /// What the ball looks like across its outline, by camera.
     pub limb: [LimbProfile; 2],
     pub frame_rate_hz: f64,
+    /// Whether a faint outline counts where the other camera's ray meets it: only once the ball's flight is known, or
+    /// tracks of other things would live on.
+    pub faint: bool,
 }
 
 impl BallScene<'_> {
@@ -53,19 +63,26 @@ impl BallScene<'_> {
         Some(self.radius_m * 0.5 * ((j * a).norm() + (j * b).norm()))
     }
 
+    /// Good enough when the other camera says the same.
+    fn fair(f: &BallFit) -> bool {
+        f.outline >= LEAST_SUPPORTED_OUTLINE && f.covariance[(0, 0)] + f.covariance[(1, 1)] < 0.3
+    }
+
     fn good(f: &BallFit) -> bool {
         f.outline >= LEAST_OUTLINE && f.edge > 2.0 * f.residual.max(0.7) && f.covariance[(0, 0)] + f.covariance[(1, 1)] < 0.5
     }
 
     /// The ball near a predicted place (global, m). `reach_px` is how far the prediction may be off.
     pub fn measure(&self, images: &[Option<GreyView>; 2], predicted: &Point3<f64>, reach_px: i32) -> Option<BallFrame> {
-        let mut points = [None, None];
+        let mut fits: [Option<BallFit>; 2] = [None, None];
         for camera in CameraId::BOTH {
             let Some(image) = &images[camera.index()] else { continue };
             let (Some(centre), Some(radius)) = (self.view.project(camera, predicted), self.radius_px(camera, predicted)) else { continue };
             let limb = &self.limb[camera.index()];
             let near = |f: &BallFit| Self::good(f) && (f.uv - centre).norm() < f64::from(reach_px) + 1.5;
-            let mut found = ball_fit::fit(image, centre, radius, limb).filter(near);
+            // A faint outline counts only right where the ball was expected.
+            let mut found =
+                ball_fit::fit(image, centre, radius, limb).filter(|f| near(f) || self.faint && Self::fair(f) && (f.uv - centre).norm() < FAINT_SHIFT_PX);
             // A clear outline where it was expected needs no search.
             if reach_px > 1
                 && found.as_ref().is_none_or(|f| f.outline < CLEAR_OUTLINE)
@@ -75,9 +92,27 @@ impl BallScene<'_> {
             {
                 found = Some(other);
             }
-            points[camera.index()] = found.map(|f| image_point(&f));
+            fits[camera.index()] = found;
         }
-        self.join(points, predicted)
+        let both = [fits[0].as_ref().map(image_point), fits[1].as_ref().map(image_point)];
+        if !self.faint {
+            return self.join(both, predicted);
+        }
+        // Along the epipolar lines the two cameras agree on any depth: the place must also be near the expected one.
+        if both.iter().all(Option::is_some)
+            && fits.iter().flatten().any(Self::good)
+            && let Some(b) = self.join(both, predicted)
+            && (b.position - predicted).norm() < STEP_M * (1.0 + 0.25 * f64::from(reach_px))
+        {
+            return Some(b);
+        }
+        // The cameras disagree or one sees nothing: only a clear outline stands alone, the clearer one of two.
+        let clear = |f: &Option<BallFit>| f.as_ref().filter(|f| Self::good(f)).map_or(0.0, |f| f.outline);
+        let shares = [clear(&fits[0]), clear(&fits[1])];
+        let one = usize::from(shares[1] > shares[0]);
+        let mut points = [None, None];
+        points[one] = both[one];
+        if shares[one] > 0.0 { self.join(points, predicted) } else { None }
     }
 
     fn join(&self, points: [Option<ImagePoint>; 2], predicted: &Point3<f64>) -> Option<BallFrame> {

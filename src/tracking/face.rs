@@ -61,7 +61,9 @@ pub fn settle(racket: &mut [Option<RacketFrame>], ball: &[Option<BallFrame>], fi
             Some((pose.inverse() * b.as_ref()?.position).z)
         })
         .collect();
-    let side = match heights.first() {
+    let mut first: Vec<f64> = heights.iter().take(7).copied().collect();
+    first.sort_by(f64::total_cmp);
+    let side = match first.get(first.len() / 2) {
         Some(h) => *h,
         None => racket.iter().flatten().map(|r| r.pose.normal().x).sum(),
     };

@@ -14,6 +14,7 @@ mod racket_figure;
 mod racket_pose;
 mod racket_search;
 mod racket_track;
+mod recording;
 mod shot_spin;
 mod shot_tracker;
 mod space_points;

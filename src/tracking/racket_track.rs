@@ -15,6 +15,10 @@ const OUTLIER: f64 = 4.0;
 /// What a good point may miss the pose by, px, beyond its own deviation (tape put on by hand, tube of another shape).
 const MODEL_TOLERANCE_PX: f64 = 0.25;
 
+/// How far a pose from one camera may be from the predicted one: m (depth from the racket's size: 0.1 px of 80 is 15 mm at
+/// 12 m) and rad.
+const ONE_CAMERA: (f64, f64) = (0.10, 0.25);
+
 /// The racket in one frame.
 #[derive(Debug, Clone)]
 pub struct RacketFrame {
@@ -26,6 +30,11 @@ pub struct RacketFrame {
 impl RacketFrame {
     pub fn count(&self) -> usize {
         self.points.iter().flatten().flatten().count()
+    }
+
+    /// Whether both cameras have a part in the pose.
+    pub fn stereo(&self) -> bool {
+        self.points.iter().all(|c| c.iter().any(Option::is_some))
     }
 
     pub fn observations(&self) -> Vec<MarkerObservation> {
@@ -50,7 +59,8 @@ pub struct RacketScene<'a> {
 }
 
 /// Measures every marker near a predicted pose. `reach_px` is how far the prediction may be off; `least_contrast` the
-/// contrast a band must have, by camera. `None` when fewer than three markers or five image points agree on one pose.
+/// contrast a band must have, by camera. `None` when fewer than three markers or five image points agree on one pose; with
+/// one camera alone, fewer than four, or a pose far from the predicted one (one camera hardly tells depth).
 pub fn measure(
     scene: &RacketScene,
     images: &[Option<GreyView>; 2],
@@ -82,6 +92,13 @@ pub fn measure(
     if let Some(better) = agree(scene, &mut again, &rough) {
         (pose, fits) = (better, again);
     }
+    let one_camera = fits.iter().all(|f| f.0 == fits[0].0);
+    if one_camera {
+        let (p, q) = (&pose.global_from_racket, predicted);
+        if (p.translation.vector - q.translation.vector).norm() > ONE_CAMERA.0 || p.rotation.angle_to(&q.rotation) > ONE_CAMERA.1 {
+            return None;
+        }
+    }
     let mut points = [[None; 5]; 2];
     for (camera, marker, f) in &fits {
         points[camera.index()][*marker] = Some(image_point(f));
@@ -110,7 +127,8 @@ fn agree(scene: &RacketScene, fits: &mut Vec<(CameraId, usize, BandFit)>, start:
     loop {
         let mut markers = [false; 5];
         fits.iter().for_each(|f| markers[f.1] = true);
-        if fits.len() < 5 || markers.iter().filter(|m| **m).count() < 3 {
+        let seen = markers.iter().filter(|m| **m).count();
+        if seen < 3 || fits.len() < 5 && seen < 4 {
             return None;
         }
         let observations: Vec<MarkerObservation> =

@@ -11,6 +11,7 @@ use super::racket_figure::RacketFigure;
 use super::racket_pose::View;
 use super::racket_search;
 use super::racket_track::{self, RacketFrame, RacketScene};
+use super::recording::{self, Fingerprint};
 use super::space_points;
 use super::track_file::{PointState, SpacePoint, Target, TrackPoint, Tracks};
 use crate::calibration::{CameraId, StereoRig};
@@ -68,6 +69,8 @@ pub struct ShotSetup<'a> {
 const BALL_BLUR_PX: f64 = 0.55;
 /// Frames over which a lost racket or ball is still expected where it was going.
 const PATIENCE: usize = 6;
+/// Longest gap in the ball's track that is looked into again, frames.
+const FILLED: f64 = 6.0;
 /// Least share of the usual contrast that still counts as tape.
 const LEAST_CONTRAST: f64 = 0.45;
 
@@ -80,15 +83,19 @@ pub fn track_shot(source: &impl FrameSource, setup: &ShotSetup, cancel: &AtomicB
     let view = View::new(setup.rig);
     let focus = view.focus().ok_or(TrackingError::NoVolume)?;
     let shape = BandShape::default();
-    let shot = Shot { source, setup, view: &view, figure: &figure, shape, focus, cancel, progress };
+    let mut shot = Shot { source, setup, view: &view, figure: &figure, shape, focus, cancel, progress, stale: Vec::new() };
     let start = shot.acquire_racket()?;
-    let mut racket = shot.follow_racket(&start)?;
+    let (mut racket, prints) = shot.follow_racket(&start)?;
+    shot.stale = recording::repeated(&prints);
+    shot.remeasure_stale(&start, &mut racket)?;
+    let mut notes = recording::notes(source, &shot.stale);
+    notes.extend(recording::dark_or_bright(source, &prints));
     let ball = shot.find_and_follow_ball(&racket)?;
     face::settle(&mut racket, &ball, &figure);
     let contact_frame = space_points::first_contact(source, &racket, &ball, setup.ball.radius_m());
     let points = space_points::space_points(source, &view, &figure, &racket, &ball, contact_frame, setup.frame_rate_hz);
     let tracks = named(source, &racket, &ball);
-    Ok(ShotTracks { tracks, racket, ball, points, contact_frame, notes: Vec::new() })
+    Ok(ShotTracks { tracks, racket, ball, points, contact_frame, notes })
 }
 
 struct Shot<'a, S: FrameSource> {
@@ -100,7 +107,12 @@ struct Shot<'a, S: FrameSource> {
     focus: Point3<f64>,
     cancel: &'a AtomicBool,
     progress: &'a (dyn Fn(usize) + Sync),
+    /// Pictures that repeat the one before, by index and camera; they are read as missing.
+    stale: Vec<[bool; 2]>,
 }
+
+/// The racket in the frames of one direction, and every picture's fingerprint.
+type OneWay = (Vec<(usize, RacketFrame)>, Vec<(usize, [Option<Fingerprint>; 2])>);
 
 struct RacketStart {
     index: usize,
@@ -122,6 +134,9 @@ impl<S: FrameSource> Shot<'_, S> {
         self.check_cancelled()?;
         let mut there = [false; 2];
         for camera in 0..2 {
+            if self.stale.get(index).is_some_and(|s| s[camera]) {
+                continue;
+            }
             there[camera] = self.source.read(index, camera, None, &mut buffers[camera]).unwrap_or(false);
         }
         let [l, r] = buffers;
@@ -187,23 +202,47 @@ impl<S: FrameSource> Shot<'_, S> {
     }
 
     /// Follows the racket from the frame where it was found to both ends of the clip.
-    fn follow_racket(&self, start: &RacketStart) -> Result<Vec<Option<RacketFrame>>, TrackingError> {
+    fn follow_racket(&self, start: &RacketStart) -> Result<(Vec<Option<RacketFrame>>, Vec<[Option<Fingerprint>; 2]>), TrackingError> {
         let n = self.source.len();
         let (back, forth) = rayon::join(|| self.follow_racket_one_way(start, (0..start.index).rev()), || self.follow_racket_one_way(start, start.index + 1..n));
         let mut all = vec![None; n];
         all[start.index] = Some(start.frame.clone());
-        for (index, frame) in back?.into_iter().chain(forth?) {
-            all[index] = Some(frame);
+        let mut prints = vec![[None; 2]; n];
+        let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
+        prints[start.index] = self.read(start.index, &mut buffers)?.map(|v| v.map(|v| Fingerprint::of(&v)));
+        for (frames, seen) in [back?, forth?] {
+            for (index, frame) in frames {
+                all[index] = Some(frame);
+            }
+            for (index, print) in seen {
+                prints[index] = print;
+            }
         }
-        Ok(all)
+        Ok((all, prints))
     }
 
-    fn follow_racket_one_way(&self, start: &RacketStart, indices: impl Iterator<Item = usize>) -> Result<Vec<(usize, RacketFrame)>, TrackingError> {
+    /// Measures the frames with a stale picture again, from the other camera alone.
+    fn remeasure_stale(&self, start: &RacketStart, racket: &mut [Option<RacketFrame>]) -> Result<(), TrackingError> {
+        let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
+        for index in (0..racket.len()).filter(|i| self.stale.get(*i).is_some_and(|s| s.contains(&true))) {
+            let images = self.read(index, &mut buffers)?;
+            let pose = |i: Option<usize>| racket.get(i?)?.as_ref().map(|r| r.pose.global_from_racket);
+            let expected = match (pose(index.checked_sub(1)), pose(Some(index + 1))) {
+                (Some(a), Some(b)) => Some(a.lerp_slerp(&b, 0.5)),
+                (one, other) => one.or(other),
+            };
+            racket[index] = expected.and_then(|p| racket_track::measure(&self.scene(), &images, &p, 2, &start.least_contrast));
+        }
+        Ok(())
+    }
+
+    fn follow_racket_one_way(&self, start: &RacketStart, indices: impl Iterator<Item = usize>) -> Result<OneWay, TrackingError> {
         let scene = self.scene();
         let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
         let mut out: Vec<(usize, RacketFrame)> = Vec::new();
         let mut last = (self.source.number(start.index) as f64, start.frame.pose.global_from_racket);
         let mut previous: Option<(f64, Isometry3<f64>)> = None;
+        let mut prints = Vec::new();
         let mut lost = 0;
         for index in indices {
             (self.progress)(1);
@@ -211,6 +250,7 @@ impl<S: FrameSource> Shot<'_, S> {
             if images.iter().all(Option::is_none) {
                 continue;
             }
+            prints.push((index, images.map(|v| v.map(|v| Fingerprint::of(&v)))));
             let now = self.source.number(index) as f64;
             let mut found = None;
             if lost <= PATIENCE {
@@ -233,6 +273,11 @@ impl<S: FrameSource> Shot<'_, S> {
             match found {
                 Some(frame) => {
                     let pose = frame.pose.global_from_racket;
+                    if !frame.stereo() {
+                        // Its depth is poor: recorded, but the motion goes on from the frames before.
+                        out.push((index, frame));
+                        continue;
+                    }
                     previous = if lost <= PATIENCE { Some(last) } else { None };
                     last = (now, pose);
                     lost = 0;
@@ -241,7 +286,7 @@ impl<S: FrameSource> Shot<'_, S> {
                 None => lost += 1,
             }
         }
-        Ok(out)
+        Ok((out, prints))
     }
 
     /// Finds the ball that meets the racket and follows it both ways.
@@ -256,6 +301,7 @@ impl<S: FrameSource> Shot<'_, S> {
             radius_m: self.setup.ball.radius_m(),
             limb: [LimbProfile::new(&BallShading::default(), 8.0, BALL_BLUR_PX), LimbProfile::new(&BallShading::default(), 8.0, BALL_BLUR_PX)],
             frame_rate_hz: self.setup.frame_rate_hz,
+            faint: false,
         };
         let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
         let mut best: (f64, Vec<Option<BallFrame>>) = (f64::INFINITY, vec![None; n]);
@@ -315,10 +361,16 @@ impl<S: FrameSource> Shot<'_, S> {
             }
         }
         scene.set_light(&means, &near, BALL_BLUR_PX);
+        scene.faint = true;
+        let numbers: Vec<f64> = (0..rough.len()).map(|i| self.source.number(i) as f64).collect();
         let mut out = Vec::with_capacity(rough.len());
         for (index, ball) in rough.iter().enumerate() {
-            let again = match ball {
-                Some(b) => scene.measure(&self.read(index, &mut buffers)?, &b.position, 1),
+            let expected = match ball {
+                Some(b) if b.stereo => Some(b.position),
+                _ => expected_ball(&rough, &numbers, index).or(ball.map(|b| b.position)),
+            };
+            let again = match expected {
+                Some(p) => scene.measure(&self.read(index, &mut buffers)?, &p, 1),
                 None => None,
             };
             out.push(again);
@@ -376,6 +428,21 @@ impl<S: FrameSource> Shot<'_, S> {
         }
         Ok(out)
     }
+}
+
+/// Where a ball that was not seen by both cameras should be: on the straight line between its neighbours in time that
+/// were, or beyond the last two, over at most [`FILLED`] frames.
+fn expected_ball(seen: &[Option<BallFrame>], numbers: &[f64], index: usize) -> Option<Point3<f64>> {
+    let known = |i: &usize| seen[*i].is_some_and(|b| b.stereo) && (numbers[*i] - numbers[index]).abs() <= FILLED;
+    let before: Vec<usize> = (0..index).rev().filter(known).take(2).collect();
+    let after: Vec<usize> = (index + 1..seen.len()).filter(known).take(2).collect();
+    let (a, b) = match (before.as_slice(), after.as_slice()) {
+        ([a, ..], [b, ..]) => (*a, *b),
+        ([a, b], []) | ([], [a, b]) => (*b, *a),
+        _ => return None,
+    };
+    let (p, q) = (seen[a]?.position, seen[b]?.position);
+    Some(p + (q - p) * ((numbers[index] - numbers[a]) / (numbers[b] - numbers[a])))
 }
 
 /// Frame indices from the middle outward by halving: 1/2, 1/4, 3/4, 1/8, ...

@@ -9,6 +9,9 @@ use crate::calibration::CameraId;
 use crate::footage::FrameSource;
 use nalgebra::{Matrix3, Point3, Vector3};
 
+/// A marker known worse than this, m, is left out (one camera alone hardly tells depth); its image points stay.
+const MOST_SD_M: f64 = 0.005;
+
 /// First contact as a fractional frame number: the ball's centre, still in free flight, one radius from the string plane.
 ///
 /// A straight line through the last distances before contact; kinematics refines it. `None` when the ball never comes
@@ -61,6 +64,9 @@ pub fn space_points(
                 let (position, covariance) = r.pose.point(local);
                 let residual_px = marker_residual(view, figure, r, marker);
                 let sd = covariance.diagonal().map(f64::sqrt);
+                if sd.norm() > MOST_SD_M {
+                    continue;
+                }
                 out.push(SpacePoint { frame, t, target: Target::MARKERS[marker], position, sd, residual_px });
             }
         }

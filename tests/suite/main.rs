@@ -25,3 +25,4 @@ mod spin;
 mod spin_ball;
 mod synthetic;
 mod validation;
+mod tracking;

@@ -24,5 +24,5 @@ mod shared;
 mod spin;
 mod spin_ball;
 mod synthetic;
-mod validation;
 mod tracking;
+mod validation;

@@ -58,7 +58,8 @@ fn agrees_hard_contact_with_the_rigid_impulse() {
         rigid.set("restitution", e.clamp(0.0, 1.0)).unwrap();
         rigid.set("friction", 0.0).unwrap();
         let r = rigid.prepare(&racket(), &ball()).unwrap().predict(input).unwrap();
-        assert!(difference(&o, &r) < 0.01, "e {e}: {o:?} against {r:?}");
+        // The face turns by 0.01 rad in the 0.12 ms of this contact, at up to 100 rad/s.
+        assert!(difference(&o, &r) < 0.02, "e {e}: {o:?} against {r:?}");
     }
 }
 

@@ -151,6 +151,8 @@ struct Lane {
     steps: usize,
     longest: f64,
     most_steps: usize,
+    /// Of the ball, m: no ball is squeezed further.
+    radius: f64,
     step: f64,
     start: Signs,
     mode: Mode,
@@ -208,7 +210,8 @@ impl Lane {
         if !finite {
             return Verdict::Done(Err(ModelError::NotFinite));
         }
-        if self.steps > self.most_steps || self.time > LONGEST_S {
+        // A ball squeezed beyond its radius is outside the equations; its contact counts as one that does not end.
+        if self.steps > self.most_steps || self.time > LONGEST_S || end.onset + super::kernel::ONSET > self.radius {
             return Verdict::Done(Err(ModelError::NoRelease { elapsed_s: self.time, force_n: end.force }));
         }
         if let Some(hunt) = self.hunt {
@@ -332,6 +335,7 @@ const IDLE: Lane = Lane {
     steps: 0,
     longest: 0.0,
     most_steps: MOST_STEPS,
+    radius: 0.0,
     step: 0.0,
     start: Signs { force: 0.0, onset: 0.0, compressing: 0.0, slip: [0.0; 2], grip_left: 0.0, stick: [0.0; 2], settling: 0.0 },
     mode: Mode { side: 1.0, stick: SLIDE, direction: [1.0, 0.0] },
@@ -365,6 +369,7 @@ pub(super) fn step_all<const S: usize, const W: usize>(jobs: &[Job<S>]) -> Vec<R
                     job: Some(next),
                     longest: job.step,
                     most_steps: MOST_STEPS + (LONGEST_S / job.step) as usize,
+                    radius: job.laws.ball_radius,
                     slip_compliance: job.slip_compliance(),
                     mu: job.laws.mu,
                     mode: Mode { side: job.side, ..IDLE.mode },

@@ -4,7 +4,7 @@
 //! Sources: physics.md E.6 (C_D 0.507 ± 0.024 in free flight, 0.55-0.7 in tunnels; lift below half the drag).
 
 use super::least_squares::{Problem, Solution, SolveError, solve};
-use super::sighting::{CommonError, Sighting, deviations, whiten};
+use super::sighting::{CommonError, Sighting, deviations, persistence, whiten};
 use crate::calibration::{CameraId, StereoRig};
 use crate::equipment::Ball;
 use nalgebra::{DVector, Isometry3, Matrix6, Point3, SMatrix, Vector2, Vector3};
@@ -161,6 +161,13 @@ pub(crate) fn fit_flight(view: &FlightView<'_>, law: FlightLaw, start: &FlightSt
 pub(crate) fn flight_deviations(view: &FlightView<'_>, result: &FlightResult) -> Vec<f64> {
     let problem = FlightFit { view, law: result.law, cameras: CameraId::BOTH.map(|c| view.rig.camera_from_global(c)), lift_sd: 1.0 };
     problem.misfits(&result.state).map_or_else(|| vec![f64::INFINITY; view.sightings.len()], |m| deviations(view.sightings, &m, view.common))
+}
+
+/// Factor on the deviations for errors that persist from frame to frame under a law's result.
+pub(crate) fn flight_persistence(view: &FlightView<'_>, result: &FlightResult) -> f64 {
+    let problem = FlightFit { view, law: result.law, cameras: CameraId::BOTH.map(|c| view.rig.camera_from_global(c)), lift_sd: 1.0 };
+    let misfits = problem.misfits(&result.state);
+    misfits.map_or(1.0, |m| persistence(view.sightings, &whiten(view.sightings, &m, view.common, view.noise_scale)))
 }
 
 /// The ball at the reference time, averaged over the laws.

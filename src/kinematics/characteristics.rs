@@ -185,3 +185,114 @@ pub fn characteristics(s: &ShotState, e: &ShotEquipment<'_>) -> Vec<Measure> {
     list.vector("ball_impulse_", "N s", ball_out.map(|v| local((v - b0.velocity) * m)));
     list.0
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::kinematics::{BodyMotion, FrameClock, PointMotion};
+    use nalgebra::UnitQuaternion;
+
+    /// A racket at rest, axes along the global ones, hit squarely on the long axis 0.05 m from the stringbed centre toward
+    /// the tip: ball −20 m/s in, +6 m/s out, racket free.
+    fn by_hand() -> (ShotState, Racket, Ball) {
+        let racket: Racket = toml::from_str(
+            "name = \"r\"\nmass_kg = 0.33\nlength_m = 0.685\nbalance_m = 0.325\nstringbed_centre_m = 0.4975\nswingweight_kgm2 = 0.03250625\n\
+             twistweight_kgm2 = 0.0015\n[head]\ninner_length_m = 0.335\ninner_width_m = 0.255\n[strings]\ntension_lb = 60.0\n",
+        )
+        .expect("racket");
+        let ball: Ball = toml::from_str("name = \"b\"\nmass_kg = 0.0577\ndiameter_m = 0.066\ninertia_factor = 0.6667\n").expect("ball");
+        let zero = Vector3::zeros();
+        let point = |z: f64, v: f64| PointMotion { position: Point3::new(-0.05, 0.0, z), velocity: Vector3::new(0.0, 0.0, v), acceleration: zero };
+        let body = |v: f64, w: f64| BodyMotion {
+            com: Point3::new(0.1725, 0.0, 0.0),
+            attitude: UnitQuaternion::identity(),
+            velocity: Vector3::new(0.0, 0.0, v),
+            rate_body: Vector3::new(0.0, w, 0.0),
+            acceleration: zero,
+            rate_dot_body: zero,
+        };
+        // Impulse m·26 = 1.5002 N s: V' = −1.5002/0.33 = −4.54606; Ω_y' = −0.2225·1.5002/0.0158 = −21.12623.
+        let state = ShotState {
+            side: 1.0,
+            in_t: 0.0,
+            out_t: 0.005,
+            ball_in: point(0.033, -20.0),
+            racket_in: body(0.0, 0.0),
+            ball_out: Some(point(0.033, 6.0)),
+            racket_out: Some(body(-1.5002 / 0.33, -0.2225 * 1.5002 / 0.0158)),
+            spin_in: None,
+            spin_out: None,
+            leaving_gap: 0.0,
+            ball_mass: 0.0577,
+            racket_mass: 0.33,
+        };
+        (state, racket, ball)
+    }
+
+    #[test]
+    fn truth_characteristics_of_a_square_hit_by_hand() {
+        let (state, racket, ball) = by_hand();
+        let clock = FrameClock { origin: 300, period_s: 1e-3 };
+        let points = [Vector2::new(0.1, 0.0)];
+        let e = ShotEquipment { racket: &racket, ball: &ball, points: &points, clock, up: Vector3::y() };
+        let all = characteristics(&state, &e);
+        let value = |name: &str| all.iter().find(|m| m.name == name).and_then(|m| m.value).unwrap_or_else(|| panic!("no {name}"));
+        let (b, i_y) = (0.2225, 0.0158);
+        let m_e = 1.0 / (1.0 / 0.33 + b * b / i_y);
+        let tip_speed = -1.5002 / 0.33 - b * b * 1.5002 / i_y; // impact point after: V' + ω b
+        for (name, expected) in [
+            ("impact_frame", 300.0),
+            ("impact_x", -0.05),
+            ("impact_y", 0.0),
+            ("impact_x_from_com", -b),
+            ("impact_from_butt", 0.5475),
+            ("centre_on_plane_delay", 0.033 / 20.0),
+            ("centre_on_plane_x", -0.05),
+            ("ball_in_speed", 20.0),
+            ("apparent_restitution", 0.3),
+            ("restitution", (6.0 - tip_speed) / 20.0),
+            ("restitution_from_apparent", 0.3 + 0.0577 / m_e * 1.3),
+            ("effective_mass", m_e),
+            ("playing_angle_deg", 0.0),
+            ("incidence_angle_deg", 0.0),
+            ("planar_racket_velocity", 0.0),
+            ("impact_point_out_vz", tip_speed),
+            // (0.5 m v² over): 36/400.
+            ("efficiency", 0.09),
+            // Nothing swings: the ideal point is the centre of mass (5.5), b beyond it.
+            ("ideal_point_from_butt", 0.325),
+            ("impact_beyond_ideal_point", b),
+            ("centre_of_percussion_from_butt", 0.325 + 0.0158 / (0.235 * 0.33)),
+            ("node_point_from_butt", 0.548),
+            ("node_point_thesis_from_butt", 0.5617),
+            ("contact_time", 0.005 + 0.033 * 0.0),
+        ] {
+            assert!((value(name) - expected).abs() < 1e-9, "{name}: {} against {expected}", value(name));
+        }
+        // Both restitutions are one relation for a free racket: e = e_A + (m/m_e)(1 + e_A).
+        assert!((value("restitution") - value("restitution_from_apparent")).abs() < 1e-9);
+        // Momentum balances but for gravity's share, which the state left out: 0.3877 kg · 9.80665 · 5 ms upward.
+        assert!(value("unexplained_impulse_z").abs() < 1e-9);
+        assert!((value("unexplained_impulse_y") - 0.3877 * 9.80665 * 0.005).abs() < 1e-9);
+        // A point 0.0725 m from the centre of mass toward the tip moves at V' + ω · 0.0725.
+        let expected = -1.5002 / 0.33 - 0.2225 * 1.5002 / 0.0158 * 0.0725;
+        assert!((value("point_100_0_mm_out_vz") - expected).abs() < 1e-9);
+    }
+
+    #[test]
+    fn law_the_other_face_mirrors_the_shot() {
+        // Turning the racket half round its long axis: the ball comes to −z, positions across the face change sign, and what
+        // has no side stays.
+        let (state, racket, ball) = by_hand();
+        let half = UnitQuaternion::from_scaled_axis(Vector3::x() * std::f64::consts::PI);
+        let turned = |b: &BodyMotion| BodyMotion { attitude: half * b.attitude, rate_body: half * b.rate_body, ..b.clone() };
+        let other =
+            ShotState { side: -1.0, racket_in: turned(&state.racket_in), racket_out: state.racket_out.as_ref().map(turned), ..state.clone() };
+        let e = ShotEquipment { racket: &racket, ball: &ball, points: &[], clock: FrameClock { origin: 0, period_s: 1e-3 }, up: Vector3::y() };
+        let (a, b) = (characteristics(&state, &e), characteristics(&other, &e));
+        for name in ["impact_x", "apparent_restitution", "restitution", "effective_mass", "ideal_point_from_butt", "efficiency", "contact_time", "playing_angle_deg"] {
+            let of = |list: &[Measure]| list.iter().find(|m| m.name == name).and_then(|m| m.value).expect("there");
+            assert!((of(&a) - of(&b)).abs() < 1e-9, "{name}");
+        }
+    }
+}

@@ -38,7 +38,7 @@ pub use shot::{ImpactTiming, MeasuredShot, MomentumVerdict, Quantities, Shot, Sh
 pub use shot_file::{SHOT_FILE, ShotFileError, ShotRecord};
 pub use shot_motion::{FEWEST_FRAMES, FrameView, GRAVITY_M_S2, MeasureSettings, ShotMotion, measure_motion};
 pub use shot_state::SpinVector;
-pub use sighting::FrameClock;
+pub use sighting::{CommonError, FrameClock};
 pub use space_points::space_points;
 pub use stereo_point::{StereoPoint, stereo_point};
 pub use sweet_spot::{centre_of_percussion, dead_spot, effective_mass, ideal_point, rebound_speed};

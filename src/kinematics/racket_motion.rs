@@ -6,7 +6,7 @@
 //! and the spread between laws is part of the uncertainty.
 
 use super::least_squares::{Problem, Solution, SolveError, solve};
-use super::sighting::{CommonError, Sighting, deviations, whiten};
+use super::sighting::{CommonError, Sighting, deviations, persistence, whiten};
 use crate::calibration::{CameraId, StereoRig};
 use crate::tracking::RacketFigure;
 use nalgebra::{DVector, Isometry3, Point3, SMatrix, Translation3, UnitQuaternion, Vector2, Vector3};
@@ -366,6 +366,12 @@ pub(crate) fn sighting_deviations(view: &MotionView<'_>, result: &LawResult) -> 
     LawFit::new(view, result.law)
         .misfits(&result.state)
         .map_or_else(|| vec![f64::INFINITY; view.sightings.len()], |m| deviations(view.sightings, &m, view.common))
+}
+
+/// Factor on the deviations for errors that persist from frame to frame under a law's result.
+pub(crate) fn motion_persistence(view: &MotionView<'_>, result: &LawResult) -> f64 {
+    let misfits = LawFit::new(view, result.law).misfits(&result.state);
+    misfits.map_or(1.0, |m| persistence(view.sightings, &whiten(view.sightings, &m, view.common, view.noise_scale)))
 }
 
 /// The racket at the reference time, averaged over the laws by their evidence.

@@ -3,10 +3,10 @@
 //! The windows never reach across the contact: which frames belong to which side follows from the fits' own first and
 //! last contact, until it no longer changes.
 
-use super::ball_flight::{FlightEstimate, FlightLaw, FlightResult, FlightState, FlightView, average_flight, fit_flight, flight_deviations};
+use super::ball_flight::{FlightEstimate, FlightLaw, FlightResult, FlightState, FlightView, average_flight, fit_flight, flight_deviations, flight_persistence};
 use super::contact::{PointMotion, body_at, crossing};
 use super::least_squares::SolveError;
-use super::racket_motion::{LawResult, MotionEstimate, MotionLaw, MotionState, MotionView, MovingRacket, Pace, average, fit_law, sighting_deviations};
+use super::racket_motion::{LawResult, MotionEstimate, MotionLaw, MotionState, MotionView, MovingRacket, Pace, average, fit_law, motion_persistence, sighting_deviations};
 use super::sighting::{CommonError, FrameClock, Sighting, sightings};
 use super::stereo_point::{StereoPoint, stereo_point};
 use super::{FitError, KinematicsError};
@@ -31,9 +31,9 @@ pub struct MeasureSettings {
     pub axes_known: bool,
     /// Prior odds of air drag against none; the session's other shots may know better than 1.
     pub air_odds: f64,
-    /// Constant image error of a tape band and of the ball over a window, px (one sd).
-    pub tape_error_px: f64,
-    pub ball_error_px: f64,
+    /// Image error of a tape band, and of the ball, that persists over a window.
+    pub tape_error: CommonError,
+    pub ball_error: CommonError,
     /// Frame near the impact, from shot.toml.
     pub impact_frame: Option<u64>,
 }
@@ -46,8 +46,10 @@ impl MeasureSettings {
             window_s: 0.030,
             axes_known: true,
             air_odds: 1.0,
-            tape_error_px: 0.10,
-            ball_error_px: 0.03,
+            // Tracked tape against rendered truth lay off by 0.2 to 0.6 px, nearly constant within a window; the ball by
+            // 0.05 px.
+            tape_error: CommonError { constant_px: 0.35, drift_px_s: 8.0 },
+            ball_error: CommonError { constant_px: 0.05, drift_px_s: 2.0 },
             impact_frame: None,
         }
     }
@@ -86,6 +88,8 @@ pub struct ShotMotion {
 
 /// Fewest frames of a body on one side: below that its velocity is a guess.
 pub const FEWEST_FRAMES: usize = 4;
+/// Fewest of these in which both cameras show it.
+const FEWEST_STEREO: usize = 2;
 /// The face's half extents around the stringbed centre within which an approach counts as an impact, m.
 const FACE: (f64, f64) = (0.30, 0.20);
 /// Most rounds in which windows and contact settle on each other.
@@ -150,8 +154,8 @@ fn frame_views(rig: &StereoRig, tracks: &Tracks, moving: &MovingRacket, clock: F
 fn find_impact(frames: &BTreeMap<u64, FrameView>, ball: &Ball, settings: &MeasureSettings, span: (u64, u64)) -> Result<(u64, f64), KinematicsError> {
     let reach = 2.0 * ball.diameter_m;
     let local: Vec<(u64, Point3<f64>)> = frames.iter().filter_map(|(k, f)| Some((*k, f.pose?.inverse_transform_point(&f.ball?.position)))).collect();
-    if local.len() < 2 * FEWEST_FRAMES {
-        return Err(KinematicsError::NoCommonFrames { seen: local.len(), need: 2 * FEWEST_FRAMES });
+    if local.len() < 2 * FEWEST_STEREO {
+        return Err(KinematicsError::NoCommonFrames { seen: local.len(), need: 2 * FEWEST_STEREO });
     }
     let over_face = |p: &Point3<f64>| p.x.abs() < FACE.0 && p.y.abs() < FACE.1;
     let nearest = match settings.impact_frame {
@@ -175,8 +179,8 @@ fn find_impact(frames: &BTreeMap<u64, FrameView>, ball: &Ball, settings: &Measur
             .ok_or_else(|| KinematicsError::NoImpact { nearest_m: local.iter().map(|(_, p)| p.z.abs()).fold(f64::INFINITY, f64::min), reach_m: reach })?,
     };
     let before: Vec<f64> = local.iter().filter(|(k, _)| *k < nearest).rev().take(12).map(|(_, p)| p.z).collect();
-    if before.len() < FEWEST_FRAMES {
-        return Err(KinematicsError::TooFewFrames { body: "ball and racket", when: "before", seen: before.len(), need: FEWEST_FRAMES });
+    if before.len() < FEWEST_STEREO {
+        return Err(KinematicsError::TooFewFrames { body: "ball and racket", when: "before", seen: before.len(), need: FEWEST_STEREO });
     }
     Ok((nearest, before.iter().sum::<f64>().signum()))
 }
@@ -317,7 +321,8 @@ impl Bench<'_> {
     fn flight(&self, frames: &BTreeMap<u64, FrameView>, when: When, from: f64, to: f64, reference_t: f64) -> Result<FlightEstimate, KinematicsError> {
         let mut seen = sightings(self.tracks, self.clock, &[Target::Ball], from, to);
         let known: Vec<(f64, Point3<f64>)> = frames.values().filter(|f| (from..=to).contains(&f.t)).filter_map(|f| Some((f.t, f.ball?.position))).collect();
-        if known.len() < FEWEST_FRAMES {
+        // A frame that one camera alone shows still counts in the fit, once the others have fixed where the ball is.
+        if known.len() < FEWEST_STEREO || frames_in(&seen) < FEWEST_FRAMES {
             return Err(KinematicsError::TooFewFrames { body: "ball", when: when.word(), seen: known.len(), need: FEWEST_FRAMES });
         }
         let (position, velocity) = straight_line(&known, reference_t);
@@ -338,6 +343,7 @@ impl Bench<'_> {
         }
         let results = fit(&seen, 1.0)?;
         let scale = noise_scale(results.last().map_or(0.0, |r| r.chi2), 2 * seen.len(), 8);
+        let scale = scale * results.last().map_or(1.0, |r| flight_persistence(&self.flight_view(&seen, reference_t, 1.0), r));
         let results = fit(&seen, scale)?;
         let view = self.flight_view(&seen, reference_t, scale);
         let mut estimate = average_flight(&view, results, self.settings.air_odds).ok_or(KinematicsError::NoPoints)?;
@@ -352,7 +358,7 @@ impl Bench<'_> {
             sightings,
             reference_t,
             gravity: self.moving.gravity,
-            common: CommonError(self.settings.ball_error_px),
+            common: self.settings.ball_error,
             noise_scale,
         }
     }
@@ -382,7 +388,7 @@ impl Bench<'_> {
             }
             richest = most_flexible(&self.motion_view(&seen, when, reference_t, 1.0), &richest.state).map_err(failed)?;
         }
-        let scale = noise_scale(richest.chi2, 2 * seen.len(), 24);
+        let scale = noise_scale(richest.chi2, 2 * seen.len(), 24) * motion_persistence(&self.motion_view(&seen, when, reference_t, 1.0), &richest);
         let view = self.motion_view(&seen, when, reference_t, scale);
         let results: Vec<_> = laws.iter().filter_map(|law| fit_law(&view, *law, &richest.state).ok()).collect();
         let mut estimate = average(&self.moving, results, reference_t).ok_or(KinematicsError::NoPoints)?;
@@ -396,7 +402,7 @@ impl Bench<'_> {
             racket: &self.moving,
             sightings,
             reference_t,
-            common: CommonError(self.settings.tape_error_px),
+            common: self.settings.tape_error,
             memory_s: when.memory_s(),
             noise_scale,
         }

@@ -244,7 +244,10 @@ pub fn true_shot(seed: u64, d: &Difficulty) -> TrueShot {
     }
 
     // Pixels.
-    let bias: Vec<Vector2<f64>> = (0..12).map(|k| normal3(&mut rng, if k % 6 == 5 { 0.2 * d.tape_error_px } else { d.tape_error_px }).xy()).collect();
+    let bias: Vec<Vector2<f64>> = (0..12).map(|k| normal3(&mut rng, if k % 6 == 5 { 0.15 * d.tape_error_px } else { d.tape_error_px }).xy()).collect();
+    // As the view turns the tape's error drifts: by a quarter of its size within a window's half.
+    let drift: Vec<Vector2<f64>> =
+        (0..12).map(|k| normal3(&mut rng, if k % 6 == 5 { 3.0 } else { 25.0 } * d.tape_error_px).xy()).collect();
     let mut points = Vec::new();
     for (&frame, (pose, p)) in &seen {
         for camera in CameraId::BOTH {
@@ -252,7 +255,8 @@ pub fn true_shot(seed: u64, d: &Difficulty) -> TrueShot {
             for target in Target::ALL {
                 let place = if target == Target::Ball { Point3::from(*p) } else { pose * figure.patch_point(target.index(), &eye).0 };
                 let sd = d.noise_px * rng.random_range(0.7..1.4);
-                let mut uv = rig.project(camera, &place).expect("in view") + normal3(&mut rng, sd).xy() + bias[6 * camera.index() + target.index()];
+                let k = 6 * camera.index() + target.index();
+                let mut uv = rig.project(camera, &place).expect("in view") + normal3(&mut rng, sd).xy() + bias[k] + drift[k] * time(frame);
                 if rng.random::<f64>() < d.outliers {
                     uv += normal3(&mut rng, 3.0).xy();
                 }

@@ -286,11 +286,12 @@ mod tests {
         let (state, racket, ball) = by_hand();
         let half = UnitQuaternion::from_scaled_axis(Vector3::x() * std::f64::consts::PI);
         let turned = |b: &BodyMotion| BodyMotion { attitude: half * b.attitude, rate_body: half * b.rate_body, ..b.clone() };
-        let other =
-            ShotState { side: -1.0, racket_in: turned(&state.racket_in), racket_out: state.racket_out.as_ref().map(turned), ..state.clone() };
+        let other = ShotState { side: -1.0, racket_in: turned(&state.racket_in), racket_out: state.racket_out.as_ref().map(turned), ..state.clone() };
         let e = ShotEquipment { racket: &racket, ball: &ball, points: &[], clock: FrameClock { origin: 0, period_s: 1e-3 }, up: Vector3::y() };
         let (a, b) = (characteristics(&state, &e), characteristics(&other, &e));
-        for name in ["impact_x", "apparent_restitution", "restitution", "effective_mass", "ideal_point_from_butt", "efficiency", "contact_time", "playing_angle_deg"] {
+        for name in
+            ["impact_x", "apparent_restitution", "restitution", "effective_mass", "ideal_point_from_butt", "efficiency", "contact_time", "playing_angle_deg"]
+        {
             let of = |list: &[Measure]| list.iter().find(|m| m.name == name).and_then(|m| m.value).expect("there");
             assert!((of(&a) - of(&b)).abs() < 1e-9, "{name}");
         }

@@ -6,7 +6,9 @@
 use super::ball_flight::{FlightEstimate, FlightLaw, FlightResult, FlightState, FlightView, average_flight, fit_flight, flight_deviations, flight_persistence};
 use super::contact::{PointMotion, body_at, crossing};
 use super::least_squares::SolveError;
-use super::racket_motion::{LawResult, MotionEstimate, MotionLaw, MotionState, MotionView, MovingRacket, Pace, average, fit_law, motion_persistence, sighting_deviations};
+use super::racket_motion::{
+    LawResult, MotionEstimate, MotionLaw, MotionState, MotionView, MovingRacket, Pace, average, fit_law, motion_persistence, sighting_deviations,
+};
 use super::sighting::{CommonError, FrameClock, Sighting, sightings};
 use super::stereo_point::{StereoPoint, stereo_point};
 use super::{FitError, KinematicsError};
@@ -352,15 +354,7 @@ impl Bench<'_> {
     }
 
     fn flight_view<'b>(&'b self, sightings: &'b [Sighting], reference_t: f64, noise_scale: f64) -> FlightView<'b> {
-        FlightView {
-            rig: self.rig,
-            ball: self.ball,
-            sightings,
-            reference_t,
-            gravity: self.moving.gravity,
-            common: self.settings.ball_error,
-            noise_scale,
-        }
+        FlightView { rig: self.rig, ball: self.ball, sightings, reference_t, gravity: self.moving.gravity, common: self.settings.ball_error, noise_scale }
     }
 
     fn motion(
@@ -397,15 +391,7 @@ impl Bench<'_> {
     }
 
     fn motion_view<'b>(&'b self, sightings: &'b [Sighting], when: When, reference_t: f64, noise_scale: f64) -> MotionView<'b> {
-        MotionView {
-            rig: self.rig,
-            racket: &self.moving,
-            sightings,
-            reference_t,
-            common: self.settings.tape_error,
-            memory_s: when.memory_s(),
-            noise_scale,
-        }
+        MotionView { rig: self.rig, racket: &self.moving, sightings, reference_t, common: self.settings.tape_error, memory_s: when.memory_s(), noise_scale }
     }
 
     /// Pose nearest to the reference time, carried there at the median rate of the per-frame poses.

@@ -246,8 +246,7 @@ pub fn true_shot(seed: u64, d: &Difficulty) -> TrueShot {
     // Pixels.
     let bias: Vec<Vector2<f64>> = (0..12).map(|k| normal3(&mut rng, if k % 6 == 5 { 0.15 * d.tape_error_px } else { d.tape_error_px }).xy()).collect();
     // As the view turns the tape's error drifts: by a quarter of its size within a window's half.
-    let drift: Vec<Vector2<f64>> =
-        (0..12).map(|k| normal3(&mut rng, if k % 6 == 5 { 3.0 } else { 25.0 } * d.tape_error_px).xy()).collect();
+    let drift: Vec<Vector2<f64>> = (0..12).map(|k| normal3(&mut rng, if k % 6 == 5 { 3.0 } else { 25.0 } * d.tape_error_px).xy()).collect();
     let mut points = Vec::new();
     for (&frame, (pose, p)) in &seen {
         for camera in CameraId::BOTH {

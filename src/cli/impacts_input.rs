@@ -97,7 +97,11 @@ pub fn read_ledger(path: &Path) -> Result<Ledger, CliError> {
 
 pub fn write_ledger(shell: &Shell, path: &Path, ledger: &Ledger) -> Result<(), CliError> {
     let text = serde_json::to_string_pretty(ledger).map_err(CliError::output)?;
-    shell.write(path, text.as_bytes())
+    // A model kept where the user may only read has no ledger; what the command is for is done all the same.
+    if let Err(e) = shell.write(path, text.as_bytes()) {
+        shell.say(format_args!("no ledger kept: {}", e.message));
+    }
+    Ok(())
 }
 
 /// A version's line in the ledger. Its parent, unless given, is the latest earlier version on the same data with the

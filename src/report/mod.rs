@@ -21,4 +21,4 @@ pub use page::{Layout, Report, Section, Table, Tone};
 pub use results_file::read_session_results;
 pub use sections::{SeasonFigure, season_figures};
 pub use session_report::session_report;
-pub use session_results::{FramePicture, SessionResults, ShotResults};
+pub use session_results::{FramePicture, PredictedShot, SessionResults, ShotResults};

@@ -2,10 +2,11 @@
 
 use super::frame_doubt::{Doubt, frames_of_doubt};
 use super::session_results::FramePicture;
-use super::session_results::{SessionResults, ShotResults};
+use super::session_results::{PredictedShot, SessionResults, ShotResults};
 use crate::calibration::StereoRig;
 use crate::footage::{Clip, read_grey};
 use crate::kinematics::{SHOT_FILE, ShotRecord};
+use crate::impact_table::ImpactTable;
 use crate::session::{Session, ShotFolder};
 use crate::tracking::{SpacePoint, Tracks, read_points};
 use serde::de::DeserializeOwned;
@@ -30,7 +31,11 @@ pub fn read_session_results(session: &Session, results: &Path) -> SessionResults
         let pictures = tracks.as_ref().map_or_else(Vec::new, |t| pictures(folder, t, &points));
         shots.push(ShotResults { id: folder.id.clone(), racket: folder.racket.clone(), record, tracks, points, pictures });
     }
+    let table = |name: &str, failed: &mut _| read(&results.join(name), name, failed, |p| ImpactTable::read(p).map_err(|e| e.to_string())).unwrap_or_default();
+    let (measured, predictions) = (table("impacts.csv", &mut failed), table("predictions.csv", &mut failed));
+    let predicted = measured.rows.into_iter().filter_map(|m| Some(PredictedShot { predicted: predictions.rows.iter().find(|p| p.id == m.id)?.clone(), measured: m })).collect();
     SessionResults {
+        predicted,
         name: session.name.clone(),
         frame_rate_hz: session.frame_rate_hz,
         rig,

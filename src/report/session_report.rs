@@ -41,6 +41,9 @@ pub fn session_report(results: &SessionResults) -> String {
         .section(sections::trajectories(results))
         .section(sections::shots(results))
         .section(sections::season(results));
+    if results.comparison.is_none() {
+        report = report.section(sections::few_shots(&results.predicted));
+    }
     if let Some(c) = &results.comparison {
         report = report
             .section(sections::agreement(c))

@@ -2,6 +2,7 @@
 
 use crate::calibration::{CameraId, StereoRig};
 use crate::equipment::Racket;
+use crate::impact_table::ImpactRow;
 use crate::kinematics::ShotRecord;
 use crate::tracking::{SpacePoint, Tracks};
 use crate::validation::{Comparison, Diagnosis, LedgerEntry};
@@ -32,6 +33,13 @@ pub struct ShotResults {
     pub pictures: Vec<FramePicture>,
 }
 
+/// A measured shot and what the model says of it (row of `predictions.csv`).
+#[derive(Debug, Clone)]
+pub struct PredictedShot {
+    pub measured: ImpactRow,
+    pub predicted: ImpactRow,
+}
+
 /// A session with everything that was made of it.
 #[derive(Debug, Clone, Default)]
 pub struct SessionResults {
@@ -43,6 +51,8 @@ pub struct SessionResults {
     pub shots: Vec<ShotResults>,
     /// Shots that failed, by id, with the reason.
     pub failed: Vec<(String, String)>,
+    /// Shots with their prediction, for a session with too few of them for a comparison.
+    pub predicted: Vec<PredictedShot>,
     pub comparison: Option<Comparison>,
     pub diagnosis: Option<Diagnosis>,
     /// The comparison of the model with the recommended effects added.

@@ -178,6 +178,7 @@ fn session(name: &str, shots: u32) -> SessionResults {
         frame_rate_hz: 1000.0,
         rig: Some(rig(name)),
         axes_known: true,
+        predicted: Vec::new(),
         shots: (0..shots).map(|k| shot_results(name, k)).collect(),
         failed: vec![(name.to_owned(), name.to_owned())],
         comparison: Some(comparison(60, 0.8, name)),

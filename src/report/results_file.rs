@@ -5,8 +5,8 @@ use super::session_results::FramePicture;
 use super::session_results::{PredictedShot, SessionResults, ShotResults};
 use crate::calibration::StereoRig;
 use crate::footage::{Clip, read_grey};
-use crate::kinematics::{SHOT_FILE, ShotRecord};
 use crate::impact_table::ImpactTable;
+use crate::kinematics::{SHOT_FILE, ShotRecord};
 use crate::session::{Session, ShotFolder};
 use crate::tracking::{SpacePoint, Tracks, read_points};
 use serde::de::DeserializeOwned;
@@ -33,7 +33,11 @@ pub fn read_session_results(session: &Session, results: &Path) -> SessionResults
     }
     let table = |name: &str, failed: &mut _| read(&results.join(name), name, failed, |p| ImpactTable::read(p).map_err(|e| e.to_string())).unwrap_or_default();
     let (measured, predictions) = (table("impacts.csv", &mut failed), table("predictions.csv", &mut failed));
-    let predicted = measured.rows.into_iter().filter_map(|m| Some(PredictedShot { predicted: predictions.rows.iter().find(|p| p.id == m.id)?.clone(), measured: m })).collect();
+    let predicted = measured
+        .rows
+        .into_iter()
+        .filter_map(|m| Some(PredictedShot { predicted: predictions.rows.iter().find(|p| p.id == m.id)?.clone(), measured: m }))
+        .collect();
     SessionResults {
         predicted,
         name: session.name.clone(),

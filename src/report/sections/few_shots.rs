@@ -10,7 +10,13 @@ use crate::report::session_results::PredictedShot;
 /// One panel per output that was both measured and predicted, and the numbers; `None` without such a shot.
 pub fn few_shots(shots: &[PredictedShot]) -> Option<Section> {
     let mut panels = Vec::new();
-    let mut table = Table::new("Every output of every shot; sd: of the measured output alone.").column("shot").column("output").column("unit").numbers("measured").numbers("predicted").numbers("difference");
+    let mut table = Table::new("Every output of every shot; sd: of the measured output alone.")
+        .column("shot")
+        .column("output")
+        .column("unit")
+        .numbers("measured")
+        .numbers("predicted")
+        .numbers("difference");
     for name in OUTPUTS {
         let w = column_words(name);
         let pairs: Vec<_> = shots.iter().filter_map(|s| Some((&s.measured.id, s.measured.get(name)?, s.predicted.get(name)?.value))).collect();

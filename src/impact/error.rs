@@ -14,6 +14,9 @@ pub enum ModelError {
     Value { path: PathBuf, key: String, seen: String, allowed: String },
     #[error("no effect `{name}`{near}; `sweetspot effects` lists the catalogue")]
     UnknownEffect { name: String, near: String },
+    /// An error that says nothing of the file, found while reading one.
+    #[error("{path}: {cause}", path = .path.display())]
+    InFile { path: PathBuf, cause: Box<ModelError> },
     #[error("effect `{name}` is in the model already; change its parameters instead")]
     EffectTwice { name: String },
     #[error("effect `{name}` does not exist in base \"{base}\": {reason}")]
@@ -39,6 +42,16 @@ pub enum ModelError {
 }
 
 impl ModelError {
+    /// The same error with the file it was found in, unless it names the file already.
+    pub(crate) fn in_file(self, path: &std::path::Path) -> Self {
+        match self {
+            ModelError::Unreadable { .. } | ModelError::Toml { .. } | ModelError::UnknownKey { .. } | ModelError::Value { .. } | ModelError::InFile { .. } => {
+                self
+            }
+            cause => ModelError::InFile { path: path.into(), cause: Box::new(cause) },
+        }
+    }
+
     /// An effect the catalogue does not have, with the names nearest to it.
     pub fn unknown_effect(name: &str) -> Self {
         let near = near_matches(name, super::catalogue().iter().map(|c| c.name));

@@ -24,6 +24,10 @@ impl Model {
     /// # Errors
     /// As [`Model::read`].
     pub fn parse(text: &str, path: &Path) -> Result<Model, ModelError> {
+        Model::parse_unplaced(text, path).map_err(|e| e.in_file(path))
+    }
+
+    fn parse_unplaced(text: &str, path: &Path) -> Result<Model, ModelError> {
         let document = parse_document(text, path)?;
         only_keys(path, "the file", document.as_table(), &["base", "parameters", "effects"])?;
         let value = |key: &str, seen: String, allowed: &str| ModelError::Value { path: path.into(), key: key.into(), seen, allowed: allowed.into() };

@@ -445,18 +445,21 @@ fn expected_ball(seen: &[Option<BallFrame>], numbers: &[f64], index: usize) -> O
     Some(p + (q - p) * ((numbers[index] - numbers[a]) / (numbers[b] - numbers[a])))
 }
 
-/// Frame indices from the middle outward by halving: 1/2, 1/4, 3/4, 1/8, ...
+/// Frame indices by halving the clip: 1/2, 1/4, 3/4, 1/8, ... of its length, each once.
 fn spread(n: usize) -> Vec<usize> {
-    let mut out = Vec::with_capacity(n);
-    let mut step = n.next_power_of_two();
+    let (mut out, mut taken) = (Vec::with_capacity(n), vec![false; n]);
+    let parts = n.next_power_of_two();
+    let mut step = parts;
     while step > 1 {
-        let half = step / 2;
-        out.extend((half..n).step_by(step));
-        step = half;
+        for k in (step / 2..parts).step_by(step) {
+            let index = k * n / parts;
+            if !std::mem::replace(&mut taken[index], true) {
+                out.push(index);
+            }
+        }
+        step /= 2;
     }
-    if n > 0 {
-        out.push(0);
-    }
+    out.extend((0..n).filter(|&i| !taken[i]));
     out
 }
 

@@ -20,6 +20,7 @@ mod model_choice;
 mod rays;
 mod rig;
 mod rig_file;
+#[cfg(feature = "vision")]
 mod saddle;
 mod sphere;
 mod stereo_start;

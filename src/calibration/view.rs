@@ -111,6 +111,7 @@ fn exposure(board: &Checkerboard, corners: &[Vector2<f64>], image: &GreyImage) -
     (saturated, median(&mut dark).unwrap_or(0.0))
 }
 
+#[cfg(feature = "vision")]
 /// Whether the inner squares at even places (row + column even) are the dark ones.
 pub fn even_squares_dark(board: &Checkerboard, corners: &[Vector2<f64>], image: &GreyImage) -> bool {
     let mut sums = [0.0; 2];

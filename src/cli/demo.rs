@@ -100,7 +100,7 @@ fn choose(wish: &str, seed: u64) -> Result<Option<&'static Entry>, CliError> {
         "random" => {
             let all: Vec<&Entry> = playable().collect();
             let draw = u64::from_str_radix(&sha256_hex(&seed.to_le_bytes())[..15], 16).unwrap_or(seed);
-            Ok(if draw % 8 == 0 { None } else { all.get((draw / 8) as usize % all.len().max(1)).copied() })
+            Ok(if draw.is_multiple_of(8) { None } else { all.get((draw / 8) as usize % all.len().max(1)).copied() })
         }
         name => Ok(Some(entry(name).map_err(CliError::input)?)),
     }

@@ -32,7 +32,7 @@ impl Bitmap {
         self.bytes.clear();
         let file = std::fs::File::open(path)?;
         let length = file.metadata()?.len();
-        if length < 54 || length > MOST {
+        if !(54..=MOST).contains(&length) {
             return Ok(false);
         }
         let mut file = file.take(length);

@@ -277,7 +277,7 @@ pub fn with_values(text: &str, values: &[(String, f64)], path: &Path) -> Result<
         };
         let mut item = document.as_item_mut();
         for part in section {
-            item = item.as_table_like_mut().ok_or_else(|| ModelError::NotFinite)?.entry(part).or_insert(Item::Table(Table::new()));
+            item = item.as_table_like_mut().ok_or(ModelError::NotFinite)?.entry(part).or_insert(Item::Table(Table::new()));
         }
         let Some(table) = item.as_table_like_mut() else { continue };
         match table.get_mut(key) {

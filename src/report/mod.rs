@@ -2,7 +2,7 @@
 //!
 //! Comes in: plain results of the other rooms. Goes out: the page as a `String` (inline SVG and CSS, no network, no
 //! script). [`chart`] draws; [`sections`] says what is drawn, one file per section, each a pure function that returns
-//! `None` when it has no data; [`page`] puts sections together. Text that a user wrote is escaped on the way in.
+//! `None` when it has no data; `page` puts sections together. Text that a user wrote is escaped on the way in.
 
 pub mod chart;
 mod column;

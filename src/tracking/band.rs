@@ -119,10 +119,6 @@ pub struct BandFit {
     pub covariance: Matrix2<f64>,
     pub white: f64,
     pub black: f64,
-    /// Root-mean-square residual, grey levels.
-    pub residual: f64,
-    /// Shift from the expected place, px along and across the tube.
-    pub shift: Vector2<f64>,
 }
 
 /// Grey levels: white, black, background on either side with its slope along the tube, and how the white brightens across
@@ -247,8 +243,7 @@ pub fn fit(image: &GreyView, band: &BandView, shape: &BandShape, start: (f64, f6
                     if !(covariance[(0, 0)] > 0.0 && covariance[(1, 1)] > 0.0 && covariance.norm().is_finite()) {
                         return None;
                     }
-                    out =
-                        Some(BandFit { uv: band.place(t0, s0), covariance, white: l[0], black: l[1], residual: variance.sqrt(), shift: Vector2::new(t0, s0) });
+                    out = Some(BandFit { uv: band.place(t0, s0), covariance, white: l[0], black: l[1] });
                     if settled {
                         break;
                     }

@@ -129,7 +129,7 @@ fn shot(name: &str, k: u32) -> Shot {
         racket: name.to_owned(),
         ball: name.to_owned(),
         ball_side_of_face: "+z".into(),
-        groups: vec![("sex".into(), if k % 2 == 0 { name.to_owned() } else { "female".into() })],
+        groups: vec![("sex".into(), if k.is_multiple_of(2) { name.to_owned() } else { "female".into() })],
         quantities: Quantities(all),
         impact_timing: Some(ImpactTiming::Falling),
         momentum: Some(MomentumVerdict { chi2: 9.0, p_value: 0.03, hand_interferes: true }),

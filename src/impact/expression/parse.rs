@@ -307,7 +307,7 @@ impl Parser<'_> {
     }
 
     fn number(&mut self) -> Result<Dimension, SyntaxError> {
-        let rest = self.text[self.at..].as_bytes();
+        let rest = &self.text.as_bytes()[self.at..];
         let mut n = 0;
         while n < rest.len() {
             let exponent_sign = (rest[n] == b'-' || rest[n] == b'+') && n > 0 && (rest[n - 1] | 32) == b'e';

@@ -297,7 +297,7 @@ mod tests {
                     continue;
                 }
             };
-            println!("{:<60} {:<42} {:>9.3} {:>9.3} {}", line.quantity, line.published, line.reference, line.model, line.unit);
+            eprintln!("{:<60} {:<42} {:>9.3} {:>9.3} {}", line.quantity, line.published, line.reference, line.model, line.unit);
             assert!((line.model - line.reference).abs() <= digits, "{line:?}");
         }
     }
@@ -305,7 +305,7 @@ mod tests {
     #[test]
     fn truth_mean_shots_of_the_campaign() {
         for s in mean_shots().expect("contacts") {
-            println!("{s:?}");
+            eprintln!("{s:?}");
             let limit = if s.who == "men" { 0.03 } else { 0.04 };
             assert!((s.forward_m_s / s.published_forward_m_s - 1.0).abs() <= limit, "{s:?}");
             // With the other sign of the chop rate both spins come near print; as printed they do not.

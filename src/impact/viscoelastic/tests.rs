@@ -167,7 +167,7 @@ fn ladder_of_steps() {
             .fold(0.0, f64::max);
         errors.push(worst);
     }
-    println!("steps 40, 80, 160, 320: {errors:?}");
+    eprintln!("steps 40, 80, 160, 320: {errors:?}");
     assert!(errors[1] < 1e-6, "{errors:?}");
     // Order 4 until the rest of 1e-7 of instants where friction's direction turns fast.
     assert!(errors[1] < errors[0] / 8.0 && errors[3] < 5e-7, "{errors:?}");

@@ -49,8 +49,10 @@ impl MeasureSettings {
             axes_known: true,
             air_odds: 1.0,
             // Tracked tape against known truth lies off by 0.04 px (laboratory) to 0.15 px (hard), a hidden throat marker by
-            // up to 0.25 px, nearly constant within a window; the ball by 0.05 px.
-            tape_error: CommonError { constant_px: 0.15, drift_px_s: 4.0 },
+            // up to 0.35 px. It is nearly constant, not only within a shot but over a session of similar shots, where it
+            // turns the face by the same few milliradians every time; the larger figure keeps such a turn within the stated
+            // deviations, so that it is not taken for missing physics.
+            tape_error: CommonError { constant_px: 0.35, drift_px_s: 8.0 },
             ball_error: CommonError { constant_px: 0.05, drift_px_s: 2.0 },
             impact_frame: None,
         }

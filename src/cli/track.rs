@@ -55,6 +55,8 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
                 for note in &summary.notes {
                     shell.say(format!("{}: {note}", shot.id));
                 }
+                // The shot is measured all the same, but nobody should find out by chance that a picture is broken.
+                failed.extend(tracked.unreadable.iter().map(|why| format!("{}: {why}; it counts as missing until it is mended and the shot tracked again with --force", shot.id)));
                 summaries.push(summary);
             }
             Err(TrackingError::Cancelled) => return Err(CliError::interrupted()),

@@ -18,6 +18,8 @@ use crate::calibration::{CameraId, StereoRig};
 use crate::equipment::{Ball, Racket};
 use crate::footage::{FootageError, FrameBuffer, FrameSource, GreyView};
 use nalgebra::{Isometry3, Point3};
+use std::collections::BTreeMap;
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Why a shot cannot be tracked.
@@ -55,6 +57,8 @@ pub struct ShotTracks {
     pub contact_frame: Option<f64>,
     /// Things the user should know, in order.
     pub notes: Vec<String>,
+    /// Pictures that are there and cannot be read, with the reason; they count as missing.
+    pub unreadable: Vec<String>,
 }
 
 /// What a shot is tracked with.
@@ -83,7 +87,7 @@ pub fn track_shot(source: &impl FrameSource, setup: &ShotSetup, cancel: &AtomicB
     let view = View::new(setup.rig);
     let focus = view.focus().ok_or(TrackingError::NoVolume)?;
     let shape = BandShape::default();
-    let mut shot = Shot { source, setup, view: &view, figure: &figure, shape, focus, cancel, progress, stale: Vec::new() };
+    let mut shot = Shot { source, setup, view: &view, figure: &figure, shape, focus, cancel, progress, stale: Vec::new(), broken: Mutex::default() };
     let start = shot.acquire_racket()?;
     let (mut racket, prints) = shot.follow_racket(&start)?;
     shot.stale = recording::repeated(&prints);
@@ -95,7 +99,8 @@ pub fn track_shot(source: &impl FrameSource, setup: &ShotSetup, cancel: &AtomicB
     let contact_frame = space_points::first_contact(source, &racket, &ball, setup.ball.radius_m());
     let points = space_points::space_points(source, &view, &figure, &racket, &ball, contact_frame, setup.frame_rate_hz);
     let tracks = named(source, &racket, &ball);
-    Ok(ShotTracks { tracks, racket, ball, points, contact_frame, notes })
+    let unreadable = shot.broken.into_inner().unwrap_or_default().into_values().collect();
+    Ok(ShotTracks { tracks, racket, ball, points, contact_frame, notes, unreadable })
 }
 
 struct Shot<'a, S: FrameSource> {
@@ -109,6 +114,8 @@ struct Shot<'a, S: FrameSource> {
     progress: &'a (dyn Fn(usize) + Sync),
     /// Pictures that repeat the one before, by index and camera; they are read as missing.
     stale: Vec<[bool; 2]>,
+    /// Why a picture could not be read, by index and camera.
+    broken: Mutex<BTreeMap<(usize, usize), String>>,
 }
 
 /// The racket in the frames of one direction, and every picture's fingerprint.
@@ -137,7 +144,12 @@ impl<S: FrameSource> Shot<'_, S> {
             if self.stale.get(index).is_some_and(|s| s[camera]) {
                 continue;
             }
-            there[camera] = self.source.read(index, camera, None, &mut buffers[camera]).unwrap_or(false);
+            there[camera] = self.source.read(index, camera, None, &mut buffers[camera]).unwrap_or_else(|e| {
+                if let Ok(mut broken) = self.broken.lock() {
+                    broken.insert((index, camera), e.to_string());
+                }
+                false
+            });
         }
         let [l, r] = buffers;
         let views = [if there[0] { l.view() } else { None }, if there[1] { r.view() } else { None }];

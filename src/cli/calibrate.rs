@@ -114,7 +114,10 @@ fn calibrate(session: &Session, provenance: Provenance, arguments: &Arguments, s
     progress.finish_and_clear();
 
     // One size for all: the first readable picture's.
-    let image_size = found.iter().find_map(|(_, (size, _))| *size).ok_or_else(|| CliError::input("no checkerboard picture can be read"))?;
+    let image_size = found.iter().find_map(|(_, (size, _))| *size).ok_or_else(|| {
+        let why: Vec<String> = found.iter().filter_map(|(_, (_, view))| view.as_ref().err().map(ToString::to_string)).take(3).collect();
+        CliError::input(format!("no checkerboard picture can be read: {}", why.join("; "))).hint("copy the pictures again from the cameras")
+    })?;
     for (path, (size, _)) in &found {
         if let Some(size) = size.filter(|s| *s != image_size) {
             let name = path.display().to_string();

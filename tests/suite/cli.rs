@@ -210,3 +210,13 @@ fn cli_add_of_an_unknown_effect_names_the_nearest() {
     refused(&["add", "frame-vibrations", "--model", &text(&bench.path("model.toml")), "-o", &text(&bench.path("new.toml"))], &["frame-vibration"]);
     assert!(!bench.path("new.toml").exists());
 }
+
+#[cfg(feature = "vision")]
+#[test]
+fn fails_text_and_cut_off_pictures_are_named() {
+    let bench = Bench::new();
+    bench.write("calib/left/a1.bmp", b"BM\x36\x00\x00\x00");
+    bench.write("calib/right/a1.bmp", "hello");
+    refused(&["calibrate", &text(bench.folder.path())], &["calib/left/a1.bmp", "calib/right/a1.bmp", "allowed: BMP, PNG, TIFF, JPEG", "try:"]);
+    assert!(!bench.path("results").exists());
+}

@@ -1,4 +1,5 @@
-//! Lists the files of `footage-samples/` so that the program carries them and `sweetspot demo` works anywhere, offline.
+//! Lists the files of `footage-samples/` so that the program carries them and `sweetspot demo` works anywhere, offline;
+//! and gives the program a name of its own source, so that results of another build are not taken for this one's.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -7,7 +8,11 @@ use std::path::{Path, PathBuf};
 const MOST_BYTES: u64 = 15 << 20;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let root = PathBuf::from(std::env::var("CARGO_MANIFEST_DIR")?).join("footage-samples");
+    let package = PathBuf::from(std::env::var("CARGO_MANIFEST_DIR")?);
+    println!("cargo:rustc-env=SWEETSPOT_SOURCE={:08x}", source_hash(&package)?);
+    println!("cargo:rerun-if-changed=src");
+    println!("cargo:rerun-if-changed=Cargo.lock");
+    let root = package.join("footage-samples");
     println!("cargo:rerun-if-changed=footage-samples");
     println!("cargo:rerun-if-changed=build.rs");
     let mut files = Vec::new();
@@ -28,6 +33,22 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     code.push_str("]\n");
     std::fs::write(PathBuf::from(std::env::var("OUT_DIR")?).join("footage_samples.rs"), code)?;
     Ok(())
+}
+
+/// FNV-1a (32 bits, Fowler, Noll and Vo) over names and contents of `src/` and the locked dependencies: it tells builds
+/// apart, it guards nothing.
+fn source_hash(package: &Path) -> std::io::Result<u32> {
+    let mut files = vec![package.join("Cargo.lock")];
+    list(&package.join("src"), &mut files)?;
+    files.sort();
+    let mut hash = 0x811c_9dc5_u32;
+    for file in files {
+        let name = file.strip_prefix(package).unwrap_or(&file).to_string_lossy().replace('\\', "/");
+        for byte in name.bytes().chain(std::fs::read(&file)?) {
+            hash = (hash ^ u32::from(byte)).wrapping_mul(0x0100_0193);
+        }
+    }
+    Ok(hash)
 }
 
 fn list(folder: &Path, files: &mut Vec<PathBuf>) -> std::io::Result<()> {

@@ -5,8 +5,9 @@ use sha2::{Digest, Sha256};
 use std::io::{self, Read, Write};
 use std::path::Path;
 
-/// Version of the program, written into every result.
-pub const VERSION: &str = env!("CARGO_PKG_VERSION");
+/// Version of the program and, after the plus, which source it was built from: written into every result, so that what
+/// another build computed is computed again.
+pub const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), "+", env!("SWEETSPOT_SOURCE"));
 
 /// The program version, the command and the SHA-256 of each input, by name.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]

@@ -29,6 +29,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let session = Session::open(existing(&arguments.session, "session folder")?)?;
     let out = shell.results_of_session(&arguments.session);
     let json = out.join("calibration.json");
+    same_number_of_pictures(&session.board.images)?;
     let provenance = inputs(&session)?;
     if !shell.args.force
         && !arguments.compare_methods
@@ -58,6 +59,26 @@ fn pictures(folder: &Path, camera: &'static str) -> Result<BTreeMap<u64, PathBuf
         return Err(CalibrationError::NoPictures { path, camera }.into());
     }
     Ok(list.into_iter().collect())
+}
+
+/// Both folders hold the same number of pictures (contract, section 2): a lost or a stray picture shifts nothing, because
+/// pairs go by number, but nobody should calibrate without knowing. Numbers that differ at equal counts are gaps.
+fn same_number_of_pictures(folder: &Path) -> Result<(), CliError> {
+    let (left, right) = (pictures(folder, "left")?, pictures(folder, "right")?);
+    if left.len() == right.len() {
+        return Ok(());
+    }
+    let alone = |these: &BTreeMap<u64, PathBuf>, others: &BTreeMap<u64, PathBuf>| -> Vec<String> {
+        these.iter().filter(|(n, _)| !others.contains_key(n)).map(|(_, p)| p.display().to_string()).collect()
+    };
+    let mut without = alone(&left, &right);
+    without.extend(alone(&right, &left));
+    let more = without.len().saturating_sub(8);
+    without.truncate(8);
+    let rest = if more > 0 { format!(" and {more} more") } else { String::new() };
+    let counts = format!("{}: {} pictures in left/, {} in right/; allowed: the same number", folder.display(), left.len(), right.len());
+    Err(CliError::input(format!("{counts}. Without a partner: {}{rest}", without.join(", ")))
+        .hint("copy the missing pictures from the camera, or move those without a partner out of the folder"))
 }
 
 fn axes_picture(folder: &Path, camera: &str) -> Result<PathBuf, CliError> {

@@ -22,15 +22,15 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let loaded = input.load("compare")?;
     let mut comparison = compare(loaded.library.current(), &loaded.observations, &input.model_name(), input.seed)?;
     comparison.provenance = Some(loaded.provenance.clone());
-    let folder = shell.results_beside(&input.impacts);
+    let folder = shell.results_beside(&input.files.impacts);
     let json = serde_json::to_string_pretty(&comparison).map_err(CliError::output)?;
     shell.write(&folder.join("compare.json"), json.as_bytes())?;
     shell.say(comparison_text(&comparison).trim_end());
-    let path = ledger_path(&input.model);
+    let path = ledger_path(&input.files.model);
     let mut ledger = read_ledger(&path)?;
     let effects = loaded.library.effect_names();
     let version =
-        Version { model: &input.model, model_text: &loaded.model_text, effects, data_hash: &loaded.data_hash, parent: None, step: None, refused: Vec::new() };
+        Version { model: &input.files.model, model_text: &loaded.model_text, effects, data_hash: &loaded.data_hash, parent: None, step: None, refused: Vec::new() };
     let hash = record(&mut ledger, version, &comparison);
     let staircase = ledger.path_to(&hash, &loaded.data_hash);
     if staircase.len() > 1 {

@@ -40,17 +40,17 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let options = DiagnoseOptions { seed: input.seed, model: input.model_name(), expressions: !arguments.no_expression };
     let mut diagnosis = diagnose(&loaded.library, &loaded.observations, &options)?;
     diagnosis.provenance = Some(loaded.provenance.clone());
-    let folder = shell.results_beside(&input.impacts);
+    let folder = shell.results_beside(&input.files.impacts);
     let json = serde_json::to_string_pretty(&diagnosis).map_err(CliError::output)?;
     shell.write(&folder.join("diagnosis.json"), json.as_bytes())?;
     shell.say(diagnosis_text(&diagnosis).trim_end());
     let comparison = compare(loaded.library.current(), &loaded.observations, &input.model_name(), input.seed)?;
     let mut after = None;
-    let mut last = (input.model.clone(), loaded.model_text.clone());
-    let path = ledger_path(&input.model);
+    let mut last = (input.files.model.clone(), loaded.model_text.clone());
+    let path = ledger_path(&input.files.model);
     let mut ledger = read_ledger(&path)?;
     if arguments.auto {
-        let output = arguments.output.clone().unwrap_or_else(|| auto_name(&input.model));
+        let output = arguments.output.clone().unwrap_or_else(|| auto_name(&input.files.model));
         let walk = Walk { arguments: &arguments, shell, loaded: &loaded, ledger_path: &path };
         let (text, comparison) = walk.go(&mut ledger, &diagnosis, &comparison, &output, &options)?;
         last = (output, text);
@@ -83,7 +83,7 @@ impl Walk<'_> {
         let observations = &self.loaded.observations;
         let mut text = self.loaded.model_text.clone();
         let mut comparison = comparison.clone();
-        self.note(ledger, &input.model, &text, None, Some("first model"), &comparison, Vec::new())?;
+        self.note(ledger, &input.files.model, &text, None, Some("first model"), &comparison, Vec::new())?;
         // The first step is the old model at its best: an effect must beat that, not the file's first guesses.
         let (fitted, error) = self.fitted(&text)?;
         let mut error = error;
@@ -100,7 +100,7 @@ impl Walk<'_> {
             let tried: Vec<String> = refused.iter().map(|r| r.effect.clone()).collect();
             let Some(effect) = diagnosis.recommended.iter().find(|e| !tried.contains(e)).cloned() else { break };
             self.shell.say(format_args!("\n--auto, step {}: adding {effect}", step + 1));
-            let added = with_effect_added(&text, &effect, &input.model)?;
+            let added = with_effect_added(&text, &effect, &input.files.model)?;
             let (with, with_error) = self.fitted(&added)?;
             if with_error >= error {
                 let reason = format!("the error on held-out impacts does not fall ({error:.3} to {with_error:.3})");
@@ -130,7 +130,7 @@ impl Walk<'_> {
     }
 
     fn library(&self, text: &str) -> Result<ModelLibrary, CliError> {
-        Ok(ModelLibrary::new(Model::parse(text, &self.arguments.input.model)?, &self.loaded.observations.gear))
+        Ok(ModelLibrary::new(Model::parse(text, &self.arguments.input.files.model)?, &self.loaded.observations.gear))
     }
 
     /// The text with its free parameters at their best, and its held-out error.
@@ -139,7 +139,7 @@ impl Walk<'_> {
         let fit = fit_current(&library, &self.loaded.observations)?;
         let values: Vec<(String, f64)> = library.current().parameters().iter().map(|p| p.name.clone()).zip(fit.values.iter().copied()).collect();
         let error = held_out_error(library.current(), &fit, &self.loaded.observations)?;
-        Ok((with_values(text, &values, &self.arguments.input.model)?, error))
+        Ok((with_values(text, &values, &self.arguments.input.files.model)?, error))
     }
 
     fn compared(&self, text: &str) -> Result<Comparison, CliError> {

@@ -27,7 +27,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let loaded = input.load("fit")?;
     let current = loaded.library.current();
     if current.parameters().is_empty() {
-        return Err(CliError::input(format!("{}: no parameter is free", input.model.display())).hint("write fit = true beside the parameters that may move"));
+        return Err(CliError::input(format!("{}: no parameter is free", input.files.model.display())).hint("write fit = true beside the parameters that may move"));
     }
     let fitted = fit_current(&loaded.library, &loaded.observations)?;
     let seen = loaded.observations.side(false);
@@ -35,7 +35,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let parameters = parameter_values(current, &fitted, structure.noise_scale);
     let error = held_out_error(current, &fitted, &loaded.observations)?;
     let values: Vec<(String, f64)> = parameters.iter().map(|p| (p.name.clone(), p.value)).collect();
-    let text = with_values(&loaded.model_text, &values, &input.model)?;
+    let text = with_values(&loaded.model_text, &values, &input.files.model)?;
     shell.write(&arguments.output, text.as_bytes())?;
     for (p, old) in parameters.iter().zip(current.parameters()) {
         let limit = if p.at_limit { "  at its limit: the data want more than the file allows" } else { "" };

@@ -12,8 +12,9 @@ use crate::validation::model_library::ModelLibrary;
 use crate::validation::observation::{Observations, TableOptions};
 use std::path::{Path, PathBuf};
 
+/// The files every command on a table of impacts needs.
 #[derive(Debug, Clone, clap::Args)]
-pub struct ImpactsInput {
+pub struct ImpactFiles {
     /// Impacts table (CSV)
     #[arg(long, value_name = "F")]
     pub impacts: PathBuf,
@@ -26,6 +27,12 @@ pub struct ImpactsInput {
     /// Model file
     #[arg(long, value_name = "F")]
     pub model: PathBuf,
+}
+
+#[derive(Debug, Clone, clap::Args)]
+pub struct ImpactsInput {
+    #[command(flatten)]
+    pub files: ImpactFiles,
     /// Grouping column (player, session) whose groups stay whole when impacts are held out
     #[arg(long, value_name = "COLUMN")]
     pub group: Option<String>,
@@ -46,11 +53,12 @@ pub struct Loaded {
 
 impl ImpactsInput {
     pub fn load(&self, command: &str) -> Result<Loaded, CliError> {
-        let mut table = ImpactTable::read(&self.impacts)?;
-        let equipment = EquipmentSet::read(&self.racket, &self.ball)?;
+        let files = &self.files;
+        let mut table = ImpactTable::read(&files.impacts)?;
+        let equipment = EquipmentSet::read(&files.racket, &files.ball)?;
         let model_text =
-            std::fs::read_to_string(&self.model).map_err(|e| CliError::input(format!("{}: cannot be read ({e}); check the name", self.model.display())))?;
-        let model = Model::parse(&model_text, &self.model)?;
+            std::fs::read_to_string(&files.model).map_err(|e| CliError::input(format!("{}: cannot be read ({e}); check the name", files.model.display())))?;
+        let model = Model::parse(&model_text, &files.model)?;
         // Footage gives a contact time, an impulse model has none: it is left out, or no impact could be compared.
         let timed = model.base() == Base::Rigid && table.rows.iter().any(|r| r.get("contact_time").is_some());
         if timed {
@@ -64,15 +72,15 @@ impl ImpactsInput {
         }
         let library = ModelLibrary::new(model, &observations.gear);
         let mut provenance = Provenance::new(command);
-        for path in [&self.impacts, &self.model].into_iter().chain(&self.racket).chain(&self.ball) {
+        for path in [&files.impacts, &files.model].into_iter().chain(&files.racket).chain(&files.ball) {
             provenance = provenance.with_file(path).map_err(CliError::input)?;
         }
-        let data_hash = sha256_file(&self.impacts).map_err(CliError::input)?;
+        let data_hash = sha256_file(&files.impacts).map_err(CliError::input)?;
         Ok(Loaded { observations, equipment, model_text, library, data_hash, provenance })
     }
 
     pub fn model_name(&self) -> String {
-        file_name(&self.model)
+        file_name(&self.files.model)
     }
 }
 

@@ -2,40 +2,35 @@
 
 use super::Shell;
 use super::error::CliError;
+use super::impacts_input::ImpactFiles;
 use crate::equipment_set::EquipmentSet;
-use crate::impact::batch::predict_table;
+use crate::impact::batch::{predict_table, without_spin};
 use crate::impact::{ImpactOutput, Model};
 use crate::impact_table::{ImpactTable, OUTPUTS};
-use std::path::PathBuf;
 
 /// The model's outcome of every impact, to predictions.csv
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// Impacts table (CSV)
-    #[arg(long, value_name = "F")]
-    pub impacts: PathBuf,
-    /// Racket file; may be given more than once, a row's `racket` column picks by name
-    #[arg(long, value_name = "F", required = true)]
-    pub racket: Vec<PathBuf>,
-    /// Ball file; may be given more than once, a row's `ball` column picks by name
-    #[arg(long, value_name = "F", required = true)]
-    pub ball: Vec<PathBuf>,
-    /// Model file
-    #[arg(long, value_name = "F")]
-    pub model: PathBuf,
+    #[command(flatten)]
+    pub files: ImpactFiles,
 }
 
 pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
-    let table = ImpactTable::read(&arguments.impacts)?;
-    let set = EquipmentSet::read(&arguments.racket, &arguments.ball)?;
-    let model = Model::read(&arguments.model)?;
+    let ImpactFiles { impacts, racket, ball, model } = &arguments.files;
+    let table = ImpactTable::read(impacts)?;
+    let set = EquipmentSet::read(racket, ball)?;
+    let model = Model::read(model)?;
     let results = predict_table(&model, &set, &table)?;
-    let path = shell.results_beside(&arguments.impacts).join("predictions.csv");
+    let path = shell.results_beside(impacts).join("predictions.csv");
     let rows: Vec<(&str, Option<&ImpactOutput>)> = table.rows.iter().zip(&results).map(|(r, o)| (r.id.as_str(), o.as_ref().ok())).collect();
     shell.write(&path, predictions_csv(&rows)?.as_bytes())?;
     let failed: Vec<String> = results.iter().filter_map(|r| r.as_ref().err().map(ToString::to_string)).collect();
     let json: Vec<serde_json::Value> = rows.iter().map(|(id, o)| as_json(id, *o)).collect();
-    shell.print_json(&serde_json::json!({ "predictions": json, "failed": failed, "file": path }))?;
+    let spinless = without_spin(&table);
+    shell.print_json(&serde_json::json!({ "predictions": json, "failed": failed, "spin_taken_as_zero": spinless, "file": path }))?;
+    if !spinless.is_empty() {
+        shell.say(format_args!("incoming spin not measured, taken as 0, in {} impacts: {}", spinless.len(), spinless.join(", ")));
+    }
     shell.say(format_args!("{} of {} impacts predicted: {}", rows.len() - failed.len(), rows.len(), path.display()));
     if failed.is_empty() { Ok(()) } else { Err(CliError::some_failed(failed.join("\n"))) }
 }

@@ -4,9 +4,11 @@ use super::Shell;
 use super::error::{CliError, existing};
 use crate::calibration::StereoRig;
 use crate::footage::Clip;
+use crate::provenance::{Provenance, sha256_file, sha256_hex};
 use crate::session::{Session, ShotFolder};
-use crate::tracking::spin::{BallSpin, SPIN_FILE, spin_to_json};
-use crate::tracking::{PointState, ShotSetup, ShotTracks, TrackingError, points_to_csv, spin_of_shot, track_shot};
+use crate::tracking::spin::{SPIN_FILE, spin_to_json};
+use crate::tracking::{PointState, ShotSetup, ShotTracks, TrackingError, Tracks, points_to_csv, spin_of_shot, track_shot};
+use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
 /// Footage to tracks.csv, points.csv and spin.json
@@ -19,8 +21,8 @@ pub struct Arguments {
     pub shot: Vec<String>,
 }
 
-/// What `--json` prints for one shot.
-#[derive(serde::Serialize)]
+/// What `--json` prints for one shot, and what `track.json` keeps.
+#[derive(Debug, Serialize, Deserialize)]
 struct ShotSummary {
     id: String,
     frames: usize,
@@ -28,58 +30,137 @@ struct ShotSummary {
     occluded: usize,
     contact_frame: Option<f64>,
     notes: Vec<String>,
+    /// Pictures that cannot be read; they count as missing.
+    unreadable: Vec<String>,
     error: Option<String>,
 }
+
+/// `track.json`: what became of a shot, and from what; a later run keeps tracks only when nothing of it has changed.
+#[derive(Debug, Serialize, Deserialize)]
+struct TrackRecord {
+    summary: ShotSummary,
+    provenance: Provenance,
+}
+
+const TRACK_FILE: &str = "track.json";
 
 pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let session = Session::open(&arguments.session)?;
     let shots = session.select(&arguments.shot)?;
     let results = shell.results_of_session(&arguments.session);
-    let rig = read_rig(&results.join("calibration.json"))?;
+    let rig_file = results.join("calibration.json");
+    let rig = read_rig(&rig_file)?;
+    let rig_hash = sha256_file(&rig_file).map_err(CliError::input)?;
     let mut summaries = Vec::new();
     let mut failed: Vec<String> = session.broken_shots.iter().filter(|_| arguments.shot.is_empty()).map(|(id, why)| format!("{id}: {why}")).collect();
     for shot in shots {
         shell.check_cancelled()?;
         let folder = results.join("shots").join(&shot.id);
-        if !shell.args.force && folder.join("tracks.csv").exists() && folder.join("points.csv").exists() && folder.join(SPIN_FILE).exists() {
-            shell.say(format!("{}: already tracked (--force tracks again)", shot.id));
-            continue;
-        }
-        match one(&session, shot, &rig, shell) {
-            Ok((tracked, spin)) => {
-                shell.write(&folder.join(SPIN_FILE), spin_to_json(&spin).as_bytes())?;
-                shell.write(&folder.join("points.csv"), points_to_csv(&tracked.points).as_bytes())?;
-                shell.write(&folder.join("tracks.csv"), tracked.tracks.to_csv().as_bytes())?;
-                let summary = summary(&shot.id, &tracked);
-                shell.say(format!("{}: {} points measured, {} occluded, in {} frames", shot.id, summary.measured, summary.occluded, summary.frames));
-                for note in &summary.notes {
-                    shell.say(format!("{}: {note}", shot.id));
-                }
+        match one(&session, shot, (&rig, &rig_hash), &folder, shell) {
+            Ok(summary) => {
                 // The shot is measured all the same, but nobody should find out by chance that a picture is broken.
-                failed.extend(tracked.unreadable.iter().map(|why| format!("{}: {why}; it counts as missing until it is mended and the shot tracked again with --force", shot.id)));
+                failed.extend(summary.unreadable.iter().map(|why| format!("{}: {why}; it counts as missing until it is mended", shot.id)));
                 summaries.push(summary);
             }
-            Err(TrackingError::Cancelled) => return Err(CliError::interrupted()),
-            Err(e) => {
+            Err(Failure::Shot(TrackingError::Cancelled)) => return Err(CliError::interrupted()),
+            Err(Failure::Shot(e)) => {
                 shell.say(format!("{}: {e}", shot.id));
                 failed.push(format!("{}: {e}", shot.id));
-                summaries.push(ShotSummary { id: shot.id.clone(), frames: 0, measured: 0, occluded: 0, contact_frame: None, notes: Vec::new(), error: Some(e.to_string()) });
+                let error = Some(e.to_string());
+                summaries.push(ShotSummary { id: shot.id.clone(), frames: 0, measured: 0, occluded: 0, contact_frame: None, notes: Vec::new(), unreadable: Vec::new(), error });
             }
+            Err(Failure::All(e)) => return Err(e),
         }
     }
     shell.print_json(&summaries)?;
     if failed.is_empty() { Ok(()) } else { Err(CliError::some_failed(failed.join("\n"))) }
 }
 
-fn one(session: &Session, shot: &ShotFolder, rig: &StereoRig, shell: &Shell) -> Result<(ShotTracks, BallSpin), TrackingError> {
+/// A shot that cannot be tracked leaves the others to go on; results that cannot be written end the command.
+enum Failure {
+    Shot(TrackingError),
+    All(CliError),
+}
+
+impl<E: Into<TrackingError>> From<E> for Failure {
+    fn from(e: E) -> Self {
+        Failure::Shot(e.into())
+    }
+}
+
+/// Tracks one shot and writes what was found, unless an earlier run has done so from the same input.
+fn one(session: &Session, shot: &ShotFolder, rig: (&StereoRig, &str), folder: &Path, shell: &Shell) -> Result<ShotSummary, Failure> {
     let clip = Clip::list(&shot.camera("left"), &shot.camera("right"))?;
+    let provenance = provenance(session, shot, rig.1, &clip);
+    if !shell.args.force {
+        if let Some(summary) = earlier(folder, &provenance, &clip) {
+            shell.say(format!("{}: already tracked (--force tracks again)", shot.id));
+            return Ok(summary);
+        }
+        if let Some(summary) = by_hand(&shot.id, folder) {
+            shell.say(format!("{}: {}", shot.id, summary.notes.join("; ")));
+            return Ok(summary);
+        }
+    }
     let bar = shell.progress(clip.pairs.len() as u64, "tracking");
-    let setup = ShotSetup { rig, racket: &shot.racket, ball: &shot.ball, frame_rate_hz: session.frame_rate_hz };
+    let setup = ShotSetup { rig: rig.0, racket: &shot.racket, ball: &shot.ball, frame_rate_hz: session.frame_rate_hz };
     let tracked = track_shot(&clip, &setup, shell.cancel_flag(), &|n| bar.inc(n as u64));
     bar.finish_and_clear();
     let tracked = tracked?;
     let spin = spin_of_shot(&clip, &setup, &tracked.tracks, &tracked.points)?;
-    Ok((tracked, spin))
+    let summary = summary(&shot.id, &tracked);
+    shell.say(format!("{}: {} points measured, {} occluded, in {} frames", shot.id, summary.measured, summary.occluded, summary.frames));
+    for note in &summary.notes {
+        shell.say(format!("{}: {note}", shot.id));
+    }
+    let record = TrackRecord { summary, provenance };
+    let json = serde_json::to_string_pretty(&record).map_err(|e| Failure::All(CliError::output(e)))? + "\n";
+    // track.json last: it says that the others are whole.
+    for (name, text) in [(SPIN_FILE, spin_to_json(&spin)), ("points.csv", points_to_csv(&tracked.points)), ("tracks.csv", tracked.tracks.to_csv()), (TRACK_FILE, json)] {
+        shell.write(&folder.join(name), text.as_bytes()).map_err(Failure::All)?;
+    }
+    Ok(record.summary)
+}
+
+/// What tracking depends on. Pictures stand by name and size: reading them all again would cost more than tracking does
+/// ([`earlier`] looks at their times as well).
+fn provenance(session: &Session, shot: &ShotFolder, rig_hash: &str, clip: &Clip) -> Provenance {
+    let mut provenance = Provenance::new("track");
+    let mut frames = String::new();
+    for path in clip.pairs.iter().flat_map(|p| p.files.iter().flatten()) {
+        let size = std::fs::metadata(path).map_or(0, |m| m.len());
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        let camera = path.parent().and_then(Path::file_name).unwrap_or_default().to_string_lossy();
+        frames.push_str(&format!("{camera}/{name} {size}\n"));
+    }
+    let settings = format!("{:?}", (&shot.racket, &shot.ball, session.frame_rate_hz));
+    provenance.inputs.insert("calibration.json".into(), rig_hash.to_owned());
+    provenance.inputs.insert("names and sizes of the pictures".into(), sha256_hex(frames.as_bytes()));
+    provenance.inputs.insert("settings".into(), sha256_hex(settings.as_bytes()));
+    provenance
+}
+
+/// Tracks somebody has corrected are not overwritten, whatever has changed since: an hour of digitising is worth more.
+fn by_hand(id: &str, folder: &Path) -> Option<ShotSummary> {
+    let tracks = Tracks::read(&folder.join("tracks.csv")).ok()?;
+    let count = |state: PointState| tracks.points.iter().filter(|p| p.state == state).count();
+    let (manual, measured, occluded) = (count(PointState::Manual), count(PointState::Measured), count(PointState::Occluded));
+    let note = format!("tracks.csv holds {manual} points corrected by hand and is kept (--force tracks again and overwrites them)");
+    let frames = tracks.frames().len();
+    let summary = ShotSummary { id: id.to_owned(), frames, measured: measured + manual, occluded, contact_frame: None, notes: vec![note], unreadable: Vec::new(), error: None };
+    (manual > 0).then_some(summary)
+}
+
+/// What an earlier run found, when it had the same input and no picture is younger than its result.
+fn earlier(folder: &Path, provenance: &Provenance, clip: &Clip) -> Option<ShotSummary> {
+    let file = folder.join(TRACK_FILE);
+    let record: TrackRecord = serde_json::from_str(&std::fs::read_to_string(&file).ok()?).ok()?;
+    let time = |path: &Path| std::fs::metadata(path).and_then(|m| m.modified()).ok();
+    let written = time(&file)?;
+    let younger = |path: &PathBuf| time(path).is_none_or(|t| t > written);
+    let whole = [SPIN_FILE, "points.csv", "tracks.csv"].iter().all(|name| folder.join(name).exists());
+    let same = whole && record.provenance == *provenance && !clip.pairs.iter().flat_map(|p| p.files.iter().flatten()).any(younger);
+    same.then_some(record.summary)
 }
 
 fn summary(id: &str, tracked: &ShotTracks) -> ShotSummary {
@@ -91,6 +172,7 @@ fn summary(id: &str, tracked: &ShotTracks) -> ShotSummary {
         occluded: tracked.tracks.points.len() - measured,
         contact_frame: tracked.contact_frame,
         notes: tracked.notes.clone(),
+        unreadable: tracked.unreadable.clone(),
         error: None,
     }
 }

@@ -19,8 +19,19 @@ pub enum RowError {
     Model { id: String, source: ModelError },
 }
 
-/// The model input of one row. `grip_torque` counts as 0 when it was not measured; `order` is the row's sequence minus
-/// `first_sequence` (the table's smallest).
+/// Inputs that are often not measured (a ball without readable lines, no instrumented handle) and then count as 0.
+fn counts_as_zero(column: &str) -> bool {
+    column == "grip_torque" || column.starts_with("ball_in_w")
+}
+
+/// Impacts whose incoming spin, or part of it, was not measured and counts as 0: a prediction for a ball without spin.
+pub fn without_spin(table: &ImpactTable) -> Vec<&str> {
+    let lacks = |row: &ImpactRow| INPUTS.iter().zip(&row.inputs).any(|(c, m)| c.starts_with("ball_in_w") && m.is_none());
+    table.rows.iter().filter(|r| lacks(r)).map(|r| r.id.as_str()).collect()
+}
+
+/// The model input of one row. Incoming spin ([`without_spin`] names the rows) and `grip_torque` count as 0 when they
+/// were not measured; `order` is the row's sequence minus `first_sequence` (the table's smallest).
 ///
 /// # Errors
 /// [`RowError::Missing`] for any other input that was not measured.
@@ -29,7 +40,7 @@ pub fn input_of_row(row: &ImpactRow, first_sequence: f64) -> Result<ImpactInput,
     for (i, column) in INPUTS.into_iter().enumerate() {
         columns[i] = match row.inputs[i] {
             Some(m) => m.value,
-            None if column == "grip_torque" => 0.0,
+            None if counts_as_zero(column) => 0.0,
             None => return Err(RowError::Missing { id: row.id.clone(), column }),
         };
     }

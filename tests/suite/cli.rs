@@ -195,6 +195,25 @@ fn fails_broken_tables_are_named_with_their_line() {
     refused_table(&bench, &["impacts.csv"]);
 }
 
+/// A ball whose lines could not be read has no spin: `predict` says what it takes instead, as `compare` does.
+#[test]
+fn cli_predict_names_the_impacts_whose_spin_it_takes_as_zero() {
+    let bench = Bench::new();
+    let columns = "ball_in_vx,ball_in_vy,ball_in_vz,racket_in_vx,racket_in_vy,racket_in_vz,racket_in_wx,racket_in_wy,racket_in_wz,impact_x,impact_y";
+    bench.write(
+        "impacts.csv",
+        format!("id,{columns},ball_in_wx,ball_in_wy,ball_in_wz\na,1,2,-25,0,0,3,0,0,0,0.01,0.02,,,\nb,1,2,-25,0,0,3,0,0,0,0.01,0.02,0,0,0\n"),
+    );
+    let mut arguments = bench.table("predict");
+    arguments.push("--json".into());
+    let output = sweetspot(&arguments.iter().map(String::as_str).collect::<Vec<_>>());
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    assert!(stderr(&output).contains("taken as 0, in 1 impacts: a"), "{}", stderr(&output));
+    let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(json["spin_taken_as_zero"], serde_json::json!(["a"]));
+    assert_eq!(json["predictions"][0]["ball_out_vz"], json["predictions"][1]["ball_out_vz"]);
+}
+
 #[test]
 fn fails_a_session_file_cannot_lead_outside_its_folder() {
     let bench = Bench::new();

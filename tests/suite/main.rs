@@ -9,6 +9,8 @@ mod calibration_coverage;
 #[cfg(feature = "vision")]
 mod calibration_pictures;
 mod cli;
+#[cfg(feature = "vision")]
+mod cli_footage;
 mod impact;
 mod impact_expression;
 mod impact_scene;

@@ -1,0 +1,112 @@
+//! The chain on footage as a user runs it: broken pictures are named, other shots go on, a second run keeps what stands.
+
+use super::cli::{MODEL, refused, stderr, sweetspot, text};
+use std::path::{Path, PathBuf};
+
+fn copy(from: &Path, to: &Path) {
+    std::fs::create_dir_all(to).unwrap();
+    for entry in std::fs::read_dir(from).unwrap() {
+        let entry = entry.unwrap();
+        let target = to.join(entry.file_name());
+        if entry.file_type().unwrap().is_dir() { copy(&entry.path(), &target) } else { std::fs::copy(entry.path(), target).map(|_| ()).unwrap() }
+    }
+}
+
+/// The sample session with its first shots only.
+fn sample(shots: usize) -> (tempfile::TempDir, PathBuf, Vec<String>) {
+    let folder = tempfile::tempdir().unwrap();
+    let session = folder.path().join("session");
+    let sample = Path::new(env!("CARGO_MANIFEST_DIR")).join("footage-samples/session");
+    for part in ["calib", "axes"] {
+        copy(&sample.join(part), &session.join(part));
+    }
+    for file in ["session.toml", "racket.toml", "ball.toml"] {
+        std::fs::copy(sample.join(file), session.join(file)).unwrap();
+    }
+    let mut ids: Vec<String> = std::fs::read_dir(sample.join("shots")).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+    ids.sort();
+    ids.truncate(shots);
+    for id in &ids {
+        copy(&sample.join("shots").join(id), &session.join("shots").join(id));
+    }
+    (folder, session, ids)
+}
+
+/// The k-th picture of a camera.
+fn picture(folder: &Path, k: usize) -> PathBuf {
+    let mut files: Vec<PathBuf> = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()).collect();
+    files.sort();
+    files.swap_remove(k)
+}
+
+#[test]
+fn fails_unequal_calibration_pictures_are_named() {
+    let (_keep, session, _) = sample(0);
+    let lost = picture(&session.join("calib/right"), 2);
+    std::fs::remove_file(&lost).unwrap();
+    let alone = session.join("calib/left").join(picture(&session.join("calib/left"), 2).file_name().unwrap());
+    refused(&["calibrate", &text(&session)], &["left/", "right/", "allowed: the same number", &text(&alone), "try:"]);
+    assert!(!session.join("results/calibration.json").exists());
+}
+
+/// One good shot, one with a picture cut off and one of text among its frames, one that is text throughout.
+#[test]
+fn cli_broken_pictures_in_shots_are_named_and_the_others_go_on() {
+    let (_keep, session, ids) = sample(3);
+    let shots = session.join("shots");
+    let (cut, prose) = (picture(&shots.join(&ids[1]).join("left"), 3), picture(&shots.join(&ids[1]).join("right"), 5));
+    let mut bytes = Vec::new();
+    image::open(&cut).unwrap().into_luma8().write_to(&mut std::io::Cursor::new(&mut bytes), image::ImageFormat::Bmp).unwrap();
+    bytes.truncate(bytes.len() / 2);
+    std::fs::write(&cut, bytes).unwrap();
+    std::fs::write(&prose, "this is not a picture").unwrap();
+    for camera in ["left", "right"] {
+        for entry in std::fs::read_dir(shots.join(&ids[2]).join(camera)).unwrap() {
+            std::fs::write(entry.unwrap().path(), "nor is this").unwrap();
+        }
+    }
+    let run = |arguments: &[&str]| {
+        let output = sweetspot(arguments);
+        let message = stderr(&output);
+        assert!(!message.contains("panicked"), "{message}");
+        (output.status.code(), message)
+    };
+    let place = text(&session);
+    let (code, message) = run(&["calibrate", &place]);
+    assert_eq!(code, Some(0), "{message}");
+
+    // The broken shots stay broken however often the command runs; the good one is tracked once.
+    for again in [false, true] {
+        let (code, message) = run(&["track", &place]);
+        assert_eq!(code, Some(1), "{message}");
+        assert_eq!(message.contains(&format!("{}: already tracked", ids[0])), again, "{message}");
+        for word in [&text(&cut), &text(&prose), &ids[2]] {
+            assert!(message.contains(word.as_str()), "expected {word} in: {message}");
+        }
+    }
+    let tracks = |id: &str| session.join("results/shots").join(id).join("tracks.csv");
+    assert!(tracks(&ids[0]).exists() && tracks(&ids[1]).exists() && !tracks(&ids[2]).exists());
+
+    // A picture mended later makes its shot stale, and only that one.
+    let mended = picture(&shots.join(&ids[1]).join("left"), 4);
+    std::fs::copy(&mended, &cut).unwrap();
+    std::fs::File::options().append(true).open(&cut).unwrap().set_modified(std::time::SystemTime::now()).unwrap();
+    let (_, message) = run(&["track", &place]);
+    assert!(!message.contains(&text(&cut)) && message.contains(&text(&prose)), "{message}");
+
+    // Points corrected by hand are not lost to a second run.
+    let by_hand = std::fs::read_to_string(tracks(&ids[1])).unwrap().replacen(",measured", ",manual", 1);
+    std::fs::write(tracks(&ids[1]), &by_hand).unwrap();
+    std::fs::remove_file(tracks(&ids[1]).with_file_name("track.json")).unwrap();
+    let (_, message) = run(&["track", &place]);
+    assert!(message.contains("1 points corrected by hand"), "{message}");
+    assert_eq!(std::fs::read_to_string(tracks(&ids[1])).unwrap(), by_hand);
+
+    let model = session.join("model.toml");
+    std::fs::write(&model, MODEL).unwrap();
+    let (code, message) = run(&["validate", &place, "--model", &text(&model)]);
+    assert_eq!(code, Some(1), "{message}");
+    assert!(message.contains(&ids[2]) && session.join("results/report.html").exists(), "{message}");
+    let impacts = std::fs::read_to_string(session.join("results/impacts.csv")).unwrap();
+    assert!(impacts.contains(&ids[0]) && impacts.contains(&ids[1]) && !impacts.contains(&ids[2]), "{impacts}");
+}

@@ -111,6 +111,38 @@ pub fn kelvin_voigt_force(mass: f64, stiffness: f64, damping: f64, speed: f64, t
     stiffness * x + damping * v
 }
 
+/// Spring and damper of a Kelvin-Voigt ball from what is measured (Dignall and Haake 2000): restitution and contact time on a
+/// rigid surface, from first touch to zero displacement. Returns N/m and N s/m.
+///
+/// `T = π/ω`, `e = exp(−c T/2m)`, `k = m (ω² + (c/2m)²)`.
+pub fn kelvin_voigt_constants(mass: f64, restitution: f64, contact_time: f64) -> (f64, f64) {
+    let decay = -restitution.ln() / contact_time;
+    let rate = PI / contact_time;
+    (mass * (rate * rate + decay * decay), 2.0 * mass * decay)
+}
+
+/// For how long a Kelvin-Voigt ball is pulled before its displacement is nil, s (thesis fig 2.32), and its contact time.
+///
+/// The force is nil where `k x = −c v`: `tan ωt = −c ω/(k − c²/2m)`.
+pub fn kelvin_voigt_tensile(mass: f64, stiffness: f64, damping: f64) -> (f64, f64) {
+    let decay = 0.5 * damping / mass;
+    let rate = (stiffness / mass - decay * decay).max(0.0).sqrt();
+    let contact = PI / rate;
+    // k sin + c (w cos − decay sin) = 0.
+    let zero = PI - (damping * rate).atan2(stiffness - damping * decay);
+    (contact - zero / rate, contact)
+}
+
+/// How far in front of the ball's centre the normal force acts because a spinning ball's shell lands faster at the front of
+/// the contact than at its rear, m (Haake, Carre, Kirk and Senior 2005; thesis 2.7.2 gives about half a millimetre).
+///
+/// Truncated sphere with contact radius `a² = 2 r x − x²`: shell of `ρ = m/(4πr²)` lands at the rim's front faster by `ω a`;
+/// the moment `π ρ a² u (2 r − x) ω` over the force. Only while the ball is being compressed at `rate`.
+pub fn haake_offset(mass: f64, radius: f64, compression: f64, rate: f64, spin: f64, force: f64) -> f64 {
+    let area = 2.0 * radius * compression - compression * compression;
+    mass * area * rate.max(0.0) * (2.0 * radius - compression) * spin / (4.0 * radius * radius * force)
+}
+
 /// Cross's oblique impact with two coefficients (2005): normal `e_y` and tangential `e_x`; returns normal speed, tangential
 /// speed and spin after.
 ///
@@ -183,6 +215,37 @@ mod tests {
         let half_period = PI / (k / m - (0.5 * c / m).powi(2)).sqrt();
         assert!(kelvin_voigt_force(m, k, c, v, 0.98 * half_period) < 0.0);
         assert!(kelvin_voigt_force(m, k, c, v, 0.5 * half_period) > 0.0);
+    }
+
+    #[test]
+    fn truth_kelvin_voigt_constants_give_back_what_was_measured() {
+        let (k, c) = kelvin_voigt_constants(0.0577, 0.57, 3.6e-3);
+        near(k, 45.3e3, 100.0);
+        near(c, 18.0, 0.05);
+        let (pulled, contact) = kelvin_voigt_tensile(0.0577, k, c);
+        near(contact, 3.6e-3, 1e-12);
+        near(kelvin_voigt_force(0.0577, k, c, 20.0, contact - pulled), 0.0, 1e-9);
+        near(kelvin_voigt_force(0.0577, k, c, 20.0, contact), -c * 0.57 * 20.0, 1e-9);
+        // "The force acting for the last 0.5 ms of the impact drops below zero" (thesis, on Pratt 2000).
+        assert!((0.3e-3..0.7e-3).contains(&pulled), "{pulled}");
+    }
+
+    /// Against the rim integrated numerically: landing only, at the front faster than at the rear.
+    #[test]
+    fn agrees_haake_offset_with_the_rim_integrated() {
+        let (m, r, x, u, w, n) = (0.0577, 0.033, 0.009, 15.0, 150.0, 700.0);
+        let density = m / (4.0 * PI * r * r);
+        let a = f64::sqrt(2.0 * r * x - x * x);
+        let steps = 100_000;
+        let moment: f64 = (0..steps)
+            .map(|i| {
+                let cos = (2.0 * PI * (f64::from(i) + 0.5) / f64::from(steps)).cos();
+                let landing = (density * (u * (r - x) + a * r * w * cos)).max(0.0);
+                landing * (u + w * a * cos) * a * cos * 2.0 * PI / f64::from(steps)
+            })
+            .sum();
+        near(haake_offset(m, r, x, u, w, n), moment / n, 1e-9);
+        assert!((0.1e-3..2e-3).contains(&(moment / n)), "{}", moment / n);
     }
 
     #[test]

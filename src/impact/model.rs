@@ -8,7 +8,7 @@ use super::expression::ExpressionEffect;
 use super::input::{ImpactInput, ImpactOutput};
 use super::parameter::Parameter;
 use super::rigid::{Contact, Impulse, Laws, Regime, Sliding, collide};
-use super::viscoelastic::{self, DEFAULT_STEPS, Ready, Run};
+use super::viscoelastic::{self, BallLaw, ContactLaws, DEFAULT_STEPS, Ready, Run, StringLaw};
 use crate::equipment::{Ball, Racket};
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -117,6 +117,7 @@ impl Effect for OfCatalogue {
 pub struct Model {
     base: Base,
     sliding: Sliding,
+    contact_laws: ContactLaws,
     /// Base parameters first, then each effect's, in the effects' order.
     parameters: Vec<Parameter>,
     /// In the catalogue's order, then the user's own by name.
@@ -131,6 +132,7 @@ impl Model {
         Model {
             base,
             sliding: Sliding::FirstTouch,
+            contact_laws: ContactLaws::default(),
             parameters: base.parameters().iter().map(|c| Parameter::from_card(None, c)).collect(),
             effects: Vec::new(),
             stiffness_from_tension: true,
@@ -147,6 +149,41 @@ impl Model {
 
     pub fn set_sliding(&mut self, sliding: Sliding) {
         self.sliding = sliding;
+    }
+
+    /// Which published laws the visco-elastic contact follows; without meaning in base rigid.
+    pub fn contact_laws(&self) -> ContactLaws {
+        self.contact_laws
+    }
+
+    /// Changes release, place of the normal force and direction of friction; see [`Model::set_ball_law`] for the others.
+    pub fn contact_laws_mut(&mut self) -> &mut ContactLaws {
+        &mut self.contact_laws
+    }
+
+    /// Gives the ball another law: parameters it replaces take that law's defaults, and the contact ends as that law has it.
+    ///
+    /// # Errors
+    /// [`ModelError::UnknownParameter`] in base rigid, which has no such parameters.
+    pub fn set_ball_law(&mut self, law: BallLaw) -> Result<(), ModelError> {
+        for (name, value) in law.defaults() {
+            self.set(name, *value)?;
+        }
+        self.contact_laws.ball = law;
+        self.contact_laws.release = law.release();
+        Ok(())
+    }
+
+    /// Gives the stringbed another law, as [`Model::set_ball_law`].
+    ///
+    /// # Errors
+    /// As [`Model::set_ball_law`].
+    pub fn set_string_law(&mut self, law: StringLaw) -> Result<(), ModelError> {
+        for (name, value) in law.defaults() {
+            self.set(name, *value)?;
+        }
+        self.contact_laws.strings = law;
+        Ok(())
     }
 
     /// All parameters: the base's, then each effect's.
@@ -468,7 +505,7 @@ impl PreparedModel {
 
     /// A contact with the visco-elastic laws of this impact.
     fn ready<'a>(&self, at: Contact<'a>) -> Ready<'a> {
-        let mut laws = viscoelastic::Laws::new(&self.values, at.body, self.model.stiffness_from_tension);
+        let mut laws = viscoelastic::Laws::new(&self.values, at.body, self.model.stiffness_from_tension, &self.model.contact_laws);
         for (effect, p) in self.each() {
             effect.change_viscoelastic(p, &at, &mut laws);
         }
@@ -497,15 +534,15 @@ impl PreparedModel {
         output
     }
 
-    /// About how many steps a visco-elastic contact is divided into (default 80: better than 1e-6 of the velocities).
+    /// About how many steps a visco-elastic contact is divided into (default 72: better than 1e-6 of the velocities).
     pub fn set_steps(&mut self, steps: f64) {
         self.steps = steps.clamp(16.0, 1e5);
     }
 
     /// One visco-elastic impact with its ledger of energy and momentum, peak force, compression and deflection.
     ///
-    /// `steps` as in [`PreparedModel::set_steps`]; 2000 closes the ledger to 1e-9 J. The output is the true one: effects
-    /// on the observation are left out.
+    /// About `steps` steps of order 8; [`PreparedModel::run_default`] closes the ledger to 1e-9 J. The output is the true one:
+    /// effects on the observation are left out.
     ///
     /// # Errors
     /// As [`PreparedModel::predict`]; [`ModelError::NotInBase`] in base rigid, which has no time.
@@ -516,6 +553,14 @@ impl PreparedModel {
         let truth = self.true_input(input)?;
         let body = if self.body_varies { self.body_at(&truth)? } else { self.body.clone() };
         viscoelastic::run(&self.ready(contact(&body, truth)?), steps.clamp(16.0, 1e5))
+    }
+
+    /// [`PreparedModel::run`] with as many steps as close the ledger to 1e-9 J.
+    ///
+    /// # Errors
+    /// As [`PreparedModel::run`].
+    pub fn run_default(&self, input: &ImpactInput) -> Result<Run, ModelError> {
+        self.run(input, viscoelastic::RUN_STEPS)
     }
 
     /// The outcomes of many impacts, in their order; the same for any number of threads.

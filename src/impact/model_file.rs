@@ -6,6 +6,7 @@ use super::error::{ModelError, near_matches};
 use super::model::{Base, Model};
 use super::parameter::Parameter;
 use super::rigid::Sliding;
+use super::viscoelastic::{BallLaw, FrictionDirection, NormalForce, Release, StringLaw};
 use std::path::Path;
 use toml_edit::{DocumentMut, InlineTable, Item, Table, TableLike, Value};
 
@@ -43,8 +44,9 @@ impl Model {
         if let Some(item) = document.get("parameters") {
             let table = item.as_table_like().ok_or_else(|| value("parameters", shown(item), "a table [parameters]"))?;
             let mut known: Vec<&str> = base.parameters().iter().map(|c| c.name).collect();
-            if base == Base::Rigid {
-                known.push("sliding");
+            match base {
+                Base::Rigid => known.push("sliding"),
+                Base::Viscoelastic => known.extend([BallLaw::KEY, StringLaw::KEY, Release::KEY, NormalForce::KEY, FrictionDirection::KEY]),
             }
             only_keys(path, "[parameters]", table, &known)?;
             if let Some(sliding) = table.get("sliding") {
@@ -53,6 +55,22 @@ impl Model {
                     Some("exact") => Sliding::Exact,
                     _ => return Err(value("parameters.sliding", shown(sliding), "\"first-touch\" (default) or \"exact\"")),
                 });
+            }
+            if let Some(law) = read_choice(path, table, BallLaw::KEY, BallLaw::NAMES, BallLaw::from_name)? {
+                model.set_ball_law(law)?;
+            }
+            if let Some(law) = read_choice(path, table, StringLaw::KEY, StringLaw::NAMES, StringLaw::from_name)? {
+                model.set_string_law(law)?;
+            }
+            let laws = model.contact_laws_mut();
+            if let Some(release) = read_choice(path, table, Release::KEY, Release::NAMES, Release::from_name)? {
+                laws.release = release;
+            }
+            if let Some(place) = read_choice(path, table, NormalForce::KEY, NormalForce::NAMES, NormalForce::from_name)? {
+                laws.normal_force = place;
+            }
+            if let Some(direction) = read_choice(path, table, FrictionDirection::KEY, FrictionDirection::NAMES, FrictionDirection::from_name)? {
+                laws.friction_direction = direction;
             }
             read_parameters(path, &mut model, table, None, base.parameters())?;
         }
@@ -66,6 +84,16 @@ impl Model {
         }
         Ok(model)
     }
+}
+
+/// One word out of a few, or nothing when the key is left out.
+fn read_choice<T>(path: &Path, table: &dyn TableLike, key: &str, names: &[&str], from_name: fn(&str) -> Option<T>) -> Result<Option<T>, ModelError> {
+    let Some(item) = table.get(key) else { return Ok(None) };
+    let word = item.as_str().and_then(from_name);
+    word.map(Some).ok_or_else(|| {
+        let allowed = names.iter().map(|n| format!("\"{n}\"")).collect::<Vec<_>>().join(", ");
+        ModelError::Value { path: path.into(), key: format!("parameters.{key}"), seen: shown(item), allowed }
+    })
 }
 
 fn read_effect(path: &Path, model: &Model, name: &str, table: &dyn TableLike) -> Result<Model, ModelError> {

@@ -1,9 +1,10 @@
 //! Published numbers against the visco-elastic model (physics reference, C.7): `sweetspot explore published`.
 
+use super::rig::{WALL, at_rest, clamped, frame, prepared, pure_drive};
 use crate::impact::body::Body;
 use crate::impact::error::ModelError;
 use crate::impact::input::ImpactInput;
-use crate::impact::model::{Base, Model, PreparedModel};
+use crate::impact::model::PreparedModel;
 use crate::impact::viscoelastic::Run;
 use nalgebra::{Matrix2, Rotation3, Vector2, Vector3};
 
@@ -18,82 +19,15 @@ pub struct Line {
     pub unit: &'static str,
 }
 
-/// Typical strung player's frame of the reference: 0.33 kg, balance 0.325 m, inertias .0015, .0158, .0173 kg m².
-fn frame() -> Body {
-    Body {
-        racket_mass: 0.33,
-        racket_inertia: Vector3::new(0.0015, 0.0158, 0.0173),
-        com_x: 0.185,
-        reported_com_x: 0.185,
-        ball_mass: 0.0577,
-        ball_radius: 0.033,
-        ball_inertia: 0.55 * 0.0577 * 0.033 * 0.033,
-        racket_length: 0.685,
-        stringbed_centre: 0.51,
-        half_length: 0.165,
-        half_width: 0.12,
-        tension_lb: 60.0,
-        beam: None,
-    }
-}
-
-/// Tennis Warehouse University's Pure Drive: 320 g, 330 mm, SW 320, twistweight 14.
-fn pure_drive() -> Body {
-    let mut b = frame();
-    b.racket_mass = 0.320;
-    b.racket_inertia = Vector3::new(0.0014, 0.0320 - 0.320 * 0.23f64.powi(2), 0.0);
-    b.racket_inertia.z = b.racket_inertia.x + b.racket_inertia.y;
-    b.com_x = 0.51 - 0.330;
-    b.reported_com_x = b.com_x;
-    b
-}
-
-/// A racket that cannot move: the head-clamped bed.
-fn clamped(tension_lb: f64) -> Body {
-    let mut b = frame();
-    b.racket_mass = 1e9;
-    b.racket_inertia = Vector3::repeat(1e9);
-    (b.com_x, b.reported_com_x) = (0.0, 0.0);
-    b.tension_lb = tension_lb;
-    b
-}
-
-/// The plain base with some values changed.
-fn prepared(body: Body, changes: &[(&str, f64)]) -> Result<PreparedModel, ModelError> {
-    let mut model = Model::new(Base::Viscoelastic);
-    for (name, value) in changes {
-        model.set(name, *value)?;
-    }
-    PreparedModel::new(model, body)
-}
-
-/// Ball velocity and spin, impact `along` from the centre of mass (tip negative) and `across`, racket at rest.
-fn at_rest(body: &Body, v: [f64; 3], spin: [f64; 3], along: f64, across: f64) -> ImpactInput {
-    ImpactInput {
-        ball_velocity: v.into(),
-        ball_spin: spin.into(),
-        racket_velocity: Vector3::zeros(),
-        racket_rate: Vector3::zeros(),
-        position: Vector2::new(along + body.com_x, across),
-        grip_torque: 0.0,
-        order: 0.0,
-    }
-}
-
-const STEPS: f64 = 400.0;
-
 fn head_on(body: Body, changes: &[(&str, f64)], speed: f64, along: f64) -> Result<Run, ModelError> {
     let input = at_rest(&body, [0.0, 0.0, -speed], [0.0; 3], along, 0.0);
-    prepared(body, changes)?.run(&input, STEPS)
+    prepared(body, changes)?.run_default(&input)
 }
 
 fn restitution(run: &Run, along: f64, speed: f64) -> f64 {
     let o = &run.output;
     (o.ball_velocity.z - o.racket_velocity.z + o.racket_rate.y * along) / speed
 }
-
-/// Strings so stiff that the ball alone deforms: the rigid wall. Their own loss is below 0.2 % of the ball's.
-const WALL: [(&str, f64); 4] = [("kS0", 2e7), ("kS2", 0.0), ("c_S", 800.0), ("mu", 0.0)];
 
 /// All lines of the table.
 ///
@@ -148,7 +82,7 @@ pub fn table() -> Result<Vec<Line>, ModelError> {
     ] {
         let body = pure_drive();
         let input = at_rest(&body, [0.0, 0.0, -20.0], [0.0; 3], 0.330 - from_butt, across);
-        let r = prepared(body, &[("mu", 0.0)])?.run(&input, STEPS)?;
+        let r = prepared(body, &[("mu", 0.0)])?.run_default(&input)?;
         add(quantity, published, reference, 100.0 * r.output.ball_velocity.z / 20.0, "%");
     }
     // 25.0 m/s at 40 degrees from the normal, 3820 rpm of backspin; positive out is topspin.
@@ -159,7 +93,7 @@ pub fn table() -> Result<Vec<Line>, ModelError> {
         let spin = 3820.0 * std::f64::consts::TAU / 60.0;
         // Travelling along +y, topspin is about −x.
         let input = at_rest(&body, [0.0, 25.0 * angle.sin(), -25.0 * angle.cos()], [spin, 0.0, 0.0], 0.0, 0.0);
-        let r = prepared(body, changes)?.run(&input, STEPS)?;
+        let r = prepared(body, changes)?.run_default(&input)?;
         add(quantity, "1207-1803 rpm (TWU)", reference, -r.output.ball_spin.x * 60.0 / std::f64::consts::TAU, "rpm");
     }
     Ok(lines)
@@ -291,11 +225,8 @@ mod tests {
                 "ms" => 0.08,
                 "mm" => 0.06,
                 "%" => 0.1,
-                // The prototype's sideways damping for its 1810 rpm is not stated; both lie within the published spread.
-                _ => {
-                    assert!((1207.0..1803.0).contains(&line.model), "{line:?}");
-                    continue;
-                }
+                // The prototype gives 1217 to 1233 rpm for friction from 0.35 to 0.5.
+                _ => 10.0,
             };
             eprintln!("{:<60} {:<42} {:>9.3} {:>9.3} {}", line.quantity, line.published, line.reference, line.model, line.unit);
             assert!((line.model - line.reference).abs() <= digits, "{line:?}");

@@ -53,6 +53,8 @@ pub(super) struct Signs {
     pub stick: [f64; 2],
     /// Time in which strings and ball settle against each other, s.
     pub settling: f64,
+    /// How far the ball's centre has come since first touch, m.
+    pub approach: f64,
 }
 
 /// Sliding, sticking, and just freed: the slip is too small to have a direction of its own, so friction points where sticking
@@ -113,7 +115,10 @@ pub(super) fn rates<const S: usize>(s: &[f64; S], k: &Laws, mode: Mode) -> ([f64
     let contact = 4.0 * area;
     let relative = contact / REFERENCE_AREA;
     let growth = if full { if k.beta_c == 2.0 { relative * relative } else { relative.powf(k.beta_c) } } else { relative * relative };
-    let onset = if x < ONSET { x / ONSET } else { 1.0 };
+    let mut onset = if x < ONSET { x / ONSET } else { 1.0 };
+    if full && k.onset == 0.0 {
+        onset = 1.0;
+    }
     let c_b = ratio * k.a_c * contact * growth + k.c_b0 * onset;
     let stiffening = if full { if k.alpha == 2.0 { x * x } else { x.powf(k.alpha) } } else { x * x };
     let k_b = k.k_b0 + k.a_k * stiffening;
@@ -134,11 +139,16 @@ pub(super) fn rates<const S: usize>(s: &[f64; S], k: &Laws, mode: Mode) -> ([f64
     let (wx, wy, wz) = (lx / inertia, ly / inertia, lz / inertia);
     // The pocket's normal (unit z unless it leans) and the contact point c below the ball.
     let (mut nx, mut ny, mut nz) = (0.0, 0.0, 1.0);
+    // How fast it leans over.
+    let mut lean = [0.0; 3];
     if full {
         nx = -k.tilt_x * xs * (px + k.com_x);
         ny = -k.tilt_y * xs * py;
         let length = (1.0 + nx * nx + ny * ny).sqrt();
+        let (gx, gy) = (-k.tilt_x * (w_s * (px + k.com_x) + xs * rx) / length, -k.tilt_y * (w_s * py + xs * ry) / length);
         (nx, ny, nz) = (nx / length, ny / length, 1.0 / length);
+        let along = nx * gx + ny * gy;
+        lean = [gx - along * nx, gy - along * ny, -along * nz];
     }
     let (cx, cy, cz) = (-arm * n * nx, -arm * n * ny, -arm * n * nz);
     let (sx, sy, sz) = (px + cx, py + cy, pz + cz);
@@ -170,16 +180,25 @@ pub(super) fn rates<const S: usize>(s: &[f64; S], k: &Laws, mode: Mode) -> ([f64
         )
     };
     // The normal force acts behind the centre, against the slip: moment o x N n on the ball, its reverse on the racket.
-    let mut moment = [0.0; 3];
+    let (mut moment, mut rim) = ([0.0; 3], 0.0);
     if full {
         let soft = (tx * tx + ty * ty + 0.25).sqrt();
         let (qx, qy) = (-k.normal_offset * tx / soft, -k.normal_offset * ty / soft);
         moment = [qy * fnz, -qx * fnz, qx * fny - qy * fnx];
+        // Haake: shell lands at the contact's rim with u + g.p (p: place on the rim, g: gradient by the spin relative to the
+        // face) at the rate rho (u (r - x) + r g.p); its moment, to first order in g, is pi rho a^2 u (2 r - x) g.
+        rim = if u > 0.0 { k.flux_offset * m * area * u * (2.0 * r0 - x) / (4.0 * r0 * r0) } else { 0.0 };
+        moment[0] -= rim * (wx - ox);
+        moment[1] -= rim * (wy - oy);
     }
     let reverse = [-moment[0], -moment[1], -moment[2]];
     let (ax, ay, az) = turn(fnx, fny, fnz, reverse);
-    let (c_rate_x, c_rate_y, c_rate_z) = (-arm_rate * n * nx, -arm_rate * n * ny, -arm_rate * n * nz);
+    let (c_rate_x, c_rate_y, c_rate_z) = (-n * (arm_rate * nx + arm * lean[0]), -n * (arm_rate * ny + arm * lean[1]), -n * (arm_rate * nz + arm * lean[2]));
     let (dx, dy, dz) = (rx + c_rate_x, ry + c_rate_y, rz + c_rate_z);
+    // The player's force points along the world's z at first touch; the face hardly turns, but the axes do.
+    let (q0, q1, q2, q3) = (s[ATTITUDE], s[ATTITUDE + 1], s[ATTITUDE + 2], s[ATTITUDE + 3]);
+    let push = outside / k.racket_mass;
+    let up = [2.0 * (q1 * q3 - q0 * q2), 2.0 * (q2 * q3 + q0 * q1), 1.0 - 2.0 * (q1 * q1 + q2 * q2)];
     // Body axes turn: subtract Omega x L.
     let spin_rate = |fx: f64, fy: f64, fz: f64| {
         (
@@ -191,20 +210,41 @@ pub(super) fn rates<const S: usize>(s: &[f64; S], k: &Laws, mode: Mode) -> ([f64
     let (l0x, l0y, l0z) = spin_rate(fnx, fny, fnz);
     let shrink = inertia_rate / inertia;
     let (w0x, w0y, w0z) = (l0x / inertia - wx * shrink, l0y / inertia - wy * shrink, l0z / inertia - wz * shrink);
-    let a0x = fnx * per_mass - (oy * vz - oz * vy) - (ay * sz - az * sy) - (oy * dz - oz * dy) + (w0y * cz - w0z * cy) + (wy * c_rate_z - wz * c_rate_y);
-    let a0y = fny * per_mass - (oz * vx - ox * vz) - (az * sx - ax * sz) - (oz * dx - ox * dz) + (w0z * cx - w0x * cz) + (wz * c_rate_x - wx * c_rate_z);
+    let mut a0x = fnx * per_mass - (oy * vz - oz * vy) - (ay * sz - az * sy) - (oy * dz - oz * dy) + (w0y * cz - w0z * cy) + (wy * c_rate_z - wz * c_rate_y);
+    let mut a0y = fny * per_mass - (oz * vx - ox * vz) - (az * sx - ax * sz) - (oz * dx - ox * dz) + (w0z * cx - w0x * cz) + (wz * c_rate_x - wx * c_rate_z);
     let ball_part = per_mass + arm * arm / inertia;
-    let kxx = ball_part + sy * sy / k.inertia_z + sz * sz / k.inertia_y;
-    let kyy = ball_part + sx * sx / k.inertia_z + sz * sz / k.inertia_x;
-    let kxy = -sx * sy / k.inertia_z;
-    let det = kxx * kyy - kxy * kxy;
+    let mut kxx = ball_part + sy * sy / k.inertia_z + sz * sz / k.inertia_y;
+    let mut kyy = ball_part + sx * sx / k.inertia_z + sz * sz / k.inertia_x;
+    let mut kxy = -sx * sy / k.inertia_z;
+    let mut kyx = kxy;
+    if full {
+        (a0x, a0y) = (a0x - push * up[0], a0y - push * up[1]);
+        // Against a leaning normal: the slip is what is left of u in the pocket's plane, and that plane turns.
+        let a0z = fnz * per_mass - (ox * vy - oy * vx) - (ax * sy - ay * sx) - (ox * dy - oy * dx) + (w0x * cy - w0y * cx) + (wx * c_rate_y - wy * c_rate_x)
+            - push * up[2];
+        let change = a0x * nx + a0y * ny + a0z * nz + ux * lean[0] + uy * lean[1] + uz * lean[2];
+        (a0x, a0y) = (a0x - change * nx - along * lean[0], a0y - change * ny - along * lean[1]);
+        // Columns: slip's rate of change for a unit of friction along x and y, in the pocket's plane.
+        let column = |fx: f64, fy: f64| {
+            let fz = -(fx * nx + fy * ny) / nz;
+            let (tx, ty, tz) = ((sy * fz - sz * fy) / k.inertia_x, (sz * fx - sx * fz) / k.inertia_y, (sx * fy - sy * fx) / k.inertia_z);
+            let (x, y, z) = (ball_part * fx + ty * sz - tz * sy, ball_part * fy + tz * sx - tx * sz, ball_part * fz + tx * sy - ty * sx);
+            let out = x * nx + y * ny + z * nz;
+            (x - out * nx, y - out * ny)
+        };
+        ((kxx, kyx), (kxy, kyy)) = (column(1.0, 0.0), column(0.0, 1.0));
+    }
+    let det = kxx * kyy - kxy * kyx;
     let back = if mode.stick == STICK { SLIP_RETURN } else { 0.0 };
     let (bx, by) = (-(a0x + back * tx), -(a0y + back * ty));
-    let (stick_x, stick_y) = ((kyy * bx - kxy * by) / det, (kxx * by - kxy * bx) / det);
+    let (stick_x, stick_y) = ((kyy * bx - kxy * by) / det, (kxx * by - kyx * bx) / det);
     let stick_size = (stick_x * stick_x + stick_y * stick_y).sqrt();
     // Past nil slip the law is continued as it was before, so that a step that ends there sees a smooth force.
     let forward = if tx * mode.direction[0] + ty * mode.direction[1] < 0.0 { -1.0 } else { 1.0 };
-    let (qx, qy) = (forward * tx + SOFT_SLIP * mode.direction[0], forward * ty + SOFT_SLIP * mode.direction[1]);
+    let (mut qx, mut qy) = (forward * tx + SOFT_SLIP * mode.direction[0], forward * ty + SOFT_SLIP * mode.direction[1]);
+    if full && k.projected > 0.0 {
+        (qx, qy) = ((kyy * qx - kxy * qy) / det, (kxx * qy - kyx * qx) / det);
+    }
     let q = (qx * qx + qy * qy).sqrt() + 1e-300;
     let (slide_x, slide_y) = (-limit * qx / q, -limit * qy / q);
     let creep = limit / (stick_size + 1e-300);
@@ -223,12 +263,14 @@ pub(super) fn rates<const S: usize>(s: &[f64; S], k: &Laws, mode: Mode) -> ([f64
         slide_y
     };
     let mut side_rate = [0.0; 2];
+    let mut grip_left = limit - stick_size;
     if full && k.k_tx > 0.0 {
         // Sideways springs in series with friction (C.5 c).
         let (ex, ey) = (s[SIDEWAYS], s[SIDEWAYS + 1]);
         let (hx, hy) = (-(k.k_tx * ex + k.c_t * tx), -(k.k_ty * ey + k.c_t * ty));
         let h = (hx * hx + hy * hy).sqrt();
         let keep = if h > limit { limit / h } else { 1.0 };
+        grip_left = limit - h;
         (fx, fy) = (hx * keep, hy * keep);
         side_rate = [-(fx + k.k_tx * ex) / k.c_t, -(fy + k.k_ty * ey) / k.c_t];
     }
@@ -241,10 +283,6 @@ pub(super) fn rates<const S: usize>(s: &[f64; S], k: &Laws, mode: Mode) -> ([f64
     d[POSITION] = rx;
     d[POSITION + 1] = ry;
     d[POSITION + 2] = rz;
-    // The player's force points along the world's z at first touch; the face hardly turns, but the axes do.
-    let (q0, q1, q2, q3) = (s[ATTITUDE], s[ATTITUDE + 1], s[ATTITUDE + 2], s[ATTITUDE + 3]);
-    let push = outside / k.racket_mass;
-    let up = [2.0 * (q1 * q3 - q0 * q2), 2.0 * (q2 * q3 + q0 * q1), 1.0 - 2.0 * (q1 * q1 + q2 * q2)];
     d[VELOCITY] = gx * per_mass - (oy * vz - oz * vy) - push * up[0];
     d[VELOCITY + 1] = gy * per_mass - (oz * vx - ox * vz) - push * up[1];
     d[VELOCITY + 2] = gz * per_mass - (ox * vy - oy * vx) - push * up[2];
@@ -279,9 +317,10 @@ pub(super) fn rates<const S: usize>(s: &[f64; S], k: &Laws, mode: Mode) -> ([f64
         let modes = -force * n * (phi * ed + psi * fd);
         let springs = k.k_tx * s[SIDEWAYS] * side_rate[0] + k.k_ty * s[SIDEWAYS + 1] * side_rate[1];
         d[LEDGER] = c_b * u * u;
-        d[LEDGER + 1] = if c > 0.0 { g * u * u * u } else { 0.0 };
+        let rolled_in = rim * ((wx - ox) * (wx - ox) + (wy - oy) * (wy - oy));
+        d[LEDGER + 1] = rolled_in + if c > 0.0 { g * u * u * u } else { 0.0 };
         d[LEDGER + 2] = k.c_s * w_s * w_s;
-        d[LEDGER + 3] = -given - taken - modes - springs;
+        d[LEDGER + 3] = -given - taken - modes - springs - rolled_in;
         let spin2 = wx * wx + wy * wy + wz * wz;
         // Stiffness that changes as the ball moves over the face.
         let edge_rate = 2.0 * k.edge_x * (px + k.com_x) * rx + 2.0 * k.edge_y * py * ry;
@@ -295,6 +334,6 @@ pub(super) fn rates<const S: usize>(s: &[f64; S], k: &Laws, mode: Mode) -> ([f64
         // While the ball slides, the sideways strings settle in c/k.
         settling = settling.min(1.5 * k.c_t / k.k_tx.max(k.k_ty));
     }
-    let signs = Signs { force, onset: xc - ONSET, compressing: c, slip: [tx, ty], grip_left: limit - stick_size, stick: [stick_x, stick_y], settling };
+    let signs = Signs { force, onset: xc - ONSET, compressing: c, slip: [tx, ty], grip_left, stick: [stick_x, stick_y], settling, approach: delta };
     (d, signs)
 }

@@ -1,5 +1,6 @@
 //! The numbers of one visco-elastic impact, singly and side by side.
 
+use super::contact_laws::{BallLaw, ContactLaws, FrictionDirection, NormalForce, Release};
 use crate::impact::body::Body;
 
 macro_rules! laws {
@@ -58,8 +59,14 @@ laws! {
     beta_c,
     /// N s/m.
     c_b0,
+    /// 1: the constant damping grows in over the first millimetre; 0: it acts in full from first touch (Kelvin-Voigt).
+    onset,
+    /// 1: the contact ends when ball and strings are back in place, whatever the force; 0: when the force is nil.
+    by_displacement,
     /// Factor on the momentum-flux force.
     flux,
+    /// Factor on the moment of the momentum flux of a spinning ball (Haake 2005).
+    flux_offset,
     /// N/m.
     k_s0,
     /// N/m³.
@@ -67,6 +74,8 @@ laws! {
     /// N s/m.
     c_s,
     mu,
+    /// 1: sliding friction points along the impulse that would stop the slip; 0: against the slip itself (Coulomb).
+    projected,
     lambda_r,
     /// 1/m.
     kappa_i,
@@ -104,7 +113,7 @@ laws! {
 
 /// Values of the base's 14 parameters, in the order of [`crate::impact::Base::parameters`], and the body.
 impl Laws {
-    pub(crate) fn new(p: &[f64], body: &Body, stiffness_from_tension: bool) -> Self {
+    pub(crate) fn new(p: &[f64], body: &Body, stiffness_from_tension: bool, laws: &ContactLaws) -> Self {
         Laws {
             ball_mass: body.ball_mass,
             ball_radius: body.ball_radius,
@@ -119,11 +128,15 @@ impl Laws {
             a_c: p[3],
             beta_c: p[4],
             c_b0: p[5],
-            flux: 1.0,
+            onset: if laws.ball == BallLaw::Goodwill { 1.0 } else { 0.0 },
+            by_displacement: if laws.release == Release::Displacement { 1.0 } else { 0.0 },
+            flux: if laws.ball == BallLaw::Goodwill { 1.0 } else { 0.0 },
+            flux_offset: if laws.normal_force == NormalForce::Haake { 1.0 } else { 0.0 },
             k_s0: if stiffness_from_tension { stringbed_stiffness(body.tension_lb) } else { p[6] },
             k_s2: p[7],
             c_s: p[8],
             mu: p[9],
+            projected: if laws.friction_direction == FrictionDirection::Projected { 1.0 } else { 0.0 },
             lambda_r: p[10],
             kappa_i: p[11],
             edge_x: 0.0,
@@ -153,6 +166,10 @@ impl Laws {
     pub(super) fn is_plain(&self) -> bool {
         self.alpha == 2.0
             && self.beta_c == 2.0
+            && self.onset == 1.0
+            && self.by_displacement == 0.0
+            && self.flux_offset == 0.0
+            && self.projected == 0.0
             && self.edge_x == 0.0
             && self.edge_y == 0.0
             && self.k_tx == 0.0

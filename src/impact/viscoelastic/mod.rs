@@ -10,16 +10,21 @@
 //! construction. Steps end at every kink (first touch, first millimetre, greatest compression, stick to slip and back, last
 //! contact), so the fourth-order method keeps its order.
 
+mod contact_laws;
+mod job;
 mod kernel;
+mod lane;
 mod lanes;
 mod laws;
 mod run;
+mod tableau;
 
 #[cfg(test)]
 mod tests;
 
+pub use contact_laws::{BallLaw, ContactLaws, FrictionDirection, NormalForce, Release, StringLaw};
 pub use laws::Laws;
-pub use run::{Ledger, Run};
+pub use run::{Ledger, Moment, Run};
 
 pub(crate) use lanes::{DEFAULT_STEPS, Ready, collide_all};
-pub(crate) use run::run;
+pub(crate) use run::{RUN_STEPS, run};

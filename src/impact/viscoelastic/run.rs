@@ -1,7 +1,8 @@
 //! One impact with its ledger: where momentum and energy went.
 
+use super::job::{Job, mode_push};
 use super::kernel::{FULL, LEDGER, MODE, POSITION, RATE, SIDEWAYS, SPIN, STRINGS, TORSION};
-use super::lanes::{Job, Ready, mode_push, step_all};
+use super::lanes::{Ready, step_all};
 use crate::impact::error::ModelError;
 use crate::impact::input::ImpactOutput;
 use nalgebra::Vector3;
@@ -44,7 +45,7 @@ impl Ledger {
 }
 
 /// One impact in full.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Run {
     pub output: ImpactOutput,
     /// Racket rates after impact along the racket's own axes as they then stand, rad/s.
@@ -57,12 +58,41 @@ pub struct Run {
     /// Of the strings, m.
     pub peak_deflection: f64,
     pub steps: usize,
+    /// The contact from its first step to its end.
+    pub course: Vec<Moment>,
 }
+
+/// The contact at one instant.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+pub struct Moment {
+    /// Since first touch, s.
+    pub time: f64,
+    /// Of the strings on the ball, along the normal, N; negative where a model's ball is pulled.
+    pub force: f64,
+    /// Approach of the ball's centre since first touch: compression and deflection together, m.
+    pub approach: f64,
+    /// Of the strings, m.
+    pub deflection: f64,
+    /// Of the ball's surface against the strings along x and y, m/s.
+    pub slip: [f64; 2],
+    /// Along x and y, rad/s, in the racket's own axes.
+    pub spin: [f64; 2],
+}
+
+/// Steps of about this many to a contact, of order 8, close the ledger to 1e-9 J.
+pub(crate) const RUN_STEPS: f64 = 160.0;
 
 /// Steps one contact with about `steps` steps and keeps the ledger.
 pub(crate) fn run(ready: &Ready, steps: f64) -> Result<Run, ModelError> {
     let job = Job::<FULL>::new(&ready.at, &ready.laws, steps);
-    let end = step_all::<FULL, 1>(std::slice::from_ref(&job)).pop().unwrap_or(Err(ModelError::NotFinite))?;
+    let mut course = Vec::new();
+    let (radius, inertia, kappa) = (ready.laws.ball_radius, ready.laws.ball_inertia, ready.laws.kappa_i);
+    let mut observe = |time: f64, s: &[f64; FULL], signs: &super::kernel::Signs| {
+        let now = inertia * (1.0 - kappa * (signs.approach - s[STRINGS]).clamp(0.0, radius));
+        let spin = [s[SPIN] / now, s[SPIN + 1] / now];
+        course.push(Moment { time, force: signs.force, approach: signs.approach, deflection: s[STRINGS], slip: signs.slip, spin });
+    };
+    let end = step_all::<FULL, 1, true>(std::slice::from_ref(&job), &mut observe).pop().unwrap_or(Err(ModelError::NotFinite))?;
     let output = job.output(&end);
     let (k, s, side) = (&job.laws, &end.state, job.side);
     let inertia = Vector3::new(k.inertia_x, k.inertia_y, k.inertia_z);
@@ -127,6 +157,7 @@ pub(crate) fn run(ready: &Ready, steps: f64) -> Result<Run, ModelError> {
         peak_compression: end.peak_compression,
         peak_deflection: end.peak_deflection,
         steps: end.steps,
+        course,
     })
 }
 

@@ -1,0 +1,220 @@
+//! `sweetspot explore findings`: the thesis's what-ifs in one report.
+
+use super::{Arguments, Outcome};
+use crate::cli::error::CliError;
+use crate::equipment::{Ball, Racket};
+use crate::impact::study::face_map::{over_face, scatter};
+use crate::impact::study::shot::{Launch, Shot, TYPICAL};
+use crate::impact::study::weighting::{Place, Weighted, study};
+use crate::impact::{Base, Model, PreparedModel};
+use crate::report::chart::{Cells, Chart, Line, Points, face};
+use crate::report::{Layout, Report, Section, Table, Tone};
+use nalgebra::Vector2;
+use std::f64::consts::TAU;
+
+/// Cells of the maps across the face.
+const ACROSS: usize = 28;
+/// Added masses, kg.
+const ADDED: [f64; 5] = [0.0, 0.005, 0.010, 0.015, 0.020];
+
+/// Mean forehand of the thesis, on a ball of the rules' mass and size where no file names another.
+fn itf_ball() -> Ball {
+    Ball { name: "ITF ball, 57.7 g".into(), mass_kg: 0.0577, diameter_m: 0.066, inertia_factor: 0.55 }
+}
+
+pub fn findings(arguments: &Arguments) -> Result<Outcome, CliError> {
+    let path = arguments.racket.as_ref().ok_or_else(|| CliError::input("`explore findings` needs --racket FILE".to_owned()))?;
+    let racket = Racket::read(path)?;
+    let ball = arguments.ball.as_deref().map_or_else(|| Ok(itf_ball()), Ball::read)?;
+    let model = match &arguments.model {
+        Some(path) => Model::read(path)?,
+        None => Model::new(Base::Viscoelastic),
+    };
+    if arguments.shots == 0 || arguments.shots > 1_000_000 {
+        return Err(CliError::input(format!("--shots is {}; allowed: 1 to 1000000", arguments.shots)));
+    }
+    let prepared = model.prepare(&racket, &ball)?;
+    let shot = TYPICAL;
+    let weights = study(&model, &racket, &ball, &shot, &ADDED)?;
+    let chop = sweep(&prepared, &[0.0, 2.0, 4.0, 6.0, 8.0, 10.0], |v| Shot { brush_speed: v, ..shot })?;
+    let swing = sweep(&prepared, &[10.0, 15.0, 20.0, 25.0, 30.0, 35.0, 40.0], |w| Shot { swing_rate: w, ..shot })?;
+    let (cells, side) = face::cells(&racket, ACROSS);
+    let map: Vec<Vector2<f64>> = cells.iter().map(|(y, x)| 1e-3 * Vector2::new(*x, *y)).collect();
+    let over = over_face(&prepared, &shot, &map)?;
+    let deviations = [0.0, 0.005, 0.010, 0.015, 0.020, 0.025, 0.030];
+    let accuracy = deviations.iter().map(|sd| scatter(&prepared, &shot, (*sd, *sd), arguments.shots, arguments.seed)).collect::<Result<Vec<_>, _>>()?;
+    let mut tensions = Vec::new();
+    for lb in [40.0, 50.0, 60.0, 70.0] {
+        let mut strung = racket.clone();
+        strung.strings.tension_lb = lb;
+        tensions.push((lb, shot.launch(&model.prepare(&strung, &ball)?)?));
+    }
+    let held = if model.has_effect("grip-torque") { model.clone() } else { model.with_effect("grip-torque")? };
+    let held = held.prepare(&racket, &ball)?;
+    let grips = sweep(&held, &[0.0, 2.0, 5.0, 10.0, 20.0], |torque| Shot { grip_torque: torque, position: Vector2::new(0.0, 0.05), ..shot })?;
+    let json = serde_json::json!({
+        "weighting": weights, "chop": chop, "swing": swing, "accuracy": accuracy, "tension_lb": tensions, "grip_torque_nm": grips,
+        "face": map.iter().zip(&over).map(|(p, l)| serde_json::json!({ "x": p.x, "y": p.y, "launch": l })).collect::<Vec<_>>(),
+    });
+
+    let mut scatter_table = Table::new("Scatter of the impact position into scatter of the launch").numbers("Position sd, mm").numbers("Speed, m/s");
+    scatter_table = scatter_table.numbers("sd, m/s").numbers("Launch angle sd, deg").numbers("Side angle sd, deg").numbers("Spin sd, rpm").numbers("Shots on the strings");
+    for a in &accuracy {
+        scatter_table = scatter_table.row(&[
+            format!("{:.0}", 1e3 * a.position_sd_m.0),
+            format!("{:.2}", a.mean_speed),
+            format!("{:.2}", a.sd_speed),
+            format!("{:.2}", a.sd_launch_angle_rad.to_degrees()),
+            format!("{:.2}", a.sd_side_angle_rad.to_degrees()),
+            format!("{:.0}", rpm(a.sd_spin_rad_s)),
+            a.n.to_string(),
+        ]);
+    }
+    let angles = |get: &dyn Fn(&crate::impact::study::face_map::Scatter) -> f64| -> Vec<(f64, f64)> {
+        accuracy.iter().map(|a| (1e3 * a.position_sd_m.0, get(a).to_degrees())).collect()
+    };
+    let (up, sideways) = (angles(&|a| a.sd_launch_angle_rad), angles(&|a| a.sd_side_angle_rad));
+    let line = |rows: &[(f64, Launch)], get: fn(&Launch) -> f64| -> Vec<(f64, f64)> { rows.iter().map(|(v, l)| (*v, get(l))).collect() };
+    let (chop_line, swing_line) = (line(&chop, |l| rpm(l.spin_rad_s)), line(&swing, |l| l.speed));
+    let heat = |title: &str, unit: &str, get: &dyn Fn(&Launch) -> f64| -> String {
+        let coloured: Vec<(f64, f64, f64)> = cells.iter().zip(&over).map(|((y, x), l)| (*y, *x, get(l))).collect();
+        let chart = face::bare(title, &racket).size(300.0, 400.0).add(Cells::new(&coloured, (side, side), unit));
+        face::outline(chart, &racket).to_svg()
+    };
+    let page = Report::new("What if: weight, swing, place, strings, grip")
+        .subtitle(&format!(
+            "{}, {}, base \"{}\"; the mean forehand of the thesis's table 5.27: ball at {} m/s, centre of mass at {} m/s, swing {} rad/s, {} m/s across the face, {:.0} mm toward the tip",
+            racket.name,
+            ball.name,
+            model.base().name(),
+            shot.ball_speed,
+            shot.racket_speed,
+            shot.swing_rate,
+            shot.brush_speed,
+            -1e3 * shot.position.x
+        ))
+        .section(Section::new("findings", "Three findings").verdict(Tone::Good, &three_findings(&weights, &chop)))
+        .section(Section::new("weight", "Added weight").figures(
+            Layout::Normal,
+            &[
+                (by_place("Impact 80 mm toward the tip", "ball speed", "m/s", &weights, &|w| w.tip.speed), "Same swing, weight added. Impact on the long axis.".into()),
+                (
+                    by_place("Impact at the centre", "ball speed", "m/s", &weights, &|w| w.centre.speed),
+                    "At the stringbed's centre weight helps wherever it makes the point heavier; at the handle it hardly does.".into(),
+                ),
+                (
+                    by_place("Lost 50 mm off the axis", "speed lost off the axis", "m/s", &weights, &|w| w.centre.speed - w.edge.speed),
+                    "Ball speed at the centre less that 50 mm across from it.".into(),
+                ),
+            ],
+        ))
+        .section(Section::new("swing", "Swing and chop").figures(
+            Layout::Normal,
+            &[
+                (curve("Chop", "speed of the face across itself", "m/s", "spin", "rpm", &chop_line), "Spin against the face's speed across the ball's path.".into()),
+                (curve("Swing", "swing rate", "rad/s", "ball speed", "m/s", &swing_line), "Ball speed against swing rate, speed of the centre of mass kept.".into()),
+            ],
+        ))
+        .section(
+            Section::new("place", "Impact position")
+                .figures(
+                    Layout::Small,
+                    &[
+                        (heat("Ball speed", "m/s", &|l| l.speed), "Same swing, every place of the face.".into()),
+                        (heat("Spin", "rpm", &|l| rpm(l.spin_rad_s)), "About the long axis.".into()),
+                        (heat("Launch angle", "deg", &|l| l.launch_angle_rad.to_degrees()), "Upward (along y) from the face's normal before impact.".into()),
+                        (heat("Side angle", "deg", &|l| l.side_angle_rad.to_degrees()), "Toward the handle (along x) from the normal.".into()),
+                    ],
+                )
+                .note("Seen from the side the ball comes from, tip at the top. Angles are those of the ball's velocity against the face as it stood at first touch."),
+        )
+        .section(
+            Section::new("accuracy", "Accuracy")
+                .figure(
+                    &Chart::new("Where it lands against where it was hit")
+                        .x("standard deviation of the impact position", "mm")
+                        .y("standard deviation of the direction", "deg")
+                        .add(Line::new(&up).name("launch angle"))
+                        .add(Line::new(&sideways).name("side angle"))
+                        .to_svg(),
+                    &format!("Normal scatter along and across the face, {} shots each.", arguments.shots),
+                )
+                .table(scatter_table),
+        )
+        .section(
+            Section::new("strings-grip", "Strings and grip")
+                .table(simple("String tension, 50 mm toward the tip on the axis", "Tension, lb", &tensions))
+                .table(simple("Grip torque, impact 50 mm off the axis", "Torque, N m", &grips)),
+        )
+        .finish();
+    Ok(("explore-findings", json, page))
+}
+
+/// What the thesis's abstract concludes, with this racket's numbers.
+fn three_findings(weights: &[Weighted], chop: &[(f64, Launch)]) -> Vec<String> {
+    let at = |place: Place, kg: f64| weights.iter().find(|w| w.place == place && w.added_kg == kg);
+    let most = ADDED[ADDED.len() - 1];
+    let mut lines = Vec::new();
+    if let (Some(plain), Some(tip), Some(sides), Some(handle)) = (at(Place::Tip, 0.0), at(Place::Tip, most), at(Place::Sides, most), at(Place::Handle, most)) {
+        lines.push(format!(
+            "Weighting raises the ball's speed off the tip: {:.0} g at the tip give {:+.2} m/s, at 3 and 9 o'clock {:+.2}, at the handle {:+.2} (same swing, {:.2} m/s without).",
+            1e3 * most,
+            tip.tip.speed - plain.tip.speed,
+            sides.tip.speed - plain.tip.speed,
+            handle.tip.speed - plain.tip.speed,
+            plain.tip.speed
+        ));
+        let lost = |w: &Weighted| w.centre.speed - w.edge.speed;
+        lines.push(format!(
+            "Weight at 3 and 9 o'clock reduces the penalty of hitting off the axis: {:.2} m/s lost 50 mm off it become {:.2}; with the weight at the tip {:.2}, at the handle {:.2}.",
+            lost(plain),
+            lost(sides),
+            lost(tip),
+            lost(handle)
+        ));
+    }
+    if let (Some((v0, first)), Some((v1, last))) = (chop.first(), chop.last()) {
+        lines.push(format!(
+            "Chopping makes spin: {:.0} rpm for every m/s of the face across itself ({:.0} rpm at {v0:.0} m/s, {:.0} rpm at {v1:.0} m/s).",
+            (rpm(last.spin_rad_s) - rpm(first.spin_rad_s)) / (v1 - v0),
+            rpm(first.spin_rad_s),
+            rpm(last.spin_rad_s)
+        ));
+    }
+    lines
+}
+
+fn rpm(rad_s: f64) -> f64 {
+    rad_s.abs() * 60.0 / TAU
+}
+
+fn by_place(title: &str, label: &str, unit: &str, weights: &[Weighted], get: &dyn Fn(&Weighted) -> f64) -> String {
+    let mut chart = Chart::new(title).x("added mass", "g").y(label, unit);
+    for (place, name) in [(Place::Tip, "tip"), (Place::Sides, "3 and 9 o'clock"), (Place::Handle, "handle")] {
+        let line: Vec<(f64, f64)> = weights.iter().filter(|w| w.place == place).map(|w| (1e3 * w.added_kg, get(w))).collect();
+        chart = chart.add(Line::new(&line).name(name));
+    }
+    chart.to_svg()
+}
+
+fn curve(title: &str, x: &str, x_unit: &str, y: &str, y_unit: &str, line: &[(f64, f64)]) -> String {
+    Chart::new(title).x(x, x_unit).y(y, y_unit).add(Line::new(line)).add(Points::new(line)).to_svg()
+}
+
+fn simple(title: &str, head: &str, rows: &[(f64, Launch)]) -> Table {
+    let mut t = Table::new(title).numbers(head).numbers("Ball speed, m/s").numbers("Apparent restitution").numbers("Spin, rpm").numbers("Launch angle, deg");
+    for (v, l) in rows {
+        t = t.row(&[
+            format!("{v:.0}"),
+            format!("{:.2}", l.speed),
+            format!("{:.3}", l.apparent_restitution),
+            format!("{:.0}", rpm(l.spin_rad_s)),
+            format!("{:.2}", l.launch_angle_rad.to_degrees()),
+        ]);
+    }
+    t
+}
+
+fn sweep(model: &PreparedModel, values: &[f64], shot: impl Fn(f64) -> Shot) -> Result<Vec<(f64, Launch)>, CliError> {
+    values.iter().map(|v| Ok((*v, shot(*v).launch(model)?))).collect()
+}

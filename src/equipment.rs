@@ -123,6 +123,19 @@ impl Racket {
                 allowed: format!("inertias about the centre of mass (x {a:.5}, y {b:.5}, z {c:.5}) where none exceeds the sum of the other two"),
             });
         }
+        // Perpendicular axes: a flat body's spinweight is swing + twist. Rackets keep within some 5 %; beyond 15 % one of the
+        // three is another axis's figure or a slip of the pen.
+        if let Some(spin) = self.spinweight_kgm2 {
+            let flat = self.swingweight_kgm2 + self.twistweight_kgm2;
+            if (spin - flat).abs() > 0.15 * flat {
+                return Err(EquipmentError::Value {
+                    path: path.into(),
+                    key: "spinweight_kgm2".into(),
+                    seen: spin,
+                    allowed: format!("within 15 % of swingweight + twistweight = {flat:.5} (perpendicular axis theorem); leave it out if it was not measured"),
+                });
+            }
+        }
         if let Some(m) = &self.markers {
             let p = m.points();
             for (i, q) in p.iter().enumerate() {

@@ -39,6 +39,7 @@ pub use camera_model::Camera;
 pub use corners_opencv::{PairImages, calibrate_images, find_corners};
 pub use distortion::DistortionModel;
 pub use error::CalibrationError;
+pub use homography::homography;
 pub use methods::{MethodError, dlt_coefficients, dltdv_csv};
 pub use rays::CalibrationError3d;
 pub use rig::{CameraId, PairFate, RigidTransform, SquareSize, StereoRig};

@@ -38,6 +38,8 @@ pub struct CalibrationError3d {
     right: Camera,
     right_from_left: Isometry3<f64>,
     covariance: SharedMatrix,
+    /// Symmetric square root of the covariance.
+    root: SharedMatrix,
     middle: Point3<f64>,
     gauge: GaugeByShared,
     extent: (Point3<f64>, Point3<f64>),
@@ -51,8 +53,11 @@ impl CalibrationError3d {
         let bound = |pick: fn(f64, f64) -> f64| reference.iter().copied().reduce(|a, b| Point3::new(pick(a.x, b.x), pick(a.y, b.y), pick(a.z, b.z)));
         let extent = (bound(f64::min)?, bound(f64::max)?);
         let (left, right) = (left.clone(), right.clone());
+        let eigen = ((covariance + covariance.transpose()) * 0.5).symmetric_eigen();
+        let lengths = eigen.eigenvalues.map(|l| l.max(0.0).sqrt());
+        let root = eigen.eigenvectors * SharedMatrix::from_diagonal(&lengths);
         let mut out =
-            CalibrationError3d { left, right, right_from_left: *right_from_left, covariance: *covariance, middle, gauge: GaugeByShared::zeros(), extent };
+            CalibrationError3d { left, right, right_from_left: *right_from_left, covariance: *covariance, root, middle, gauge: GaugeByShared::zeros(), extent };
         let mut normal = Matrix6::zeros();
         let mut sum = GaugeByShared::zeros();
         for p in reference {
@@ -90,6 +95,14 @@ impl CalibrationError3d {
         let a = self.sensitivity(p)? - self.rigid(p) * self.gauge;
         let c = a * self.covariance * a.transpose();
         Some((c + c.transpose()) / 2.0)
+    }
+
+    /// How a point moves with the calibration's error, left camera's frame, m: one displacement per independent standard
+    /// deviation of the calibration (the same ones for every point; their squares sum to [`Self::covariance`]). `None` behind
+    /// a camera.
+    pub fn displacements(&self, p: &Point3<f64>) -> Option<Vec<Vector3<f64>>> {
+        let moved = (self.sensitivity(p)? - self.rigid(p) * self.gauge) * self.root;
+        Some(moved.column_iter().map(|c| c.into_owned()).collect())
     }
 
     /// Variance of the distance between two points from the calibration, m² (shift and turn do not change distances).

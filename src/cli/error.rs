@@ -5,7 +5,7 @@ use crate::equipment::EquipmentError;
 use crate::footage::FootageError;
 use crate::impact::ModelError;
 use crate::impact_table::TableError;
-use crate::kinematics::{BenchError, KinematicsError};
+use crate::kinematics::{BenchError, GridError, KinematicsError, TapeError};
 use crate::session::SessionError;
 use crate::tracking::TrackFileError;
 use crate::tracking::spin::SpinFileError;
@@ -89,4 +89,4 @@ macro_rules! input_errors {
 
 // One line per room's error type.
 input_errors!(SessionError, EquipmentError, TableError, TrackFileError, FootageError, ModelError, KinematicsError, BenchError, SpinFileError, CalibrationError);
-input_errors!(ValidationError);
+input_errors!(ValidationError, GridError, TapeError);

@@ -1,6 +1,7 @@
 //! `sweetspot explore`.
 
 mod findings;
+mod frame_rate;
 mod models;
 mod published;
 
@@ -26,6 +27,12 @@ pub struct Arguments {
     /// Number of shots in the accuracy study
     #[arg(long, default_value_t = 2000)]
     pub shots: usize,
+    /// Session of the frame-rate study
+    #[arg(long, value_name = "DIR")]
+    pub session: Option<PathBuf>,
+    /// Only this shot of the frame-rate study (may be given more than once)
+    #[arg(long = "shot", value_name = "ID")]
+    pub only: Vec<String>,
     /// Seed of the accuracy study
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
@@ -39,6 +46,8 @@ pub enum Study {
     Findings,
     /// The older ball, string and bounce models beside the default one
     Models,
+    /// What a slower camera would have got wrong on a session's own tracks (needs --session)
+    FrameRate,
 }
 
 /// Name of the files, numbers, page.
@@ -50,6 +59,10 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
         Study::Published => published::published()?,
         Study::Findings => findings::findings(&arguments)?,
         Study::Models => models::models()?,
+        Study::FrameRate => {
+            let session = arguments.session.as_deref().ok_or_else(|| CliError::input("`explore frame-rate` needs --session DIR"))?;
+            return frame_rate::study_session(session, &arguments.only, shell);
+        }
     };
     let text = serde_json::to_string_pretty(&json).map_err(CliError::output)?;
     shell.write(&folder.join(format!("{name}.json")), text.as_bytes())?;

@@ -5,6 +5,7 @@
 
 pub mod error;
 mod impacts_input;
+mod racket_photograph;
 
 use clap::{Args, Parser};
 use error::CliError;

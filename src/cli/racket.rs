@@ -2,16 +2,18 @@
 
 use super::Shell;
 use super::error::CliError;
+use super::racket_photograph::{PhotographArguments, measure_photograph};
 use crate::equipment::Racket;
 use crate::kinematics::{
-    Bifilar, Pendulum, Uncertain, balance_from_scales, from_rdc_kg_cm2, perpendicular_axis_mismatch, swingweight_from_pendulum, twistweight_from_bifilar,
+    Bifilar, Pendulum, TapePlace, Uncertain, balance_from_scales, from_rdc_kg_cm2, perpendicular_axis_mismatch, swingweight_from_pendulum, twistweight_from_bifilar,
 };
 use std::path::PathBuf;
 
 /// Racket data from bench measurements, and a check of racket.toml
 ///
 /// Gives the lines for racket.toml that follow from what was measured: mass and balance from two scales, swingweight and
-/// spinweight from a pendulum or a machine, twistweight from two threads. With a racket.toml, checks it.
+/// spinweight from a pendulum or a machine, twistweight from two threads, the markers from a photograph of the racket on a
+/// ruled sheet. With a racket.toml, checks it.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     /// Check this racket.toml; its mass and balance are used where none are given
@@ -43,6 +45,8 @@ pub struct Arguments {
     /// Twistweight read from a machine (RDC)
     #[arg(long, value_name = "KG_CM2", conflicts_with = "twist_threads")]
     pub twist_rdc: Option<f64>,
+    #[command(flatten)]
+    pub photograph: PhotographArguments,
 }
 
 #[derive(Debug, Default, serde::Serialize)]
@@ -60,6 +64,9 @@ struct RacketBench {
     /// (spin − swing − twist) / spin.
     #[serde(skip_serializing_if = "Option::is_none")]
     perpendicular_axis_mismatch: Option<f64>,
+    /// m1 to m5 from a photograph.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    markers: Option<[TapePlace; 5]>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     remarks: Vec<String>,
 }
@@ -131,6 +138,12 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     if let Some(r) = &file {
         let i = r.inertia_kg_m2();
         shell.say(format_args!("{}: valid; about the centre of mass I_x {:.5}, I_y {:.5}, I_z {:.5} kg m²", r.name, i.x, i.y, i.z));
+    }
+    if let Some(photograph) = &arguments.photograph.photo {
+        let (racket, path) = file.as_ref().zip(arguments.racket.as_deref()).ok_or_else(|| {
+            CliError::input("a photograph needs a racket.toml (its tube's radius lifts the tapes off the sheet)").hint("sweetspot racket racket.toml --photo F ...")
+        })?;
+        bench.markers = Some(measure_photograph(photograph, &arguments.photograph, racket, path, shell)?);
     }
     bench.remarks.iter().for_each(|r| shell.say(r));
     shell.print_json(&bench)

@@ -5,7 +5,7 @@ use super::error::CliError;
 use crate::calibration::StereoRig;
 use crate::impact_table::ImpactTable;
 use crate::kinematics::{
-    GroupStatistic, MeasureSettings, RiseInterval, SHOT_FILE, Shot, ShotInput, ShotRecord, ShotSpin, SpinVector, measure_shot, rise_table,
+    GroupStatistic, MeasureSettings, RiseInterval, SHOT_FILE, Shot, ShotInput, ShotRecord, ShotSpin, SpinComponent, SpinVector, measure_shot, rise_table,
     season_statistics, season_to_csv,
 };
 use crate::provenance::Provenance;
@@ -111,8 +111,16 @@ fn write_season(session: &Session, records: &[ShotRecord], results: &Path, shell
     Ok(())
 }
 
+/// How a session's shot is measured.
+pub(super) fn settings_of(session: &Session, folder: &ShotFolder) -> MeasureSettings {
+    let mut settings = MeasureSettings::new(session.frame_rate_hz, session.exposure_s);
+    settings.impact_frame = folder.impact_frame;
+    settings.axes_known = session.axes.is_some();
+    settings
+}
+
 /// The rig of `calibration.json`.
-fn read_rig(path: &Path) -> Result<StereoRig, CliError> {
+pub(super) fn read_rig(path: &Path) -> Result<StereoRig, CliError> {
     let text = std::fs::read_to_string(path)
         .map_err(|e| CliError::input(format!("{}: cannot be read ({e})", path.display())).hint("run `sweetspot calibrate SESSION` first"))?;
     serde_json::from_str(&text).map_err(|e| CliError::input(format!("{}: {e}", path.display())).hint("run `sweetspot calibrate --force SESSION`"))
@@ -147,9 +155,7 @@ fn one_shot(
     }
     let tracks = Tracks::read(&tracks_file)?;
     let spin = if spin_file.exists() { shot_spin(&spin_file)? } else { ShotSpin::default() };
-    let mut settings = MeasureSettings::new(session.frame_rate_hz, session.exposure_s);
-    settings.impact_frame = folder.impact_frame;
-    settings.axes_known = session.axes.is_some();
+    let settings = settings_of(session, folder);
     let input = ShotInput {
         id: &folder.id,
         rig,
@@ -172,17 +178,17 @@ fn shot_spin(path: &Path) -> Result<ShotSpin, CliError> {
     let spin = read_spin(path)?;
     let mut remarks = Vec::new();
     let mut vector = |when: &str, e: &SpinEstimate| match e {
-        SpinEstimate::Vector { omega_rad_s, covariance, .. } => Some(SpinVector { omega: *omega_rad_s, covariance: *covariance }),
+        SpinEstimate::Vector { omega_rad_s, covariance, .. } => (Some(SpinVector { omega: *omega_rad_s, covariance: *covariance }), None),
         SpinEstimate::OneAxis { axis, rate_rad_s, sd_rad_s, reason, .. } => {
             let [x, y, z]: [f64; 3] = (*axis).into();
             remarks.push(format!("spin {when}: only {rate_rad_s:.1} ± {sd_rad_s:.1} rad/s about ({x:.2}, {y:.2}, {z:.2}) was measured ({reason})"));
-            None
+            (None, Some(SpinComponent { rate_rad_s: *rate_rad_s, sd_rad_s: *sd_rad_s }))
         }
         SpinEstimate::Refused { reason } => {
             remarks.push(format!("spin {when}: {reason}"));
-            None
+            (None, None)
         }
     };
-    let (before, after) = (vector("before", &spin.before), vector("after", &spin.after));
-    Ok(ShotSpin { before, after, remarks })
+    let ((before, before_component), (after, after_component)) = (vector("before", &spin.before), vector("after", &spin.after));
+    Ok(ShotSpin { before, after, before_component, after_component, remarks })
 }

@@ -2,11 +2,13 @@
 
 use super::contact::{ball_in_racket, crossing};
 use super::shot_state::{Measure, ShotState};
-use super::sweet_spot::{NODE_OF_LENGTH, THESIS_NODE_OF_LENGTH, centre_of_percussion, dead_spot, effective_mass, ideal_point};
+use super::sweet_spot::{THESIS_NODE_OF_LENGTH, centre_of_percussion, dead_spot, effective_mass, ideal_point};
 use crate::equipment::{Ball, Racket};
 use nalgebra::{Point3, Vector2, Vector3};
 
 const RPM: f64 = 30.0 / std::f64::consts::PI;
+/// Below this speed an impact point counts as at rest, m/s: a hung racket sways by millimetres per second.
+const AT_REST_M_S: f64 = 0.1;
 
 /// What does not vary within a shot.
 #[derive(Debug, Clone)]
@@ -38,9 +40,10 @@ impl List {
 /// All characteristics, in the order of shot.json. The list has the same names whatever the state holds.
 pub fn characteristics(s: &ShotState, e: &ShotEquipment<'_>) -> Vec<Measure> {
     let mut list = List(Vec::with_capacity(160));
-    let (racket, ball) = (e.racket, e.ball);
-    let (n, radius, com) = (s.side, ball.radius_m(), racket.com_local());
-    let inertia = racket.inertia_kg_m2() * (s.racket_mass / racket.mass_kg);
+    let (racket, ball) = (&s.racket(e.racket), e.ball);
+    // The motions' centre of mass is the balance point as stated; distances and special points feel its uncertainty.
+    let (n, radius, com) = (s.side, ball.radius_m(), e.racket.com_local());
+    let inertia = racket.inertia_kg_m2();
     let (m, mass) = (s.ball_mass, s.racket_mass);
 
     // First contact: centre one radius from the plane (contract section 1).
@@ -54,14 +57,16 @@ pub fn characteristics(s: &ShotState, e: &ShotEquipment<'_>) -> Vec<Measure> {
     let through = crossing(&b0, &r0, &com, n, 0.0);
     let on_plane = through.map(|t| ball_in_racket(&b0.after(t), &r0.after(t), &com));
     // Last contact: one radius again, on the paths after (less the gap at which the ball really leaves).
-    let out = s.ball_out.as_ref().zip(s.racket_out.as_ref()).map(|(b, r)| {
-        let dt = crossing(b, r, &com, n, radius - s.leaving_gap).unwrap_or(0.0);
-        (s.out_t + dt, b.after(dt), r.after(dt))
-    });
-    let ball_out = out.as_ref().map(|o| o.1.velocity);
-    let racket_out = out.as_ref().map(|o| o.2.velocity);
-    let rate_out = out.as_ref().map(|o| o.2.attitude * o.2.rate_body);
-    let contact_time = out.as_ref().map(|o| o.0 - t0);
+    let leaving = s.ball_out.as_ref().zip(s.racket_out.as_ref()).filter(|_| s.leaves);
+    let leaving_dt = leaving.map(|(b, r)| crossing(b, r, &com, n, radius - s.leaving_gap).unwrap_or(0.0));
+    // Without a last contact the motions stand where they were fitted, a usual contact after the first.
+    let out_dt = leaving_dt.unwrap_or(0.0);
+    let body_out = s.racket_out.as_ref().map(|r| r.after(out_dt));
+    let ball_out = s.ball_out.as_ref().map(|b| b.after(out_dt).velocity);
+    let racket_out = body_out.as_ref().map(|r| r.velocity);
+    let rate_out = body_out.as_ref().map(|r| r.attitude * r.rate_body);
+    let last_t = leaving_dt.map(|dt| s.out_t + dt);
+    let contact_time = last_t.map(|t| t - t0);
 
     // The impacts table's own columns, local axes at first contact.
     list.vector("ball_in_v", "m/s", Some(local(b0.velocity)));
@@ -78,6 +83,7 @@ pub fn characteristics(s: &ShotState, e: &ShotEquipment<'_>) -> Vec<Measure> {
 
     // Timing.
     list.put("impact_frame", "frame", e.clock.frame_at(t0));
+    list.put("last_contact_frame", "frame", last_t.map(|t| e.clock.frame_at(t)));
     list.put("centre_on_plane_delay", "s", through);
     list.put("centre_on_plane_x", "m", on_plane.map(|p| p.x));
     list.put("centre_on_plane_y", "m", on_plane.map(|p| p.y));
@@ -109,7 +115,7 @@ pub fn characteristics(s: &ShotState, e: &ShotEquipment<'_>) -> Vec<Measure> {
     // Points of the racket, local axes.
     let tip = Point3::new(racket.stringbed_centre_m - racket.length_m, 0.0, 0.0);
     let point_in = |p: &Point3<f64>| local(r0.point_velocity(p, &com));
-    let point_out = |p: &Point3<f64>| out.as_ref().map(|o| local(o.2.point_velocity(p, &com)));
+    let point_out = |p: &Point3<f64>| body_out.as_ref().map(|r| local(r.point_velocity(p, &com)));
     for (name, p) in [("tip", &tip), ("impact_point", &impact)] {
         list.vector(&format!("{name}_in_v"), "m/s", Some(point_in(p)));
         list.put(&format!("{name}_in_speed"), "m/s", point_in(p).norm());
@@ -124,7 +130,7 @@ pub fn characteristics(s: &ShotState, e: &ShotEquipment<'_>) -> Vec<Measure> {
     }
 
     // Impact position from the three origins; b counts toward the tip.
-    let from_com = Vector2::new(at.x - com.x, at.y);
+    let from_com = Vector2::new(at.x - racket.com_local().x, at.y);
     let b = -from_com.x;
     list.put("impact_x_from_com", "m", from_com.x);
     list.put("impact_from_butt", "m", racket.stringbed_centre_m - at.x);
@@ -143,6 +149,8 @@ pub fn characteristics(s: &ShotState, e: &ShotEquipment<'_>) -> Vec<Measure> {
     list.put("playing_angle_thesis_deg", "deg", (along_u.clamp(-1.0, 1.0).acos() + normal_u.clamp(-1.0, 1.0).acos()).to_degrees());
     list.put("planar_racket_velocity", "m/s", v_ip.xy().norm());
     list.put("planar_relative_velocity", "m/s", u.xy().norm());
+    // How fast the face brushes up past the ball: what makes topspin.
+    list.put("planar_relative_velocity_up", "m/s", up_in_face.map(|y| -u.dot(&y)));
 
     // Restitution along the normal of first contact: apparent against the impact point before, true against it after.
     let rebound = ball_out.map(|v| n * (local(v) - v_ip).z);
@@ -158,8 +166,8 @@ pub fn characteristics(s: &ShotState, e: &ShotEquipment<'_>) -> Vec<Measure> {
     // Sweet spots, from the butt, and how far beyond them (toward the tip) the impact was.
     let ideal = ideal_point(mass, inertia.y, m, n * local(r0.velocity).z, n * local(b0.velocity).z, n * r0.rate_body.y);
     let spots = [
-        ("centre_of_percussion", Some(centre_of_percussion(racket))),
-        ("node_point", Some(NODE_OF_LENGTH * racket.length_m - racket.balance_m)),
+        ("centre_of_percussion", Some(centre_of_percussion(racket, s.hand_from_butt))),
+        ("node_point", Some(s.node_of_length * racket.length_m - racket.balance_m)),
         ("node_point_thesis", Some(THESIS_NODE_OF_LENGTH * racket.length_m - racket.balance_m)),
         ("dead_spot", restitution.and_then(|e| dead_spot(mass, inertia.y, m, e))),
         ("ideal_point", ideal),
@@ -171,7 +179,9 @@ pub fn characteristics(s: &ShotState, e: &ShotEquipment<'_>) -> Vec<Measure> {
     // Impact success ratio (5.6): momentum of the ideal point over that of the impact point.
     let momentum = |x: f64, y: f64| effective_mass(mass, &inertia, &Vector2::new(x, y)) * n * (r0.rate_body.x * y - r0.rate_body.y * x + local(r0.velocity).z);
     let actual = momentum(from_com.x, from_com.y);
-    list.put("impact_success_ratio", "", ideal.map(|b| momentum(-b, 0.0) / actual).filter(|_| actual.abs() > 1e-6));
+    // A racket at rest brings no momentum: the ratio of two noises is no ratio.
+    let moves = actual.abs() > AT_REST_M_S * m_e;
+    list.put("impact_success_ratio", "", ideal.map(|b| momentum(-b, 0.0) / actual).filter(|_| moves));
     // Efficiency (5.8), court frame, each inertia with its own axis; the spin terms where spin was measured.
     let spin_energy = |w: Vector3<f64>| ball.inertia_kg_m2() * (m / ball.mass_kg) * w.norm_squared();
     let racket_energy = mass * r0.velocity.norm_squared() + inertia.component_mul(&r0.rate_body).dot(&r0.rate_body);
@@ -220,11 +230,17 @@ mod tests {
             racket_in: body(0.0, 0.0),
             ball_out: Some(point(0.033, 6.0)),
             racket_out: Some(body(-1.5002 / 0.33, -0.2225 * 1.5002 / 0.0158)),
+            leaves: true,
             spin_in: None,
             spin_out: None,
             leaving_gap: 0.0,
             ball_mass: 0.0577,
             racket_mass: 0.33,
+            swingweight_ratio: 1.0,
+            twistweight_ratio: 1.0,
+            balance_shift: 0.0,
+            node_of_length: 0.80,
+            hand_from_butt: 0.09,
         };
         (state, racket, ball)
     }

@@ -7,10 +7,11 @@
 
 use super::KinematicsError;
 use super::shot::{MeasuredShot, ShotInput, measure_shot};
+use super::racket_motion::MotionEstimate;
 use super::shot_motion::MeasureSettings;
 use super::thesis_path::{THESIS_FRAMES, line};
 use crate::tracking::Tracks;
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Matrix3, Point3, Vector3};
 use serde::Serialize;
 
 /// One slower camera. Errors are root mean squares per component over the phases, against the full tracks.
@@ -29,11 +30,21 @@ pub struct SlowerCamera {
     pub line_ball_velocity_m_s: Option<f64>,
     pub line_racket_velocity_m_s: Option<f64>,
     pub line_racket_rate_rad_s: Option<f64>,
-    /// R² of straight lines through the tip's path over ten frames at this rate, and the largest distance from them, m.
+    /// R² of a straight line through the tip's path over ten frames before contact at this rate (fewer where the tracks end),
+    /// and the path's largest distance from it, m.
     pub tip_r2: Option<f64>,
     pub tip_bow_m: Option<f64>,
+    /// The tip at this rate's frames on both sides of the contact (figures 4.14 to 4.16).
+    pub tip_path: TipPath,
     /// Why phases failed, without repeats.
     pub failed: Vec<String>,
+}
+
+/// Where the tip stood, in the plane that holds most of its path: time from contact, s, along the path and aside, m.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct TipPath {
+    pub before: Vec<[f64; 3]>,
+    pub after: Vec<[f64; 3]>,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -109,7 +120,8 @@ fn slower(full: &MeasuredShot, input: &ShotInput<'_>, settings: &MeasureSettings
     }
     failed.sort();
     failed.dedup();
-    let tip = tip_linearity(full, period);
+    let (before, after) = tip_places(full, period);
+    let tip = linearity(&before);
     SlowerCamera {
         frame_rate_hz: 1.0 / period,
         phases,
@@ -124,22 +136,55 @@ fn slower(full: &MeasuredShot, input: &ShotInput<'_>, settings: &MeasureSettings
         line_racket_rate_rad_s: line_rate.value(),
         tip_r2: tip.map(|t| t.0),
         tip_bow_m: tip.map(|t| t.1),
+        tip_path: in_plane(&before, &after),
         failed,
     }
 }
 
-/// R² of a straight line through the path of marker 1 in the ten frames before contact, and the path's largest distance
-/// from it, m; the path is that of the fitted motion, so noise does not blur the comparison.
-fn tip_linearity(full: &MeasuredShot, period: f64) -> Option<(f64, f64)> {
+/// Times and places of the racket's tip (marker 1) at ten frames on either side of the contact, as far as the tracks reach;
+/// the places are those of the fitted motions, so noise does not blur the comparison.
+fn tip_places(full: &MeasuredShot, period: f64) -> (Vec<(f64, Point3<f64>)>, Vec<(f64, Point3<f64>)>) {
     let m = &full.motion;
-    let dts: Vec<f64> = (0..THESIS_FRAMES).map(|k| -(k as f64 + 0.5) * period).collect();
     let tip = m.moving.figure.points[0];
-    let poses = m.moving.poses(m.racket_in.best.law, &m.racket_in.best.state, &dts);
-    let path: Vec<(f64, Point3<f64>)> = dts.iter().zip(&poses).map(|(t, p)| (*t, p * tip)).collect();
-    let (at, v) = line(&path)?;
+    let seen: Vec<f64> = m.frames.values().filter(|f| f.pose.is_some()).map(|f| f.t).collect();
+    let (first, last) = (seen.first().copied().unwrap_or(0.0), seen.last().copied().unwrap_or(0.0));
+    let path = |motion: &MotionEstimate, contact: f64, toward: f64| {
+        let times = (0..THESIS_FRAMES).map(|k| contact + toward * (k as f64 + 0.5) * period).filter(|t| (first..=last).contains(t));
+        let dts: Vec<f64> = times.map(|t| t - motion.reference_t).collect();
+        let poses = m.moving.poses(motion.best.law, &motion.best.state, &dts);
+        dts.iter().zip(&poses).map(|(dt, p)| (dt + motion.reference_t - m.first_contact_t, p * tip)).collect::<Vec<_>>()
+    };
+    let before = path(&m.racket_in, m.first_contact_t, -1.0);
+    let after = m.racket_out.as_ref().zip(m.last_contact_t).map_or_else(Vec::new, |(out, t)| path(out, t, 1.0));
+    (before, after)
+}
+
+/// R² of a straight line through a path, and the path's largest distance from it, m; `None` for fewer than three places or
+/// a tip that does not move.
+fn linearity(path: &[(f64, Point3<f64>)]) -> Option<(f64, f64)> {
+    let (at, v) = line(path)?;
     let mean = path.iter().map(|p| p.1.coords).sum::<Vector3<f64>>() / path.len() as f64;
     let total: f64 = path.iter().map(|p| (p.1.coords - mean).norm_squared()).sum();
     let left: f64 = path.iter().map(|(t, p)| (p - (at + v * *t)).norm_squared()).sum();
     let bow = path.iter().map(|(t, p)| (p - (at + v * *t)).norm()).fold(0.0, f64::max);
-    (total > 1e-10).then(|| (1.0 - left / total, bow))
+    (total > 1e-8).then(|| (1.0 - left / total, bow))
+}
+
+fn in_plane(before: &[(f64, Point3<f64>)], after: &[(f64, Point3<f64>)]) -> TipPath {
+    let n = (before.len() + after.len()).max(1) as f64;
+    let all = || before.iter().chain(after).map(|p| p.1.coords);
+    let mean = all().sum::<Vector3<f64>>() / n;
+    let spread: Matrix3<f64> = all().map(|p| (p - mean) * (p - mean).transpose()).sum();
+    let eigen = spread.symmetric_eigen();
+    let mut order = [0, 1, 2];
+    order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
+    let axis = |k: usize| {
+        let v: Vector3<f64> = eigen.eigenvectors.column(order[k]).into_owned();
+        // The sign of an eigenvector is chance: the larger part counts positive.
+        let largest = v.iamax();
+        v * v[largest].signum()
+    };
+    let (along, aside) = (axis(0), axis(1));
+    let places = |path: &[(f64, Point3<f64>)]| path.iter().map(|(t, p)| [*t, along.dot(&(p.coords - mean)), aside.dot(&(p.coords - mean))]).collect();
+    TipPath { before: places(before), after: places(after) }
 }

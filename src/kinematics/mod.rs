@@ -6,11 +6,14 @@
 //! chapters 4 and 5, physics.md B.
 
 mod ball_flight;
+mod calibration_share;
 mod characteristics;
 mod contact;
 mod frame_rate;
+mod grid_photograph;
 mod least_squares;
 mod marker_distance;
+mod motion_law;
 mod racket_bench;
 mod racket_motion;
 mod season;
@@ -22,19 +25,22 @@ mod sighting;
 mod space_points;
 mod stereo_point;
 mod sweet_spot;
+mod tape_photograph;
 mod thesis_path;
 
 pub use ball_flight::{FlightEstimate, FlightLaw};
 pub use contact::{BodyMotion, PointMotion, ball_in_racket, crossing};
-pub use frame_rate::{FrameRateStudy, SlowerCamera, frame_rate_study};
+pub use frame_rate::{FrameRateStudy, SlowerCamera, TipPath, frame_rate_study};
+pub use grid_photograph::{GridError, GridPhotograph};
 pub use marker_distance::{MarkerDistance, marker_distances};
 pub use racket_bench::{
     BenchError, Bifilar, Pendulum, Uncertain, balance_from_scales, from_rdc_kg_cm2, perpendicular_axis_mismatch, swingweight_from_pendulum,
     twistweight_from_bifilar,
 };
-pub use racket_motion::{MotionEstimate, MotionLaw, MotionState, MovingRacket, Pace};
+pub use motion_law::{Fade, MotionLaw, Pace};
+pub use racket_motion::{MotionEstimate, MotionState, MovingRacket};
 pub use season::{GroupStatistic, RiseInterval, rise_table, season_statistics, season_to_csv};
-pub use shot::{ImpactTiming, MeasuredShot, MomentumVerdict, Quantities, Shot, ShotInput, ShotSpin, WindowReport, Windows, measure_shot};
+pub use shot::{ImpactTiming, MeasuredShot, MomentumVerdict, Quantities, Shot, ShotInput, ShotSpin, SpinComponent, SwingTiming, WindowReport, Windows, measure_shot};
 pub use shot_file::{SHOT_FILE, ShotFileError, ShotRecord};
 pub use shot_motion::{FEWEST_FRAMES, FrameView, GRAVITY_M_S2, MeasureSettings, ShotMotion, measure_motion};
 pub use shot_state::SpinVector;
@@ -42,6 +48,7 @@ pub use sighting::{CommonError, FrameClock};
 pub use space_points::space_points;
 pub use stereo_point::{StereoPoint, stereo_point};
 pub use sweet_spot::{centre_of_percussion, dead_spot, effective_mass, ideal_point, rebound_speed};
+pub use tape_photograph::{TapeError, TapePlace, markers_of, tape_places};
 pub use thesis_path::{RacketAxes, ThesisShot, thesis_shot};
 
 /// Why a shot's characteristics cannot be given.

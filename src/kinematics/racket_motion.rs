@@ -6,6 +6,7 @@
 //! and the spread between laws is part of the uncertainty.
 
 use super::least_squares::{Problem, Solution, SolveError, solve};
+use super::motion_law::MotionLaw;
 use super::sighting::{CommonError, Sighting, deviations, persistence, whiten};
 use crate::calibration::{CameraId, StereoRig};
 use crate::tracking::RacketFigure;
@@ -13,99 +14,6 @@ use nalgebra::{DVector, Isometry3, Point3, SMatrix, Translation3, UnitQuaternion
 
 /// 12×12 covariance of (centre of mass, small rotation about global axes, velocity, angular velocity in body axes).
 pub type MotionCovariance = SMatrix<f64, 12, 12>;
-
-/// How the racket may move in a window of some 20 ms.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum MotionLaw {
-    /// Hangs still (a laboratory racket before impact), up to a slow sway.
-    Rest,
-    /// Constant velocity, constant angular velocity.
-    Coasting,
-    /// Falls freely, constant angular velocity.
-    SteadyFall,
-    /// Falls freely, torque-free rotation with the racket's own inertia (Euler).
-    FreeBody,
-    /// Driven along an arc: force and angular acceleration in body axes that change at constant rates.
-    Swing(Pace),
-    /// Held by a hand: Euler's equations with a force and a torque in body axes that change at constant rates.
-    Hold(Pace),
-}
-
-/// How strong a drive is and how fast it changes. There is no law with a constant force: a hand that pushes also changes
-/// its push, and a law that forbids the change would claim too much precision at the window's edge.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Pace {
-    Gentle,
-    Brisk,
-    Abrupt,
-}
-
-impl MotionLaw {
-    pub const ALL: [MotionLaw; 10] = [
-        MotionLaw::Rest,
-        MotionLaw::Coasting,
-        MotionLaw::SteadyFall,
-        MotionLaw::FreeBody,
-        MotionLaw::Swing(Pace::Gentle),
-        MotionLaw::Swing(Pace::Brisk),
-        MotionLaw::Swing(Pace::Abrupt),
-        MotionLaw::Hold(Pace::Gentle),
-        MotionLaw::Hold(Pace::Brisk),
-        MotionLaw::Hold(Pace::Abrupt),
-    ];
-
-    /// The two most flexible laws: whatever moves in a window, one of them follows it.
-    pub(crate) const FLEXIBLE: [MotionLaw; 2] = [MotionLaw::Swing(Pace::Abrupt), MotionLaw::Hold(Pace::Abrupt)];
-
-    /// Word of shot.json.
-    pub fn word(self) -> &'static str {
-        match self {
-            MotionLaw::Rest => "rest",
-            MotionLaw::Coasting => "coasting",
-            MotionLaw::SteadyFall => "steady-fall",
-            MotionLaw::FreeBody => "free-body",
-            MotionLaw::Swing(Pace::Gentle) => "gentle-swing",
-            MotionLaw::Swing(Pace::Brisk) => "brisk-swing",
-            MotionLaw::Swing(Pace::Abrupt) => "abrupt-swing",
-            MotionLaw::Hold(Pace::Gentle) => "gentle-hold",
-            MotionLaw::Hold(Pace::Brisk) => "brisk-hold",
-            MotionLaw::Hold(Pace::Abrupt) => "abrupt-hold",
-        }
-    }
-
-    /// Number of estimated three-vectors, in the order of [`MotionState`]'s fields.
-    fn vectors(self) -> usize {
-        if matches!(self, MotionLaw::Swing(_) | MotionLaw::Hold(_)) { 8 } else { 4 }
-    }
-
-    fn gyroscopic(self) -> bool {
-        matches!(self, MotionLaw::FreeBody | MotionLaw::Hold(_))
-    }
-
-    fn falls(self) -> bool {
-        !matches!(self, MotionLaw::Rest | MotionLaw::Coasting)
-    }
-
-    /// Prior standard deviations of velocity, rate, force, rate of rate, and the slopes of the last two (SI). Wide: they
-    /// weigh the laws against each other and hardly move an estimate. A hung racket sways by millimetres per second. A
-    /// drive changes by its own size within `memory_s`.
-    fn priors(self, memory_s: f64) -> [Option<Vector3<f64>>; 8] {
-        let (v, w) = if self == MotionLaw::Rest { (0.005, 0.02) } else { (20.0, 30.0) };
-        // Brisk: a centre of mass 0.35 m from the pivot at 30 rad/s needs 300 m/s²; a swing gains 30 rad/s within 0.05 to
-        // 0.1 s (physics.md E.7). Gentle is a third of that, abrupt twice.
-        let (force, rate_dot) = match self {
-            MotionLaw::Swing(Pace::Gentle) | MotionLaw::Hold(Pace::Gentle) => (100.0, 130.0),
-            MotionLaw::Swing(Pace::Abrupt) | MotionLaw::Hold(Pace::Abrupt) => (600.0, 1000.0),
-            _ => (300.0, 400.0),
-        };
-        // About the handle the inertia is a tenth of the others': the same hand turns the racket faster there.
-        let twist = Vector3::new(2.5, 1.0, 1.0);
-        let all = |sd: f64| Some(Vector3::repeat(sd));
-        [None, None, all(v), all(w), all(force), Some(twist * rate_dot), all(force / memory_s), Some(twist * (rate_dot / memory_s))]
-    }
-}
 
 /// State at the reference time. Global axes, SI, unless it says body.
 #[derive(Debug, Clone, PartialEq)]
@@ -122,6 +30,9 @@ pub struct MotionState {
     /// Slopes in time of the two above.
     pub force_slope_body: Vector3<f64>,
     pub rate_ddot_body: Vector3<f64>,
+    /// Slopes of the slopes.
+    pub force_curve_body: Vector3<f64>,
+    pub rate_dddot_body: Vector3<f64>,
 }
 
 impl MotionState {
@@ -136,6 +47,8 @@ impl MotionState {
             rate_dot_body: zero,
             force_slope_body: zero,
             rate_ddot_body: zero,
+            force_curve_body: zero,
+            rate_dddot_body: zero,
         }
     }
 
@@ -143,6 +56,15 @@ impl MotionState {
     pub fn pose(&self, com_local: &Point3<f64>) -> Isometry3<f64> {
         let origin = self.com - self.global_from_racket * com_local.coords;
         Isometry3::from_parts(Translation3::from(origin.coords), self.global_from_racket)
+    }
+
+    /// Given force and angular acceleration `dt` after the reference time.
+    fn given(&self, law: MotionLaw, dt: f64) -> (Vector3<f64>, Vector3<f64>) {
+        let [value, slope, curve] = law.course(dt);
+        (
+            self.force_body * value + self.force_slope_body * slope + self.force_curve_body * curve,
+            self.rate_dot_body * value + self.rate_ddot_body * slope + self.rate_dddot_body * curve,
+        )
     }
 
     /// Angular velocity along global axes.
@@ -166,7 +88,7 @@ const STEP_S: f64 = 1.0e-3;
 
 impl MovingRacket {
     fn rate_dot(&self, law: MotionLaw, s: &MotionState, rate: &Vector3<f64>, dt: f64) -> Vector3<f64> {
-        let given = s.rate_dot_body + s.rate_ddot_body * dt;
+        let given = s.given(law, dt).1;
         if !law.gyroscopic() {
             return given;
         }
@@ -193,8 +115,9 @@ impl MovingRacket {
     pub fn state_at(&self, law: MotionLaw, state: &MotionState, dt: f64) -> MotionState {
         let (mut t, mut moving) = (0.0, state.clone());
         self.advance(law, state, &mut moving, &mut t, dt);
-        moving.force_body = state.force_body + state.force_slope_body * dt;
-        moving.rate_dot_body = state.rate_dot_body + state.rate_ddot_body * dt;
+        (moving.force_body, moving.rate_dot_body) = state.given(law, dt);
+        moving.force_slope_body = state.force_slope_body + state.force_curve_body * dt;
+        moving.rate_ddot_body = state.rate_ddot_body + state.rate_dddot_body * dt;
         moving
     }
 
@@ -211,7 +134,7 @@ impl MovingRacket {
             return;
         }
         let gravity = if law.falls() { self.gravity } else { Vector3::zeros() };
-        let force = |q: &UnitQuaternion<f64>, at: f64| gravity + q * (start.force_body + start.force_slope_body * at);
+        let force = |q: &UnitQuaternion<f64>, at: f64| gravity + q * start.given(law, at).0;
         for _ in 0..steps {
             // Rates by fourth-order Runge-Kutta; the attitude by the rotation of the Simpson-averaged rate, with the
             // commutator term of Magnus's expansion.
@@ -286,8 +209,10 @@ impl<'a> LawFit<'a> {
             .collect()
     }
 
-    fn fields(s: &MotionState) -> [Vector3<f64>; 8] {
-        [s.com.coords, Vector3::zeros(), s.velocity, s.rate_body, s.force_body, s.rate_dot_body, s.force_slope_body, s.rate_ddot_body]
+    fn fields(s: &MotionState) -> [Vector3<f64>; 10] {
+        let place = [s.com.coords, Vector3::zeros(), s.velocity, s.rate_body];
+        let drive = [s.force_body, s.rate_dot_body, s.force_slope_body, s.rate_ddot_body, s.force_curve_body, s.rate_dddot_body];
+        std::array::from_fn(|k| if k < 4 { place[k] } else { drive[k - 4] })
     }
 }
 
@@ -295,7 +220,7 @@ impl Problem for LawFit<'_> {
     type State = MotionState;
 
     fn scales(&self) -> Vec<f64> {
-        let per_vector = if self.law == MotionLaw::Rest { [1e-3, 1e-2, 1e-3, 1e-2, 1.0, 1.0, 1.0, 1.0] } else { [1e-3, 1e-2, 0.3, 1.0, 30.0, 100.0, 3e3, 1e4] };
+        let per_vector = if self.law == MotionLaw::Rest { [1e-3, 1e-2, 1e-3, 1e-2, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0] } else { [1e-3, 1e-2, 0.3, 1.0, 30.0, 100.0, 3e3, 1e4, 3e5, 1e6] };
         per_vector.iter().take(self.law.vectors()).flat_map(|s| [*s; 3]).collect()
     }
 
@@ -310,6 +235,8 @@ impl Problem for LawFit<'_> {
             rate_dot_body: state.rate_dot_body + part(5),
             force_slope_body: state.force_slope_body + part(6),
             rate_ddot_body: state.rate_ddot_body + part(7),
+            force_curve_body: state.force_curve_body + part(8),
+            rate_dddot_body: state.rate_dddot_body + part(9),
         }
     }
 
@@ -344,10 +271,15 @@ pub(crate) fn fit_law(view: &MotionView<'_>, law: MotionLaw, start: &MotionState
     if law == MotionLaw::Rest {
         (start.velocity, start.rate_body) = (Vector3::zeros(), Vector3::zeros());
     }
+    let unused = Vector3::zeros();
+    if law.vectors() < 6 {
+        (start.force_body, start.rate_dot_body) = (unused, unused);
+    }
     if law.vectors() < 8 {
-        let unused = Vector3::zeros();
-        (start.force_body, start.force_slope_body) = (unused, unused);
-        (start.rate_dot_body, start.rate_ddot_body) = (unused, unused);
+        (start.force_slope_body, start.rate_ddot_body) = (unused, unused);
+    }
+    if law.vectors() < 10 {
+        (start.force_curve_body, start.rate_dddot_body) = (unused, unused);
     }
     let Solution { state, covariance, cost, ln_det_information } = solve(&problem, start)?;
     let ln_prior: f64 = (0..law.vectors()).filter_map(|k| law.priors(view.memory_s)[k]).map(|sd| -sd.map(f64::ln).sum()).sum();
@@ -356,7 +288,7 @@ pub(crate) fn fit_law(view: &MotionView<'_>, law: MotionLaw, start: &MotionState
         law,
         state,
         covariance: covariance.fixed_view::<12, 12>(0, 0).into_owned(),
-        ln_evidence: -0.5 * cost - 0.5 * ln_det_information + ln_prior,
+        ln_evidence: -0.5 * cost - 0.5 * ln_det_information + ln_prior + law.ln_weight(),
         chi2,
     })
 }

@@ -2,6 +2,7 @@
 
 use super::KinematicsError;
 use super::ball_flight::FlightLaw;
+use super::calibration_share::CalibrationShare;
 use super::characteristics::{ShotEquipment, characteristics};
 use super::marker_distance::{MarkerDistance, marker_distances, mismatch_remark};
 use super::shot_motion::{MeasureSettings, ShotMotion, measure_motion};
@@ -102,6 +103,16 @@ pub enum ImpactTiming {
     Falling,
 }
 
+/// Where in the swing the ball was met: before the apex the racket moves away from the player (local x velocity of the
+/// impact point below zero), after it toward the player (thesis 5.5.1, figure 5.26); apex when the 95 % interval holds zero.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SwingTiming {
+    BeforeApex,
+    Apex,
+    AfterApex,
+}
+
 /// The content of shot.json.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Shot {
@@ -115,6 +126,8 @@ pub struct Shot {
     pub quantities: Quantities,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub impact_timing: Option<ImpactTiming>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub swing_timing: Option<SwingTiming>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub momentum: Option<MomentumVerdict>,
     pub windows: Windows,
@@ -141,7 +154,17 @@ pub struct MeasuredShot {
 pub struct ShotSpin {
     pub before: Option<SpinVector>,
     pub after: Option<SpinVector>,
+    /// Rate about one known axis where the markings gave no vector (the axis stands in the remarks).
+    pub before_component: Option<SpinComponent>,
+    pub after_component: Option<SpinComponent>,
     pub remarks: Vec<String>,
+}
+
+/// A spin of which only the part about one axis could be measured, rad/s.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SpinComponent {
+    pub rate_rad_s: f64,
+    pub sd_rad_s: f64,
 }
 
 /// What is measured on: everything a shot's files say.
@@ -162,7 +185,8 @@ pub struct ShotInput<'a> {
 /// # Errors  [`KinematicsError`]; nothing after contact is not an error, the shot then has no outputs and says why.
 pub fn measure_shot(input: &ShotInput<'_>, settings: &MeasureSettings) -> Result<MeasuredShot, KinematicsError> {
     let motion = measure_motion(input.rig, input.tracks, input.racket, input.ball, settings)?;
-    let uncertain = UncertainShot::new(&motion, input.racket, input.ball, input.spin.before.as_ref(), input.spin.after.as_ref());
+    let calibration = CalibrationShare::of_rig(input.rig);
+    let uncertain = UncertainShot::new(&motion, input.racket, input.ball, input.spin.before.as_ref(), input.spin.after.as_ref(), &calibration);
     let equipment =
         ShotEquipment { racket: input.racket, ball: input.ball, points: input.asked_points, clock: motion.clock, up: -settings.gravity().normalize() };
     let (measures, covariance) = uncertain.propagate(|s| characteristics(s, &equipment));
@@ -175,7 +199,14 @@ pub fn measure_shot(input: &ShotInput<'_>, settings: &MeasureSettings) -> Result
         let p_value = chi2_tail_3(chi2);
         Some(MomentumVerdict { chi2, p_value, hand_interferes: p_value < 0.05 })
     })();
-    let quantities = Quantities(measures.iter().filter_map(|(m, sd)| Some((m.name.clone(), m.quantity(*sd)?))).collect());
+    let mut quantities = Quantities(measures.iter().filter_map(|(m, sd)| Some((m.name.clone(), m.quantity(*sd)?))).collect());
+    for (name, component) in [("ball_in_spin_component", input.spin.before_component), ("ball_out_spin_component", input.spin.after_component)] {
+        if let Some(c) = component {
+            let rpm = 30.0 / std::f64::consts::PI;
+            quantities.0.push((name.to_owned(), Quantity::new(c.rate_rad_s, c.sd_rad_s, "rad/s")));
+            quantities.0.push((format!("{name}_rpm"), Quantity::new(c.rate_rad_s * rpm, c.sd_rad_s * rpm, "rpm")));
+        }
+    }
     let impact_timing = quantities.get("ball_in_global_vy").filter(|_| settings.axes_known).map(|v| {
         if v.value.abs() < 1.96 * v.sd {
             ImpactTiming::Apex
@@ -183,6 +214,17 @@ pub fn measure_shot(input: &ShotInput<'_>, settings: &MeasureSettings) -> Result
             ImpactTiming::Rising
         } else {
             ImpactTiming::Falling
+        }
+    });
+    // A racket that does not swing has no apex.
+    let swings = quantities.get("impact_point_in_speed").is_some_and(|v| v.value > 1.0 && v.value > 5.0 * v.sd);
+    let swing_timing = quantities.get("impact_point_in_vx").filter(|_| swings).map(|v| {
+        if v.value.abs() < 1.96 * v.sd {
+            SwingTiming::Apex
+        } else if v.value < 0.0 {
+            SwingTiming::BeforeApex
+        } else {
+            SwingTiming::AfterApex
         }
     });
     let mut remarks = motion.remarks.clone();
@@ -198,6 +240,7 @@ pub fn measure_shot(input: &ShotInput<'_>, settings: &MeasureSettings) -> Result
         groups: input.groups.to_vec(),
         quantities,
         impact_timing,
+        swing_timing,
         momentum,
         windows: windows(&motion),
         thesis: thesis_shot(&points, &motion),
@@ -218,7 +261,7 @@ fn windows(m: &ShotMotion) -> Windows {
         frames: f.frames,
         rejected_points: f.rejected,
         noise_scale: f.noise_scale,
-        laws: f.laws.iter().map(|(l, p)| (l.word().to_owned(), *p)).collect(),
+        laws: f.laws.iter().map(|(l, p)| (l.word(), *p)).collect(),
     };
     Windows {
         ball_in: flight(&m.ball_in),

@@ -6,9 +6,8 @@
 use super::ball_flight::{FlightEstimate, FlightLaw, FlightResult, FlightState, FlightView, average_flight, fit_flight, flight_deviations, flight_persistence};
 use super::contact::{PointMotion, body_at, crossing};
 use super::least_squares::SolveError;
-use super::racket_motion::{
-    LawResult, MotionEstimate, MotionLaw, MotionState, MotionView, MovingRacket, Pace, average, fit_law, motion_persistence, sighting_deviations,
-};
+use super::motion_law::{MotionLaw, Pace};
+use super::racket_motion::{LawResult, MotionEstimate, MotionState, MotionView, MovingRacket, average, fit_law, motion_persistence, sighting_deviations};
 use super::sighting::{CommonError, FrameClock, Sighting, sightings};
 use super::stereo_point::{StereoPoint, stereo_point};
 use super::{FitError, KinematicsError};
@@ -100,6 +99,8 @@ const FACE: (f64, f64) = (0.30, 0.20);
 const ROUNDS: usize = 6;
 /// Contact lasts 3 to 7 ms (physics.md E.2); frames this long after first contact are surely free again.
 const SURELY_FREE_S: f64 = 0.0075;
+/// Usual length of a contact, s, for when its end is not seen.
+const USUAL_CONTACT_S: f64 = 0.005;
 /// Deviations (in scaled standard deviations over both axes) beyond which a point is an outlier. Among 500 good points
 /// one is beyond 4.2 in every ten shots (Rayleigh).
 const OUTLIER: f64 = 4.2;
@@ -244,7 +245,7 @@ impl Bench<'_> {
         for round in 0..ROUNDS {
             let from = contact - self.settings.window_s;
             // The windows settle with one law; the last round weighs them all.
-            let laws: &[MotionLaw] = if settled { &MotionLaw::ALL } else { &[MotionLaw::Hold(Pace::Brisk)] };
+            let laws: &[MotionLaw] = if settled { &MotionLaw::EVERYWHERE } else { &[MotionLaw::Hold(Pace::Brisk)] };
             let ball_in = self.flight(&frames, When::Before, from, end, contact)?;
             let racket_in = self.motion(&frames, When::Before, from, end, contact, laws)?;
             let dt = crossing(&PointMotion::from(&ball_in), &body_at(&self.moving, &racket_in, contact), &self.moving.com_local, side, radius)
@@ -272,7 +273,7 @@ impl Bench<'_> {
             remarks: Vec::new(),
         };
         if let Err(e) = self.measure_after(&mut shot) {
-            shot.remarks.push(format!("nothing after contact: {e}"));
+            self.measure_each_after(&mut shot, &e);
         }
         Ok(shot)
     }
@@ -284,8 +285,9 @@ impl Bench<'_> {
         let mut start = shot.first_contact_t + SURELY_FREE_S;
         let mut contact = shot.first_contact_t + 0.005;
         let mut settled = false;
+        let all = MotionLaw::after_contact();
         for round in 0..ROUNDS {
-            let laws: &[MotionLaw] = if settled { &MotionLaw::ALL } else { &[MotionLaw::Hold(Pace::Brisk)] };
+            let laws: &[MotionLaw] = if settled { &all } else { &[MotionLaw::Hold(Pace::Brisk)] };
             let to = contact + self.settings.window_s;
             let ball_out = self.flight(&shot.frames, When::After, start, to, contact)?;
             let racket_out = self.motion(&shot.frames, When::After, start, to, contact, laws)?;
@@ -302,6 +304,22 @@ impl Bench<'_> {
             start = contact + guard;
         }
         Ok(())
+    }
+
+    /// When the last contact cannot be found, because one of the two is not seen after it: what can be measured of either, for
+    /// a contact of usual length.
+    fn measure_each_after(&self, shot: &mut ShotMotion, why: &KinematicsError) {
+        let (start, contact) = (shot.first_contact_t + SURELY_FREE_S, shot.first_contact_t + USUAL_CONTACT_S);
+        let to = contact + self.settings.window_s;
+        shot.ball_out = self.flight(&shot.frames, When::After, start, to, contact).ok();
+        shot.racket_out = self.motion(&shot.frames, When::After, start, to, contact, &MotionLaw::after_contact()).ok();
+        let given = match (&shot.ball_out, &shot.racket_out) {
+            (None, None) => return shot.remarks.push(format!("nothing after contact: {why}")),
+            (Some(_), None) => "the ball's",
+            (None, Some(_)) => "the racket's",
+            (Some(_), Some(_)) => "both",
+        };
+        shot.remarks.push(format!("the last contact was not found ({why}); motions after it ({given}) are those {:.0} ms after first contact", 1e3 * USUAL_CONTACT_S));
     }
 
     /// Time of the last frame in which the ball is surely clear of the face, before the impact frame.

@@ -1,20 +1,45 @@
 //! What every characteristic of a shot is computed from, with its covariance, and the propagation of that covariance.
 
+use super::calibration_share::{CalibrationShare, Disturbed};
 use super::contact::{BodyMotion, PointMotion};
 use super::shot_motion::ShotMotion;
+use super::sweet_spot::{HAND_PIVOT_FROM_BUTT_M, HAND_PIVOT_SD_M, NODE_OF_LENGTH, NODE_OF_LENGTH_SD};
 use crate::equipment::{Ball, Racket};
 use crate::quantity::Quantity;
 use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, UnitQuaternion, Vector3};
 
 /// Number of uncertain numbers behind a shot: ball (6) and racket (12) before, the same after, spin before and after (3
-/// each), the ball's distance from the plane when it leaves, the two masses.
-pub const UNCERTAIN: usize = 45;
+/// each), the ball's distance from the plane when it leaves, the two masses, swingweight, twistweight, balance, node
+/// and hand.
+pub const UNCERTAIN: usize = 50;
+/// Where each begins.
+pub(crate) const BALL_IN: usize = 0;
+pub(crate) const RACKET_IN: usize = 6;
+pub(crate) const BALL_OUT: usize = 18;
+pub(crate) const RACKET_OUT: usize = 24;
+pub(crate) const SPIN_IN: usize = 36;
+pub(crate) const SPIN_OUT: usize = 39;
+const LEAVING_GAP: usize = 42;
+const BALL_MASS: usize = 43;
+const RACKET_MASS: usize = 44;
+const SWINGWEIGHT: usize = 45;
+const TWISTWEIGHT: usize = 46;
+const BALANCE: usize = 47;
+const NODE: usize = 48;
+const HAND: usize = 49;
 
 /// Spread of the ball's distance from the string plane at last contact, m: it leaves while still a little flat and while
 /// the strings have come back (thesis 2.7; physics.md C.6); the last contact is not seen between frames.
 pub const LEAVING_GAP_SD_M: f64 = 0.0015;
 /// Spread of the masses in the files, relative: kitchen scales, and tape and dampers that were not weighed.
 pub const MASS_SD: f64 = 0.005;
+/// Spread of the swingweight, relative: a machine reads within 1 % (physics.md E.4, F19), a pendulum as well.
+pub const SWINGWEIGHT_SD: f64 = 0.01;
+/// Spread of the twistweight, relative: small, and seldom measured on a good bifilar suspension.
+pub const TWISTWEIGHT_SD: f64 = 0.03;
+/// Spread of the balance, m: read on a ruler. It enters the special points and the distances to them; a velocity "of the
+/// centre of mass" is that of the balance point as stated.
+pub const BALANCE_SD_M: f64 = 0.001;
 
 /// Spin as a vector with its covariance, global axes, rad/s.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,11 +59,20 @@ pub struct ShotState {
     pub racket_in: BodyMotion,
     pub ball_out: Option<PointMotion>,
     pub racket_out: Option<BodyMotion>,
+    /// Whether the last contact follows from the motions after it.
+    pub leaves: bool,
     pub spin_in: Option<Vector3<f64>>,
     pub spin_out: Option<Vector3<f64>>,
     pub leaving_gap: f64,
     pub ball_mass: f64,
     pub racket_mass: f64,
+    /// Swingweight and twistweight over those stated, balance less the stated one, m.
+    pub swingweight_ratio: f64,
+    pub twistweight_ratio: f64,
+    pub balance_shift: f64,
+    /// Node of the first bending mode over the racket's length; place of the hand's pivot, m from the butt.
+    pub node_of_length: f64,
+    pub hand_from_butt: f64,
 }
 
 /// A shot's state with a square root of its covariance: column k is one independent standard deviation.
@@ -49,11 +83,19 @@ pub struct UncertainShot {
 }
 
 impl UncertainShot {
-    pub fn new(motion: &ShotMotion, racket: &Racket, ball: &Ball, spin_in: Option<&SpinVector>, spin_out: Option<&SpinVector>) -> Self {
+    pub(crate) fn new(
+        motion: &ShotMotion,
+        racket: &Racket,
+        ball: &Ball,
+        spin_in: Option<&SpinVector>,
+        spin_out: Option<&SpinVector>,
+        calibration: &CalibrationShare,
+    ) -> Self {
         let state = ShotState {
             side: motion.side,
             in_t: motion.ball_in.reference_t,
             out_t: motion.ball_out.as_ref().map_or(0.0, |b| b.reference_t),
+            leaves: motion.last_contact_t.is_some(),
             ball_in: PointMotion::from(&motion.ball_in),
             racket_in: BodyMotion::from(&motion.racket_in),
             ball_out: motion.ball_out.as_ref().map(PointMotion::from),
@@ -63,24 +105,48 @@ impl UncertainShot {
             leaving_gap: 0.0,
             ball_mass: ball.mass_kg,
             racket_mass: racket.mass_kg,
+            swingweight_ratio: 1.0,
+            twistweight_ratio: 1.0,
+            balance_shift: 0.0,
+            node_of_length: NODE_OF_LENGTH,
+            hand_from_butt: HAND_PIVOT_FROM_BUTT_M,
         };
-        let mut root = DMatrix::zeros(UNCERTAIN, UNCERTAIN);
-        put(&mut root, 0, &motion.ball_in.covariance);
-        put(&mut root, 6, &motion.racket_in.covariance);
+        let disturbed = Disturbed {
+            ball_in: &motion.ball_in,
+            racket_in: &motion.racket_in,
+            ball_out: motion.ball_out.as_ref(),
+            racket_out: motion.racket_out.as_ref(),
+            spin_in: state.spin_in,
+            spin_out: state.spin_out,
+        };
+        let shared = calibration.columns(&disturbed, &motion.moving);
+        let mut root = DMatrix::zeros(UNCERTAIN, UNCERTAIN + shared.ncols());
+        root.columns_mut(UNCERTAIN, shared.ncols()).copy_from(&shared);
+        put(&mut root, BALL_IN, &motion.ball_in.covariance);
+        put(&mut root, RACKET_IN, &motion.racket_in.covariance);
         if let Some(b) = &motion.ball_out {
-            put(&mut root, 18, &b.covariance);
+            put(&mut root, BALL_OUT, &b.covariance);
         }
         if let Some(r) = &motion.racket_out {
-            put(&mut root, 24, &r.covariance);
+            put(&mut root, RACKET_OUT, &r.covariance);
         }
-        for (at, spin) in [(36, spin_in), (39, spin_out)] {
+        for (at, spin) in [(SPIN_IN, spin_in), (SPIN_OUT, spin_out)] {
             if let Some(s) = spin {
                 put(&mut root, at, &s.covariance);
             }
         }
-        root[(42, 42)] = LEAVING_GAP_SD_M;
-        root[(43, 43)] = MASS_SD * ball.mass_kg;
-        root[(44, 44)] = MASS_SD * racket.mass_kg;
+        for (k, sd) in [
+            (LEAVING_GAP, LEAVING_GAP_SD_M),
+            (BALL_MASS, MASS_SD * ball.mass_kg),
+            (RACKET_MASS, MASS_SD * racket.mass_kg),
+            (SWINGWEIGHT, SWINGWEIGHT_SD),
+            (TWISTWEIGHT, TWISTWEIGHT_SD),
+            (BALANCE, BALANCE_SD_M),
+            (NODE, NODE_OF_LENGTH_SD),
+            (HAND, HAND_PIVOT_SD_M),
+        ] {
+            root[(k, k)] = sd;
+        }
         UncertainShot { state, root }
     }
 
@@ -88,8 +154,8 @@ impl UncertainShot {
     /// the covariance's root (first-order propagation with the function's own curvature averaged out).
     pub fn propagate(&self, f: impl Fn(&ShotState) -> Vec<Measure>) -> (Vec<(Measure, f64)>, DMatrix<f64>) {
         let centre = f(&self.state);
-        let mut spread = DMatrix::zeros(centre.len(), UNCERTAIN);
-        for k in 0..UNCERTAIN {
+        let mut spread = DMatrix::zeros(centre.len(), self.root.ncols());
+        for k in 0..self.root.ncols() {
             let column = self.root.column(k);
             if column.iter().all(|v| *v == 0.0) {
                 continue;
@@ -127,6 +193,18 @@ impl Measure {
 }
 
 impl ShotState {
+    /// The racket with this state's mass, balance and inertias. A spinweight that was stated follows the swingweight.
+    pub fn racket(&self, stated: &Racket) -> Racket {
+        Racket {
+            mass_kg: self.racket_mass,
+            balance_m: stated.balance_m + self.balance_shift,
+            swingweight_kgm2: stated.swingweight_kgm2 * self.swingweight_ratio,
+            twistweight_kgm2: stated.twistweight_kgm2 * self.twistweight_ratio,
+            spinweight_kgm2: stated.spinweight_kgm2.map(|s| s * self.swingweight_ratio),
+            ..stated.clone()
+        }
+    }
+
     /// The state after a step in everything uncertain, in the order of [`UNCERTAIN`].
     pub fn moved(&self, d: &DVector<f64>) -> ShotState {
         let v = |k: usize| Vector3::new(d[k], d[k + 1], d[k + 2]);
@@ -140,15 +218,20 @@ impl ShotState {
             rate_dot_body: b.rate_dot_body,
         };
         ShotState {
-            ball_in: point(&self.ball_in, 0),
-            racket_in: body(&self.racket_in, 6),
-            ball_out: self.ball_out.as_ref().map(|b| point(b, 18)),
-            racket_out: self.racket_out.as_ref().map(|b| body(b, 24)),
-            spin_in: self.spin_in.map(|s| s + v(36)),
-            spin_out: self.spin_out.map(|s| s + v(39)),
-            leaving_gap: self.leaving_gap + d[42],
-            ball_mass: self.ball_mass + d[43],
-            racket_mass: self.racket_mass + d[44],
+            ball_in: point(&self.ball_in, BALL_IN),
+            racket_in: body(&self.racket_in, RACKET_IN),
+            ball_out: self.ball_out.as_ref().map(|b| point(b, BALL_OUT)),
+            racket_out: self.racket_out.as_ref().map(|b| body(b, RACKET_OUT)),
+            spin_in: self.spin_in.map(|s| s + v(SPIN_IN)),
+            spin_out: self.spin_out.map(|s| s + v(SPIN_OUT)),
+            leaving_gap: self.leaving_gap + d[LEAVING_GAP],
+            ball_mass: self.ball_mass + d[BALL_MASS],
+            racket_mass: self.racket_mass + d[RACKET_MASS],
+            swingweight_ratio: self.swingweight_ratio + d[SWINGWEIGHT],
+            twistweight_ratio: self.twistweight_ratio + d[TWISTWEIGHT],
+            balance_shift: self.balance_shift + d[BALANCE],
+            node_of_length: self.node_of_length + d[NODE],
+            hand_from_butt: self.hand_from_butt + d[HAND],
             ..self.clone()
         }
     }

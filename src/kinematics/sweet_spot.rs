@@ -7,9 +7,13 @@ use nalgebra::{Vector2, Vector3};
 
 /// Where the hand pivots, m from the butt: between the 0.08 and 0.10 m of physics.md B.3.
 pub const HAND_PIVOT_FROM_BUTT_M: f64 = 0.09;
+/// Spread of that place over those two figures, m.
+pub const HAND_PIVOT_SD_M: f64 = 0.006;
 /// Node of the first bending mode on the head side, over the racket's length: beam models of real rackets 0.783 to 0.805,
 /// mean impact of the thesis's players 0.80 (physics.md F.4, B.9).
 pub const NODE_OF_LENGTH: f64 = 0.80;
+/// Spread over those models: (0.805 − 0.783)/√12.
+pub const NODE_OF_LENGTH_SD: f64 = 0.0064;
 /// What the thesis takes (5.5.1).
 pub const THESIS_NODE_OF_LENGTH: f64 = 0.82;
 
@@ -21,8 +25,8 @@ pub fn effective_mass(mass: f64, inertia: &Vector3<f64>, from_com: &Vector2<f64>
 
 /// Centre of percussion for a pivot at the hand: b = I_y / (a M) (equation 2.5), a = distance of the pivot from the
 /// centre of mass.
-pub fn centre_of_percussion(racket: &Racket) -> f64 {
-    racket.inertia_kg_m2().y / ((racket.balance_m - HAND_PIVOT_FROM_BUTT_M) * racket.mass_kg)
+pub fn centre_of_percussion(racket: &Racket, pivot_from_butt: f64) -> f64 {
+    racket.inertia_kg_m2().y / ((racket.balance_m - pivot_from_butt) * racket.mass_kg)
 }
 
 /// Dead spot: where the effective mass is m/e, so that the ball stops dead on a resting racket: b = √(I_y (e/m − 1/M))

@@ -7,6 +7,7 @@
 pub mod chart;
 mod column;
 mod frame_doubt;
+mod frame_rate;
 mod markup;
 mod model_reports;
 mod page;
@@ -15,6 +16,7 @@ pub mod sections;
 mod session_report;
 mod session_results;
 
+pub use frame_rate::frame_rate_page;
 pub use markup::escape;
 pub use model_reports::{comparison_report, diagnosis_report};
 pub use page::{Layout, Report, Section, Table, Tone};

@@ -22,7 +22,7 @@ pub mod spin;
 mod track_file;
 
 pub use ball_track::BallFrame;
-pub use racket_figure::RacketFigure;
+pub use racket_figure::{RacketFigure, VISIBLE_DEPTH};
 pub use racket_pose::{MarkerObservation, PoseError, RacketPose, View, fit_pose, fit_pose_in, rigid_from_points};
 pub use racket_track::RacketFrame;
 pub use shot_spin::spin_of_shot;

@@ -5,13 +5,35 @@ use nalgebra::{Isometry3, Vector3};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use sweetspot::calibration::{CameraId, RigidTransform};
-use sweetspot::kinematics::{KinematicsError, MeasureSettings, MeasuredShot, ShotInput, ShotSpin, frame_rate_study, measure_shot};
+use sweetspot::tracking::{PointState, Target, TrackPoint};
+use sweetspot::kinematics::{CommonError, KinematicsError, MeasureSettings, MeasuredShot, ShotInput, ShotSpin, frame_rate_study, measure_shot};
 
-// Tape errors as tracked pictures with known truth show them: about 0.04 px in the laboratory, 0.1 on court, 0.15 where
-// pictures are hard, nearly constant within a shot; taken somewhat larger here.
-const COURT: Difficulty = Difficulty { noise_px: 0.10, tape_error_px: 0.12, outliers: 0.004, gaps: 0.03, laboratory: false, air: true, drive: 1.0 };
-const LABORATORY: Difficulty = Difficulty { tape_error_px: 0.06, laboratory: true, ..COURT };
-const HARD: Difficulty = Difficulty { noise_px: 0.22, tape_error_px: 0.18, outliers: 0.015, gaps: 0.12, ..COURT };
+// As tracked pictures with known truth show it: white noise of a marker 0.03 px in the laboratory and on court, 0.08 px
+// where pictures are hard, of the ball 0.08 px; tape errors of 0.04, 0.1 and 0.15 px, nearly constant within a shot. All
+// are taken somewhat larger here, and as large as the settings state tape errors.
+const COURT: Difficulty = Difficulty {
+    noise_px: 0.05,
+    ball_noise_px: 0.10,
+    tape_error_px: 0.13,
+    outliers: 0.004,
+    gaps: 0.03,
+    laboratory: false,
+    air: true,
+    drive: 0.0,
+    drive_change_s: 0.08,
+    hold: 0.0,
+    frames: (18, 24),
+    hidden: 0,
+};
+const DRIVEN: Difficulty = Difficulty { drive: 1.0, ..COURT };
+const ABRUPT: Difficulty = Difficulty { drive: 1.0, drive_change_s: 0.03, hold: 1.0, ..COURT };
+const HELD: Difficulty = Difficulty { hold: 1.0, ..COURT };
+const DRIVEN_HELD: Difficulty = Difficulty { drive: 1.0, hold: 1.0, ..COURT };
+const LABORATORY: Difficulty = Difficulty { laboratory: true, ..COURT };
+const NOISY: Difficulty = Difficulty { noise_px: 0.11, ball_noise_px: 0.20, tape_error_px: 0.17, outliers: 0.015, gaps: 0.12, ..COURT };
+const NOISY_DRIVEN_HELD: Difficulty = Difficulty { drive: 1.0, hold: 1.0, ..NOISY };
+const FEW_FRAMES: Difficulty = Difficulty { frames: (8, 10), ..COURT };
+const HIDDEN_MARKERS: Difficulty = Difficulty { hidden: 1, ..COURT };
 
 #[derive(Default)]
 struct Score {
@@ -52,7 +74,7 @@ fn score(difficulty: &Difficulty, seeds: std::ops::Range<u64>) -> Score {
                 groups: &[],
                 asked_points: &[],
             };
-            let measured = measure_shot(&input, &MeasureSettings::new(1.0 / FRAME_S, 1e-4)).unwrap_or_else(|e| panic!("seed {seed}: {e}"));
+            let measured = measure_shot(&input, &settings()).unwrap_or_else(|e| panic!("seed {seed}: {e}"));
             let quantity = |name: &str| measured.shot.quantities.get(name).unwrap_or_else(|| panic!("seed {seed}: no {name}: {:?}", measured.shot.remarks));
             let mut out: Vec<_> = truth.row.iter().map(|(name, v)| (*name, quantity(name).value - v, quantity(name).sd)).collect();
             let frame = quantity("impact_frame");
@@ -98,40 +120,46 @@ fn report(name: &str, s: &Score) {
 }
 
 /// Issue 6: bars of the shot characteristics on laboratory and court, twice as wide where pictures are hard.
-fn within_bars(s: &Score, times: f64) {
-    assert!(s.rms(&BALL) < 0.10 * times);
-    assert!(s.rms(&RACKET) < 0.08 * times);
-    assert!(s.rms(&RATE) < 0.6 * times);
-    assert!(s.rms(&POSITION) < 1.5e-3 * times);
-    assert!(s.rms(&INSTANT) < 0.15e-3 * times);
+fn within_bars(name: &str, s: &Score, times: f64) {
+    for (what, columns, bar) in
+        [("ball", &BALL[..], 0.10), ("racket", &RACKET, 0.08), ("rate", &RATE, 0.6), ("position", &POSITION, 1.5e-3), ("instant", &INSTANT, 0.15e-3)]
+    {
+        assert!(s.rms(columns) < bar * times, "{name}, {what}: {} against {}", s.rms(columns), bar * times);
+    }
 }
 
-/// Measured on 2 cores: see docs/kinematics.md. The bars are for motions like the practice sessions' (a racket that turns
-/// steadily before contact and is let go); intervals must cover on every kind, a hard-driven swing and a gripping hand too.
+/// 280 shots in ten groups; measured figures: docs/kinematics.md.
 #[test]
-fn truth_errors_stay_within_the_bars_and_intervals_cover_on_210_simulated_shots() {
+fn truth_errors_stay_within_the_bars_and_intervals_cover_in_every_group_of_simulated_shots() {
     let mut all = Score::default();
-    for (name, difficulty, seeds, bars) in [
-        ("court", Difficulty { drive: 0.0, ..COURT }, 0..50, Some(1.0)),
-        ("laboratory", LABORATORY, 1000..1040, Some(1.0)),
-        ("hard", Difficulty { drive: 0.0, ..HARD }, 2000..2040, Some(2.0)),
-        ("court, driven hard and held", COURT, 3000..3060, None),
-        ("hard, driven hard and held", HARD, 4000..4020, None),
+    for (name, difficulty, seeds, times) in [
+        ("steady", COURT, 0..35, 1.0),
+        ("laboratory", LABORATORY, 1000..1030, 1.0),
+        ("driven", DRIVEN, 2000..2035, 1.0),
+        ("held", HELD, 3000..3035, 1.0),
+        ("driven and held", DRIVEN_HELD, 4000..4030, 1.0),
+        // A force that changes within 30 ms leaves no more in 20 frames: the intervals say so, and they must hold.
+        ("abruptly driven, held", ABRUPT, 4500..4530, 2.0),
+        ("noisy", NOISY, 5000..5025, 2.0),
+        ("noisy, driven and held", NOISY_DRIVEN_HELD, 6000..6025, 2.0),
+        ("few frames", FEW_FRAMES, 7000..7030, 2.0),
+        ("hidden markers", HIDDEN_MARKERS, 8000..8030, 1.0),
     ] {
         let s = score(&difficulty, seeds);
         report(name, &s);
-        if let Some(times) = bars {
-            within_bars(&s, times);
+        if std::env::var_os("SWEETSPOT_SHOW").is_none() {
+            within_bars(name, &s, times);
+            let coverage = s.coverage(&[""]);
+            assert!((0.92..=0.98).contains(&coverage), "{name}: {:.1} % of the true values inside 95 % intervals", 100.0 * coverage);
         }
         for (name, e) in s.errors {
             all.errors.entry(name).or_default().extend(e);
         }
     }
-    let coverage = all.coverage(&[""]);
-    assert!((0.92..=0.98).contains(&coverage), "{:.1} % of the true values inside 95 % intervals", 100.0 * coverage);
+    report("all", &all);
 }
 
-const CLEAN: Difficulty = Difficulty { noise_px: 0.002, tape_error_px: 0.0, outliers: 0.0, gaps: 0.0, laboratory: true, air: false, drive: 0.0 };
+const CLEAN: Difficulty = Difficulty { noise_px: 0.002, ball_noise_px: 0.002, tape_error_px: 0.0, outliers: 0.0, gaps: 0.0, laboratory: true, air: false, ..COURT };
 
 fn measured(truth: &TrueShot, settings: &MeasureSettings) -> Result<MeasuredShot, KinematicsError> {
     let spin = ShotSpin::default();
@@ -141,8 +169,9 @@ fn measured(truth: &TrueShot, settings: &MeasureSettings) -> Result<MeasuredShot
     )
 }
 
+/// The tape's errors are stated as large as these worlds draw them.
 fn settings() -> MeasureSettings {
-    MeasureSettings::new(1.0 / FRAME_S, 1e-4)
+    MeasureSettings { tape_error: CommonError { constant_px: 0.15, drift_px_s: 4.0 }, ..MeasureSettings::new(1.0 / FRAME_S, 1e-4) }
 }
 
 fn value(shot: &MeasuredShot, name: &str) -> f64 {
@@ -151,7 +180,7 @@ fn value(shot: &MeasuredShot, name: &str) -> f64 {
 
 #[test]
 fn law_turning_the_court_about_the_vertical_turns_global_quantities_and_leaves_local_ones() {
-    let mut truth = true_shot(5, &COURT);
+    let mut truth = true_shot(5, &DRIVEN_HELD);
     let before = measured(&truth, &settings()).unwrap();
     let turn = Isometry3::new(Vector3::new(2.0, -0.3, 1.0), Vector3::new(0.0, 0.8, 0.0));
     truth.rig.global_from_left = RigidTransform::from_isometry(&(turn * truth.rig.global_from_left.isometry()));
@@ -167,7 +196,7 @@ fn law_turning_the_court_about_the_vertical_turns_global_quantities_and_leaves_l
 
 #[test]
 fn law_exchanging_the_cameras_names_changes_nothing() {
-    let mut truth = true_shot(6, &COURT);
+    let mut truth = true_shot(6, &DRIVEN_HELD);
     let before = measured(&truth, &settings()).unwrap();
     let (left_from_right, right) = (truth.rig.right_from_left().inverse(), truth.rig.camera_from_global(CameraId::Right));
     std::mem::swap(&mut truth.rig.left, &mut truth.rig.right);
@@ -204,7 +233,7 @@ fn agrees_with_the_thesis_construction_on_clean_pictures_of_a_hung_racket() {
 
 #[test]
 fn agrees_at_half_the_frame_rate_within_what_the_study_reports() {
-    let truth = true_shot(12, &Difficulty { drive: 0.0, ..COURT });
+    let truth = true_shot(12, &COURT);
     let spin = ShotSpin::default();
     let input =
         ShotInput { id: "s", rig: &truth.rig, tracks: &truth.tracks, racket: &truth.racket, ball: &truth.ball, spin: &spin, groups: &[], asked_points: &[] };
@@ -238,6 +267,72 @@ fn fails_input_that_shows_no_impact_gets_its_own_error() {
     let shot = measured(&cut, &settings()).unwrap();
     assert!(shot.shot.quantities.get("ball_out_vx").is_none() && shot.shot.quantities.get("ball_in_vx").is_some());
     assert!(shot.shot.remarks.iter().any(|r| r.contains("after contact")), "{:?}", shot.shot.remarks);
+}
+
+/// Changes the tracks of a clean shot, measures, and returns the shot or its error's words.
+fn with_tracks(seed: u64, keep: impl Fn(&TrackPoint, i64) -> bool) -> (TrueShot, Result<MeasuredShot, String>) {
+    let mut truth = true_shot(seed, &COURT);
+    let impact = truth.impact_frame as i64;
+    for p in truth.tracks.points.iter_mut().filter(|p| !keep(p, p.frame as i64 - impact)) {
+        (p.point, p.state) = (None, PointState::Occluded);
+    }
+    let shot = measured(&truth, &settings()).map_err(|e| e.to_string());
+    (truth, shot)
+}
+
+/// Largest error over the stated deviation of all columns whose name begins so; `None` when none was measured.
+fn worst(truth: &TrueShot, shot: &MeasuredShot, stem: &str) -> Option<f64> {
+    let errors = truth.row.iter().filter(|(name, _)| name.starts_with(stem)).filter_map(|(name, v)| {
+        let q = shot.shot.quantities.get(name)?;
+        Some((q.value - v).abs() / q.sd)
+    });
+    errors.reduce(f64::max)
+}
+
+#[test]
+fn fails_thin_tracks_are_measured_or_named() {
+    // The ball in one camera only: nothing tells how far away it is.
+    let (_, shot) = with_tracks(31, |p, _| p.target != Target::Ball || p.camera == CameraId::Left);
+    let words = shot.map(|_| ()).unwrap_err();
+    assert!(words.contains("both cameras"), "{words}");
+    // One camera loses the ball in half the frames before contact: measured, a little less well.
+    let (truth, shot) = with_tracks(32, |p, k| p.target != Target::Ball || p.camera == CameraId::Left || !(-9..=0).contains(&k));
+    assert!(worst(&truth, &shot.unwrap(), "ball_in_v").unwrap() < 4.0);
+    // Ball and racket hidden for three frames about the contact.
+    let (truth, shot) = with_tracks(33, |_, k| !(-2..=1).contains(&k));
+    let shot = shot.unwrap();
+    for stem in ["ball_in_v", "racket_in_", "ball_out_v", "racket_out_", "impact_"] {
+        assert!(worst(&truth, &shot, stem).unwrap() < 4.0, "{stem}");
+    }
+    // The racket leaves the picture at the contact (a shot held in front of a body): the ball's rebound is still measured.
+    let (truth, shot) = with_tracks(34, |p, k| p.target == Target::Ball || k <= 2);
+    let shot = shot.unwrap();
+    assert!(worst(&truth, &shot, "racket_out_").is_none() && worst(&truth, &shot, "contact_time").is_none());
+    assert!(worst(&truth, &shot, "ball_out_v").unwrap() < 4.0 && shot.shot.quantities.get("apparent_restitution").is_some());
+    assert!(shot.shot.remarks.iter().any(|r| r.contains("last contact")), "{:?}", shot.shot.remarks);
+    // The ball leaves it.
+    let (truth, shot) = with_tracks(35, |p, k| p.target != Target::Ball || k <= 2);
+    let shot = shot.unwrap();
+    assert!(worst(&truth, &shot, "ball_out_v").is_none() && worst(&truth, &shot, "racket_out_v").unwrap() < 6.0);
+    // Never a racket: named.
+    let (_, shot) = with_tracks(36, |p, _| p.target == Target::Ball);
+    assert!(shot.is_err());
+}
+
+#[test]
+fn law_no_tracks_however_torn_make_it_panic_or_state_an_empty_deviation() {
+    for seed in 0..40u64 {
+        // A hash of point and seed decides; from one point in ten to nine in ten are gone.
+        let share = (seed % 9 + 1) * 10;
+        let torn = |p: &TrackPoint| {
+            let key = (p.frame * 31 + p.camera.index() as u64 * 7 + p.target.index() as u64 + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15 ^ (seed << 17));
+            (key >> 33) % 100 >= share
+        };
+        let (_, shot) = with_tracks(40 + seed % 4, |p, _| torn(p));
+        if let Ok(shot) = shot {
+            assert!(shot.shot.quantities.0.iter().all(|(_, q)| q.value.is_finite() && q.sd.is_finite() && q.sd >= 0.0), "seed {seed}");
+        }
+    }
 }
 
 #[test]

@@ -16,15 +16,26 @@ pub const FRAME_S: f64 = 1e-3;
 /// How hard the world is.
 #[derive(Debug, Clone, Copy)]
 pub struct Difficulty {
+    /// White noise of markers and of the ball.
     pub noise_px: f64,
+    pub ball_noise_px: f64,
     pub tape_error_px: f64,
     pub outliers: f64,
     pub gaps: f64,
     /// The racket hangs still before impact and falls free after it.
     pub laboratory: bool,
     pub air: bool,
-    /// Share of the drive (angular acceleration, changing force) of a hard swing.
+    /// Share of the drive (angular acceleration, changing force) of a hard swing before contact.
     pub drive: f64,
+    /// Time in which that drive changes by its own size, s: a swing gains its rate within 0.05 to 0.1 s; muscles can change
+    /// a force within 0.03 s.
+    pub drive_change_s: f64,
+    /// Share of a gripping hand's force and torque after contact, which die away within 5 to 20 ms.
+    pub hold: f64,
+    /// Fewest and most frames before the contact; as many after it, less up to one.
+    pub frames: (u32, u32),
+    /// Markers that neither camera sees, and as many more that one camera misses.
+    pub hidden: usize,
 }
 
 pub struct TrueShot {
@@ -157,6 +168,10 @@ pub fn true_shot(seed: u64, d: &Difficulty) -> TrueShot {
         start.v = Vector3::new(rng.random_range(10.0..20.0), rng.random_range(0.0..10.0), rng.random_range(-8.0..2.0));
         start.w = Vector3::new(8.0, 7.0, 10.0).component_mul(&normal3(&mut rng, 1.0)) + Vector3::new(0.0, 30.0 * side, 5.0);
     }
+    if d.laboratory {
+        let mut sway = ChaCha8Rng::seed_from_u64(seed ^ 0x7377_6179);
+        (start.v, start.w) = (normal3(&mut sway, 0.005), normal3(&mut sway, 0.02));
+    }
     start.com = Vector3::new(0.0, 1.0, 0.0) + normal3(&mut rng, 0.08);
     let contact_point = start.pose(&com_local) * Point3::new(impact.x, impact.y, side * radius);
     let ball_in = if d.laboratory {
@@ -165,21 +180,22 @@ pub fn true_shot(seed: u64, d: &Difficulty) -> TrueShot {
         Vector3::new(rng.random_range(-16.0..-6.0), rng.random_range(-4.0..4.0), rng.random_range(-2.0..2.0))
     };
     // Accelerations: a pivot some 0.3 to 0.7 m behind the centre of mass plus what the hand does, changing over 10 ms.
-    let held = if d.laboratory { 0.0 } else { d.drive };
-    let swing_force = normal3(&mut rng, 250.0 * held);
-    let swing_slope = normal3(&mut rng, 8e3 * held);
-    let swing_torque = Vector3::new(300.0, 250.0, 250.0).component_mul(&normal3(&mut rng, held));
-    let swing_torque_slope = normal3(&mut rng, 8e3 * held);
+    let (driven, held) = if d.laboratory { (0.0, 0.0) } else { (d.drive, d.hold) };
+    let swing_force = normal3(&mut rng, 250.0 * driven);
+    let swing_slope = normal3(&mut rng, 250.0 / d.drive_change_s * driven);
+    let swing_torque = Vector3::new(300.0, 250.0, 250.0).component_mul(&normal3(&mut rng, driven));
+    let swing_torque_slope = normal3(&mut rng, 250.0 / d.drive_change_s * driven);
+    let wave_share = 0.006 / d.drive_change_s;
     let phase: f64 = rng.random_range(0.0..6.0);
     let before = |t: f64| {
         if d.laboratory {
             return (q.inverse() * Vector3::new(0.0, 9.80665, 0.0), Vector3::zeros()); // hangs from a thread
         }
         let wave = (90.0 * t + phase).sin();
-        (swing_force * (1.0 + 0.2 * wave) + swing_slope * t, swing_torque * (1.0 + 0.2 * wave) + swing_torque_slope * t)
+        (swing_force * (1.0 + wave_share * wave) + swing_slope * t, swing_torque * (1.0 + wave_share * wave) + swing_torque_slope * t)
     };
     let drag = if d.air { rng.random_range(0.48..0.62) * 0.5 * 1.2 * std::f64::consts::PI * radius * radius / ball.mass_kg } else { 0.0 };
-    let lift = if d.air { normal3(&mut rng, 0.15 * drag) } else { Vector3::zeros() };
+    let lift = if d.air { normal3(&mut rng, 0.25 * drag) } else { Vector3::zeros() };
 
     // Contact: an impulse along the normal and a little across, rotations to match; 4 to 5.6 ms.
     let contact_time = rng.random_range(0.0040..0.0056);
@@ -201,14 +217,17 @@ pub fn true_shot(seed: u64, d: &Difficulty) -> TrueShot {
         after_contact.pose(&com_local) * Point3::new(impact.x + rng.random_range(-0.01..0.01), impact.y, side * (radius - rng.random_range(0.0..0.002)));
     let after_force = normal3(&mut rng, 150.0 * held);
     let after_torque = Vector3::new(500.0, 250.0, 250.0).component_mul(&normal3(&mut rng, held));
+    // Drawn apart, so that worlds that differ in these alone share everything else.
+    let mut apart = ChaCha8Rng::seed_from_u64(seed ^ 0x6c65_7474_696e_6721);
+    let letting_go = apart.random_range(0.005..0.020);
     let after = |t: f64| {
-        let fade = (-(t - contact_time) / 0.012).exp();
+        let fade = (-(t - contact_time) / letting_go).exp();
         (after_force * fade, after_torque * fade)
     };
 
-    // Frames: 20 to 24 on either side.
     let impact_frame = 300.0 + rng.random_range(0.0..1.0);
-    let (count_before, count_after) = (rng.random_range(18..24), rng.random_range(17..24));
+    let (fewest, most) = (i64::from(d.frames.0), i64::from(d.frames.1));
+    let (count_before, count_after) = (rng.random_range(fewest..most), rng.random_range(fewest - 1..most));
     let mut seen: BTreeMap<i64, (Isometry3<f64>, Vector3<f64>)> = BTreeMap::new();
     let time = |frame: i64| (frame as f64 - impact_frame) * FRAME_S;
     for (sign, frames) in [(-1.0, (300 - count_before..=300).rev().collect::<Vec<_>>()), (1.0, (301..307 + count_after).collect())] {
@@ -237,29 +256,40 @@ pub fn true_shot(seed: u64, d: &Difficulty) -> TrueShot {
                 t += h;
             }
             if !forward && d.laboratory {
-                body = start.clone(); // hung: exactly still
+                // Hung: still but for a sway of millimetres per second, too slow to turn into anything within the window.
+                body = Body { com: start.com + start.v * t, q: start.q * UnitQuaternion::from_scaled_axis(start.w * t), ..start.clone() };
             }
             seen.insert(frame, (body.pose(&com_local), flight.p));
         }
     }
 
     // Pixels.
-    let bias: Vec<Vector2<f64>> = (0..12).map(|k| normal3(&mut rng, if k % 6 == 5 { 0.15 * d.tape_error_px } else { d.tape_error_px }).xy()).collect();
+    let bias: Vec<Vector2<f64>> = (0..12).map(|k| normal3(&mut rng, if k % 6 == 5 { 0.35 * d.tape_error_px } else { d.tape_error_px }).xy()).collect();
     // As the view turns the tape's error drifts: by a quarter of its size within a window's half.
-    let drift: Vec<Vector2<f64>> = (0..12).map(|k| normal3(&mut rng, if k % 6 == 5 { 3.0 } else { 25.0 } * d.tape_error_px).xy()).collect();
+    let drift: Vec<Vector2<f64>> = (0..12).map(|k| normal3(&mut rng, if k % 6 == 5 { 12.0 } else { 25.0 } * d.tape_error_px).xy()).collect();
+    // Markers out of sight: the first `hidden` of a shuffled list for both cameras, the next `hidden` for one of them.
+    let mut order: Vec<usize> = (0..5).collect();
+    for k in (1..5).rev() {
+        order.swap(k, apart.random_range(0..=k));
+    }
+    let one_eyed = apart.random_range(0..2usize);
+    let out_of_sight = |camera: CameraId, target: Target| {
+        let rank = order.iter().position(|k| *k == target.index());
+        rank.is_some_and(|r| r < d.hidden || (r < 2 * d.hidden && camera.index() == one_eyed))
+    };
     let mut points = Vec::new();
     for (&frame, (pose, p)) in &seen {
         for camera in CameraId::BOTH {
             let eye = pose.inverse_transform_point(&rig.centre(camera));
             for target in Target::ALL {
                 let place = if target == Target::Ball { Point3::from(*p) } else { pose * figure.patch_point(target.index(), &eye).0 };
-                let sd = d.noise_px * rng.random_range(0.7..1.4);
+                let sd = if target == Target::Ball { d.ball_noise_px } else { d.noise_px } * rng.random_range(0.7..1.4);
                 let k = 6 * camera.index() + target.index();
                 let mut uv = rig.project(camera, &place).expect("in view") + normal3(&mut rng, sd).xy() + bias[k] + drift[k] * time(frame);
                 if rng.random::<f64>() < d.outliers {
                     uv += normal3(&mut rng, 3.0).xy();
                 }
-                let hidden = rng.random::<f64>() < d.gaps;
+                let hidden = rng.random::<f64>() < d.gaps || out_of_sight(camera, target);
                 points.push(TrackPoint {
                     frame: frame as u64,
                     camera,

@@ -16,6 +16,7 @@ mod impact_expression;
 mod impact_scene;
 mod impact_viscoelastic;
 mod kinematics;
+mod kinematics_photograph;
 mod kinematics_world;
 mod layout;
 mod report;

@@ -132,6 +132,7 @@ fn shot(name: &str, k: u32) -> Shot {
         groups: vec![("sex".into(), if k.is_multiple_of(2) { name.to_owned() } else { "female".into() })],
         quantities: Quantities(all),
         impact_timing: Some(ImpactTiming::Falling),
+        swing_timing: None,
         momentum: Some(MomentumVerdict { chi2: 9.0, p_value: 0.03, hand_interferes: true }),
         windows: Windows { ball_in: window.clone(), racket_in: window, ball_out: None, racket_out: None },
         thesis: None,

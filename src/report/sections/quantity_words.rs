@@ -3,7 +3,7 @@
 use crate::report::column::{ColumnWords, column_words};
 
 /// Name in shot.json, words, unit shown, factor from SI; in the order of reading.
-pub(super) const QUANTITIES: [(&str, &str, &str, f64); 32] = [
+pub(super) const QUANTITIES: [(&str, &str, &str, f64); 33] = [
     ("ball_in_speed", "ball speed before", "m/s", 1.0),
     ("ball_out_speed", "ball speed after", "m/s", 1.0),
     ("ball_in_spin_rpm", "ball spin before", "rpm", 1.0),
@@ -24,6 +24,7 @@ pub(super) const QUANTITIES: [(&str, &str, &str, f64); 32] = [
     ("impact_from_butt", "impact from the butt", "mm", 1000.0),
     ("playing_angle_deg", "playing angle", "°", 1.0),
     ("planar_racket_velocity", "planar racket velocity", "m/s", 1.0),
+    ("planar_relative_velocity_up", "speed of the face up past the ball", "m/s", 1.0),
     ("apparent_restitution", "apparent restitution", "", 1.0),
     ("restitution", "restitution", "", 1.0),
     ("effective_mass", "effective mass of the impact point", "g", 1000.0),

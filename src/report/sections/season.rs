@@ -3,10 +3,10 @@
 use super::quantity_words::quantity_words;
 use super::regression::regression;
 use crate::equipment::Racket;
-use crate::kinematics::{Shot, effective_mass};
+use crate::kinematics::{Shot, effective_mass, season_statistics};
 use crate::report::chart::{Arrows, Band, Bars, Cells, Chart, Line, Points, Rule, SERIES, Symbol, bin_edges, face, histogram};
 use crate::report::markup::fixed;
-use crate::report::page::{Layout, Section};
+use crate::report::page::{Layout, Section, Table};
 use crate::report::session_results::SessionResults;
 use nalgebra::Vector2;
 use std::collections::{BTreeMap, BTreeSet};
@@ -36,6 +36,26 @@ impl Group<'_> {
         let factor = quantity_words(quantity).factor;
         self.shots.iter().filter_map(|s| s.quantities.get(quantity).map(|q| factor * q.value)).collect()
     }
+
+    /// Name for a legend; a legend of one group says nothing.
+    fn legend(&self, of: usize) -> &str {
+        if of > 1 { &self.name } else { "" }
+    }
+}
+
+/// Whether any of these quantities stands out of its own measuring error: the velocity of a hung racket does not, and a
+/// figure of noise misleads.
+fn seen(groups: &[Group<'_>], quantities: &[&str]) -> bool {
+    quantities.iter().any(|name| {
+        let all: Vec<_> = groups.iter().flat_map(|g| &g.shots).filter_map(|s| s.quantities.get(name)).collect();
+        let mean_square = |f: &dyn Fn(&crate::quantity::Quantity) -> f64| all.iter().map(|q| f(q).powi(2)).sum::<f64>();
+        mean_square(&|q| q.value) > 9.0 * mean_square(&|q| q.sd)
+    })
+}
+
+fn capital(words: &str) -> String {
+    let mut letters = words.chars();
+    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
 }
 
 /// Histograms and trends of a session's shots; `None` with fewer than four.
@@ -45,7 +65,37 @@ pub fn season(results: &SessionResults) -> Option<Section> {
     if figures.is_empty() {
         return None;
     }
-    Some(Section::new("season", "All shots together").figures(Layout::Normal, &figures))
+    Some(Section::new("season", "All shots together").figures(Layout::Normal, &figures).table(against_thesis(&shots)))
+}
+
+/// Means over the shots beside tables 5.27 and 5.28.
+fn against_thesis(shots: &[&Shot]) -> Table {
+    let mut table = Table::new("These shots beside the thesis's players (tables 5.27 and 5.28): mean ± standard deviation between shots")
+        .column("quantity")
+        .numbers("shots")
+        .numbers("here")
+        .numbers("of it measuring error")
+        .numbers("thesis, men")
+        .numbers("thesis, women")
+        .column("unit");
+    for s in season_statistics(shots).iter().filter(|s| s.column == "all") {
+        let (Some(men), Some(women)) = (s.thesis_men, s.thesis_women) else { continue };
+        let w = quantity_words(&s.quantity);
+        let spread = |mean: f64, sd: Option<f64>| {
+            let decimals = if w.unit == "rpm" { 0 } else { 2 };
+            sd.map_or_else(|| fixed(w.factor * mean, decimals), |sd| format!("{} ± {}", fixed(w.factor * mean, decimals), fixed(w.factor * sd, decimals)))
+        };
+        table = table.row(&[
+            w.words.clone(),
+            s.n.to_string(),
+            spread(s.mean, s.sd),
+            spread(s.measuring_sd, None),
+            spread(men[0], Some(men[1])),
+            spread(women[0], Some(women[1])),
+            if w.unit.is_empty() { s.unit.clone() } else { w.unit.to_owned() },
+        ]);
+    }
+    table
 }
 
 /// The figures of thesis chapter 5 for these shots, told apart by a grouping column with two to four values if there is
@@ -63,6 +113,9 @@ pub fn season_figures(shots: &[&Shot], racket: Option<&Racket>) -> Vec<SeasonFig
         ("ball-velocity-after", "Ball velocity after", "ball_out_global_v", "ball_out_speed", "m/s", ["U", "V", "W"], "5.10, 5.11"),
         ("racket-angular-velocity", "Racket angular velocity before", "racket_in_w", "racket_in_rate", "rad/s", ["x", "y", "z"], "5.12, 5.13"),
     ] {
+        if !seen(&groups, &axes(stem).each_ref().map(String::as_str)) {
+            continue;
+        }
         for (k, group) in groups.iter().enumerate() {
             // Groups' names come from users' files: a number is safe in a file name and never repeats.
             let name = if groups.len() > 1 { format!("{name}-group-{}", k + 1) } else { name.to_owned() };
@@ -81,14 +134,16 @@ pub fn season_figures(shots: &[&Shot], racket: Option<&Racket>) -> Vec<SeasonFig
         ("impact-across", "impact_y", "5.17"),
     ] {
         let w = quantity_words(quantity);
-        let series: Vec<(String, Vec<f64>)> = groups.iter().map(|g| (g.name.clone(), g.values(quantity))).collect();
-        figures.extend(frequency(name, &w.words, &w.words, w.unit, &series, &format!(" {} (as thesis figure {thesis})", w.unit)));
+        let series: Vec<(String, Vec<f64>)> = groups.iter().map(|g| (g.legend(groups.len()).to_owned(), g.values(quantity))).collect();
+        figures.extend(frequency(name, &capital(&w.words), &w.words, w.unit, &series, &format!(" {} (as thesis figure {thesis})", w.unit)));
     }
     if let Some(racket) = racket {
         figures.push(effective_mass_map(racket));
+        figures.extend(impact_positions(racket, &groups));
     }
     figures.extend(trend("spin-playing-angle", &groups, "playing_angle_deg", "ball_out_topspin_rpm", "5.21"));
     figures.extend(trend("spin-planar-velocity", &groups, "planar_racket_velocity", "ball_out_topspin_rpm", "5.22"));
+    figures.extend(trend("spin-relative-velocity", &groups, "planar_relative_velocity_up", "ball_out_topspin_rpm", "5.22, with the ball's own velocity"));
     figures.extend(movement(&groups));
     figures.extend(success(&groups));
     figures
@@ -124,9 +179,16 @@ fn frequency(name: &str, title: &str, label: &str, unit: &str, series: &[(String
     let label = if label.is_empty() { if unit == "m/s" { "velocity" } else { "angular velocity" } } else { label };
     let mut chart = Chart::new(title).x(label, unit).y("shots", "");
     let mut told = Vec::new();
+    // Series stand side by side within a bin: bars drawn over each other cannot be read.
+    let n = series.len() as f64;
     for (k, (group, values)) in series.iter().enumerate().filter(|(_, (_, v))| !v.is_empty()) {
-        chart = chart.add(Bars::new(&histogram(values, &edges)).name(group).colour(SERIES[k % SERIES.len()]));
-        told.push(format!("{group} {}", mean_sd(values)));
+        let own = |(from, to, count): (f64, f64, f64)| {
+            let share = |s: f64| from + (to - from) * s / n;
+            (share(k as f64), share(k as f64 + 1.0), count)
+        };
+        let bars: Vec<(f64, f64, f64)> = histogram(values, &edges).into_iter().map(own).collect();
+        chart = chart.add(Bars::new(&bars).name(group).colour(SERIES[k % SERIES.len()]));
+        told.push(format!("{group} {}", mean_sd(values)).trim_start().to_owned());
     }
     let caption = format!("Mean ± sd over the shots: {}{tail}.", told.join(", "));
     Some(SeasonFigure { name: name.to_owned(), svg: chart.describe(&caption).to_svg(), caption })
@@ -147,6 +209,42 @@ fn effective_mass_map(racket: &Racket) -> SeasonFigure {
     }
 }
 
+/// Thesis figure 5.20: where the ball met the face, and the mean sweet spots of these shots as far as they lie on the head.
+fn impact_positions(racket: &Racket, groups: &[Group<'_>]) -> Option<SeasonFigure> {
+    let shots: Vec<&Shot> = groups.iter().flat_map(|g| g.shots.iter().copied()).filter(|s| s.racket == racket.name).collect();
+    let mut chart = face::face("Impact positions", racket);
+    let mut any = false;
+    for (k, g) in groups.iter().enumerate() {
+        let of_racket = Group { name: g.name.clone(), shots: g.shots.iter().copied().filter(|s| s.racket == racket.name).collect() };
+        let at = pairs(&of_racket, "impact_y", "impact_x");
+        any |= !at.is_empty();
+        chart = chart.add(Points::new(&at).name(if groups.len() > 1 { &g.name } else { "impacts" }).symbol(Symbol::SERIES[k % 6]).colour(SERIES[k % SERIES.len()]));
+    }
+    let chart = face::spots(chart, &sweet_spots(racket, &shots));
+    let caption = format!("Impacts on {} and the mean sweet spots of these shots, as far as they lie on the head (as thesis figure 5.20).", racket.name);
+    any.then(|| SeasonFigure { name: "impact-positions".to_owned(), svg: chart.describe(&caption).to_svg(), caption })
+}
+
+/// Mean sweet spots of shots with one racket; a dead spot beyond the tip exists on paper only.
+pub(super) fn sweet_spots(racket: &Racket, shots: &[&Shot]) -> Vec<face::Spot> {
+    let on_head = |from_butt: f64| (racket.stringbed_centre_m - from_butt).abs() < 0.5 * racket.head.inner_length_m + 0.04;
+    let spots = [
+        ("ideal point", "ideal_point_from_butt"),
+        ("centre of percussion", "centre_of_percussion_from_butt"),
+        ("node point", "node_point_from_butt"),
+        ("dead spot", "dead_spot_from_butt"),
+    ];
+    let mean_of = |name: &str| {
+        let all: Vec<f64> = shots.iter().filter_map(|s| s.quantities.get(name).map(|q| q.value)).collect();
+        (!all.is_empty()).then(|| all.iter().sum::<f64>() / all.len() as f64)
+    };
+    let place = |(words, name): (&str, &str)| {
+        let mean = mean_of(name).filter(|m| on_head(*m))?;
+        Some(face::Spot { name: words.to_owned(), x_m: racket.stringbed_centre_m - mean, y_m: 0.0 })
+    };
+    spots.into_iter().filter_map(place).collect()
+}
+
 fn pairs(group: &Group<'_>, x: &str, y: &str) -> Vec<(f64, f64)> {
     let (fx, fy) = (quantity_words(x).factor, quantity_words(y).factor);
     group.shots.iter().filter_map(|s| Some((fx * s.quantities.get(x)?.value, fy * s.quantities.get(y)?.value))).collect()
@@ -155,10 +253,10 @@ fn pairs(group: &Group<'_>, x: &str, y: &str) -> Vec<(f64, f64)> {
 fn trend(name: &str, groups: &[Group<'_>], x: &str, y: &str, thesis: &str) -> Option<SeasonFigure> {
     let (wx, wy) = (quantity_words(x), quantity_words(y));
     let all: Vec<(f64, f64)> = groups.iter().flat_map(|g| pairs(g, x, y)).collect();
-    if all.len() < FEWEST {
+    if all.len() < FEWEST || !seen(groups, &[x]) {
         return None;
     }
-    let mut chart = Chart::new(&format!("{} against {}", wy.words, wx.words)).x(&wx.words, wx.unit).y(&wy.words, wy.unit);
+    let mut chart = Chart::new(&format!("{} against {}", capital(&wy.words), wx.words)).x(&wx.words, wx.unit).y(&wy.words, wy.unit);
     let mut caption = format!("As thesis figure {thesis}.");
     if let Some(r) = regression(&all) {
         chart = chart.add(Band::new(&r.band).colour(SERIES[4])).add(Line::new(&r.line).colour(SERIES[4])).note(&format!("R² = {}", fixed(r.r2, 2)));
@@ -172,7 +270,7 @@ fn trend(name: &str, groups: &[Group<'_>], x: &str, y: &str, thesis: &str) -> Op
         );
     }
     for (k, g) in groups.iter().enumerate() {
-        chart = chart.add(Points::new(&pairs(g, x, y)).name(&g.name).symbol(Symbol::SERIES[k % 6]).colour(SERIES[k % SERIES.len()]));
+        chart = chart.add(Points::new(&pairs(g, x, y)).name(g.legend(groups.len())).symbol(Symbol::SERIES[k % 6]).colour(SERIES[k % SERIES.len()]));
     }
     Some(SeasonFigure { name: name.to_owned(), svg: chart.describe(&caption).to_svg(), caption })
 }
@@ -186,10 +284,13 @@ fn movement(groups: &[Group<'_>]) -> Option<SeasonFigure> {
         .y_reversed()
         .equal_scales();
     let mut any = false;
+    if !seen(groups, &["impact_point_in_vy", "impact_point_in_vx"]) {
+        return None;
+    }
     for (k, g) in groups.iter().enumerate() {
         let by = pairs(g, "impact_point_in_vy", "impact_point_in_vx");
         any |= !by.is_empty();
-        chart = chart.add(Arrows::new(&vec![(0.0, 0.0); by.len()], &by, 1.0).name(&g.name).colour(SERIES[k % SERIES.len()]));
+        chart = chart.add(Arrows::new(&vec![(0.0, 0.0); by.len()], &by, 1.0).name(g.legend(groups.len())).colour(SERIES[k % SERIES.len()]));
     }
     let caption = "Each arrow is one shot (as thesis figure 5.23).".to_owned();
     any.then(|| SeasonFigure { name: "local-movement".to_owned(), svg: chart.describe(&caption).to_svg(), caption })
@@ -202,7 +303,7 @@ fn success(groups: &[Group<'_>]) -> Option<SeasonFigure> {
     for (k, g) in groups.iter().enumerate() {
         let at = pairs(g, "impact_success_ratio", "efficiency");
         any |= !at.is_empty();
-        chart = chart.add(Points::new(&at).name(&g.name).symbol(Symbol::SERIES[k % 6]).colour(SERIES[k % SERIES.len()]));
+        chart = chart.add(Points::new(&at).name(g.legend(groups.len())).symbol(Symbol::SERIES[k % 6]).colour(SERIES[k % SERIES.len()]));
     }
     let caption = "1: the ball met the ideal point (as thesis figure 5.24).".to_owned();
     any.then(|| SeasonFigure {

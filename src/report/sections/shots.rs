@@ -2,7 +2,8 @@
 //! ball met the face.
 
 use super::quantity_words::{QUANTITIES, quantity_words};
-use crate::kinematics::{ImpactTiming, Shot};
+use super::season::sweet_spots;
+use crate::kinematics::{ImpactTiming, Shot, SwingTiming};
 use crate::report::chart::{Points, face};
 use crate::report::markup::{fixed, with_sd};
 use crate::report::page::{Layout, Section, Table};
@@ -70,7 +71,13 @@ fn details(mut section: Section, shot: &Shot) -> Section {
         Some(ImpactTiming::Falling) => " The ball was falling.",
         None => "",
     };
-    section = section.paragraph(&format!("{}, {}{groups}; the ball came to the {} face.{timing}", shot.racket, shot.ball, shot.ball_side_of_face));
+    let swing = match shot.swing_timing {
+        Some(SwingTiming::BeforeApex) => " It was met before the apex of the swing.",
+        Some(SwingTiming::Apex) => " It was met at the apex of the swing.",
+        Some(SwingTiming::AfterApex) => " It was met after the apex of the swing.",
+        None => "",
+    };
+    section = section.paragraph(&format!("{}, {}{groups}; the ball came to the {} face.{timing}{swing}", shot.racket, shot.ball, shot.ball_side_of_face));
     if let Some(m) = &shot.momentum {
         let hand = if m.hand_interferes { "something besides ball and racket took part (the hand)" } else { "ball and racket alone explain it" };
         section = section.paragraph(&format!("Momentum balance: {hand}; χ² = {} with 3 degrees of freedom, p = {}.", fixed(m.chi2, 1), fixed(m.p_value, 3)));
@@ -131,8 +138,6 @@ fn faces(measured: &[(&ShotResults, &Shot)]) -> Vec<(String, String)> {
         .filter_map(|name| {
             let own: Vec<&(&ShotResults, &Shot)> = measured.iter().filter(|(_, s)| s.racket == *name).collect();
             let racket = &own.first()?.0.racket;
-            // A dead spot beyond the tip exists on paper only.
-            let on_head = |from_butt: f64| (racket.stringbed_centre_m - from_butt).abs() < 0.5 * racket.head.inner_length_m + 0.04;
             let at: Vec<(f64, f64, f64, f64)> = own
                 .iter()
                 .filter_map(|(_, s)| {
@@ -142,19 +147,7 @@ fn faces(measured: &[(&ShotResults, &Shot)]) -> Vec<(String, String)> {
                 .collect();
             let points: Vec<(f64, f64)> = at.iter().map(|a| (a.0, a.1)).collect();
             let (across, along): (Vec<f64>, Vec<f64>) = at.iter().map(|a| (a.2, a.3)).unzip();
-            let spots: Vec<face::Spot> = [
-                ("ideal point", "ideal_point_from_butt"),
-                ("centre of percussion", "centre_of_percussion_from_butt"),
-                ("node point", "node_point_from_butt"),
-                ("dead spot", "dead_spot_from_butt"),
-            ]
-            .iter()
-            .filter_map(|(words, name)| {
-                let from_butt: Vec<f64> = own.iter().filter_map(|(_, s)| s.quantities.get(name).map(|q| q.value)).collect();
-                let mean = from_butt.iter().sum::<f64>() / from_butt.len().max(1) as f64;
-                (!from_butt.is_empty() && on_head(mean)).then(|| face::Spot { name: (*words).to_owned(), x_m: racket.stringbed_centre_m - mean, y_m: 0.0 })
-            })
-            .collect();
+            let spots = sweet_spots(racket, &own.iter().map(|(_, s)| *s).collect::<Vec<_>>());
             let chart = face::face(&format!("Impacts on {name}"), racket).add(Points::new(&points).x_error(&across).y_error(&along).name("impacts"));
             Some((
                 face::spots(chart, &spots).to_svg(),

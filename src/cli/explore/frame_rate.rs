@@ -1,0 +1,80 @@
+//! The part of `sweetspot explore` that asks what a slower camera would have got wrong (thesis 4.5.1).
+
+use crate::cli::Shell;
+use crate::cli::error::CliError;
+use crate::cli::shots::{read_rig, settings_of};
+use crate::kinematics::{FrameRateStudy, ShotInput, ShotSpin, frame_rate_study};
+use crate::report::frame_rate_page;
+use crate::session::Session;
+use crate::tracking::Tracks;
+use rayon::prelude::*;
+use std::path::Path;
+
+/// Every second and every fourth frame: 500 and 250 of 1000 frames per second.
+const KEEP_EVERY: [usize; 2] = [2, 4];
+
+#[derive(serde::Serialize)]
+struct Studies {
+    shots: Vec<FrameRateStudy>,
+    failed: Vec<(String, String)>,
+}
+
+pub fn study_session(folder: &Path, only: &[String], shell: &Shell) -> Result<(), CliError> {
+    let session = Session::open(folder)?;
+    let results = shell.results_of_session(folder);
+    let rig = read_rig(&results.join("calibration.json"))?;
+    if let Some(unknown) = only.iter().find(|id| session.shots.iter().all(|s| s.id != **id)) {
+        let known: Vec<&str> = session.shots.iter().map(|s| s.id.as_str()).collect();
+        return Err(CliError::input(format!("--shot {unknown}: no such shot; the session has {}", known.join(", "))));
+    }
+    let outcomes: Vec<(String, Result<FrameRateStudy, CliError>)> = session
+        .shots
+        .par_iter()
+        .filter(|s| only.is_empty() || only.contains(&s.id))
+        .map(|shot| {
+            let study = || -> Result<FrameRateStudy, CliError> {
+                shell.check_cancelled()?;
+                let tracks = Tracks::read(&results.join("shots").join(&shot.id).join("tracks.csv"))?;
+                let input = ShotInput {
+                    id: &shot.id,
+                    rig: &rig,
+                    tracks: &tracks,
+                    racket: &shot.racket,
+                    ball: &shot.ball,
+                    spin: &ShotSpin::default(),
+                    groups: &shot.groups,
+                    asked_points: &[],
+                };
+                Ok(frame_rate_study(&input, &settings_of(&session, shot), &KEEP_EVERY)?)
+            };
+            (shot.id.clone(), study())
+        })
+        .collect();
+    shell.check_cancelled()?;
+    let mut studies = Studies { shots: Vec::new(), failed: session.broken_shots.clone() };
+    for (id, outcome) in outcomes {
+        match outcome {
+            Ok(study) => studies.shots.push(study),
+            Err(e) => studies.failed.push((id, e.message)),
+        }
+    }
+    if studies.shots.is_empty() {
+        let why: Vec<String> = studies.failed.iter().map(|(id, why)| format!("{id}: {why}")).collect();
+        return Err(CliError::input(format!("no shot could be measured:\n  {}", why.join("\n  "))).hint("run `sweetspot track` and `sweetspot shots` first"));
+    }
+    let (page, figures) = frame_rate_page(&session.name, &studies.shots);
+    for (name, svg) in &figures {
+        shell.write(&results.join("frame-rate").join(format!("{name}.svg")), svg.as_bytes())?;
+    }
+    let text = serde_json::to_string_pretty(&studies).map_err(CliError::output)?;
+    shell.write(&results.join("explore-frame-rate.json"), text.as_bytes())?;
+    let path = results.join("explore-frame-rate.html");
+    shell.write(&path, page.as_bytes())?;
+    shell.say(format_args!("written: {}", path.display()));
+    shell.print_json(&studies)?;
+    if studies.failed.is_empty() {
+        return Ok(());
+    }
+    let lines: Vec<String> = studies.failed.iter().map(|(id, why)| format!("{id}: {why}")).collect();
+    Err(CliError::some_failed(format!("{} shots failed:\n  {}", lines.len(), lines.join("\n  "))))
+}

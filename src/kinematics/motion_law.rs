@@ -1,0 +1,157 @@
+//! Laws of motion a racket may follow in a window of some 20 ms on one side of the contact.
+
+use nalgebra::Vector3;
+
+/// How the racket may move.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum MotionLaw {
+    /// Hangs still (a laboratory racket before impact), up to a slow sway.
+    Rest,
+    /// Constant velocity, constant angular velocity.
+    Coasting,
+    /// Falls freely, constant angular velocity.
+    SteadyFall,
+    /// Falls freely, torque-free rotation with the racket's own inertia (Euler).
+    FreeBody,
+    /// Driven along an arc: force and angular acceleration in body axes that change at constant rates.
+    Swing(Pace),
+    /// Held by a hand: Euler's equations with a force and a torque in body axes that change at constant rates.
+    Hold(Pace),
+    /// As a hold, but the rates of force and torque change too (quadratic in time).
+    Drift,
+    /// After contact: Euler's equations with a force and a torque in body axes that die away exponentially.
+    Release(Fade),
+}
+
+/// How strong a drive is and how fast it changes. There is no law with a strictly constant force: a hand that pushes also
+/// changes its push, and a law that forbids the change would claim too much precision at the window's edge. Even is the
+/// nearest to it: brisk, but changing three times more slowly than muscles can.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Pace {
+    Even,
+    Gentle,
+    Brisk,
+    Abrupt,
+}
+
+/// Time constant of a hand that lets go, ms. Flesh settles within some 5 ms, a grip that the blow pulls open within 10 to 20.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+pub struct Fade(u8);
+
+impl Pace {
+    fn word(self) -> &'static str {
+        match self {
+            Pace::Even => "even",
+            Pace::Gentle => "gentle",
+            Pace::Brisk => "brisk",
+            Pace::Abrupt => "abrupt",
+        }
+    }
+}
+
+impl Fade {
+    /// Each √2 times the one before, so that the true one is never off by more than a fifth.
+    pub const ALL: [Fade; 6] = [Fade(5), Fade(7), Fade(10), Fade(14), Fade(20), Fade(28)];
+
+    pub fn time_s(self) -> f64 {
+        1e-3 * f64::from(self.0)
+    }
+}
+
+/// How given force and torque run in time: factors of the value at the reference time, its slope and its curvature.
+pub(crate) type Course = [f64; 3];
+
+impl MotionLaw {
+    /// Laws that any window may follow.
+    pub const EVERYWHERE: [MotionLaw; 13] = [
+        MotionLaw::Rest,
+        MotionLaw::Coasting,
+        MotionLaw::SteadyFall,
+        MotionLaw::FreeBody,
+        MotionLaw::Swing(Pace::Even),
+        MotionLaw::Swing(Pace::Gentle),
+        MotionLaw::Swing(Pace::Brisk),
+        MotionLaw::Swing(Pace::Abrupt),
+        MotionLaw::Hold(Pace::Even),
+        MotionLaw::Hold(Pace::Gentle),
+        MotionLaw::Hold(Pace::Brisk),
+        MotionLaw::Hold(Pace::Abrupt),
+        MotionLaw::Drift,
+    ];
+
+    /// Laws for the window after the contact: those, and a hand that lets go.
+    pub fn after_contact() -> Vec<MotionLaw> {
+        Self::EVERYWHERE.into_iter().chain(Fade::ALL.map(MotionLaw::Release)).collect()
+    }
+
+    /// Logarithm of the prior weight: the time constants of a release share the weight of one law.
+    pub(crate) fn ln_weight(self) -> f64 {
+        if matches!(self, MotionLaw::Release(_)) { -(Fade::ALL.len() as f64).ln() } else { 0.0 }
+    }
+
+    /// The two most flexible laws of moderate size: whatever moves in a window, one of them follows it.
+    pub(crate) const FLEXIBLE: [MotionLaw; 2] = [MotionLaw::Swing(Pace::Abrupt), MotionLaw::Hold(Pace::Abrupt)];
+
+    /// Word of shot.json.
+    pub fn word(self) -> String {
+        match self {
+            MotionLaw::Rest => "rest".to_owned(),
+            MotionLaw::Coasting => "coasting".to_owned(),
+            MotionLaw::SteadyFall => "steady-fall".to_owned(),
+            MotionLaw::FreeBody => "free-body".to_owned(),
+            MotionLaw::Swing(pace) => format!("{}-swing", pace.word()),
+            MotionLaw::Hold(pace) => format!("{}-hold", pace.word()),
+            MotionLaw::Drift => "drifting-hold".to_owned(),
+            MotionLaw::Release(fade) => format!("release-{}ms", fade.0),
+        }
+    }
+
+    /// Number of estimated three-vectors, in the order of [`super::MotionState`]'s fields.
+    pub(crate) fn vectors(self) -> usize {
+        match self {
+            MotionLaw::Rest | MotionLaw::Coasting | MotionLaw::SteadyFall | MotionLaw::FreeBody => 4,
+            MotionLaw::Release(_) => 6,
+            MotionLaw::Swing(_) | MotionLaw::Hold(_) => 8,
+            MotionLaw::Drift => 10,
+        }
+    }
+
+    pub(crate) fn gyroscopic(self) -> bool {
+        matches!(self, MotionLaw::FreeBody | MotionLaw::Hold(_) | MotionLaw::Drift | MotionLaw::Release(_))
+    }
+
+    pub(crate) fn falls(self) -> bool {
+        !matches!(self, MotionLaw::Rest | MotionLaw::Coasting)
+    }
+
+    /// How force and torque stand `dt` after the reference time.
+    pub(crate) fn course(self, dt: f64) -> Course {
+        match self {
+            MotionLaw::Release(fade) => [(-dt / fade.time_s()).exp(), 0.0, 0.0],
+            _ => [1.0, dt, 0.5 * dt * dt],
+        }
+    }
+
+    /// Prior standard deviations of velocity, rate, force, rate of rate, and the slopes and curvatures of the last two (SI).
+    /// Wide: they weigh the laws against each other and hardly move an estimate. A hung racket sways by millimetres per
+    /// second. A drive changes by its own size within `memory_s`.
+    pub(crate) fn priors(self, memory_s: f64) -> [Option<Vector3<f64>>; 10] {
+        let (v, w) = if self == MotionLaw::Rest { (0.005, 0.02) } else { (20.0, 30.0) };
+        // Brisk: a centre of mass 0.35 m from the pivot at 30 rad/s needs 300 m/s²; a swing gains 30 rad/s within 0.05 to
+        // 0.1 s (physics.md E.7). Gentle is a third of that, abrupt twice.
+        let (force, rate_dot) = match self {
+            MotionLaw::Swing(Pace::Gentle) | MotionLaw::Hold(Pace::Gentle) => (100.0, 130.0),
+            MotionLaw::Swing(Pace::Abrupt) | MotionLaw::Hold(Pace::Abrupt) => (600.0, 1000.0),
+            _ => (300.0, 400.0),
+        };
+        // About the handle the inertia is a tenth of the others': the same hand turns the racket faster there.
+        let twist = Vector3::new(2.5, 1.0, 1.0);
+        let all = |sd: f64| Some(Vector3::repeat(sd));
+        let turn = |sd: f64| Some(twist * sd);
+        let memory_s = if matches!(self, MotionLaw::Swing(Pace::Even) | MotionLaw::Hold(Pace::Even)) { 3.0 * memory_s } else { memory_s };
+        let (slope, curve) = (1.0 / memory_s, 1.0 / (memory_s * memory_s));
+        [None, None, all(v), all(w), all(force), turn(rate_dot), all(force * slope), turn(rate_dot * slope), all(force * curve), turn(rate_dot * curve)]
+    }
+}

@@ -32,7 +32,8 @@ pub struct PhotographArguments {
 }
 
 fn parse_pixel(text: &str) -> Result<Vector2<f64>, String> {
-    let parts: Vec<f64> = text.split(',').map(|p| p.trim().parse::<f64>()).collect::<Result<_, _>>().map_err(|e| format!("{text:?}: {e}; give U,V in pixels"))?;
+    let parts: Vec<f64> =
+        text.split(',').map(|p| p.trim().parse::<f64>()).collect::<Result<_, _>>().map_err(|e| format!("{text:?}: {e}; give U,V in pixels"))?;
     match parts[..] {
         [u, v] if (0.0..1e5).contains(&u) && (0.0..1e5).contains(&v) => Ok(Vector2::new(u, v)),
         _ => Err(format!("{text:?}; give U,V in pixels from the top left")),
@@ -48,7 +49,13 @@ pub fn measure_photograph(photograph: &Path, a: &PhotographArguments, racket: &R
     })?;
     let image = read_grey(photograph)?;
     let sheet = GridPhotograph::find(&image, a.square)?;
-    shell.say(format_args!("{}: {} squares, {:.2} px/mm, off the map by {:.2} px", photograph.display(), sheet.squares.len(), 1e-3 * sheet.px_per_m, sheet.rms_px));
+    shell.say(format_args!(
+        "{}: {} squares, {:.2} px/mm, off the map by {:.2} px",
+        photograph.display(),
+        sheet.squares.len(),
+        1e-3 * sheet.px_per_m,
+        sheet.rms_px
+    ));
     let places = tape_places(&image, &sheet, &[m1, m2, m3, m4, m5], height, racket)?;
     for (k, p) in places.iter().enumerate() {
         shell.say(format_args!("m{} = [{:.5}, {:.5}, 0.0]    # ± {:.5}", k + 1, p.local[0], p.local[1], p.sd));

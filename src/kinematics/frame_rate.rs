@@ -6,8 +6,8 @@
 //! 0.04 s).
 
 use super::KinematicsError;
-use super::shot::{MeasuredShot, ShotInput, measure_shot};
 use super::racket_motion::MotionEstimate;
+use super::shot::{MeasuredShot, ShotInput, measure_shot};
 use super::shot_motion::MeasureSettings;
 use super::thesis_path::{THESIS_FRAMES, line};
 use crate::tracking::Tracks;

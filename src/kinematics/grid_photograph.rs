@@ -17,7 +17,9 @@ const SMALLEST_PX2: f64 = 25.0;
 
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum GridError {
-    #[error("only {found} squares of a ruled sheet were found, at least {FEWEST_SQUARES} are needed; show light squares between darker lines, each at least 6 px wide and not blurred")]
+    #[error(
+        "only {found} squares of a ruled sheet were found, at least {FEWEST_SQUARES} are needed; show light squares between darker lines, each at least 6 px wide and not blurred"
+    )]
     TooFew { found: usize },
     #[error("the squares do not lie on one flat sheet (they miss it by {rms_px:.2} px); lay the sheet flat, or photograph it from farther away")]
     NotFlat { rms_px: f64 },
@@ -329,7 +331,8 @@ fn largest_lattice(patches: &[Patch]) -> Vec<(usize, (i64, i64))> {
         }
         taken[seed] = true;
         let centre = patches[seed].centre;
-        let around: Vec<Vector2<f64>> = near(&centre, 1.6 * patches[seed].side_px).into_iter().filter(|k| *k != seed).map(|k| patches[k].centre - centre).collect();
+        let around: Vec<Vector2<f64>> =
+            near(&centre, 1.6 * patches[seed].side_px).into_iter().filter(|k| *k != seed).map(|k| patches[k].centre - centre).collect();
         let Some(a) = around.first().copied() else { continue };
         let Some(b) = around.iter().copied().find(|v| v.dot(&a).abs() < 0.4 * v.norm() * a.norm()) else { continue };
         let mut own = vec![(seed, (0i64, 0i64))];

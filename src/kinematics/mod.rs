@@ -33,14 +33,16 @@ pub use contact::{BodyMotion, PointMotion, ball_in_racket, crossing};
 pub use frame_rate::{FrameRateStudy, SlowerCamera, TipPath, frame_rate_study};
 pub use grid_photograph::{GridError, GridPhotograph};
 pub use marker_distance::{MarkerDistance, marker_distances};
+pub use motion_law::{Fade, MotionLaw, Pace};
 pub use racket_bench::{
     BenchError, Bifilar, Pendulum, Uncertain, balance_from_scales, from_rdc_kg_cm2, perpendicular_axis_mismatch, swingweight_from_pendulum,
     twistweight_from_bifilar,
 };
-pub use motion_law::{Fade, MotionLaw, Pace};
 pub use racket_motion::{MotionEstimate, MotionState, MovingRacket};
 pub use season::{GroupStatistic, RiseInterval, rise_table, season_statistics, season_to_csv};
-pub use shot::{ImpactTiming, MeasuredShot, MomentumVerdict, Quantities, Shot, ShotInput, ShotSpin, SpinComponent, SwingTiming, WindowReport, Windows, measure_shot};
+pub use shot::{
+    ImpactTiming, MeasuredShot, MomentumVerdict, Quantities, Shot, ShotInput, ShotSpin, SpinComponent, SwingTiming, WindowReport, Windows, measure_shot,
+};
 pub use shot_file::{SHOT_FILE, ShotFileError, ShotRecord};
 pub use shot_motion::{FEWEST_FRAMES, FrameView, GRAVITY_M_S2, MeasureSettings, ShotMotion, measure_motion};
 pub use shot_state::SpinVector;

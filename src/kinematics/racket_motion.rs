@@ -220,7 +220,11 @@ impl Problem for LawFit<'_> {
     type State = MotionState;
 
     fn scales(&self) -> Vec<f64> {
-        let per_vector = if self.law == MotionLaw::Rest { [1e-3, 1e-2, 1e-3, 1e-2, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0] } else { [1e-3, 1e-2, 0.3, 1.0, 30.0, 100.0, 3e3, 1e4, 3e5, 1e6] };
+        let per_vector = if self.law == MotionLaw::Rest {
+            [1e-3, 1e-2, 1e-3, 1e-2, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0]
+        } else {
+            [1e-3, 1e-2, 0.3, 1.0, 30.0, 100.0, 3e3, 1e4, 3e5, 1e6]
+        };
         per_vector.iter().take(self.law.vectors()).flat_map(|s| [*s; 3]).collect()
     }
 

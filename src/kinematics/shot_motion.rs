@@ -319,7 +319,8 @@ impl Bench<'_> {
             (None, Some(_)) => "the racket's",
             (Some(_), Some(_)) => "both",
         };
-        shot.remarks.push(format!("the last contact was not found ({why}); motions after it ({given}) are those {:.0} ms after first contact", 1e3 * USUAL_CONTACT_S));
+        shot.remarks
+            .push(format!("the last contact was not found ({why}); motions after it ({given}) are those {:.0} ms after first contact", 1e3 * USUAL_CONTACT_S));
     }
 
     /// Time of the last frame in which the ball is surely clear of the face, before the impact frame.

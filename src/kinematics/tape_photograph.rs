@@ -47,7 +47,13 @@ pub struct TapePlace {
 }
 
 /// Measures the five tapes at the places pointed at (px, m1 to m5) with the camera `height_m` above the sheet.
-pub fn tape_places(image: &GreyImage, sheet: &GridPhotograph, pointed: &[Vector2<f64>; 5], height_m: f64, racket: &Racket) -> Result<[TapePlace; 5], TapeError> {
+pub fn tape_places(
+    image: &GreyImage,
+    sheet: &GridPhotograph,
+    pointed: &[Vector2<f64>; 5],
+    height_m: f64,
+    racket: &Racket,
+) -> Result<[TapePlace; 5], TapeError> {
     let camera = sheet.camera(height_m).ok_or(TapeError::Height { height_m })?;
     let radius = racket.head.tube_radius_m;
     let mut places: Vec<(Vector2<f64>, Vector2<f64>, f64)> = Vec::with_capacity(5);
@@ -79,7 +85,11 @@ pub fn tape_places(image: &GreyImage, sheet: &GridPhotograph, pointed: &[Vector2
         let d = place - origin;
         // The axes' own turn, from the two side tapes, moves a far tape across.
         let turn = sd2.hypot(*sd3) / distance_m;
-        TapePlace { uv: (*uv).into(), local: [d.dot(&x), d.dot(&y), 0.0], sd: if k == 1 || k == 2 { origin_sd } else { sd.hypot(origin_sd).hypot(turn * d.dot(&x)) } }
+        TapePlace {
+            uv: (*uv).into(),
+            local: [d.dot(&x), d.dot(&y), 0.0],
+            sd: if k == 1 || k == 2 { origin_sd } else { sd.hypot(origin_sd).hypot(turn * d.dot(&x)) },
+        }
     };
     Ok(std::array::from_fn(local))
 }

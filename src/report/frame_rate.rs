@@ -22,7 +22,9 @@ pub fn frame_rate_page(session: &str, studies: &[FrameRateStudy]) -> (String, Ve
     );
     for study in studies {
         let own: Vec<(String, String)> = study.cameras.iter().filter_map(|c| path_figure(study, c)).collect();
-        figures.extend(study.cameras.iter().zip(&own).enumerate().map(|(k, (c, f))| (format!("{}-tip-{}-{:.0}-hz", safe(&study.id), k + 1, c.frame_rate_hz), f.0.clone())));
+        figures.extend(
+            study.cameras.iter().zip(&own).enumerate().map(|(k, (c, f))| (format!("{}-tip-{}-{:.0}-hz", safe(&study.id), k + 1, c.frame_rate_hz), f.0.clone())),
+        );
         page = page.section(Section::new(&format!("shot-{}", safe(&study.id)), &format!("Shot {}", study.id)).figures(Layout::Small, &own).table(table(study)));
     }
     (page.finish(), figures)

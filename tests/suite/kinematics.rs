@@ -5,8 +5,8 @@ use nalgebra::{Isometry3, Vector3};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use sweetspot::calibration::{CameraId, RigidTransform};
-use sweetspot::tracking::{PointState, Target, TrackPoint};
 use sweetspot::kinematics::{CommonError, KinematicsError, MeasureSettings, MeasuredShot, ShotInput, ShotSpin, frame_rate_study, measure_shot};
+use sweetspot::tracking::{PointState, Target, TrackPoint};
 
 // As tracked pictures with known truth show it: white noise of a marker 0.03 px in the laboratory and on court, 0.08 px
 // where pictures are hard, of the ball 0.08 px; tape errors of 0.04, 0.1 and 0.15 px, nearly constant within a shot. All
@@ -159,7 +159,8 @@ fn truth_errors_stay_within_the_bars_and_intervals_cover_in_every_group_of_simul
     report("all", &all);
 }
 
-const CLEAN: Difficulty = Difficulty { noise_px: 0.002, ball_noise_px: 0.002, tape_error_px: 0.0, outliers: 0.0, gaps: 0.0, laboratory: true, air: false, ..COURT };
+const CLEAN: Difficulty =
+    Difficulty { noise_px: 0.002, ball_noise_px: 0.002, tape_error_px: 0.0, outliers: 0.0, gaps: 0.0, laboratory: true, air: false, ..COURT };
 
 fn measured(truth: &TrueShot, settings: &MeasureSettings) -> Result<MeasuredShot, KinematicsError> {
     let spin = ShotSpin::default();

@@ -228,6 +228,12 @@ fn cli_racket_writes_the_markers_of_a_photograph_and_leaves_the_rest_alone() {
     assert!(image::open(&overlay).unwrap().width() == SIZE.0 as u32);
     // Four tapes are no racket.
     let few = std::process::Command::new(env!("CARGO_BIN_EXE_sweetspot"))
-        .arg("racket").arg(&file).arg("--photo").arg(&photo).args(["--camera-height", "1.4", "--tape", "10,10"]).output().unwrap();
+        .arg("racket")
+        .arg(&file)
+        .arg("--photo")
+        .arg(&photo)
+        .args(["--camera-height", "1.4", "--tape", "10,10"])
+        .output()
+        .unwrap();
     assert!(few.status.code() == Some(2) && String::from_utf8_lossy(&few.stderr).contains("five times"));
 }

@@ -218,7 +218,8 @@ fn impact_positions(racket: &Racket, groups: &[Group<'_>]) -> Option<SeasonFigur
         let of_racket = Group { name: g.name.clone(), shots: g.shots.iter().copied().filter(|s| s.racket == racket.name).collect() };
         let at = pairs(&of_racket, "impact_y", "impact_x");
         any |= !at.is_empty();
-        chart = chart.add(Points::new(&at).name(if groups.len() > 1 { &g.name } else { "impacts" }).symbol(Symbol::SERIES[k % 6]).colour(SERIES[k % SERIES.len()]));
+        chart =
+            chart.add(Points::new(&at).name(if groups.len() > 1 { &g.name } else { "impacts" }).symbol(Symbol::SERIES[k % 6]).colour(SERIES[k % SERIES.len()]));
     }
     let chart = face::spots(chart, &sweet_spots(racket, &shots));
     let caption = format!("Impacts on {} and the mean sweet spots of these shots, as far as they lie on the head (as thesis figure 5.20).", racket.name);

@@ -55,5 +55,5 @@ fi
 # A virtual environment of the project's own; nothing is installed system-wide.
 if ! .venv/bin/python -c 'import c3d, numpy' 2>/dev/null; then
   say "making .venv with the Python packages that read our exports back: c3d, numpy"
-  python3 -m venv .venv && .venv/bin/pip install -q --disable-pip-version-check 'c3d==0.6.0' 'numpy<3' || die "the Python packages could not be installed; is the network there?"
+  python3 -m venv .venv && .venv/bin/pip install -q --disable-pip-version-check 'c3d==0.6.0' 'numpy<3' || die "c3d 0.6.0 and numpy could not be installed from PyPI (pip's own words stand above); is the network there, or a mirror set in pip.conf? The program does not need them: only the tests that read its exports back do"
 fi

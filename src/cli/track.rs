@@ -2,12 +2,15 @@
 
 use super::Shell;
 use super::error::{CliError, existing};
-use crate::calibration::StereoRig;
+use crate::calibration::{CameraId, StereoRig};
 use crate::footage::Clip;
 use crate::provenance::{Provenance, sha256_file, sha256_hex};
 use crate::session::{Session, ShotFolder};
 use crate::tracking::spin::{SPIN_FILE, spin_to_json};
-use crate::tracking::{PointState, ShotSetup, ShotTracks, TrackingError, Tracks, points_to_csv, spin_of_shot, track_shot};
+use crate::tracking::{
+    InStep, Overlay, PointState, ShotSetup, SyncMode, TrackExport, TrackingError, Tracks, c3d_bytes, dltdv_tables, points_to_csv, read_points,
+    spin_of_shot, track_in_step,
+};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -19,6 +22,34 @@ pub struct Arguments {
     /// Only this shot (may be given more than once)
     #[arg(long, value_name = "ID")]
     pub shot: Vec<String>,
+    /// Write the tracks for other programs too: DLTdv's CSV tables, a C3D file
+    #[arg(long, value_name = "FORMAT", value_delimiter = ',')]
+    pub export: Vec<ExportFormat>,
+    /// Write PNG contact sheets with the tracks drawn in, of every N-th frame (default: about 20 frames in all)
+    #[arg(long, value_name = "N", num_args = 0..=1, require_equals = true, default_missing_value = "0")]
+    pub overlay: Option<usize>,
+    /// What to do about cameras that are whole frames out of step
+    #[arg(long, value_enum, default_value = "report")]
+    pub sync: Sync,
+    /// Leave the ball's spin out
+    #[arg(long)]
+    pub no_spin: bool,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum ExportFormat {
+    /// dltdv_xypts.csv, dltdv_xyzpts.csv, dltdv_xyzres.csv, dltdv_offsets.csv
+    Dltdv,
+    /// points.c3d
+    C3d,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum Sync {
+    /// Say so
+    Report,
+    /// Pair the pictures anew
+    Auto,
 }
 
 /// What `--json` prints for one shot, and what `track.json` keeps.
@@ -29,6 +60,12 @@ struct ShotSummary {
     measured: usize,
     occluded: usize,
     contact_frame: Option<f64>,
+    /// Frame n pairs the left picture n with the right picture n + this.
+    #[serde(default)]
+    right_shift: i64,
+    /// Whether the cameras were found out of step and left so.
+    #[serde(default)]
+    out_of_step: bool,
     notes: Vec<String>,
     /// Pictures that cannot be read; they count as missing.
     unreadable: Vec<String>,
@@ -56,8 +93,12 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     for shot in shots {
         shell.check_cancelled()?;
         let folder = results.join("shots").join(&shot.id);
-        match one(&session, shot, (&rig, &rig_hash), &folder, shell) {
+        match one(&arguments, &session, shot, (&rig, &rig_hash), &folder, shell) {
             Ok(summary) => {
+                if let Err(e) = for_others(&arguments, &session, shot, &rig, summary.right_shift, &folder, shell) {
+                    shell.say(format!("{}: {}", shot.id, e.message));
+                    failed.push(format!("{}: {}", shot.id, e.message));
+                }
                 // The shot is measured all the same, but nobody should find out by chance that a picture is broken.
                 failed.extend(summary.unreadable.iter().map(|why| format!("{}: {why}; it counts as missing until it is mended", shot.id)));
                 summaries.push(summary);
@@ -67,7 +108,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
                 shell.say(format!("{}: {e}", shot.id));
                 failed.push(format!("{}: {e}", shot.id));
                 let error = Some(e.to_string());
-                summaries.push(ShotSummary { id: shot.id.clone(), frames: 0, measured: 0, occluded: 0, contact_frame: None, notes: Vec::new(), unreadable: Vec::new(), error });
+                summaries.push(ShotSummary { id: shot.id.clone(), frames: 0, measured: 0, occluded: 0, contact_frame: None, right_shift: 0, out_of_step: false, notes: Vec::new(), unreadable: Vec::new(), error });
             }
             Err(Failure::All(e)) => return Err(e),
         }
@@ -89,11 +130,11 @@ impl<E: Into<TrackingError>> From<E> for Failure {
 }
 
 /// Tracks one shot and writes what was found, unless an earlier run has done so from the same input.
-fn one(session: &Session, shot: &ShotFolder, rig: (&StereoRig, &str), folder: &Path, shell: &Shell) -> Result<ShotSummary, Failure> {
+fn one(arguments: &Arguments, session: &Session, shot: &ShotFolder, rig: (&StereoRig, &str), folder: &Path, shell: &Shell) -> Result<ShotSummary, Failure> {
     let clip = Clip::list(&shot.camera("left"), &shot.camera("right"))?;
     let provenance = provenance(session, shot, rig.1, &clip);
     if !shell.args.force {
-        if let Some(summary) = earlier(folder, &provenance, &clip) {
+        if let Some(summary) = earlier(arguments, folder, &provenance, &clip) {
             shell.say(format!("{}: already tracked (--force tracks again)", shot.id));
             return Ok(summary);
         }
@@ -104,22 +145,61 @@ fn one(session: &Session, shot: &ShotFolder, rig: (&StereoRig, &str), folder: &P
     }
     let bar = shell.progress(clip.pairs.len() as u64, "tracking");
     let setup = ShotSetup { rig: rig.0, racket: &shot.racket, ball: &shot.ball, frame_rate_hz: session.frame_rate_hz };
-    let tracked = track_shot(&clip, &setup, shell.cancel_flag(), &|n| bar.inc(n as u64));
+    let mode = if arguments.sync == Sync::Auto { SyncMode::Auto } else { SyncMode::Report };
+    let made = track_in_step(&clip, &setup, mode, shell.cancel_flag(), &|n| bar.inc(n as u64));
     bar.finish_and_clear();
-    let tracked = tracked?;
-    let spin = spin_of_shot(&clip, &setup, &tracked.tracks, &tracked.points)?;
-    let summary = summary(&shot.id, &tracked);
+    let made = made?;
+    let tracked = &made.tracked;
+    let spin = if arguments.no_spin { None } else { Some(spin_of_shot(&made.clip, &setup, &tracked.tracks, &tracked.points)?) };
+    let summary = summary(&shot.id, &made, clip.gap_notes());
     shell.say(format!("{}: {} points measured, {} occluded, in {} frames", shot.id, summary.measured, summary.occluded, summary.frames));
     for note in &summary.notes {
         shell.say(format!("{}: {note}", shot.id));
     }
     let record = TrackRecord { summary, provenance };
     let json = serde_json::to_string_pretty(&record).map_err(|e| Failure::All(CliError::output(e)))? + "\n";
+    if spin.is_none() {
+        // An earlier run's spin does not belong to these tracks.
+        let _ = std::fs::remove_file(folder.join(SPIN_FILE));
+    }
     // track.json last: it says that the others are whole.
-    for (name, text) in [(SPIN_FILE, spin_to_json(&spin)), ("points.csv", points_to_csv(&tracked.points)), ("tracks.csv", tracked.tracks.to_csv()), (TRACK_FILE, json)] {
+    let spin = spin.map(|s| (SPIN_FILE, spin_to_json(&s)));
+    let texts = [("points.csv", points_to_csv(&tracked.points)), ("tracks.csv", tracked.tracks.to_csv()), (TRACK_FILE, json)];
+    for (name, text) in spin.into_iter().chain(texts) {
         shell.write(&folder.join(name), text.as_bytes()).map_err(Failure::All)?;
     }
     Ok(record.summary)
+}
+
+/// Writes what `--export` and `--overlay` ask for, from the tables on disk: a fresh run's or an earlier one's.
+fn for_others(arguments: &Arguments, session: &Session, shot: &ShotFolder, rig: &StereoRig, right_shift: i64, folder: &Path, shell: &Shell) -> Result<(), CliError> {
+    if arguments.export.is_empty() && arguments.overlay.is_none() {
+        return Ok(());
+    }
+    let (tracks, points) = (Tracks::read(&folder.join("tracks.csv")).map_err(CliError::input)?, read_points(&folder.join("points.csv")).map_err(CliError::input)?);
+    let clip = Clip::list(&shot.camera("left"), &shot.camera("right")).map_err(CliError::input)?.shifted(right_shift);
+    let (Some(first), Some(last)) = (clip.pairs.first(), clip.pairs.last()) else { return Ok(()) };
+    let export = TrackExport { tracks: &tracks, points: &points, rig, frame_rate_hz: session.frame_rate_hz, frames: first.number..=last.number };
+    for format in &arguments.export {
+        match format {
+            ExportFormat::Dltdv => {
+                for (name, table) in dltdv_tables(&export).map_err(CliError::input)? {
+                    shell.write(&folder.join(format!("dltdv_{name}")), table.as_bytes())?;
+                }
+            }
+            ExportFormat::C3d => shell.write(&folder.join("points.c3d"), &c3d_bytes(&export).map_err(CliError::input)?)?,
+        }
+    }
+    if let Some(every) = arguments.overlay {
+        let overlay = Overlay { tracks: &tracks, points: &points, rig };
+        for camera in CameraId::BOTH {
+            let Some(sheet) = overlay.sheet(&clip, camera, every).map_err(CliError::input)? else { continue };
+            let mut png = std::io::Cursor::new(Vec::new());
+            sheet.write_to(&mut png, image::ImageFormat::Png).map_err(CliError::output)?;
+            shell.write(&folder.join(format!("overlay_{}.png", camera.name())), png.get_ref())?;
+        }
+    }
+    Ok(())
 }
 
 /// What tracking depends on. Pictures stand by name and size: reading them all again would cost more than tracking does
@@ -147,23 +227,25 @@ fn by_hand(id: &str, folder: &Path) -> Option<ShotSummary> {
     let (manual, measured, occluded) = (count(PointState::Manual), count(PointState::Measured), count(PointState::Occluded));
     let note = format!("tracks.csv holds {manual} points corrected by hand and is kept (--force tracks again and overwrites them)");
     let frames = tracks.frames().len();
-    let summary = ShotSummary { id: id.to_owned(), frames, measured: measured + manual, occluded, contact_frame: None, notes: vec![note], unreadable: Vec::new(), error: None };
+    let summary = ShotSummary { id: id.to_owned(), frames, measured: measured + manual, occluded, contact_frame: None, right_shift: 0, out_of_step: false, notes: vec![note], unreadable: Vec::new(), error: None };
     (manual > 0).then_some(summary)
 }
 
 /// What an earlier run found, when it had the same input and no picture is younger than its result.
-fn earlier(folder: &Path, provenance: &Provenance, clip: &Clip) -> Option<ShotSummary> {
+fn earlier(arguments: &Arguments, folder: &Path, provenance: &Provenance, clip: &Clip) -> Option<ShotSummary> {
     let file = folder.join(TRACK_FILE);
     let record: TrackRecord = serde_json::from_str(&std::fs::read_to_string(&file).ok()?).ok()?;
     let time = |path: &Path| std::fs::metadata(path).and_then(|m| m.modified()).ok();
     let written = time(&file)?;
     let younger = |path: &PathBuf| time(path).is_none_or(|t| t > written);
-    let whole = [SPIN_FILE, "points.csv", "tracks.csv"].iter().all(|name| folder.join(name).exists());
-    let same = whole && record.provenance == *provenance && !clip.pairs.iter().flat_map(|p| p.files.iter().flatten()).any(younger);
+    let whole = [SPIN_FILE, "points.csv", "tracks.csv"].iter().all(|name| *name == SPIN_FILE && arguments.no_spin || folder.join(name).exists());
+    let settled = arguments.sync == Sync::Report || !record.summary.out_of_step;
+    let same = whole && settled && record.provenance == *provenance && !clip.pairs.iter().flat_map(|p| p.files.iter().flatten()).any(younger);
     same.then_some(record.summary)
 }
 
-fn summary(id: &str, tracked: &ShotTracks) -> ShotSummary {
+fn summary(id: &str, made: &InStep, gaps: Vec<String>) -> ShotSummary {
+    let tracked = &made.tracked;
     let measured = tracked.tracks.points.iter().filter(|p| p.state == PointState::Measured).count();
     ShotSummary {
         id: id.to_owned(),
@@ -171,7 +253,9 @@ fn summary(id: &str, tracked: &ShotTracks) -> ShotSummary {
         measured,
         occluded: tracked.tracks.points.len() - measured,
         contact_frame: tracked.contact_frame,
-        notes: tracked.notes.clone(),
+        right_shift: made.right_shift,
+        out_of_step: made.out_of_step,
+        notes: gaps.into_iter().chain(tracked.notes.iter().cloned()).collect(),
         unreadable: tracked.unreadable.clone(),
         error: None,
     }

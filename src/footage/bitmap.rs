@@ -1,14 +1,17 @@
-//! The quick way through an uncompressed 8-bit grey bitmap, the format high-speed cameras write: one read into a buffer that
-//! is used again, looked at in place. Everything else goes the general way ([`super::read_grey`]).
+//! The quick way through an uncompressed 8-bit grey bitmap, the format high-speed cameras write: only the rows asked for are
+//! read, into a buffer that is used again, and looked at in place. Everything else goes the general way
+//! ([`super::read_grey`]).
 
 use super::GreyView;
-use std::io::Read;
+use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 
 /// Largest file taken the quick way, bytes.
 const MOST: u64 = 1 << 26;
+/// Bytes looked at for header and palette: the longest header (124 bytes), a full palette and some room.
+const HEAD: usize = 1280;
 
-/// Where the pixels stand in the file's bytes.
+/// Where the pixels stand in the file.
 #[derive(Debug, Clone, Copy)]
 struct Layout {
     offset: usize,
@@ -18,49 +21,72 @@ struct Layout {
     flipped: bool,
 }
 
-/// A bitmap's bytes, reused from picture to picture.
+/// A band of a bitmap's rows; the memory is reused from picture to picture.
 #[derive(Debug, Default)]
 pub struct Bitmap {
+    head: Vec<u8>,
+    /// File length, everything before the pixels, and the layout of the picture read last: pictures of one camera share them.
+    known: Option<(u64, Vec<u8>, Layout)>,
     bytes: Vec<u8>,
-    layout: Option<Layout>,
+    /// First row and number of rows in `bytes`.
+    band: Option<(usize, usize)>,
 }
 
 impl Bitmap {
-    /// Reads the file; `false` when it is not an uncompressed 8-bit bitmap with a grey ramp, whole to its last row.
-    pub fn read(&mut self, path: &Path) -> std::io::Result<bool> {
-        self.layout = None;
-        self.bytes.clear();
-        let file = std::fs::File::open(path)?;
+    /// Reads rows (first, count) of the file, all without `rows`; `false` when it is not an uncompressed 8-bit bitmap with a
+    /// grey ramp, whole to its last row. Rows beyond the picture are left out.
+    pub fn read(&mut self, path: &Path, rows: Option<(usize, usize)>) -> std::io::Result<bool> {
+        self.band = None;
+        let mut file = std::fs::File::open(path)?;
         let length = file.metadata()?.len();
         if !(54..=MOST).contains(&length) {
             return Ok(false);
         }
-        let mut file = file.take(length);
-        let mut head = [0u8; 54];
-        file.read_exact(&mut head)?;
-        if head[..2] != *b"BM" {
-            return Ok(false);
-        }
-        self.bytes.extend_from_slice(&head);
-        file.read_to_end(&mut self.bytes)?;
-        self.layout = layout(&self.bytes);
-        Ok(self.layout.is_some())
+        self.head.resize(HEAD.min(length as usize), 0);
+        file.read_exact(&mut self.head)?;
+        let Some(l) = self.layout(length) else { return Ok(false) };
+        let (first, count) = rows.unwrap_or((0, l.height));
+        let first = first.min(l.height);
+        let count = count.min(l.height - first);
+        // Bottom-up bitmaps begin with the lowest row.
+        let stored = if l.flipped { l.height - first - count } else { first };
+        file.seek(SeekFrom::Start((l.offset + stored * l.stride) as u64))?;
+        self.bytes.resize(count * l.stride, 0);
+        file.read_exact(&mut self.bytes)?;
+        self.band = Some((first, count));
+        Ok(true)
     }
 
-    /// The picture read last.
+    /// The layout of the file whose head was just read.
+    fn layout(&mut self, length: u64) -> Option<Layout> {
+        if let Some((known_length, head, layout)) = &self.known
+            && *known_length == length
+            && self.head.starts_with(head)
+        {
+            return Some(*layout);
+        }
+        let layout = layout(&self.head, length)?;
+        let before_pixels = self.head.get(..layout.offset.min(self.head.len()))?.to_vec();
+        self.known = Some((length, before_pixels, layout));
+        Some(layout)
+    }
+
+    /// The rows read last.
     pub fn view(&self) -> Option<GreyView<'_>> {
-        let l = self.layout?;
-        GreyView::band(self.bytes.get(l.offset..)?, l.stride, l.flipped, (l.width, l.height), 0, l.height)
+        let ((first, count), (_, _, l)) = (self.band?, self.known.as_ref()?);
+        GreyView::band(&self.bytes, l.stride, l.flipped, (l.width, l.height), first, count)
     }
 }
 
-fn layout(bytes: &[u8]) -> Option<Layout> {
-    let u32_at = |i: usize| Some(u32::from_le_bytes(bytes.get(i..i + 4)?.try_into().ok()?));
+/// Header and palette are in `head`; the file is `length` bytes long.
+fn layout(head: &[u8], length: u64) -> Option<Layout> {
+    let u32_at = |i: usize| Some(u32::from_le_bytes(head.get(i..i + 4)?.try_into().ok()?));
     let i32_at = |i: usize| u32_at(i).map(|v| v as i32);
     let (offset, header) = (u32_at(10)? as usize, u32_at(14)? as usize);
     let (width, height) = (i32_at(18)?, i32_at(22)?);
-    let bits = u16::from_le_bytes(bytes.get(28..30)?.try_into().ok()?);
-    if header < 40 || bits != 8 || u32_at(30)? != 0 || !(1..=16_384).contains(&width) || height == 0 || height.unsigned_abs() > 16_384 {
+    let bits = u16::from_le_bytes(head.get(28..30)?.try_into().ok()?);
+    let known = head.starts_with(b"BM") && (40..=124).contains(&header) && bits == 8 && u32_at(30)? == 0;
+    if !known || !(1..=16_384).contains(&width) || height == 0 || height.unsigned_abs() > 16_384 {
         return None;
     }
     let colours = match u32_at(46)? {
@@ -68,11 +94,11 @@ fn layout(bytes: &[u8]) -> Option<Layout> {
         n if n <= 256 => n as usize,
         _ => return None,
     };
-    let palette = bytes.get(14 + header..14 + header + 4 * colours)?;
+    let palette = head.get(14 + header..14 + header + 4 * colours)?;
     let grey_ramp = palette.chunks_exact(4).enumerate().all(|(i, c)| usize::from(c[0]) == i && c[0] == c[1] && c[1] == c[2]);
     let (width, height_px) = (width as usize, height.unsigned_abs() as usize);
     let stride = width.div_ceil(4) * 4;
-    let whole = bytes.len() >= offset.checked_add(stride.checked_mul(height_px)?)?;
+    let whole = length >= offset.checked_add(stride.checked_mul(height_px)?)? as u64 && offset >= 14 + header + 4 * colours;
     // A pixel beyond a short palette has no colour of its own: only a full ramp is sure.
     (grey_ramp && colours == 256 && whole).then_some(Layout { offset, width, height: height_px, stride, flipped: height > 0 })
 }
@@ -91,13 +117,21 @@ mod tests {
         image.save_with_format(&bmp, image::ImageFormat::Bmp).expect("saved");
         image.save_with_format(&png, image::ImageFormat::Png).expect("saved");
         let mut quick = Bitmap::default();
-        assert!(quick.read(&bmp).expect("read"));
+        assert!(quick.read(&bmp, None).expect("read"));
         let view = quick.view().expect("a view");
         let rows: Vec<u8> = (0..21).flat_map(|y| view.row(y).expect("inside").to_vec()).collect();
-        assert_eq!(GreyImage { width: 37, height: 21, pixels: rows }, read_grey(&bmp).expect("read"));
-        assert!(!quick.read(&png).expect("read") && quick.view().is_none());
+        assert_eq!(GreyImage { width: 37, height: 21, pixels: rows.clone() }, read_grey(&bmp).expect("read"));
+        for (first, count) in [(0, 3), (7, 9), (18, 3), (18, 40), (30, 2)] {
+            assert!(quick.read(&bmp, Some((first, count))).expect("read"));
+            let band = quick.view().expect("a view");
+            for y in 0..24 {
+                let inside = (first..first + count).contains(&y) && y < 21;
+                assert_eq!(band.row(y), if inside { Some(&rows[y * 37..(y + 1) * 37]) } else { None }, "{first} {count} {y}");
+            }
+        }
+        assert!(!quick.read(&png, None).expect("read") && quick.view().is_none());
         let whole = std::fs::read(&bmp).expect("read");
         std::fs::write(&bmp, &whole[..whole.len() - 40]).expect("written");
-        assert!(!quick.read(&bmp).expect("read"));
+        assert!(!quick.read(&bmp, Some((0, 2))).expect("read"), "a cut file is refused even when the rows asked for are there");
     }
 }

@@ -35,6 +35,30 @@ impl Clip {
         }
     }
 
+    /// The same pictures paired anew: left `n` with right `n + shift`, under the left picture's number.
+    pub fn shifted(&self, shift: i64) -> Clip {
+        let mut files: std::collections::BTreeMap<u64, [Option<PathBuf>; 2]> = std::collections::BTreeMap::new();
+        for pair in &self.pairs {
+            if let Some(left) = &pair.files[0] {
+                files.entry(pair.number).or_default()[0] = Some(left.clone());
+            }
+            // A right picture before the first number there can be has no partner.
+            if let (Some(right), Some(number)) = (&pair.files[1], pair.number.checked_add_signed(-shift)) {
+                files.entry(number).or_default()[1] = Some(right.clone());
+            }
+        }
+        Clip { pairs: files.into_iter().map(|(number, files)| FramePair { number, files }).collect() }
+    }
+
+    /// What the user should know about missing pictures: one line per camera that lacks some.
+    pub fn gap_notes(&self) -> Vec<String> {
+        ["left", "right"]
+            .iter()
+            .enumerate()
+            .filter_map(|(camera, name)| Some(format!("{name} camera: no picture of frame {}", ranges(&self.missing(camera))?)))
+            .collect()
+    }
+
     /// Frame numbers that one camera (0 left, 1 right) lacks between its clip's first and last frame.
     pub fn missing(&self, camera: usize) -> Vec<u64> {
         let (Some(first), Some(last)) = (self.pairs.first(), self.pairs.last()) else { return Vec::new() };
@@ -54,6 +78,21 @@ impl Clip {
     }
 }
 
+/// Ascending numbers as `3, 5-8`, at most a dozen runs; `None` without numbers.
+fn ranges(numbers: &[u64]) -> Option<String> {
+    const SHOWN: usize = 12;
+    let mut runs: Vec<(u64, u64)> = Vec::new();
+    for n in numbers {
+        match runs.last_mut() {
+            Some((_, last)) if last.checked_add(1) == Some(*n) => *last = *n,
+            _ => runs.push((*n, *n)),
+        }
+    }
+    let words: Vec<String> = runs.iter().take(SHOWN).map(|(a, b)| if a == b { a.to_string() } else { format!("{a}-{b}") }).collect();
+    let more = if runs.len() > SHOWN { format!(" and more, {} in all", numbers.len()) } else { String::new() };
+    (!runs.is_empty()).then(|| words.join(", ") + &more)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -71,5 +110,13 @@ mod tests {
         assert_eq!(clip.pairs.iter().map(|p| p.number).collect::<Vec<_>>(), [8, 9, 10, 11]);
         assert!(clip.pairs[0].files[1].is_none() && clip.pairs[1].files.iter().all(Option::is_some));
         assert_eq!((clip.missing(0), clip.missing(1)), (vec![10], vec![8]));
+        assert_eq!(clip.gap_notes(), ["left camera: no picture of frame 10", "right camera: no picture of frame 8"]);
+        // Left 8, 9, 11 with right 9, 10, 11 one later each.
+        let shifted = clip.shifted(1);
+        let both: Vec<u64> = shifted.pairs.iter().filter(|p| p.files.iter().all(Option::is_some)).map(|p| p.number).collect();
+        assert_eq!(both, [8, 9]);
+        assert!(shifted.pairs[0].files[1].as_ref().expect("paired").ends_with("right_9.bmp"));
+        assert_eq!(shifted.shifted(-1).pairs, clip.pairs);
+        assert_eq!(ranges(&[3, 5, 6, 7, 8, 10]).expect("some"), "3, 5-8, 10");
     }
 }

@@ -47,10 +47,10 @@ impl FrameSource for Clip {
         self.pairs.get(index).map_or(0, |p| p.number)
     }
 
-    fn read(&self, index: usize, camera: usize, _rows: Option<(usize, usize)>, buffer: &mut FrameBuffer) -> Result<bool, FootageError> {
+    fn read(&self, index: usize, camera: usize, rows: Option<(usize, usize)>, buffer: &mut FrameBuffer) -> Result<bool, FootageError> {
         let Some(path) = self.pairs.get(index).and_then(|p| p.files[camera].as_ref()) else { return Ok(false) };
         buffer.whole = None;
-        if !buffer.bitmap.read(path).unwrap_or(false) {
+        if !buffer.bitmap.read(path, rows).unwrap_or(false) {
             buffer.put(read_grey(path)?);
         }
         Ok(true)

@@ -138,15 +138,17 @@ fn gather(image: &GreyView, centre: Vector2<f64>, ring: (f64, f64, f64), profile
     if !image.contains(x0, y0, x1, y1) {
         return None;
     }
+    let (inner2, outer2) = (inner.max(0.0).powi(2), outer * outer);
     for y in y0..=y1 {
         let row = image.row(y as usize)?;
         let dy = y as f64 - centre.y;
         for x in x0..=x1 {
             let dx = x as f64 - centre.x;
-            let rho = (dx * dx + dy * dy).sqrt();
-            if rho > outer || rho < inner {
+            let rho2 = dx * dx + dy * dy;
+            if rho2 > outer2 || rho2 < inner2 {
                 continue;
             }
+            let rho = rho2.sqrt();
             let k = sector_of(dx, dy);
             let s = &mut sectors[k];
             let limb = profile.at(rho - radius_px, k)?;
@@ -202,9 +204,30 @@ fn agree(directions: &[Vector2<f64>; SECTORS], seen: &[(f64, f64); SECTORS], tuk
     out.filter(|o| o.covariance[(0, 0)] > 0.0 && o.covariance[(1, 1)] > 0.0 && o.covariance.norm().is_finite())
 }
 
+/// Sector of a direction, counted from +x toward +y, without an arc tangent: the borders are lines of known slope.
 #[inline]
 fn sector_of(dx: f64, dy: f64) -> usize {
-    let turn = dy.atan2(dx) / std::f64::consts::TAU;
-    let turn = if turn < 0.0 { turn + 1.0 } else { turn };
-    ((turn * SECTORS as f64) as usize).min(SECTORS - 1)
+    // Tangents of 15, 30, ... 75 degrees.
+    const SLOPES: [f64; SECTORS / 4 - 1] = [0.267_949_192_431_122_7, 0.577_350_269_189_625_8, 1.0, 1.732_050_807_568_877_2, 3.732_050_807_568_877];
+    // Turned back into the first quadrant.
+    let (quadrant, x, y) = match (dx >= 0.0, dy >= 0.0) {
+        (true, true) => (0, dx, dy),
+        (false, true) => (1, dy, -dx),
+        (false, false) => (2, -dx, -dy),
+        (true, false) => (3, -dy, dx),
+    };
+    quadrant * (SECTORS / 4) + SLOPES.iter().map(|slope| usize::from(y >= slope * x)).sum::<usize>()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn agrees_with_the_arc_tangent() {
+        for k in 0..3600 {
+            let a = std::f64::consts::TAU * (k as f64 + 0.5) / 3600.0;
+            assert_eq!(sector_of(7.0 * a.cos(), 7.0 * a.sin()), (a / std::f64::consts::TAU * SECTORS as f64) as usize, "{k}");
+        }
+    }
 }

@@ -4,11 +4,13 @@
 //! tape wraps a cylinder). [`fit`] moves that model over the picture, with free grey levels, and answers with the
 //! centroid of the visible tape, its covariance and how well the picture agrees.
 
-use super::racket_figure::{RacketFigure, VISIBLE_DEPTH};
+use super::band_sums::{BandModel, BandPixels, BandSums, LEVELS, UNKNOWNS};
+use super::racket_figure::RacketFigure;
 use super::racket_pose::View;
 use crate::calibration::CameraId;
 use crate::footage::GreyView;
 use nalgebra::{Isometry3, Matrix2, SMatrix, SVector, Vector2};
+use std::cell::RefCell;
 
 /// Lengths of the tape, m, and blur of the picture, px; measured once per shot ([`super::band_shape`]).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -121,19 +123,20 @@ pub struct BandFit {
     pub black: f64,
 }
 
-/// Grey levels: white, black, background on either side with its slope along the tube, and how the white brightens across
-/// the tube: linearly (light from the side would otherwise pull the band toward it by up to 0.3 px) and from the edges to
-/// the middle (light from the camera's side).
-const LEVELS: usize = 8;
 /// Residuals up to this share of the contrast are the model's own (tape not evenly white, pixels of finite size).
 const MISFIT: f64 = 0.1;
 const ROUNDS: usize = 8;
-/// Shift along and across, and the levels.
-const UNKNOWNS: usize = 2 + LEVELS;
 
 /// Fits the band's place, starting `start` px (along, across) from the expected one. `None` when the band leaves the
 /// picture, runs away by more than its own size, or the picture does not determine the place.
 pub fn fit(image: &GreyView, band: &BandView, shape: &BandShape, start: (f64, f64)) -> Option<BandFit> {
+    thread_local! {
+        static PIXELS: RefCell<BandPixels> = RefCell::default();
+    }
+    PIXELS.with_borrow_mut(|pixels| fit_in(pixels, image, band, shape, start))
+}
+
+fn fit_in(pixels: &mut BandPixels, image: &GreyView, band: &BandView, shape: &BandShape, start: (f64, f64)) -> Option<BandFit> {
     let white_half = shape.white_half_m * band.px_per_m;
     if white_half < 0.8 || band.radius_px < 0.8 {
         return None; // end-on: less than two pixels of tape
@@ -150,60 +153,27 @@ pub fn fit(image: &GreyView, band: &BandView, shape: &BandShape, start: (f64, f6
     let reach = black_end.hypot(side) + 1.0;
     let (x0, x1) = ((corner.x - reach).floor() as i64, (corner.x + reach).ceil() as i64);
     let (y0, y1) = ((corner.y - reach).floor() as i64, (corner.y + reach).ceil() as i64);
-    let mut residuals: Vec<f64> = Vec::with_capacity(256);
+    // How far the tube's own bend carries the band's ends across.
+    let bowed = band.bend.abs() * black_end * black_end;
     for round in 0..ROUNDS {
-        let mut jtj = SMatrix::<f64, UNKNOWNS, UNKNOWNS>::zeros();
-        let mut jtr = SVector::<f64, UNKNOWNS>::zeros();
-        let (mut weight, mut chi) = (0.0, 0.0);
-        residuals.clear();
+        pixels.clear();
         for y in y0..=y1 {
-            for x in x0..=x1 {
+            let row = usize::try_from(y).ok().and_then(|y| image.row(y));
+            let (from, to) = reached(y as f64 - band.centre.y, (t0, black_end), (s0, side + bowed), band);
+            for x in from.max(x0)..=to.min(x1) {
                 let d = Vector2::new(x as f64, y as f64) - band.centre;
                 let t = d.dot(&band.along) - t0;
                 let s = d.dot(&across) - s0 - band.bend * t * t;
                 if t.abs() > black_end || s.abs() > side {
                     continue;
                 }
-                let grey = f64::from(image.get(x, y)?);
-                // Where the ends of the band lie at this distance from the tube's middle line.
-                let q = (s / band.radius_px).clamp(-1.0, 1.0);
-                let depth = (1.0 - q * q).sqrt();
-                let bow = band.bow_px * (depth - VISIBLE_DEPTH);
-                let (a, b) = ((t - bow + white_half) * blur, (t - bow - white_half) * blur);
-                let along = 0.5 * (erf(a) - erf(b));
-                let (c, e) = ((s + band.radius_px) * blur, (s - band.radius_px) * blur);
-                let tube = 0.5 * (erf(c) - erf(e));
-                let (plus, minus) = (0.5 * (1.0 + erf(e)), 0.5 * (1.0 - erf(c)));
-                let slope = t / black_end;
-                let row =
-                    [tube * along, tube * (1.0 - along), plus, plus * slope, minus, minus * slope, tube * along * q, tube * along * (depth - VISIBLE_DEPTH)];
-                let (jt, js, r) = match &levels {
-                    None => (0.0, 0.0, grey),
-                    Some(l) => {
-                        let model: f64 = row.iter().zip(l.iter()).map(|(k, v)| k * v).sum();
-                        let bell = |z: f64| (-z * z).exp() * blur / std::f64::consts::PI.sqrt();
-                        // Derivatives by a shift of the band: along, the white ends move; across, the tube's sides move.
-                        let along_t = -(bell(a) - bell(b));
-                        let (side_plus, side_minus) = (bell(e), bell(c));
-                        let white = l[0] + l[6] * q + l[7] * (depth - VISIBLE_DEPTH);
-                        let inside = white * along + l[1] * (1.0 - along);
-                        let jt = tube * along_t * (white - l[1]);
-                        let turn = if q.abs() < 1.0 { (l[7] * q / depth.max(0.3) - l[6]) / band.radius_px * tube * along } else { 0.0 };
-                        let js = turn + inside * (side_plus - side_minus) - side_plus * (l[2] + l[3] * slope) + side_minus * (l[4] + l[5] * slope);
-                        (jt, js, grey - model)
-                    }
-                };
-                let w = if r.abs() <= scale || levels.is_none() { 1.0 } else { scale / r.abs() };
-                let j = SVector::<f64, UNKNOWNS>::from([jt, js, row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7]]);
-                jtj += j * j.transpose() * w;
-                jtr += j * (r * w);
-                weight += w;
-                chi += w * r * r;
-                if levels.is_some() {
-                    residuals.push(r.abs());
-                }
+                pixels.push(t, s, *row?.get(usize::try_from(x).ok()?)?);
             }
         }
+        let model = BandModel { white_half, radius: band.radius_px, bow: band.bow_px, blur, black_end, levels: levels.map(Into::into), scale };
+        let BandSums { jtj, jtr, weight, chi } = pixels.sums(&model);
+        // Symmetric: rows may stand for columns.
+        let (jtj, jtr) = (SMatrix::<f64, UNKNOWNS, UNKNOWNS>::from(jtj), SVector::<f64, UNKNOWNS>::from(jtr));
         if weight < 12.0 {
             return None;
         }
@@ -226,8 +196,8 @@ pub fn fit(image: &GreyView, band: &BandView, shape: &BandShape, start: (f64, f6
                 s0 += ds;
                 *l += step.fixed_rows::<LEVELS>(2);
                 // Huber's weights: 1.5 robust deviations (median / 0.6745) keep strings and edges behind from pulling.
-                let mid = residuals.len() / 2;
-                let median = *residuals.select_nth_unstable_by(mid, f64::total_cmp).1;
+                let mid = pixels.residuals.len() / 2;
+                let median = *pixels.residuals.select_nth_unstable_by(mid, f64::total_cmp).1;
                 // On a dark curtain most pixels are black and the median is camera noise alone, so the limit also follows
                 // the contrast, with which the model's own misfit grows.
                 scale = (1.5 * median / 0.6745).max(MISFIT * (l[0] - l[1])).max(1.0);
@@ -237,7 +207,8 @@ pub fn fit(image: &GreyView, band: &BandView, shape: &BandShape, start: (f64, f6
                 }
                 let settled = dt.abs().max(ds.abs()) < 0.005;
                 if settled || round + 1 == ROUNDS {
-                    let c = jtj.try_inverse()?.fixed_view::<2, 2>(0, 0).into_owned() * variance;
+                    let shifts = SMatrix::<f64, UNKNOWNS, 2>::identity();
+                    let c = jtj.cholesky()?.solve(&shifts).fixed_view::<2, 2>(0, 0).into_owned() * variance;
                     let turn = Matrix2::from_columns(&[band.along, across]);
                     let covariance = turn * c * turn.transpose();
                     if !(covariance[(0, 0)] > 0.0 && covariance[(1, 1)] > 0.0 && covariance.norm().is_finite()) {
@@ -252,6 +223,21 @@ pub fn fit(image: &GreyView, band: &BandView, shape: &BandShape, start: (f64, f6
         }
     }
     out
+}
+
+/// Columns of one row that may lie on the band: |t - t0| and |s - s0| within their limits, for a row `dy` below the centre.
+fn reached(dy: f64, t: (f64, f64), s: (f64, f64), band: &BandView) -> (i64, i64) {
+    let (mut from, mut to) = (f64::NEG_INFINITY, f64::INFINITY);
+    // t = x cos + dy sin, s = -x sin + dy cos, x from the centre.
+    let (cos, sin) = (band.along.x, band.along.y);
+    for (slope, offset, (middle, limit)) in [(cos, dy * sin, t), (-sin, dy * cos, s)] {
+        if slope.abs() > 1e-3 {
+            let (a, b) = ((middle - limit - offset) / slope, (middle + limit - offset) / slope);
+            (from, to) = (from.max(a.min(b)), to.min(a.max(b)));
+        }
+    }
+    // A pixel more than needed: every pixel is still asked itself. (A cast of infinity saturates.)
+    ((from + band.centre.x).floor() as i64, (to + band.centre.x).ceil() as i64)
 }
 
 /// Error function (Abramowitz and Stegun 7.1.26, absolute error below 1.5e-7, far below a grey level).

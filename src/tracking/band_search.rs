@@ -43,10 +43,15 @@ pub fn candidates(image: &GreyView, px_per_m: f64, white_half_m: f64) -> Vec<Ban
     let mut score = vec![0u16; w * h];
     // Nine-pixel sums: less than 4 grey levels of contrast is noise in any camera.
     let least = 9 * 4;
+    // Nothing within reach is darker than the darkest of a box around: most places need no look at all.
+    let darkest = darkest_around(&smooth, w, far.ceil() as usize + 1);
     for y in margin..h - margin {
         for x in margin..w - margin {
             let at = y * w + x;
             let here = i32::from(smooth[at]);
+            if here - i32::from(darkest[at]) <= least {
+                continue;
+            }
             let mut best = least;
             for along in &offsets {
                 let dark = |sign: isize| along.iter().map(|o| i32::from(smooth[(at as isize + sign * o) as usize])).min().unwrap_or(here);
@@ -100,6 +105,51 @@ fn centroid(score: &[u16], w: usize, x: usize, y: usize) -> Vector2<f64> {
     at / sum
 }
 
+/// Smallest value within `reach` rows and columns of each place; near the border, of places the box does not wholly cover,
+/// only something not smaller than that.
+fn darkest_around(values: &[u16], w: usize, reach: usize) -> Vec<u16> {
+    // Minima over 2, 4, 8, ... neighbours by doubling, then two overlapping runs make the box; rows first, then columns.
+    let span = 2 * reach + 1;
+    let run = (span / 2 + 1).next_power_of_two().min(span);
+    let mut out = values.to_vec();
+    let mut line = vec![0u16; w];
+    for row in out.chunks_exact_mut(w) {
+        let mut step = 1;
+        while step < run && step < w {
+            line.copy_from_slice(row);
+            for (a, b) in row.iter_mut().zip(&line[step..]) {
+                *a = (*a).min(*b);
+            }
+            step *= 2;
+        }
+        line.copy_from_slice(row);
+        if let (Some(middle), Some(far)) = (row.get_mut(reach..), line.get(span - run..)) {
+            for ((a, near), far) in middle.iter_mut().zip(&line).zip(far) {
+                *a = (*near).min(*far);
+            }
+        }
+    }
+    let h = values.len() / w.max(1);
+    let mut step = 1;
+    while step < run && step < h {
+        for y in 0..h - step {
+            let (above, below) = out.split_at_mut((y + step) * w);
+            for (a, b) in above[y * w..(y + 1) * w].iter_mut().zip(&below[..w]) {
+                *a = (*a).min(*b);
+            }
+        }
+        step *= 2;
+    }
+    let runs = out.clone();
+    for y in reach..h.saturating_sub(reach) {
+        let (near, far) = (&runs[(y - reach) * w..(y - reach + 1) * w], &runs[(y + reach + 1 - run) * w..(y + reach + 2 - run) * w]);
+        for ((a, near), far) in out[y * w..(y + 1) * w].iter_mut().zip(near).zip(far) {
+            *a = (*near).min(*far);
+        }
+    }
+    out
+}
+
 /// 3x3 sums; the border keeps its nearest inner value.
 fn box_sum(image: &GreyView) -> Option<Vec<u16>> {
     let (w, h) = (image.width, image.rows);
@@ -119,4 +169,24 @@ fn box_sum(image: &GreyView) -> Option<Vec<u16>> {
         line[w - 1] = line[w - 2];
     }
     Some(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn agrees_with_looking_through_every_box() {
+        let (w, h) = (61, 47);
+        let values: Vec<u16> = (0..w * h).map(|i| (i * 7919 % 2003) as u16).collect();
+        for reach in [1, 2, 3, 6, 9, 10] {
+            let fast = darkest_around(&values, w, reach);
+            for y in reach..h - reach {
+                for x in reach..w - reach {
+                    let slow = (y - reach..=y + reach).flat_map(|j| &values[j * w + x - reach..=j * w + x + reach]).min();
+                    assert_eq!(Some(&fast[y * w + x]), slow, "{reach}: {x} {y}");
+                }
+            }
+        }
+    }
 }

@@ -6,7 +6,7 @@
 use super::racket_figure::RacketFigure;
 use super::track_file::ImagePoint;
 use crate::calibration::{CameraId, StereoRig};
-use nalgebra::{Isometry3, Matrix2x3, Matrix3, Matrix6, Point3, SMatrix, Translation3, UnitQuaternion, Vector2, Vector3, Vector6};
+use nalgebra::{Isometry3, Matrix2x3, Matrix3, Matrix6, Point3, Rotation3, SMatrix, Translation3, UnitQuaternion, Vector2, Vector3, Vector6};
 
 /// One marker in one image: the centroid of the visible tape.
 #[derive(Debug, Clone, Copy)]
@@ -265,7 +265,8 @@ pub fn rigid_from_points(local: &[Point3<f64>], global: &[Point3<f64>]) -> Optio
     // The smallest singular value belongs to the figure's plane normal; its sign is what keeps the rotation proper.
     let smallest = svd.singular_values.imin();
     d[(smallest, smallest)] = (u.determinant() * vt.determinant()).signum();
-    let rotation = UnitQuaternion::from_matrix(&(u * d * vt));
+    // A product of orthogonal matrices: a rotation to rounding, no search for the nearest one needed.
+    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(u * d * vt));
     let t = cg - rotation * cl;
     Some(Isometry3::from_parts(Translation3::from(t), rotation))
 }

@@ -5,7 +5,6 @@
 //! racket's usual figure equals itself turned by half a turn about its long axis, so the answer may have m2 and m3
 //! (and m4 and m5) exchanged: [`super::face`] decides that once for the whole shot.
 
-use super::band::BandView;
 use super::band_search::BandCandidate;
 use super::racket_figure::RacketFigure;
 use super::racket_pose::{MarkerObservation, RacketPose, View, fit_pose_in, rigid_from_points};
@@ -25,9 +24,22 @@ const LEAST_POINTS: usize = 6;
 /// Most hypotheses followed up.
 const FOLLOWED: usize = 12;
 
-/// The racket's pose, or `None` when the pictures hold no figure like it.
+/// Candidates per picture, strongest first, that are tried before all of them: on a decent recording the tape is among
+/// them, and chance triples grow with the sixth power of their number.
+const STRONGEST: usize = 24;
+/// Image points that must agree before the strongest candidates decide alone: four markers seen by both cameras.
+const CLEAR_POINTS: usize = 8;
+
+/// The racket's pose, or `None` when the pictures hold no figure like it. Candidates come strongest first.
 pub fn search(view: &View, figure: &RacketFigure, candidates: &[Vec<BandCandidate>; 2]) -> Option<RacketPose> {
+    let strongest = candidates.each_ref().map(|c| c.iter().take(STRONGEST).copied().collect::<Vec<_>>());
+    search_among(view, figure, &strongest).filter(|(seen, _)| *seen >= CLEAR_POINTS).or_else(|| search_among(view, figure, candidates)).map(|(_, pose)| pose)
+}
+
+/// The best pose with the number of image points that agree on it.
+fn search_among(view: &View, figure: &RacketFigure, candidates: &[Vec<BandCandidate>; 2]) -> Option<(usize, RacketPose)> {
     let points = space_candidates(view, candidates);
+    let neighbours = CameraId::BOTH.map(|c| Neighbours::of(view.rig.image_size, &candidates[c.index()]));
     let mut hypotheses: Vec<(usize, f64, Isometry3<f64>)> = Vec::new();
     // Markers 2-3 or 1-4, ... : each pair of markers may be the one that is seen well.
     for i in 0..5 {
@@ -48,7 +60,7 @@ pub fn search(view: &View, figure: &RacketFigure, candidates: &[Vec<BandCandidat
                             }
                             let local = [figure.points[i], figure.points[j], figure.points[k]];
                             if let Some(pose) = rigid_from_points(&local, &[*pa, *pb, *pc]) {
-                                let seen = associate(view, figure, &pose, candidates, GATE_PX);
+                                let seen = associate(view, figure, &pose, &neighbours, GATE_PX);
                                 let miss: f64 = seen.iter().map(|(_, miss, _)| miss).sum();
                                 if seen.len() >= LEAST_POINTS {
                                     hypotheses.push((seen.len(), miss / seen.len() as f64, pose));
@@ -62,7 +74,7 @@ pub fn search(view: &View, figure: &RacketFigure, candidates: &[Vec<BandCandidat
     }
     hypotheses.sort_by(|a, b| b.0.cmp(&a.0).then(a.1.total_cmp(&b.1)));
     let mut tried: Vec<Isometry3<f64>> = Vec::new();
-    let mut best: Option<(f64, RacketPose)> = None;
+    let mut best: Option<(f64, usize, RacketPose)> = None;
     for (_, _, pose) in hypotheses {
         let near = |q: &Isometry3<f64>| (q.translation.vector - pose.translation.vector).norm() < 0.02 && q.rotation.angle_to(&pose.rotation) < 0.15;
         if tried.iter().any(near) {
@@ -72,21 +84,21 @@ pub fn search(view: &View, figure: &RacketFigure, candidates: &[Vec<BandCandidat
             break;
         }
         tried.push(pose);
-        if let Some((score, pose)) = follow(view, figure, candidates, &pose)
-            && best.as_ref().is_none_or(|b| score > b.0)
+        if let Some(found) = follow(view, figure, &neighbours, &pose)
+            && best.as_ref().is_none_or(|b| found.0 > b.0)
         {
-            best = Some((score, pose));
+            best = Some(found);
         }
     }
-    best.map(|b| b.1)
+    best.map(|(_, seen, pose)| (seen, pose))
 }
 
-/// Refines a rough pose on the candidates and scores it by the tape it explains.
-fn follow(view: &View, figure: &RacketFigure, candidates: &[Vec<BandCandidate>; 2], rough: &Isometry3<f64>) -> Option<(f64, RacketPose)> {
+/// Refines a rough pose on the candidates; scores it by the tape it explains and counts the points that agree.
+fn follow(view: &View, figure: &RacketFigure, near: &[Neighbours; 2], rough: &Isometry3<f64>) -> Option<(f64, usize, RacketPose)> {
     let mut pose = *rough;
     let mut fitted = None;
     for gate in [GATE_PX, 4.0, 2.5] {
-        let seen = associate(view, figure, &pose, candidates, gate);
+        let seen = associate(view, figure, &pose, near, gate);
         let observations: Vec<MarkerObservation> = seen.iter().map(|s| s.0).collect();
         let fit = fit_pose_in(view, figure, &observations, Some(&pose)).ok()?;
         pose = fit.global_from_racket;
@@ -98,32 +110,62 @@ fn follow(view: &View, figure: &RacketFigure, candidates: &[Vec<BandCandidate>; 
         return None;
     }
     let strength: f64 = seen.iter().map(|s| s.2).sum();
-    Some((strength * (1.0 - 0.1 * (fit.chi2 / fit.dof.max(1) as f64).sqrt()), fit))
+    Some((strength * (1.0 - 0.1 * (fit.chi2 / fit.dof.max(1) as f64).sqrt()), seen.len(), fit))
 }
 
-/// The nearest candidate of each marker in each picture, with its distance, px, and contrast. A candidate serves once.
-fn associate(
-    view: &View,
-    figure: &RacketFigure,
-    pose: &Isometry3<f64>,
-    candidates: &[Vec<BandCandidate>; 2],
-    gate_px: f64,
-) -> Vec<(MarkerObservation, f64, f64)> {
+/// The candidates near any place of a picture, without looking through all of them.
+struct Neighbours<'a> {
+    candidates: &'a [BandCandidate],
+    /// By cell, row by row: candidates within [`GATE_PX`] of any of its pixels, in their own order.
+    cells: Vec<Vec<usize>>,
+    columns: usize,
+    rows: usize,
+}
+
+impl<'a> Neighbours<'a> {
+    const CELL_PX: f64 = 8.0;
+
+    fn of(size: [usize; 2], candidates: &'a [BandCandidate]) -> Self {
+        let count = |px: usize| (px as f64 / Self::CELL_PX).ceil() as usize + 1;
+        let (columns, rows) = (count(size[0]), count(size[1]));
+        let mut cells = vec![Vec::new(); columns * rows];
+        for (i, c) in candidates.iter().enumerate() {
+            for row in Self::cell(c.uv.y - GATE_PX, rows)..=Self::cell(c.uv.y + GATE_PX, rows) {
+                for column in Self::cell(c.uv.x - GATE_PX, columns)..=Self::cell(c.uv.x + GATE_PX, columns) {
+                    cells[row * columns + column].push(i);
+                }
+            }
+        }
+        Neighbours { candidates, cells, columns, rows }
+    }
+
+    /// Places outside the picture belong to its border: what lies within the gate of them does so too.
+    fn cell(at: f64, n: usize) -> usize {
+        ((at / Self::CELL_PX).floor().max(0.0) as usize).min(n - 1)
+    }
+
+    fn near(&self, uv: &Vector2<f64>) -> impl Iterator<Item = (usize, &BandCandidate)> {
+        self.cells[Self::cell(uv.y, self.rows) * self.columns + Self::cell(uv.x, self.columns)].iter().map(|i| (*i, &self.candidates[*i]))
+    }
+}
+
+/// The nearest candidate of each marker in each picture within `gate_px`, at most [`GATE_PX`], with its distance, px, and
+/// contrast. A candidate serves once.
+fn associate(view: &View, figure: &RacketFigure, pose: &Isometry3<f64>, near: &[Neighbours; 2], gate_px: f64) -> Vec<(MarkerObservation, f64, f64)> {
     let mut out: Vec<(MarkerObservation, f64, f64)> = Vec::with_capacity(10);
     for camera in CameraId::BOTH {
         let mut used = [usize::MAX; 5];
         for marker in 0..5 {
-            let Some(band) = BandView::at(view, figure, pose, camera, marker) else { continue };
-            let mut best: Option<(usize, f64)> = None;
-            for (i, c) in candidates[camera.index()].iter().enumerate() {
-                let d = (c.uv - band.centre).norm();
+            let Some(centre) = view.project(camera, &figure.patch_in_global(marker, pose, view.eye(camera)).0) else { continue };
+            let mut best: Option<(usize, f64, &BandCandidate)> = None;
+            for (i, c) in near[camera.index()].near(&centre) {
+                let d = (c.uv - centre).norm();
                 if d < gate_px && best.is_none_or(|b| d < b.1) && !used.contains(&i) {
-                    best = Some((i, d));
+                    best = Some((i, d, c));
                 }
             }
-            if let Some((i, d)) = best {
+            if let Some((i, d, c)) = best {
                 used[marker] = i;
-                let c = &candidates[camera.index()][i];
                 let point = ImagePoint { uv: c.uv, sd: Vector2::new(0.7, 0.7) };
                 out.push((MarkerObservation { camera, marker, point }, d, c.contrast));
             }

@@ -18,6 +18,7 @@ use crate::calibration::{CameraId, StereoRig};
 use crate::equipment::{Ball, Racket};
 use crate::footage::{FootageError, FrameBuffer, FrameSource, GreyView};
 use nalgebra::{Isometry3, Point3};
+use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -39,6 +40,8 @@ pub enum TrackingError {
     Size { frame: u64, width: usize, height: usize, calibrated_width: usize, calibrated_height: usize },
     #[error("the cameras' viewing directions do not meet in front of them; check calibration.json")]
     NoVolume,
+    #[error("{found}; run `sweetspot track --sync auto` to pair them anew")]
+    OutOfStep { found: String },
     #[error("interrupted")]
     Cancelled,
     #[error(transparent)]
@@ -91,8 +94,11 @@ pub fn track_shot(source: &impl FrameSource, setup: &ShotSetup, cancel: &AtomicB
     let start = shot.acquire_racket()?;
     let (mut racket, prints) = shot.follow_racket(&start)?;
     shot.stale = recording::repeated(&prints);
-    shot.remeasure_stale(&start, &mut racket)?;
     let mut notes = recording::notes(source, &shot.stale);
+    for (stale, washed_out) in shot.stale.iter_mut().zip(recording::washed_out(&prints)) {
+        *stale = [stale[0] || washed_out[0], stale[1] || washed_out[1]];
+    }
+    shot.remeasure_stale(&start, &mut racket)?;
     notes.extend(recording::dark_or_bright(source, &prints));
     let ball = shot.find_and_follow_ball(&racket)?;
     face::settle(&mut racket, &ball, &figure);
@@ -112,7 +118,7 @@ struct Shot<'a, S: FrameSource> {
     focus: Point3<f64>,
     cancel: &'a AtomicBool,
     progress: &'a (dyn Fn(usize) + Sync),
-    /// Pictures that repeat the one before, by index and camera; they are read as missing.
+    /// Pictures that repeat the one before or are washed out, by index and camera; they are read as missing.
     stale: Vec<[bool; 2]>,
     /// Why a picture could not be read, by index and camera.
     broken: Mutex<BTreeMap<(usize, usize), String>>,
@@ -138,34 +144,57 @@ impl<S: FrameSource> Shot<'_, S> {
 
     /// Reads both pictures of a frame; a picture that is missing or broken is `None`.
     fn read<'b>(&self, index: usize, buffers: &'b mut [FrameBuffer; 2]) -> Result<[Option<GreyView<'b>>; 2], TrackingError> {
-        self.check_cancelled()?;
-        let mut there = [false; 2];
-        for camera in 0..2 {
-            if self.stale.get(index).is_some_and(|s| s[camera]) {
-                continue;
-            }
-            there[camera] = self.source.read(index, camera, None, &mut buffers[camera]).unwrap_or_else(|e| {
-                if let Ok(mut broken) = self.broken.lock() {
-                    broken.insert((index, camera), e.to_string());
-                }
-                false
-            });
-        }
+        self.read_rows(index, [None; 2], buffers)
+    }
+
+    /// [`Self::read`], of each picture only the rows needed (first, count).
+    fn read_rows<'b>(
+        &self,
+        index: usize,
+        rows: [Option<(usize, usize)>; 2],
+        buffers: &'b mut [FrameBuffer; 2],
+    ) -> Result<[Option<GreyView<'b>>; 2], TrackingError> {
         let [l, r] = buffers;
-        let views = [if there[0] { l.view() } else { None }, if there[1] { r.view() } else { None }];
-        let [width, height] = self.setup.rig.image_size;
-        for v in views.iter().flatten() {
-            if (v.width, v.height) != (width, height) {
-                return Err(TrackingError::Size {
-                    frame: self.source.number(index),
-                    width: v.width,
-                    height: v.height,
-                    calibrated_width: width,
-                    calibrated_height: height,
-                });
-            }
+        Ok([self.read_one(index, 0, rows[0], l)?, self.read_one(index, 1, rows[1], r)?])
+    }
+
+    fn read_one<'b>(
+        &self,
+        index: usize,
+        camera: usize,
+        rows: Option<(usize, usize)>,
+        buffer: &'b mut FrameBuffer,
+    ) -> Result<Option<GreyView<'b>>, TrackingError> {
+        self.check_cancelled()?;
+        if self.stale.get(index).is_some_and(|s| s[camera]) {
+            return Ok(None);
         }
-        Ok(views)
+        let there = self.source.read(index, camera, rows, buffer).unwrap_or_else(|e| {
+            if let Ok(mut broken) = self.broken.lock() {
+                broken.insert((index, camera), e.to_string());
+            }
+            false
+        });
+        let view = if there { buffer.view() } else { None };
+        let [calibrated_width, calibrated_height] = self.setup.rig.image_size;
+        if let Some(GreyView { width, height, .. }) = view
+            && (width, height) != (calibrated_width, calibrated_height)
+        {
+            return Err(TrackingError::Size { frame: self.source.number(index), width, height, calibrated_width, calibrated_height });
+        }
+        Ok(view)
+    }
+
+    /// The rows of each picture that measuring the ball near a place looks at: its outline may be found `reach_px` away, and
+    /// the fit may move by most of a radius from there.
+    fn ball_rows(&self, scene: &BallScene, at: &Point3<f64>, reach_px: i32) -> [Option<(usize, usize)>; 2] {
+        CameraId::BOTH.map(|camera| {
+            let (uv, radius) = (self.view.project(camera, at)?, scene.radius_px(camera, at)?);
+            let half = 2.0 * radius + f64::from(reach_px) + 8.0;
+            let row = |v: f64| v.clamp(0.0, self.setup.rig.image_size[1] as f64) as usize;
+            let first = row((uv.y - half).floor());
+            Some((first, row((uv.y + half).ceil()) - first))
+        })
     }
 
     /// Pixels per metre at the middle of the volume.
@@ -304,10 +333,8 @@ impl<S: FrameSource> Shot<'_, S> {
     /// Finds the ball that meets the racket and follows it both ways.
     fn find_and_follow_ball(&self, racket: &[Option<RacketFrame>]) -> Result<Vec<Option<BallFrame>>, TrackingError> {
         let n = self.source.len();
-        let mut backgrounds = [None, None];
-        for (camera, b) in backgrounds.iter_mut().enumerate() {
-            *b = background(self.source, camera)?;
-        }
+        let (left, right) = rayon::join(|| background(self.source, 0), || background(self.source, 1));
+        let backgrounds = [left?, right?];
         let mut scene = BallScene {
             view: self.view,
             radius_m: self.setup.ball.radius_m(),
@@ -362,32 +389,33 @@ impl<S: FrameSource> Shot<'_, S> {
     /// Learns the light from the ball as first measured, then measures every frame again with it.
     fn remeasure_ball(&self, scene: &mut BallScene, rough: Vec<Option<BallFrame>>) -> Result<Vec<Option<BallFrame>>, TrackingError> {
         let Some(near) = rough.iter().flatten().find(|b| b.stereo).map(|b| b.position) else { return Ok(rough) };
-        let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
-        let mut means = [MeanDisc::default(), MeanDisc::default()];
-        for (index, ball) in rough.iter().enumerate().filter_map(|(i, b)| Some((i, b.as_ref()?))) {
-            let images = self.read(index, &mut buffers)?;
-            for camera in CameraId::BOTH {
-                if let Some(image) = &images[camera.index()] {
-                    scene.add_to_mean(&mut means[camera.index()], image, camera, ball);
+        let mean = |camera: CameraId| -> Result<MeanDisc, TrackingError> {
+            let mut buffer = FrameBuffer::default();
+            let mut mean = MeanDisc::default();
+            for (index, ball) in rough.iter().enumerate().filter_map(|(i, b)| Some((i, b.as_ref()?))) {
+                let rows = self.ball_rows(scene, &ball.position, 0)[camera.index()];
+                if let Some(image) = self.read_one(index, camera.index(), rows, &mut buffer)? {
+                    scene.add_to_mean(&mut mean, &image, camera, ball);
                 }
             }
-        }
-        scene.set_light(&means, &near, BALL_BLUR_PX);
+            Ok(mean)
+        };
+        let (left, right) = rayon::join(|| mean(CameraId::Left), || mean(CameraId::Right));
+        scene.set_light(&[left?, right?], &near, BALL_BLUR_PX);
         scene.faint = true;
         let numbers: Vec<f64> = (0..rough.len()).map(|i| self.source.number(i) as f64).collect();
-        let mut out = Vec::with_capacity(rough.len());
-        for (index, ball) in rough.iter().enumerate() {
-            let expected = match ball {
-                Some(b) if b.stereo => Some(b.position),
-                _ => expected_ball(&rough, &numbers, index).or(ball.map(|b| b.position)),
+        let scene: &BallScene = scene;
+        let again = |buffers: &mut [FrameBuffer; 2], index: usize| {
+            let expected = match &rough[index] {
+                Some(b) if b.stereo => Some((b.position, true)),
+                ball => expected_ball(&rough, &numbers, index).or(ball.map(|b| (b.position, true))),
             };
-            let again = match expected {
-                Some(p) => scene.measure(&self.read(index, &mut buffers)?, &p, 1),
-                None => None,
-            };
-            out.push(again);
-        }
-        Ok(out)
+            let Some((p, within)) = expected else { return Ok(None) };
+            let found = scene.measure(&self.read_rows(index, self.ball_rows(scene, &p, 1), buffers)?, &p, 1);
+            // Beyond the flight's ends nobody has seen a ball: there both cameras must agree.
+            Ok(found.filter(|b| within || b.stereo))
+        };
+        (0..rough.len()).into_par_iter().map_init(Default::default, again).collect()
     }
 
     fn follow_ball(&self, scene: &BallScene, first: usize, flight: &[BallFrame; 3]) -> Result<Vec<Option<BallFrame>>, TrackingError> {
@@ -396,9 +424,11 @@ impl<S: FrameSource> Shot<'_, S> {
         for (k, b) in flight.iter().enumerate() {
             all[first + k] = Some(*b);
         }
-        let back = self.follow_ball_one_way(scene, (first + 1, flight[1]), (first, flight[0]), (0..first).rev())?;
-        let forth = self.follow_ball_one_way(scene, (first + 1, flight[1]), (first + 2, flight[2]), first + 3..n)?;
-        for (index, b) in back.into_iter().chain(forth) {
+        let (back, forth) = rayon::join(
+            || self.follow_ball_one_way(scene, (first + 1, flight[1]), (first, flight[0]), (0..first).rev()),
+            || self.follow_ball_one_way(scene, (first + 1, flight[1]), (first + 2, flight[2]), first + 3..n),
+        );
+        for (index, b) in back?.into_iter().chain(forth?) {
             all[index] = Some(b);
         }
         Ok(all)
@@ -417,13 +447,14 @@ impl<S: FrameSource> Shot<'_, S> {
         let mut out = Vec::new();
         let mut lost = 0;
         for index in indices {
-            let images = self.read(index, &mut buffers)?;
+            let now = at(index);
+            let predicted = last.1 + (last.1 - previous.1) * ((now - last.0) / (last.0 - previous.0));
+            let reach_px = (4 + 2 * lost as i32).min(12);
+            let images = self.read_rows(index, self.ball_rows(scene, &predicted, reach_px), &mut buffers)?;
             if images.iter().all(Option::is_none) {
                 continue;
             }
-            let now = at(index);
-            let predicted = last.1 + (last.1 - previous.1) * ((now - last.0) / (last.0 - previous.0));
-            match scene.measure(&images, &predicted, (4 + 2 * lost as i32).min(12)) {
+            match scene.measure(&images, &predicted, reach_px) {
                 Some(b) => {
                     previous = last;
                     last = (now, b.position);
@@ -443,8 +474,8 @@ impl<S: FrameSource> Shot<'_, S> {
 }
 
 /// Where a ball that was not seen by both cameras should be: on the straight line between its neighbours in time that
-/// were, or beyond the last two, over at most [`FILLED`] frames.
-fn expected_ball(seen: &[Option<BallFrame>], numbers: &[f64], index: usize) -> Option<Point3<f64>> {
+/// were, or beyond the last two (then `false`), over at most [`FILLED`] frames.
+fn expected_ball(seen: &[Option<BallFrame>], numbers: &[f64], index: usize) -> Option<(Point3<f64>, bool)> {
     let known = |i: &usize| seen[*i].is_some_and(|b| b.stereo) && (numbers[*i] - numbers[index]).abs() <= FILLED;
     let before: Vec<usize> = (0..index).rev().filter(known).take(2).collect();
     let after: Vec<usize> = (index + 1..seen.len()).filter(known).take(2).collect();
@@ -454,7 +485,8 @@ fn expected_ball(seen: &[Option<BallFrame>], numbers: &[f64], index: usize) -> O
         _ => return None,
     };
     let (p, q) = (seen[a]?.position, seen[b]?.position);
-    Some(p + (q - p) * ((numbers[index] - numbers[a]) / (numbers[b] - numbers[a])))
+    let within = !before.is_empty() && !after.is_empty();
+    Some((p + (q - p) * ((numbers[index] - numbers[a]) / (numbers[b] - numbers[a])), within))
 }
 
 /// Frame indices by halving the clip: 1/2, 1/4, 3/4, 1/8, ... of its length, each once.

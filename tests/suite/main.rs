@@ -28,4 +28,6 @@ mod spin;
 mod spin_ball;
 mod synthetic;
 mod tracking;
+mod tracking_export;
+mod tracking_faults;
 mod validation;

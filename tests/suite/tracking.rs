@@ -13,7 +13,7 @@ fn numbers(v: &Value) -> Vec<f64> {
 }
 
 /// The true cameras as a rig, global axes included.
-fn true_rig(truth: &Value) -> StereoRig {
+pub fn true_rig(truth: &Value) -> StereoRig {
     let pose = |name: &str| {
         let c = &truth["cameras"][name];
         let r: Vec<Vec<f64>> = c["R"].as_array().unwrap().iter().map(numbers).collect();

@@ -1,0 +1,46 @@
+//! The CSV tables of DLTdv, the digitising program of many biomechanics laboratories (Hedrick 2008, Bioinspiration &
+//! Biomimetics 3, 034001): one row per frame, points in columns, NaN where nothing was measured.
+//!
+//! Its pictures stand on their lower left corner and count from one, as its program does (MATLAB): x = u + 1 and
+//! y = height - v for a pixel (u, v) of ours. Camera 1 is the left one; points 1 to 5 are m1 to m5, point 6 is the ball.
+
+use super::export::{ExportError, TrackExport};
+use super::track_file::Target;
+use crate::calibration::CameraId;
+use std::fmt::Write;
+
+/// Rows that a spreadsheet still opens.
+const MOST_FRAMES: u64 = 1_000_000;
+
+/// The four tables that DLTdv opens together, by the end of their names.
+pub fn dltdv_tables(shot: &TrackExport) -> Result<[(&'static str, String); 4], ExportError> {
+    shot.length("DLTdv", MOST_FRAMES)?;
+    let height = shot.rig.image_size[1] as f64;
+    let names = |what: &dyn Fn(usize) -> String| (1..=Target::ALL.len()).map(what).collect::<Vec<_>>().join(",") + "\n";
+    let mut xypts = names(&|k| format!("pt{k}_cam1_X,pt{k}_cam1_Y,pt{k}_cam2_X,pt{k}_cam2_Y"));
+    let mut xyzpts = names(&|k| format!("pt{k}_X,pt{k}_Y,pt{k}_Z"));
+    let mut xyzres = names(&|k| format!("pt{k}_dltres"));
+    let mut offsets = String::from("cam1_offset,cam2_offset\n");
+    for frame in shot.frames.clone() {
+        let [mut xy, mut xyz, mut res] = [const { String::new() }; 3];
+        for target in Target::ALL {
+            for camera in CameraId::BOTH {
+                // Writing into a string cannot fail.
+                let _ = match shot.tracks.get(frame, camera, target) {
+                    Some(p) => write!(xy, ",{:.4},{:.4}", p.uv.x + 1.0, height - p.uv.y),
+                    None => write!(xy, ",NaN,NaN"),
+                };
+            }
+            let _ = match shot.point(frame, target) {
+                Some(p) => write!(xyz, ",{:.7},{:.7},{:.7}", p.position.x, p.position.y, p.position.z).and_then(|()| write!(res, ",{:.4}", p.residual_px)),
+                None => write!(xyz, ",NaN,NaN,NaN").and_then(|()| write!(res, ",NaN")),
+            };
+        }
+        for (table, row) in [(&mut xypts, &xy), (&mut xyzpts, &xyz), (&mut xyzres, &res)] {
+            table.push_str(&row[1..]);
+            table.push('\n');
+        }
+        offsets.push_str("0,0\n");
+    }
+    Ok([("xypts.csv", xypts), ("xyzpts.csv", xyzpts), ("xyzres.csv", xyzres), ("offsets.csv", offsets)])
+}

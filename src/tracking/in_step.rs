@@ -1,0 +1,242 @@
+//! Whether both cameras took their pictures at the same instants, and what to do when they did not.
+//!
+//! A point that moves and is seen a frame too late by one camera misses the other camera's epipolar plane by the part of
+//! its motion across that plane. Over a whole shot that miss follows the motion, while calibration and lens leave a miss
+//! that stays: a straight-line fit of the miss against the motion tells both apart and gives the offset in frames.
+
+use super::racket_pose::View;
+use super::shot_tracker::{ShotSetup, ShotTracks, TrackingError, track_shot};
+use crate::calibration::CameraId;
+use crate::footage::{Clip, FrameSource};
+use nalgebra::{SMatrix, SVector, Vector2, Vector3};
+use std::sync::atomic::AtomicBool;
+
+/// What to do about cameras that are out of step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum SyncMode {
+    /// Say so.
+    #[default]
+    Report,
+    /// Pair the pictures anew by whole frames, and say so.
+    Auto,
+}
+
+/// By how many frames the right camera is late, with one standard deviation.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Offset {
+    pub frames: f64,
+    pub sd: f64,
+    /// Root-mean-square miss of the epipolar planes with pictures paired as they are, px.
+    pub miss_px: f64,
+}
+
+/// Misses that stay the same over a shot: of the ball, and of tape put on by hand, px, one standard deviation each.
+const STILL_SD_PX: [f64; 6] = [0.3, 0.3, 0.3, 0.3, 0.3, 0.15];
+/// Least deviation of a single miss, px.
+const FLOOR_PX: f64 = 0.1;
+/// An offset is told when its deviation is below this, frames.
+const TOLD_SD: f64 = 0.2;
+/// Fewer frames with the ball in both pictures make the pairing itself doubtful.
+const LEAST_BALL_FRAMES: usize = 6;
+/// One intercept per target, then the offset.
+const UNKNOWNS: usize = 7;
+
+/// A tracked shot and how its pictures were paired in the end.
+#[derive(Debug, Clone)]
+pub struct InStep {
+    pub tracked: ShotTracks,
+    pub clip: Clip,
+    /// Frame n pairs left n with right n + this.
+    pub right_shift: i64,
+    /// Whether the cameras were found out of step and left so.
+    pub out_of_step: bool,
+}
+
+/// Tracks a clip and checks that its cameras are in step.
+pub fn track_in_step(clip: &Clip, setup: &ShotSetup, mode: SyncMode, cancel: &AtomicBool, progress: &(dyn Fn(usize) + Sync)) -> Result<InStep, TrackingError> {
+    let first = match track_shot(clip, setup, cancel, progress) {
+        Err(e) if !matches!(e, TrackingError::NoRacket { .. }) => return Err(e),
+        other => other,
+    };
+    let offset = first.as_ref().ok().and_then(|t| offset(clip, setup, t));
+    let told = offset.filter(|o| o.sd < TOLD_SD);
+    let candidates: Vec<i64> = match (&first, told) {
+        (Ok(_), Some(o)) if o.frames.abs() < 0.5 || o.frames.abs() < 3.0 * o.sd => Vec::new(),
+        (Ok(_), Some(o)) => vec![-o.frames.round() as i64],
+        // The tracks do not tell: only when hardly anything fits as it is paired, its neighbours are tried.
+        (Ok(t), None) if points_in_both(t) >= LEAST_BALL_FRAMES => Vec::new(),
+        _ => vec![-1, 1],
+    };
+    for shift in candidates {
+        let shifted = clip.shifted(shift);
+        let Ok(mut again) = track_shot(&shifted, setup, cancel, &|_| ()) else { continue };
+        let better = match (&first, offset_of(&shifted, setup, &again), told) {
+            // What was told must be gone.
+            (Ok(_), Some(o), Some(_)) => o.frames.abs() < 0.5,
+            (Ok(_), None, Some(_)) => false,
+            (one, now, None) => {
+                let before = one.as_ref().map_or(0, points_in_both);
+                points_in_both(&again) >= LEAST_BALL_FRAMES.max(2 * before) && now.is_none_or(|o| o.frames.abs() < 0.5)
+            }
+            (Err(_), _, Some(_)) => false,
+        };
+        if !better {
+            continue;
+        }
+        let found = words(shift, told);
+        match (mode, first) {
+            (SyncMode::Auto, _) => {
+                again.notes.insert(0, format!("{found}; corrected: frame n pairs the left picture n with the right picture n {shift:+}"));
+                return Ok(InStep { tracked: again, clip: shifted, right_shift: shift, out_of_step: false });
+            }
+            (SyncMode::Report, Ok(mut tracked)) => {
+                tracked.notes.insert(0, format!("{found}; `--sync auto` corrects it"));
+                return Ok(InStep { tracked, clip: clip.clone(), right_shift: 0, out_of_step: true });
+            }
+            (SyncMode::Report, Err(_)) => return Err(TrackingError::OutOfStep { found }),
+        }
+    }
+    Ok(InStep { tracked: first?, clip: clip.clone(), right_shift: 0, out_of_step: false })
+}
+
+fn words(shift: i64, told: Option<Offset>) -> String {
+    let (n, side) = (shift.abs(), if shift < 0 { "late" } else { "early" });
+    let frames = if n == 1 { "one frame".to_owned() } else { format!("{n} frames") };
+    let why = match told {
+        Some(o) => format!(
+            "by the epipolar misses of the moving points {:.2} +- {:.2} frames, root mean square {:.2} px as paired",
+            o.frames.abs(),
+            1.96 * o.sd,
+            o.miss_px
+        ),
+        None => "as paired hardly any point fits both views, so paired it does".to_owned(),
+    };
+    format!("the right camera's pictures are {frames} {side} ({why})")
+}
+
+/// Frames in which both cameras measured the ball.
+fn points_in_both(tracked: &ShotTracks) -> usize {
+    tracked.ball.iter().flatten().filter(|b| b.stereo).count()
+}
+
+fn offset_of(clip: &Clip, setup: &ShotSetup, tracked: &ShotTracks) -> Option<Offset> {
+    offset(clip, setup, tracked).filter(|o| o.sd < TOLD_SD)
+}
+
+/// By how many frames the right camera's pictures are late, from the ball and the tape in both views.
+pub fn offset(source: &impl FrameSource, setup: &ShotSetup, tracked: &ShotTracks) -> Option<Offset> {
+    let view = View::new(setup.rig);
+    let figure = super::RacketFigure::of(setup.racket)?;
+    // Image points of a frame by camera and target; tape moved from its visible patch to the tube's axis, which both
+    // cameras share.
+    let seen = |index: usize| -> [[Option<(Vector2<f64>, f64)>; 6]; 2] {
+        CameraId::BOTH.map(|camera| {
+            std::array::from_fn(|target| {
+                if target == 5 {
+                    let p = tracked.ball.get(index)?.as_ref()?.points[camera.index()]?;
+                    return Some((p.uv, p.sd.max()));
+                }
+                let racket = tracked.racket.get(index)?.as_ref()?;
+                let p = racket.points[camera.index()][target]?;
+                let pose = racket.pose.global_from_racket;
+                let patch = view.project(camera, &figure.patch_in_global(target, &pose, view.eye(camera)).0)?;
+                let axis = view.project(camera, &(pose * figure.points[target]))?;
+                Some((p.uv + axis - patch, p.sd.max()))
+            })
+        })
+    };
+    let all: Vec<_> = (0..source.len()).map(seen).collect();
+    let mut rows: Vec<(usize, f64, f64, f64)> = Vec::new();
+    for i in 1..source.len().saturating_sub(1) {
+        let n = source.number(i);
+        if source.number(i - 1).checked_add(1) != Some(n) || n.checked_add(1) != Some(source.number(i + 1)) {
+            continue;
+        }
+        for target in 0..6 {
+            let (Some(left), Some(right)) = (all[i][0][target], all[i][1][target]) else { continue };
+            let (Some(before), Some(after)) = (all[i - 1][1][target], all[i + 1][1][target]) else { continue };
+            let Some(a) = view.ray(CameraId::Left, left.0) else { continue };
+            let miss = |uv: Vector2<f64>| miss_px(&view, &a, &view.ray(CameraId::Right, uv)?);
+            let (Some(m), Some(m0), Some(m1)) = (miss(right.0), miss(before.0), miss(after.0)) else { continue };
+            let motion = 0.5 * (m1 - m0);
+            // Uneven motion (the hit itself) has no one speed.
+            if (m1 - 2.0 * m + m0).abs() < 0.3 + 0.3 * motion.abs() {
+                rows.push((target, m, motion, left.1.hypot(right.1).hypot(FLOOR_PX)));
+            }
+        }
+    }
+    solve(&rows)
+}
+
+/// Signed distance of two rays, px at the place where they come nearest.
+fn miss_px(view: &View, a: &Vector3<f64>, b: &Vector3<f64>) -> Option<f64> {
+    let (p, _) = view.nearest_to_rays(a, b)?;
+    let base = view.eye(CameraId::Right) - view.eye(CameraId::Left);
+    let normal = a.cross(b).try_normalize(1e-9)?;
+    let px_per_m = view.rig.camera(CameraId::Left).fx / (p - view.eye(CameraId::Left)).norm();
+    Some(base.dot(&normal) * px_per_m)
+}
+
+/// miss = still(target) + offset * motion, for rows (target, miss, motion, deviation); Huber's weights.
+fn solve(rows: &[(usize, f64, f64, f64)]) -> Option<Offset> {
+    if rows.len() < 8 {
+        return None;
+    }
+    let mut x = SVector::<f64, UNKNOWNS>::zeros();
+    let mut out = None;
+    for round in 0..6 {
+        let mut h = SMatrix::<f64, UNKNOWNS, UNKNOWNS>::zeros();
+        let mut g = SVector::<f64, UNKNOWNS>::zeros();
+        for (k, sd) in STILL_SD_PX.iter().enumerate() {
+            h[(k, k)] = sd.powi(-2);
+        }
+        let (mut chi2, mut weight) = (0.0, 0.0);
+        for (target, miss, motion, sd) in rows {
+            let r = miss - x[*target] - x[6] * motion;
+            let z = (r / sd).abs();
+            let w = if round == 0 || z < 2.0 { 1.0 } else { 2.0 / z };
+            let precision = w * sd.powi(-2);
+            for (i, a) in [(*target, 1.0), (6, *motion)] {
+                for (j, b) in [(*target, 1.0), (6, *motion)] {
+                    h[(i, j)] += precision * a * b;
+                }
+                g[i] += precision * a * miss;
+            }
+            chi2 += w * z * z;
+            weight += w;
+        }
+        h[(6, 6)] += 1e-9;
+        let inverse = h.try_inverse()?;
+        x = inverse * g;
+        // Misses of neighbouring frames are not independent: the scatter counts, upward only.
+        let scatter = (chi2 / (weight - 2.0).max(1.0)).max(1.0);
+        let miss_px = (rows.iter().map(|r| r.1 * r.1).sum::<f64>() / rows.len() as f64).sqrt();
+        out = Some(Offset { frames: x[6], sd: (inverse[(6, 6)] * scatter).sqrt(), miss_px });
+    }
+    out.filter(|o| o.frames.is_finite() && o.sd.is_finite())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn truth_an_offset_is_told_from_a_miss_that_stays() {
+        // A ball that falls and then rises, 0.2 px of calibration error, right camera late by `late` frames.
+        for late in [0.0, 1.0, -2.0] {
+            let rows: Vec<_> = (0..40)
+                .map(|k| {
+                    let motion = if k < 20 { -1.2 } else { 0.9 } + 0.02 * k as f64;
+                    let noise = 0.05 * ((k * 7919 % 13) as f64 / 6.0 - 1.0);
+                    (5usize, 0.2 + late * motion + noise, motion, 0.1)
+                })
+                .collect();
+            let o = solve(&rows).expect("enough");
+            assert!((o.frames - late).abs() < 0.1 && o.sd < TOLD_SD, "{late}: {o:?}");
+        }
+        // The same speed all along leaves it open whether a tenth of a pixel is an offset: the deviation says so.
+        let rows: Vec<_> = (0..40).map(|_| (5usize, 0.1, 0.2, 0.1)).collect();
+        assert!(solve(&rows).expect("enough").sd > TOLD_SD);
+        assert!(solve(&rows[..5]).is_none());
+    }
+}

@@ -1,0 +1,289 @@
+//! Faults of real recordings, made from practice shots: a picture missing, repeated, dark or washed out, cameras out of
+//! step, long waits without a racket, bright things beside the ball, a second ball.
+
+use crate::shared::shared;
+use crate::tracking::true_rig;
+use image::GrayImage;
+use serde_json::Value;
+use std::path::PathBuf;
+use std::sync::atomic::AtomicBool;
+use sweetspot::calibration::{CameraId, StereoRig};
+use sweetspot::footage::{Clip, read_grey};
+use sweetspot::session::{Session, ShotFolder};
+use sweetspot::tracking::{InStep, ShotSetup, SyncMode, Target, TrackingError, track_in_step};
+
+/// A practice shot copied where it may be spoilt.
+struct Recording {
+    folder: tempfile::TempDir,
+    truth: Value,
+    rig: StereoRig,
+    shot: ShotFolder,
+    frame_rate_hz: f64,
+}
+
+impl Recording {
+    fn of(kind: &str) -> Option<Self> {
+        let session = shared(&format!("practice/footage/{kind}"))?;
+        let truth: Value = serde_json::from_str(&std::fs::read_to_string(session.with_extension("truth.json")).unwrap()).unwrap();
+        let (rig, opened) = (true_rig(&truth), Session::open(&session).unwrap());
+        let shot = opened.shots.iter().find(|s| s.id == "s01").unwrap().clone();
+        let folder = tempfile::tempdir().unwrap();
+        for camera in CameraId::BOTH {
+            let place = folder.path().join(camera.name());
+            std::fs::create_dir(&place).unwrap();
+            let clip = Clip::list(&shot.camera("left"), &shot.camera("right")).unwrap();
+            for pair in &clip.pairs {
+                if let Some(from) = &pair.files[camera.index()] {
+                    std::fs::copy(from, place.join(format!("f_{}.png", pair.number))).unwrap();
+                }
+            }
+        }
+        Some(Recording { folder, truth: truth["shots"]["s01"].clone(), rig, shot, frame_rate_hz: opened.frame_rate_hz })
+    }
+
+    fn file(&self, camera: CameraId, frame: u64) -> PathBuf {
+        self.folder.path().join(camera.name()).join(format!("f_{frame}.png"))
+    }
+
+    fn frames(&self) -> Vec<u64> {
+        self.truth["frames"].as_array().unwrap().iter().map(|f| f["frame"].as_u64().unwrap()).collect()
+    }
+
+    /// Changes one picture; tells the painter where the true targets are.
+    fn paint(&self, camera: CameraId, frame: u64, paint: impl FnOnce(&mut GrayImage)) {
+        let path = self.file(camera, frame);
+        let grey = read_grey(&path).unwrap();
+        let mut image = GrayImage::from_raw(grey.width as u32, grey.height as u32, grey.pixels).unwrap();
+        paint(&mut image);
+        image.save(&path).unwrap();
+    }
+
+    fn place(&self, camera: CameraId, frame: u64, target: Target) -> (f64, f64) {
+        let f = self.truth["frames"].as_array().unwrap().iter().find(|f| f["frame"] == frame).unwrap();
+        let p = &f["cameras"][camera.name()][target.name()];
+        (p["u"].as_f64().unwrap(), p["v"].as_f64().unwrap())
+    }
+
+    fn track(&self, mode: SyncMode) -> Result<InStep, TrackingError> {
+        let clip = Clip::list(&self.folder.path().join("left"), &self.folder.path().join("right")).unwrap();
+        let setup = ShotSetup { rig: &self.rig, racket: &self.shot.racket, ball: &self.shot.ball, frame_rate_hz: self.frame_rate_hz };
+        track_in_step(&clip, &setup, mode, &AtomicBool::new(false), &|_| ())
+    }
+
+    /// Share of the visible targets found, and points farther than 4 px from their target; `left_out` frames do not count.
+    fn score(&self, made: &InStep, shift_of_numbers: u64, left_out: &[u64]) -> (f64, usize) {
+        let (mut seen, mut found, mut wrong) = (0, 0, 0);
+        for f in self.truth["frames"].as_array().unwrap() {
+            let number = f["frame"].as_u64().unwrap();
+            if left_out.contains(&number) {
+                continue;
+            }
+            for camera in CameraId::BOTH {
+                for target in Target::ALL {
+                    let p = &f["cameras"][camera.name()][target.name()];
+                    let visible = p["visible"] == true && p["fraction"].as_f64().unwrap_or(0.0) >= 0.5;
+                    seen += usize::from(visible);
+                    let Some(point) = made.tracked.tracks.get(number + shift_of_numbers, camera, target) else { continue };
+                    let error = (point.uv.x - p["u"].as_f64().unwrap()).hypot(point.uv.y - p["v"].as_f64().unwrap());
+                    found += usize::from(visible && error <= 4.0);
+                    wrong += usize::from(error > 4.0);
+                }
+            }
+        }
+        (found as f64 / seen as f64, wrong)
+    }
+}
+
+#[test]
+fn real_a_missing_picture_is_told_and_its_frame_keeps_the_other_cameras_points() {
+    let Some(r) = Recording::of("lab-11") else { return };
+    let frame = r.frames()[9];
+    std::fs::remove_file(r.file(CameraId::Right, frame)).unwrap();
+    let made = r.track(SyncMode::Report).unwrap();
+    assert_eq!(made.clip.gap_notes(), [format!("right camera: no picture of frame {frame}")]);
+    let (found, wrong) = r.score(&made, 0, &[frame]);
+    assert!(found > 0.98 && wrong == 0, "{found} {wrong}");
+    let there = |camera| Target::ALL.iter().filter(|t| made.tracked.tracks.get(frame, camera, **t).is_some()).count();
+    assert!(there(CameraId::Left) >= 5 && there(CameraId::Right) == 0, "{} {}", there(CameraId::Left), there(CameraId::Right));
+}
+
+#[test]
+fn real_a_repeated_picture_is_named_and_none_of_its_points_kept() {
+    let Some(r) = Recording::of("lab-11") else { return };
+    let frame = r.frames()[12];
+    std::fs::copy(r.file(CameraId::Left, frame - 1), r.file(CameraId::Left, frame)).unwrap();
+    let made = r.track(SyncMode::Report).unwrap();
+    assert!(made.tracked.notes.iter().any(|n| n.contains(&format!("left frame {frame} repeats"))), "{:?}", made.tracked.notes);
+    assert!(Target::ALL.iter().all(|t| made.tracked.tracks.get(frame, CameraId::Left, *t).is_none()));
+    let (found, wrong) = r.score(&made, 0, &[frame]);
+    assert!(found > 0.98 && wrong == 0, "{found} {wrong}");
+}
+
+#[test]
+fn real_dark_and_washed_out_pictures_are_named_and_the_rest_is_tracked() {
+    let Some(r) = Recording::of("court-12") else { return };
+    let frames = r.frames();
+    let (dark, bright) = (frames[8], frames[34]);
+    r.paint(CameraId::Left, dark, |p| p.pixels_mut().for_each(|p| p.0[0] /= 12));
+    r.paint(CameraId::Right, bright, |p| p.pixels_mut().for_each(|p| p.0[0] = 255));
+    let made = r.track(SyncMode::Report).unwrap();
+    let told = |words: &str| made.tracked.notes.iter().any(|n| n.starts_with(words));
+    assert!(told(&format!("left frame {dark} is dark")) && told(&format!("right frame {bright} is washed out")), "{:?}", made.tracked.notes);
+    let (found, wrong) = r.score(&made, 0, &[dark, bright]);
+    assert!(found > 0.97 && wrong == 0, "{found} {wrong}");
+    // What a spoilt picture still gives must be right, or be missing.
+    assert!(Target::ALL.iter().all(|t| made.tracked.tracks.get(bright, CameraId::Right, *t).is_none()));
+}
+
+#[test]
+fn real_cameras_one_frame_out_of_step_are_reported_and_with_auto_paired_anew() {
+    for (kind, late) in [("lab-11", true), ("court-12", true), ("court-12", false)] {
+        let Some(r) = Recording::of(kind) else { return };
+        assert!(!r.track(SyncMode::Report).unwrap().tracked.notes.iter().any(|n| n.contains("frame late") || n.contains("frame early")), "{kind}: in step");
+        // The right camera's pictures get the number after (before) their own.
+        let mut frames = r.frames();
+        if late {
+            frames.reverse();
+        }
+        for n in frames {
+            std::fs::rename(r.file(CameraId::Right, n), r.file(CameraId::Right, if late { n + 1 } else { n - 1 })).unwrap();
+        }
+        // A picture of instant n under the number n + 1 belongs to left n: "early" by its number means paired with n + 1.
+        let shift = if late { 1 } else { -1 };
+        match r.track(SyncMode::Report) {
+            Ok(made) => assert!(made.tracked.notes.iter().any(|n| n.contains("one frame") && n.contains("--sync auto")), "{kind}: {:?}", made.tracked.notes),
+            Err(e) => assert!(matches!(e, TrackingError::OutOfStep { .. }), "{kind}: {e}"),
+        }
+        let made = r.track(SyncMode::Auto).unwrap();
+        assert_eq!(made.right_shift, shift, "{kind}: {:?}", made.tracked.notes);
+        let (found, wrong) = r.score(&made, 0, &[]);
+        assert!(found > 0.97 && wrong == 0, "{kind}: {found} {wrong}");
+    }
+}
+
+#[test]
+fn real_a_racket_that_shows_in_a_sixth_of_the_clip_is_found() {
+    let Some(r) = Recording::of("lab-11") else { return };
+    let (frames, before) = (r.frames(), 120u64);
+    // An empty dark room: the noise of the curtain, which never repeats, for 120 frames before and 120 after.
+    let seed = |n: u64| (n.wrapping_mul(0x9E37_79B9_7F4A_7C15)).rotate_left(17);
+    let (first, last) = (frames[0], frames[frames.len() - 1]);
+    for camera in CameraId::BOTH {
+        for n in (first - before..first).chain(last + 1..last + 1 + before) {
+            let mut state = seed(n + 1000 * camera.index() as u64);
+            let noise = |_, _| {
+                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                image::Luma([18 + (state >> 60) as u8 / 3])
+            };
+            GrayImage::from_fn(512, 512, noise).save(r.file(camera, n)).unwrap();
+        }
+    }
+    let made = r.track(SyncMode::Report).unwrap();
+    assert_eq!(made.clip.pairs.len(), frames.len() + 240);
+    let (found, wrong) = r.score(&made, 0, &[]);
+    assert!(found > 0.98 && wrong == 0, "{found} {wrong}");
+    let invented = made.tracked.tracks.points.iter().filter(|p| p.point.is_some() && (p.frame < first || p.frame > last)).count();
+    assert_eq!(invented, 0, "points in the empty room");
+}
+
+#[test]
+fn real_a_bright_thing_that_the_ball_touches_does_not_pull_it() {
+    let Some(r) = Recording::of("lab-11") else { return };
+    let frames = r.frames();
+    for camera in CameraId::BOTH {
+        // A lamp of 15 px beside the ball's way, touching the ball in the sixth frame.
+        let (u, v) = r.place(camera, frames[5], Target::Ball);
+        for n in &frames {
+            r.paint(camera, *n, |p| {
+                for (x, y, pixel) in p.enumerate_pixels_mut() {
+                    if (f64::from(x) - u).hypot(f64::from(y) - v - 16.0) < 7.5 {
+                        pixel.0[0] = 235;
+                    }
+                }
+            });
+        }
+    }
+    let made = r.track(SyncMode::Report).unwrap();
+    let (found, wrong) = r.score(&made, 0, &[]);
+    assert!(found > 0.97 && wrong == 0, "{found} {wrong}");
+}
+
+#[test]
+fn real_of_two_balls_the_one_that_meets_the_racket_is_tracked() {
+    let Some(r) = Recording::of("lab-11") else { return };
+    let frames = r.frames();
+    let ball = |f: &Value| -> nalgebra::Point3<f64> {
+        let p: Vec<f64> = f["points"]["ball"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
+        nalgebra::Point3::new(p[0], p[1], p[2])
+    };
+    let truth = r.truth["frames"].as_array().unwrap();
+    // A second ball flies beside the first, 35 cm above, and goes on where the first is hit.
+    let (start, step) = (ball(&truth[0]) + nalgebra::Vector3::new(0.0, 0.35, 0.0), ball(&truth[1]) - ball(&truth[0]));
+    for camera in CameraId::BOTH {
+        let (u, v) = r.place(camera, frames[0], Target::Ball);
+        let stamp = read_grey(&r.file(camera, frames[0])).unwrap();
+        for (k, n) in frames.iter().enumerate() {
+            let Some(at) = r.rig.project(camera, &(start + step * k as f64)) else { continue };
+            r.paint(camera, *n, |p| {
+                let (dx, dy) = ((at.x - u).round() as i64, (at.y - v).round() as i64);
+                for y in -9..=9i64 {
+                    for x in -9..=9i64 {
+                        let (sx, sy) = (u.round() as i64 + x, v.round() as i64 + y);
+                        let (tx, ty) = (sx + dx, sy + dy);
+                        let inside = |x: i64, y: i64| (0..512).contains(&x) && (0..512).contains(&y);
+                        if x * x + y * y <= 81 && inside(sx, sy) && inside(tx, ty) {
+                            p.put_pixel(tx as u32, ty as u32, image::Luma([stamp.pixels[(sy * 512 + sx) as usize]]));
+                        }
+                    }
+                }
+            });
+        }
+    }
+    let made = r.track(SyncMode::Report).unwrap();
+    let (found, wrong) = r.score(&made, 0, &[]);
+    assert!(found > 0.97 && wrong == 0, "{found} {wrong}");
+}
+
+/// The command: gaps printed, files for other programs and sheets written, also from an earlier run's tables.
+#[test]
+fn cli_track_prints_gaps_and_writes_exports_and_sheets() {
+    let Some(r) = Recording::of("lab-11") else { return };
+    let Some(practice) = shared("practice/footage/lab-11") else { return };
+    let session = tempfile::tempdir().unwrap();
+    for name in ["session.toml", "racket.toml", "ball.toml"] {
+        std::fs::copy(practice.join(name), session.path().join(name)).unwrap();
+    }
+    let frame = r.frames()[3];
+    std::fs::remove_file(r.file(CameraId::Left, frame)).unwrap();
+    let shot = session.path().join("shots/s01");
+    for camera in CameraId::BOTH {
+        std::fs::create_dir_all(shot.join(camera.name())).unwrap();
+        for entry in std::fs::read_dir(r.folder.path().join(camera.name())).unwrap() {
+            let from = entry.unwrap().path();
+            std::fs::copy(&from, shot.join(camera.name()).join(from.file_name().unwrap())).unwrap();
+        }
+    }
+    let results = session.path().join("results");
+    std::fs::create_dir_all(&results).unwrap();
+    std::fs::write(results.join("calibration.json"), serde_json::to_string(&r.rig).unwrap()).unwrap();
+    let track = |words: &[&str]| {
+        let out = std::process::Command::new(env!("CARGO_BIN_EXE_sweetspot")).arg("track").arg(session.path()).args(words).output().unwrap();
+        assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+        String::from_utf8_lossy(&out.stderr).into_owned()
+    };
+    let said = track(&["--no-spin"]);
+    assert!(said.contains(&format!("s01: left camera: no picture of frame {frame}")), "{said}");
+    let made = results.join("shots/s01");
+    assert!(!made.join("spin.json").exists() && !made.join("points.c3d").exists());
+    // Written from the tables of the run before: the shot is not tracked again.
+    let said = track(&["--no-spin", "--export", "dltdv,c3d", "--overlay=8"]);
+    assert!(said.contains("already tracked"), "{said}");
+    for name in ["dltdv_xypts.csv", "dltdv_xyzpts.csv", "dltdv_xyzres.csv", "dltdv_offsets.csv", "points.c3d"] {
+        assert!(std::fs::metadata(made.join(name)).unwrap().len() > 80, "{name}");
+    }
+    for name in ["overlay_left.png", "overlay_right.png"] {
+        let sheet = image::open(made.join(name)).unwrap().to_rgb8();
+        let drawn = sheet.pixels().filter(|p| p.0[1] > p.0[0].saturating_add(90) || p.0[0] > p.0[1].saturating_add(90)).count();
+        assert!(drawn > 500, "{name}: {drawn} coloured pixels in {}x{}", sheet.width(), sheet.height());
+    }
+}

@@ -1,70 +1,214 @@
 //! Error rates of the diagnosis on seeded tables of the synthetic world.
 //!
 //! `cargo run --release --example error_rates -- KIND IMPACTS EFFECT[+EFFECT]|nothing STRENGTH TABLES FIRST_SEED [OPTIONS]`
-//! with OPTIONS of `understated=1.25`, `outliers=0.05`, `offset=0.3`, `verbose`. One line per table, then the rates.
+//! with OPTIONS of `understated=1.25`, `outliers=0.05`, `offset=0.3`, `missing=0.1`, `one-axis`, `verbose`, `quiet`,
+//! `base=viscoelastic`, and
+//! - `signal=12`: the strength is chosen so that each effect alone has this signal (STRENGTH is then ignored): the root of
+//!   its non-centrality, the chi-square that the base model at its best leaves on the impacts of the fit without noise;
+//! - `form=catalogue`: the outputs come from the program's own model with the effect at STRENGTH typical sizes, so that its
+//!   form is right: intervals of its parameters can be counted.
+//!
+//! One line per table, then the rates.
 
 use std::io::Write;
-use sweetspot::impact::Model;
+use std::path::Path;
+use sweetspot::equipment::{Ball, Racket};
+use sweetspot::impact::{ImpactInput, Model, effect_card};
+use sweetspot::impact_table::{INPUTS, OUTPUTS};
 use sweetspot::synthetic::hidden::{Hidden, entry};
-use sweetspot::synthetic::impact_world::{Kind, TableSpec, generate_table};
+use sweetspot::synthetic::impact_world::{Kind, SyntheticTable, TableSpec, generate_table};
 use sweetspot::synthetic::measurement::NoiseOptions;
 use sweetspot::synthetic::scenario::FIRST_MODEL;
 use sweetspot::validation::diagnose::{DiagnoseOptions, diagnose};
+use sweetspot::validation::fit::{FitOptions, fit};
+use sweetspot::validation::forward::Library;
 use sweetspot::validation::model_library::ModelLibrary;
 use sweetspot::validation::observation::TableOptions;
-use sweetspot::validation::{Observations, Verdict};
+use sweetspot::validation::{Diagnosis, Observations, Verdict};
+
+/// What a user would start from with the time-stepped base: ball damping and friction to be fitted.
+const VISCOELASTIC: &str = "base = \"viscoelastic\"\n\n[parameters]\nA_C = { value = 1200.0, fit = true }\nmu = { value = 0.45, fit = true }\n";
+
+/// The program's own model with the effects at `strength` typical sizes: its strengths are the truth to recover.
+fn own_world(text: &str, effects: &[&str], strength: f64) -> (Model, Vec<(String, f64)>) {
+    let mut model = Model::parse(text, Path::new("model.toml")).expect("a model");
+    for (name, value) in [("A_C", 1393.0), ("mu", 0.5), ("restitution", 0.83), ("friction", 0.45)] {
+        if model.index_of(name).is_ok() {
+            model.set(name, value).expect("allowed");
+        }
+    }
+    let mut truth = Vec::new();
+    for effect in effects {
+        model = model.with_effect(effect).expect("in the catalogue");
+        for (_, p) in effect_card(effect).expect("in the catalogue").strengths() {
+            let sweetspot::impact::Role::Strength { absent, .. } = p.role else { continue };
+            let value = (absent + strength * p.typical).clamp(p.min, p.max);
+            let name = format!("{effect}.{}", p.name);
+            model.set(&name, value).expect("allowed");
+            truth.push((name, value));
+        }
+    }
+    (model, truth)
+}
+
+/// Replaces what the world did by what the model does; the noise of every cell stays.
+fn by_model(made: &mut SyntheticTable, model: &Model, racket: &Racket, ball: &Ball) {
+    let ready = model.prepare(racket, ball).expect("prepared");
+    for row in &mut made.table.rows {
+        let truth = &made.truth.rows[&row.id];
+        let inputs: [f64; INPUTS.len()] = std::array::from_fn(|i| truth.get(INPUTS[i]).copied().unwrap_or(0.0));
+        let Ok(out) = ready.predict(&ImpactInput::from_columns(&inputs, row.sequence)) else {
+            row.outputs.fill(None);
+            continue;
+        };
+        for (k, value) in out.as_columns().into_iter().enumerate() {
+            if let (Some(cell), Some(before), Some(now)) = (row.outputs[k].as_mut(), truth.get(OUTPUTS[k]), value) {
+                cell.value += now - before;
+            }
+        }
+    }
+}
+
+/// Root of the chi-square that the first model leaves on noiseless impacts of the fit.
+fn signal(kind: Kind, impacts: usize, name: &str, strength: f64, own_form: bool, first_model: &str) -> f64 {
+    let hidden = if own_form { vec![] } else { vec![Hidden::new(name, strength)] };
+    const FAINT: f64 = 1e-3;
+    let noise = NoiseOptions { scale: FAINT, ..NoiseOptions::default() };
+    let mut made = generate_table(&TableSpec { kind, impacts, hidden, seed: 1, noise }).expect("a table");
+    if own_form || first_model == VISCOELASTIC {
+        let (model, _) = own_world(first_model, if own_form { std::slice::from_ref(&name) } else { &[] }, strength);
+        let (racket, ball) = (made.racket.clone(), made.ball.clone());
+        by_model(&mut made, &model, &racket, &ball);
+    }
+    for m in made.table.rows.iter_mut().flat_map(|r| r.inputs.iter_mut().chain(r.outputs.iter_mut())).flatten() {
+        m.sd = m.sd.map(|sd| sd / FAINT);
+    }
+    let observations =
+        Observations::new(&made.table, std::slice::from_ref(&made.racket), std::slice::from_ref(&made.ball), &TableOptions::default()).expect("usable");
+    let library = ModelLibrary::new(Model::parse(first_model, Path::new("model.toml")).expect("a model"), &observations.gear);
+    let options = FitOptions { robust: false, ..FitOptions::default() };
+    let left = fit(library.current(), &observations, &observations.side(false), &options, None).expect("a fit");
+    (left.chi2 + left.prior_residual().norm_squared()).sqrt()
+}
+
+/// The strength with this signal, by a few secant steps on the logarithms.
+fn strength_with(wanted: f64, signal_at: impl Fn(f64) -> f64) -> f64 {
+    let (mut low, mut high) = (0.02f64, 4.0f64);
+    for _ in 0..7 {
+        let middle = (low * high).sqrt();
+        if signal_at(middle) < wanted { low = middle } else { high = middle }
+    }
+    (low * high).sqrt()
+}
+
+fn share_gone(before: f64, after: f64) -> f64 {
+    if before > 1.0 { (before * before - after * after) / (before * before - 1.0) } else { f64::NAN }
+}
+
+/// Held-out error with everything recommended added.
+fn after_adding(d: &Diagnosis) -> Option<f64> {
+    match &d.together {
+        Some(t) if t.effects == d.recommended => Some(t.heldout_error_after),
+        _ => d.candidates.iter().find(|c| d.recommended.first() == Some(&c.effect)).map(|c| c.heldout_error_after),
+    }
+}
 
 fn main() {
     let args: Vec<String> = std::env::args().skip(1).collect();
     let number = |i: usize| args[i].parse::<f64>().expect("a number");
     let kind = if args[0] == "court" { Kind::Court } else { Kind::Lab };
-    let (impacts, strength, tables, first) = (number(1) as usize, number(3), number(4) as u64, number(5) as u64);
+    let (impacts, tables, first) = (number(1) as usize, number(4) as u64, number(5) as u64);
     let option = |key: &str| args.iter().find_map(|a| a.strip_prefix(&format!("{key}=")).map(|v| v.parse::<f64>().expect("a number")));
+    let flag = |name: &str| args.iter().any(|a| a == name);
     let noise = NoiseOptions {
         understated: option("understated").unwrap_or(1.0),
         outliers: option("outliers").unwrap_or(0.0),
         outlier_sd: 5.0,
         session_offset_sd: option("offset").unwrap_or(0.0),
+        missing: option("missing").unwrap_or(0.0),
+        one_axis_spin: flag("one-axis"),
         ..NoiseOptions::default()
     };
-    let hidden: Vec<Hidden> = if args[2] == "nothing" { vec![] } else { args[2].split('+').map(|e| Hidden::new(e, strength)).collect() };
-    let verbose = args.iter().any(|a| a == "verbose");
+    let names: Vec<&str> = if args[2] == "nothing" { vec![] } else { args[2].split('+').collect() };
+    let own_form = flag("form=catalogue");
+    let visco = flag("base=viscoelastic");
+    let first_model = if visco { VISCOELASTIC } else { FIRST_MODEL };
+    let strength_of = |name: &str| match option("signal") {
+        Some(wanted) => strength_with(wanted, |s| signal(kind, impacts, name, s, own_form, first_model)),
+        None => number(3),
+    };
+    let strengths: Vec<f64> = names.iter().map(|n| strength_of(n)).collect();
+    let hidden: Vec<Hidden> = if own_form { vec![] } else { names.iter().zip(&strengths).map(|(e, s)| Hidden::new(e, *s)).collect() };
     let mut count = [0usize; 6];
+    let (mut before, mut after, mut with_formula, mut floor) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let (mut gone_well, mut formulas, mut all_named) = (0usize, 0usize, 0usize);
+    let (mut covered, mut intervals) = (0usize, 0usize);
     let mut out = std::io::stdout();
     let start = std::time::Instant::now();
     for seed in first..first + tables {
-        let made = generate_table(&TableSpec { kind, impacts, hidden: hidden.clone(), seed, noise: noise.clone() }).expect("a table");
+        let mut made = generate_table(&TableSpec { kind, impacts, hidden: hidden.clone(), seed, noise: noise.clone() }).expect("a table");
+        let mut truth = Vec::new();
+        if own_form || visco {
+            let (model, strengths) = own_world(first_model, &names, strengths.first().copied().unwrap_or(1.0));
+            let (racket, ball) = (made.racket.clone(), made.ball.clone());
+            by_model(&mut made, &model, &racket, &ball);
+            truth = strengths;
+        }
         let observations =
             Observations::new(&made.table, std::slice::from_ref(&made.racket), std::slice::from_ref(&made.ball), &TableOptions::default()).expect("usable");
-        let model = Model::parse(FIRST_MODEL, std::path::Path::new("model.toml")).expect("a model");
-        let library = ModelLibrary::new(model, &observations.gear);
+        let library = ModelLibrary::new(Model::parse(first_model, Path::new("model.toml")).expect("a model"), &observations.gear);
         let d = diagnose(&library, &observations, &DiagnoseOptions { seed, ..DiagnoseOptions::default() }).expect("a diagnosis");
         let top = d.candidates.first();
-        let right = |name: &str| hidden.iter().any(|h| h.effect == name || entry(&h.effect).expect("known").aliases.contains(&name));
+        let alias = |name: &str| names.iter().any(|h| *h == name || entry(h).is_ok_and(|e| e.aliases.contains(&name)));
         count[match d.verdict {
             Verdict::Adequate => 0,
             Verdict::EffectMissing => 1,
             Verdict::Unexplained => 2,
         }] += 1;
-        let named = top.is_some_and(|t| hidden.iter().any(|h| h.effect == t.effect));
-        count[3] += usize::from(named && d.verdict != Verdict::Adequate);
-        count[4] +=
-            usize::from(top.is_some_and(|t| hidden.iter().any(|h| h.effect == t.effect || t.aliases.contains(&h.effect))) && d.verdict != Verdict::Adequate);
-        count[5] += usize::from(d.candidates.iter().any(|t| t.probability > 0.9 && !right(&t.effect)));
+        let failing = d.verdict != Verdict::Adequate;
+        count[3] += usize::from(failing && top.is_some_and(|t| names.contains(&t.effect.as_str())));
+        count[4] += usize::from(failing && top.is_some_and(|t| names.iter().any(|h| *h == t.effect || t.aliases.iter().any(|a| a == h))));
+        count[5] += usize::from(d.candidates.iter().any(|t| t.probability > 0.9 && !alias(&t.effect)));
+        all_named += usize::from(!names.is_empty() && names.iter().all(|h| d.recommended.iter().any(|r| r == h)));
+        before.push(d.heldout_error);
+        floor.push(d.noise_floor);
+        if let Some(e) = after_adding(&d) {
+            after.push(e);
+        }
+        if let Some(e) = &d.suggested_expression {
+            formulas += 1;
+            with_formula.push(e.heldout_error_after);
+            gone_well += usize::from(share_gone(d.heldout_error, e.heldout_error_after) >= 0.7);
+        }
+        let fitted = d
+            .together
+            .as_ref()
+            .filter(|t| t.effects == d.recommended)
+            .map(|t| &t.parameters)
+            .or_else(|| d.candidates.iter().find(|c| d.recommended.len() == 1 && d.recommended[0] == c.effect).map(|c| &c.parameters));
+        for (name, value) in &truth {
+            if let Some(e) = fitted.and_then(|f| f.get(name)) {
+                intervals += 1;
+                covered += usize::from((e.value - value).abs() <= 1.96 * e.sd);
+            }
+        }
+        if flag("quiet") {
+            continue;
+        }
         let tops: Vec<String> = d
             .candidates
             .iter()
-            .take(if verbose { 5 } else { 2 })
+            .take(if flag("verbose") { 5 } else { 2 })
             .map(|t| {
                 format!(
-                    "{} p={:.2} lnB={:.0} E={:.3} share={:.2} {:?}",
-                    t.effect, t.probability, t.log_evidence_gain, t.heldout_error_after, t.share_removed, t.aliases
+                    "{} p={:.2} lnB={:.0} g={:.0} E={:.3} share={:.2} {:?}",
+                    t.effect, t.probability, t.log_evidence_gain, t.chi2_gain, t.heldout_error_after, t.share_removed, t.aliases
                 )
             })
             .collect();
         writeln!(
             out,
-            "{seed} {} lib={:.1e} str={:.1e} ({:.0}/{}) c={:.3} E0={:.3} rec={:?} pair={} after={:.1e}/{:.0} other={:?} | {}",
+            "{seed} {} lib={:.1e} str={:.1e} ({:.0}/{}) c={:.3} E0={:.3} rec={:?} pair={} after={:.1e}/{:.0} other={:?} {:?} | {}",
             d.verdict,
             d.library_p_value,
             d.structure.p_value,
@@ -76,21 +220,31 @@ fn main() {
             d.together.as_ref().map_or("-".into(), |t| format!("{:?} E={:.3}", t.effects, t.heldout_error_after)),
             d.structure_after.as_ref().map_or(1.0, |s| s.p_value),
             d.structure_after.as_ref().map_or(0.0, |s| s.excess),
-            d.suggested_expression.as_ref().map(|e| format!("{} E={:.3} share={:.2}", e.expression, e.heldout_error_after, e.share_removed)),
-            tops.join(if verbose { "\n      " } else { " ; " })
+            d.suggested_expression.as_ref().map(|e| format!("{} -> {} E={:.3} share={:.2}", e.replaces, e.expression, e.heldout_error_after, e.share_removed)),
+            d.notes,
+            tops.join(if flag("verbose") { "\n      " } else { " ; " })
         )
         .expect("stdout");
     }
+    let mean = |v: &[f64]| if v.is_empty() { f64::NAN } else { v.iter().sum::<f64>() / v.len() as f64 };
+    let square = |v: &[f64]| (v.iter().map(|x| x * x).sum::<f64>() / v.len().max(1) as f64).sqrt();
     writeln!(
         out,
-        "# {} n={impacts} x{strength}: adequate {} missing {} unexplained {} | first {} alias {} wrong>0.9 {} of {tables} | {:.2} s/table",
+        "# {} {} n={impacts} x{strengths:.2?} {}: of {tables} adequate {} missing {} unexplained {} | first {} alias {} both {all_named} wrong>0.9 {} | E0 {:.3} added {:.3} (gone {:.2}) formula {formulas}, {:.3}, 70 % gone in {gone_well} | floor {:.3} | covered {covered} of {intervals} | {:.2} s/table",
+        args[0],
         args[2],
+        args[3..].iter().filter(|a| a.contains('=')).cloned().collect::<Vec<_>>().join(" "),
         count[0],
         count[1],
         count[2],
         count[3],
         count[4],
         count[5],
+        square(&before),
+        square(&after),
+        share_gone(square(&before), square(&after)),
+        square(&with_formula),
+        mean(&floor),
         start.elapsed().as_secs_f64() / tables as f64
     )
     .expect("stdout");

@@ -3,8 +3,11 @@
 use super::Shell;
 use super::error::CliError;
 use super::impacts_input::{ImpactsInput, Version, ledger_path, read_ledger, record, write_ledger};
+use crate::impact::Model;
+use crate::provenance::sha256_hex;
 use crate::validation::comparison::compare;
 use crate::validation::forward::Library;
+use crate::validation::model_library::ModelLibrary;
 use crate::validation::terminal::{comparison_text, ledger_text};
 
 /// Model against measurement: compare.json and report.html
@@ -36,7 +39,14 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     if staircase.len() > 1 {
         shell.say(ledger_text(&staircase).trim_end());
     }
-    let page = crate::report::comparison_report(&input.model_name(), &comparison, loaded.equipment.rackets.first(), &staircase, None);
+    // The version this one came from, when its file still stands beside it: the same residuals before and after.
+    let before = staircase.iter().rev().nth(1).and_then(|parent| {
+        let file = input.files.model.with_file_name(&parent.model_file);
+        let text = std::fs::read_to_string(&file).ok().filter(|t| sha256_hex(t.as_bytes()) == parent.model_hash)?;
+        let library = ModelLibrary::new(Model::parse(&text, &file).ok()?, &loaded.observations.gear);
+        compare(library.current(), &loaded.observations, &parent.model_file, input.seed).ok()
+    });
+    let page = crate::report::comparison_report(&input.model_name(), &comparison, loaded.equipment.rackets.first(), &staircase, before.as_ref());
     shell.write(&folder.join("report.html"), page.as_bytes())?;
     if !arguments.no_ledger {
         write_ledger(shell, &path, &ledger)?;

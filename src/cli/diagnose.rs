@@ -45,23 +45,41 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     shell.write(&folder.join("diagnosis.json"), json.as_bytes())?;
     shell.say(diagnosis_text(&diagnosis).trim_end());
     let comparison = compare(loaded.library.current(), &loaded.observations, &input.model_name(), input.seed)?;
-    let mut after = None;
+    let mut versions = Vec::new();
     let mut last = (input.files.model.clone(), loaded.model_text.clone());
     let path = ledger_path(&input.files.model);
     let mut ledger = read_ledger(&path)?;
     if arguments.auto {
         let output = arguments.output.clone().unwrap_or_else(|| auto_name(&input.files.model));
         let walk = Walk { arguments: &arguments, shell, loaded: &loaded, ledger_path: &path };
-        let (text, comparison) = walk.go(&mut ledger, &diagnosis, &comparison, &output, &options)?;
+        let (text, stages) = walk.go(&mut ledger, &diagnosis, &comparison, &output, &options)?;
         last = (output, text);
-        after = Some(comparison);
+        versions = std::iter::once(comparison.clone()).chain(stages).collect();
     }
     let hash = crate::provenance::sha256_hex(last.1.as_bytes());
     let staircase = ledger.path_to(&hash, &loaded.data_hash);
-    let page = crate::report::diagnosis_report(&input.model_name(), &diagnosis, Some(&comparison), after.as_ref(), loaded.equipment.rackets.first(), &staircase);
+    // The pictures show what the words speak of: the residuals with the free parameters at their best.
+    let shown = at_its_best(&loaded, input, comparison)?;
+    let page = crate::report::diagnosis_report(&input.model_name(), &diagnosis, Some(&shown), &versions, loaded.equipment.rackets.first(), &staircase);
     shell.write(&folder.join("report.html"), page.as_bytes())?;
     shell.say(format_args!("written: {}, report.html", folder.join("diagnosis.json").display()));
     shell.print_json(&diagnosis)
+}
+
+/// The comparison of the model with its free parameters fitted, the stated ones still on record.
+fn at_its_best(loaded: &Loaded, input: &ImpactsInput, stated: Comparison) -> Result<Comparison, CliError> {
+    let fit = fit_current(&loaded.library, &loaded.observations)?;
+    let values: Vec<(String, f64)> = loaded.library.current().parameters().iter().map(|p| p.name.clone()).zip(fit.values.iter().copied()).collect();
+    let text = with_values(&loaded.model_text, &values, &input.files.model)?;
+    let library = ModelLibrary::new(Model::parse(&text, &input.files.model)?, &loaded.observations.gear);
+    let fitted = compare(library.current(), &loaded.observations, &input.model_name(), input.seed)?;
+    Ok(Comparison { parameters_as_stated: stated.parameters_as_stated, provenance: stated.provenance, ..fitted })
+}
+
+/// The file of one version on the way: `model-auto.1.toml`, so that any step can be gone back to or branched from.
+fn version_name(output: &Path, step: usize) -> PathBuf {
+    let stem = output.file_stem().map_or_else(|| "model".to_owned(), |s| s.to_string_lossy().into_owned());
+    output.with_file_name(format!("{stem}.{step}.toml"))
 }
 
 fn auto_name(model: &Path) -> PathBuf {
@@ -78,11 +96,12 @@ struct Walk<'a> {
 }
 
 impl Walk<'_> {
-    fn go(&self, ledger: &mut Ledger, first: &Diagnosis, comparison: &Comparison, output: &Path, options: &DiagnoseOptions) -> Result<(String, Comparison), CliError> {
+    fn go(&self, ledger: &mut Ledger, first: &Diagnosis, comparison: &Comparison, output: &Path, options: &DiagnoseOptions) -> Result<(String, Vec<Comparison>), CliError> {
         let input = &self.arguments.input;
         let observations = &self.loaded.observations;
         let mut text = self.loaded.model_text.clone();
         let mut comparison = comparison.clone();
+        let mut stages = Vec::new();
         self.note(ledger, &input.files.model, &text, None, Some("first model"), &comparison, Vec::new())?;
         // The first step is the old model at its best: an effect must beat that, not the file's first guesses.
         let (fitted, error) = self.fitted(&text)?;
@@ -91,7 +110,8 @@ impl Walk<'_> {
             let parent = crate::provenance::sha256_hex(text.as_bytes());
             text = fitted;
             comparison = self.compared(&text)?;
-            self.note(ledger, output, &text, Some(parent), Some("fitted"), &comparison, Vec::new())?;
+            stages.push(comparison.clone());
+            self.keep(ledger, output, stages.len(), &text, parent, "fitted", &comparison)?;
         }
         let mut diagnosis = first.clone();
         let mut refused: Vec<Refusal> = Vec::new();
@@ -106,7 +126,8 @@ impl Walk<'_> {
                 let reason = format!("the error on held-out impacts does not fall ({error:.3} to {with_error:.3})");
                 self.shell.say(format_args!("  refused: {reason}"));
                 refused.push(Refusal { effect, reason, heldout_error_before: error, heldout_error_after: with_error });
-                self.note(ledger, output, &text, None, None, &comparison, refused.clone())?;
+                let file = if stages.is_empty() { input.files.model.clone() } else { version_name(output, stages.len()) };
+                self.note(ledger, &file, &text, None, None, &comparison, refused.clone())?;
                 continue;
             }
             let parent = crate::provenance::sha256_hex(text.as_bytes());
@@ -114,8 +135,8 @@ impl Walk<'_> {
             (text, error) = (with, with_error);
             refused.clear();
             comparison = self.compared(&text)?;
-            self.note(ledger, output, &text, Some(parent), Some(&format!("added {effect}")), &comparison, Vec::new())?;
-            self.shell.write(output, text.as_bytes())?;
+            stages.push(comparison.clone());
+            self.keep(ledger, output, stages.len(), &text, parent, &format!("added {effect}"), &comparison)?;
             let library = self.library(&text)?;
             diagnosis = diagnose(&library, observations, options)?;
             if diagnosis.verdict == Verdict::Adequate {
@@ -126,7 +147,22 @@ impl Walk<'_> {
         let hash = crate::provenance::sha256_hex(text.as_bytes());
         self.shell.say(format_args!("\n{}", ledger_text(&ledger.path_to(&hash, &self.loaded.data_hash)).trim_end()));
         self.shell.say(format_args!("verdict now: {}; model: {} (every version: {})", diagnosis.verdict, output.display(), self.ledger_path.display()));
-        Ok((text, comparison))
+        if stages.len() > 1 {
+            self.shell.say(format_args!(
+                "to go back or to branch, go on from an earlier version: {} to {}",
+                version_name(output, 1).display(),
+                version_name(output, stages.len()).display()
+            ));
+        }
+        Ok((text, stages))
+    }
+
+    /// Writes a version into a file of its own and notes it in the ledger under that name.
+    fn keep(&self, ledger: &mut Ledger, output: &Path, step: usize, text: &str, parent: String, what: &str, comparison: &Comparison) -> Result<(), CliError> {
+        let file = version_name(output, step);
+        self.shell.write(&file, text.as_bytes())?;
+        self.shell.write(output, text.as_bytes())?;
+        self.note(ledger, &file, text, Some(parent), Some(what), comparison, Vec::new())
     }
 
     fn library(&self, text: &str) -> Result<ModelLibrary, CliError> {

@@ -6,6 +6,7 @@
 
 use super::error::ModelError;
 use nalgebra::{SMatrix, SymmetricEigen};
+use std::sync::{Arc, Mutex};
 
 /// Edges between handle and throat, and throat and head, from the butt of a 0.685 m racket, m.
 const EDGES: [f64; 2] = [0.19, 0.36];
@@ -125,6 +126,31 @@ impl RacketBeam {
         let unit = Beam::new(&segments, &[])?;
         let scale = (self.frequency_hz / unit.modes[0].frequency_hz).powi(2);
         Ok(unit.stiffened(scale))
+    }
+}
+
+/// Beams built last. A fit prepares the same racket hundreds of times, and the modes cost more than many impacts.
+static RECENT: Mutex<Vec<(RacketBeam, Arc<Beam>)>> = Mutex::new(Vec::new());
+/// Beams kept: a table's rackets, each with a few values of the parameters that change it.
+const KEPT: usize = 32;
+
+impl RacketBeam {
+    /// As [`RacketBeam::build`], or the same beam built before.
+    ///
+    /// # Errors
+    /// See [`RacketBeam::build`].
+    pub fn shared(&self) -> Result<Arc<Beam>, ModelError> {
+        let lock = || RECENT.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        if let Some((_, beam)) = lock().iter().find(|(racket, _)| racket == self) {
+            return Ok(Arc::clone(beam));
+        }
+        let beam = Arc::new(self.build()?);
+        let mut recent = lock();
+        if recent.len() >= KEPT {
+            recent.remove(0);
+        }
+        recent.push((*self, Arc::clone(&beam)));
+        Ok(beam)
     }
 }
 

@@ -77,7 +77,7 @@ impl Body {
             length: self.racket_length,
             frequency_hz: BEAM_FREQUENCY_HZ,
         };
-        self.beam = Some(Arc::new(racket.build()?));
+        self.beam = Some(racket.shared()?);
         Ok(())
     }
 

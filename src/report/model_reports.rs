@@ -22,7 +22,7 @@ pub fn comparison_report(title: &str, comparison: &Comparison, racket: Option<&R
     Report::new(title)
         .subtitle(&format!("Model against measurement: {}", comparison.model))
         .section(sections::comparison_verdict(comparison))
-        .section(sections::ledger(ledger, before, Some(comparison)))
+        .section(sections::ledger(ledger, &before.into_iter().chain([comparison]).collect::<Vec<_>>()))
         .section(sections::agreement(comparison))
         .section(sections::residuals(comparison))
         .section(sections::face_maps(comparison, racket))
@@ -33,12 +33,13 @@ pub fn comparison_report(title: &str, comparison: &Comparison, racket: Option<&R
         .finish()
 }
 
-/// The report of `diagnose`. `comparison`: the diagnosed model's; `after`: that of the model with the recommended effects.
+/// The report of `diagnose`. `comparison`: the diagnosed model's, its free parameters at their best; `versions`: those of all
+/// versions of a walk, from the first to the last (may be empty).
 pub fn diagnosis_report(
     title: &str,
     diagnosis: &Diagnosis,
     comparison: Option<&Comparison>,
-    after: Option<&Comparison>,
+    versions: &[Comparison],
     racket: Option<&Racket>,
     ledger: &[&LedgerEntry],
 ) -> String {
@@ -47,8 +48,8 @@ pub fn diagnosis_report(
     let methods: Vec<&str> = DIAGNOSE_METHODS.iter().chain(&COMPARE_METHODS).copied().collect();
     let mut report = Report::new(title)
         .subtitle(&format!("What the model is missing: {}", diagnosis.model))
-        .section(sections::diagnosis_verdict(diagnosis, after))
-        .section(sections::ledger(ledger, after.and(comparison), after))
+        .section(sections::diagnosis_verdict(diagnosis, versions.last()))
+        .section(sections::ledger(ledger, &versions.iter().collect::<Vec<_>>()))
         .section(sections::places(diagnosis, comparison))
         .section(sections::candidates(diagnosis))
         .section(sections::expression(diagnosis))

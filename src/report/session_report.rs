@@ -35,7 +35,7 @@ pub fn session_report(results: &SessionResults) -> String {
             .section(sections::equations(d));
     }
     report = report
-        .section(sections::ledger(&path, results.after.as_ref().and(results.comparison.as_ref()), results.after.as_ref()))
+        .section(sections::ledger(&path, &results.comparison.iter().filter(|_| results.after.is_some()).chain(&results.after).collect::<Vec<_>>()))
         .section(results.rig.as_ref().map(|rig| sections::calibration(rig, results.axes_known)))
         .section(sections::tracks(results))
         .section(sections::trajectories(results))

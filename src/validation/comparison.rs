@@ -163,7 +163,7 @@ pub fn compare(forward: &dyn Forward, observations: &Observations, model: &str, 
     let impacts = impact_points(observations, &as_stated, &held_stated);
     let present: Vec<usize> = (0..OUTPUTS.len()).filter(|k| impacts.iter().any(|i| i.outputs.iter().any(|p| p.output == *k))).collect();
     let mut notes = observations.notes.clone();
-    note_noise(&structure, &mut notes);
+    note_noise(structure.noise_scale.sqrt(), structure.p_value >= COMPARE_LEVEL, &mut notes);
     let varied = varied_inputs(observations);
     Ok(Comparison {
         verdict: if structure.p_value < COMPARE_LEVEL { "inadequate" } else { "adequate" }.to_owned(),
@@ -205,16 +205,23 @@ pub fn compare(forward: &dyn Forward, observations: &Observations, model: &str, 
     })
 }
 
-/// Says when the noise seems wrongly stated.
-pub fn note_noise(structure: &StructureTest, notes: &mut Vec<String>) {
-    let factor = structure.noise_scale.sqrt();
-    if !(0.9..=1.1).contains(&factor) {
-        notes.push(format!(
-            "the noise is {} by a factor {:.2}: with all structure taken out, residuals are {factor:.2} times the stated noise; all tests and deviations here use the corrected noise",
-            if factor > 1.0 { "understated" } else { "overstated" },
-            factor.max(1.0 / factor),
-        ));
+/// Says when the noise seems wrongly stated: `factor` is what the best model leaves, in units of the stated noise, `sound`
+/// whether that model leaves no structure (else the rest need not be noise).
+pub fn note_noise(factor: f64, sound: bool, notes: &mut Vec<String>) {
+    if (0.9..=1.1).contains(&factor) {
+        return;
     }
+    let size = factor.max(1.0 / factor);
+    notes.push(if sound || factor < 1.0 {
+        format!(
+            "the noise is {} by a factor {size:.2}: with all structure taken out, residuals are {factor:.2} times the stated noise; all tests and deviations here use the corrected noise",
+            if factor > 1.0 { "understated" } else { "overstated" },
+        )
+    } else {
+        format!(
+            "what no smooth correction takes out is {factor:.2} times the stated noise: the noise is understated, or what is missing is not smooth; a model without fault will tell"
+        )
+    });
 }
 
 /// Inputs that vary by more than three times their noise (those a residual can be read against).

@@ -1,20 +1,19 @@
 //! The procedure: is anything missing, what, and how sure is that?
 
 use super::comparison::{note_noise, outliers, parameter_values, session_offsets, summarise, varied_inputs};
-use super::diagnosis::{CandidateReport, Diagnosis, Estimate, NextExperiment, NotVisible, Together, Verdict};
+use super::diagnosis::{CandidateReport, Diagnosis, Estimate, NotVisible, Together, Verdict};
 use super::error::ValidationError;
-use super::experiments::{Rival, next_experiment};
-use super::expression::find_expression;
+use super::expression::{Found, find_expression};
 use super::fit::{Fit, FitOptions, fit};
 use super::forward::{Library, Strength};
 use super::heldout::{error_of, held_out_error, linearise_held_out};
 use super::observation::Observations;
 use super::place::places;
 use super::rank::{Reference, Refit, added_parameters, flexible_nuisance, form_overdispersion};
-use super::screen::{Screened, Screening, screen, screen_beyond, screen_pairs};
-use super::structure::{StructureTest, structure_test};
+use super::refits::{FIRST_LEVEL, LARGEST_NOISE_SCALE, LOG_ODDS, PRIOR, Refits, estimates, excess_at, share_removed};
+use super::screen::{Screening, screen, screen_beyond};
+use super::structure::structure_test;
 use super::verdict_words::verdict_words;
-use rayon::prelude::*;
 use std::collections::BTreeMap;
 
 /// Corrected level of the library test.
@@ -25,24 +24,8 @@ pub const STRUCTURE_LEVEL: f64 = 0.003;
 pub const FALSE_ALARM_RATE: f64 = LIBRARY_LEVEL + STRUCTURE_LEVEL;
 /// Share of the excess that a catalogue effect must take away to be called missing.
 pub const SHARE: f64 = 0.75;
-/// Noise variance over the stated one that is believed to be noise: deviations understated by half.
-const LARGEST_NOISE_SCALE: f64 = 2.25;
 /// What is left of an effect's probability when the held-out impacts refuse it.
 const REFUSED: f64 = 0.3;
-/// Candidates refitted alone, and pairs.
-const SINGLES: usize = 8;
-const PAIRS: usize = 8;
-/// An effect that takes nearly as much of the excess away is an alias, whatever the evidence says of its formula.
-const ALIAS_SHARE: f64 = 0.9;
-/// Twenty to one.
-const LOG_ODDS: f64 = 2.995_732_273_553_991;
-/// Prior odds: nothing, one effect, two effects.
-const PRIOR: [f64; 3] = [0.5, 0.35, 0.15];
-/// Level of a single effect's likelihood ratio, corrected for the catalogue, and of the second effect's.
-const FIRST_LEVEL: f64 = 0.05;
-const SECOND_LEVEL: f64 = 0.01;
-/// An effect that one impact carries by more than this share of its gain is not believed.
-const ONE_IMPACT: f64 = 0.6;
 
 #[derive(Debug, Clone)]
 pub struct DiagnoseOptions {
@@ -82,8 +65,6 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
     };
     let held_base = linearise_held_out(library.current(), &base, observations, &held)?;
     let before = error_of(&held_base);
-    let mut notes = observations.notes.clone();
-    note_noise(&structure, &mut notes);
     let mut diagnosis = Diagnosis {
         verdict: Verdict::Adequate,
         outputs: summarise(&base.impacts, &held_base),
@@ -107,7 +88,7 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
         outliers: outliers(&seen, &base.impacts, &held, &held_base),
         session_offsets: session_offsets(observations, &base, c),
         words: Vec::new(),
-        notes,
+        notes: observations.notes.clone(),
         model: options.model.clone(),
         seed: options.seed,
         provenance: None,
@@ -116,30 +97,34 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
     let alarm = screening.library_p_value < LIBRARY_LEVEL || diagnosis.structure.p_value < STRUCTURE_LEVEL;
     if !alarm {
         diagnosis.candidates = listed_only(library, &screening, before);
+        note_noise(diagnosis.noise_floor, true, &mut diagnosis.notes);
         diagnosis.words = verdict_words(&diagnosis);
         return Ok(diagnosis);
     }
     let mut reference = Reference { library, observations, impacts: &seen, base: &base, c, seed: options.seed };
-    let refits = Refits::new(&mut reference, &screening)?;
+    let refits = Refits::new(&mut reference, &screening, &diagnosis.structure)?;
     let c = refits.c;
+    // Noise may be misstated by half; what the best model leaves beyond that is not noise but something unexplained.
+    let c_believed = c.min(LARGEST_NOISE_SCALE);
+    let excess = excess_at(&diagnosis.structure, c_believed);
+    let best_left = refits.all().map(|r| excess_at(&r.structure, c_believed)).fold(f64::INFINITY, f64::min);
+    let overdispersion = if best_left.is_finite() { form_overdispersion(best_left, diagnosis.structure.rank) } else { 1.0 };
     let beyond_form = |r: &Refit| {
         let stands_out =
             |name: &String| screening.effects.iter().any(|s| library.effects()[s.effect].name == *name && s.p_value * (screening.tested as f64) < FIRST_LEVEL);
         present.is_empty() || r.effects.iter().all(stands_out)
     };
-    let chosen = refits.choose().filter(|r| beyond_form(r));
+    let chosen = refits.choose(overdispersion).filter(|r| beyond_form(r));
     if !present.is_empty() && chosen.is_none() {
         diagnosis.notes.push("what is left looks like the form of the effects already in the model, not like a further effect of the catalogue".to_owned());
     }
     diagnosis.noise_floor = c.sqrt();
     diagnosis.places = places(&seen, &base.impacts, &varied_inputs(observations), c);
-    // Noise may be misstated by half; what the best model leaves beyond that is not noise but something unexplained.
-    let c_believed = c.min(LARGEST_NOISE_SCALE);
-    let excess = excess_at(&diagnosis.structure, c_believed);
-    let best_left = refits.all().map(|(r, _)| excess_at(&r.structure, c_believed)).fold(f64::INFINITY, f64::min);
-    let overdispersion = if best_left.is_finite() { form_overdispersion(best_left, diagnosis.structure.rank) } else { 1.0 };
     let share = chosen.map_or(0.0, |b| share_removed(excess, excess_at(&b.structure, c_believed)));
-    let accounted = chosen.is_some_and(|b| share >= SHARE || (b.structure.p_value >= STRUCTURE_LEVEL && b.structure.noise_scale <= LARGEST_NOISE_SCALE));
+    // A share has its own uncertainty: what is left scatters by its deviation, which may not make a right name wrong.
+    let give = |left: f64| (left - (2.0 * diagnosis.structure.rank as f64 + 4.0 * left).sqrt()).max(0.0);
+    let at_best = chosen.map_or(0.0, |b| share_removed(excess, give(excess_at(&b.structure, c_believed))));
+    let accounted = chosen.is_some_and(|b| at_best >= SHARE || (b.structure.p_value >= STRUCTURE_LEVEL && b.structure.noise_scale <= LARGEST_NOISE_SCALE));
     diagnosis.verdict = match (chosen, accounted) {
         (Some(_), true) => Verdict::EffectMissing,
         (None, _) if diagnosis.structure.p_value >= STRUCTURE_LEVEL => Verdict::Adequate,
@@ -147,9 +132,11 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
     };
     // The last word has the impacts the fit never saw: an effect that makes their error worse is not added.
     let mut refused = None;
+    let mut with_chosen = before;
     if let (Some(best), Verdict::EffectMissing) = (chosen, diagnosis.verdict) {
         let forward = library.with(&best.effects.iter().map(String::as_str).collect::<Vec<_>>())?;
         let after = held_out_error(forward.as_ref(), &best.fit, observations)?;
+        with_chosen = after;
         if after >= before {
             diagnosis.verdict = if diagnosis.structure.p_value >= STRUCTURE_LEVEL { Verdict::Adequate } else { Verdict::Unexplained };
             diagnosis.notes.push(format!(
@@ -190,17 +177,34 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
     let form_is_off = chosen.filter(|_| refused.is_none()).is_some_and(|b| b.structure.p_value < STRUCTURE_LEVEL);
     if options.expressions && (diagnosis.verdict == Verdict::Unexplained || (diagnosis.verdict == Verdict::EffectMissing && form_is_off)) {
         let found = find_expression(&mut reference, &screening, |t, c| excess_at(t, c.min(LARGEST_NOISE_SCALE)), &diagnosis.structure)?;
-        if let Some(found) = found {
-            let catalogue = chosen.map_or(0.0, |b| log_evidence_over_at(&base, b, reference.c));
-            if diagnosis.verdict == Verdict::Unexplained || found.log_evidence > catalogue + LOG_ODDS {
-                diagnosis.suggested_expression = Some(found.suggestion);
-                diagnosis.noise_floor = diagnosis.noise_floor.min(reference.c.sqrt());
-            }
+        let catalogue = chosen.map_or(0.0, |b| log_evidence_over_at(&base, b, reference.c));
+        let alone = found.filter(|f| diagnosis.verdict == Verdict::Unexplained || f.log_evidence > catalogue + LOG_ODDS);
+        let beside = match chosen.filter(|_| refused.is_none()) {
+            Some(b) => form_beside(&reference, b, &screening, &diagnosis.structure)?.filter(|f| f.suggestion.heldout_error_after < with_chosen),
+            None => None,
+        };
+        // The effect with its form mended, when that says more than a formula in the effect's place.
+        let best = match (alone, beside) {
+            (Some(a), Some(b)) => Some(if catalogue + b.log_evidence > a.log_evidence + LOG_ODDS { b } else { a }),
+            (a, b) => a.or(b),
+        };
+        if let Some(found) = best {
+            diagnosis.noise_floor = diagnosis.noise_floor.min(found.structure.noise_scale.sqrt()).min(reference.c.sqrt());
+            diagnosis.suggested_expression = Some(found.suggestion);
         }
     }
     if diagnosis.verdict == Verdict::EffectMissing && form_is_off {
         diagnosis.other_form = diagnosis.recommended.first().cloned();
     }
+    if diagnosis.verdict != Verdict::Adequate
+        && refused.is_none()
+        && let Some(why) = refits.refused_pair()
+    {
+        diagnosis.notes.push(why);
+    }
+    let at_the_floor = diagnosis.heldout_error < 1.1 * diagnosis.noise_floor;
+    let sound = at_the_floor || (chosen.is_none_or(|b| b.structure.p_value >= STRUCTURE_LEVEL) && diagnosis.verdict != Verdict::Unexplained);
+    note_noise(diagnosis.noise_floor, sound || diagnosis.suggested_expression.is_some(), &mut diagnosis.notes);
     // Names that take nothing away are not worth an experiment.
     if diagnosis.verdict == Verdict::EffectMissing {
         diagnosis.next_experiments = refits.next_experiments(&reference, &diagnosis.candidates)?;
@@ -209,32 +213,54 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
     Ok(diagnosis)
 }
 
-/// Share of the excess that is gone; an excess of nothing has nothing to remove.
-pub fn share_removed(before: f64, after: f64) -> f64 {
-    if before <= 0.0 { 0.0 } else { (1.0 - after / before).clamp(0.0, 1.0) }
+/// An expression that mends the form of the chosen effects, found from what they leave.
+fn form_beside(
+    reference: &Reference,
+    chosen: &Refit,
+    screening: &Screening,
+    before: &super::structure::StructureTest,
+) -> Result<Option<Found>, ValidationError> {
+    let names: Vec<&str> = chosen.effects.iter().map(String::as_str).collect();
+    let library = reference.library.extended(&names, &chosen.fit.values)?;
+    let mut beside = Reference {
+        library: library.as_ref(),
+        observations: reference.observations,
+        impacts: reference.impacts,
+        base: &chosen.fit,
+        c: reference.c,
+        seed: reference.seed,
+    };
+    let found = find_expression(&mut beside, screening, |t, c| excess_at(t, c.min(LARGEST_NOISE_SCALE)), before)?;
+    let shared = reference.base.values.len();
+    let with = reference.library.with(&names)?;
+    Ok(found.filter(|f| f.log_evidence > LOG_ODDS).map(|mut f| {
+        f.suggestion.words = format!("with {} in the model, {}", names.join(" and "), f.suggestion.words);
+        f.suggestion.model_file_text =
+            format!("{}{}", effects_text(&added_parameters(with.as_ref(), &chosen.fit, shared, reference.c)), f.suggestion.model_file_text);
+        f
+    }))
 }
 
-/// The excess of a structure test at another noise scale than its own: the chi-square beyond what noise of scale c leaves.
-fn excess_at(test: &StructureTest, c: f64) -> f64 {
-    let chi2 = test.statistic + test.noise_scale * test.residual_freedom;
-    (chi2 / c - test.rank as f64 - test.residual_freedom).max(0.0)
+/// Catalogue effects as a model file holds them.
+fn effects_text(parameters: &[(String, f64, f64)]) -> String {
+    let mut text = String::new();
+    let mut last = "";
+    for (name, value, _) in parameters {
+        let Some((effect, parameter)) = name.split_once('.') else { continue };
+        if effect != last {
+            text.push_str(&format!("{}[effects.{effect}]\n", if last.is_empty() { "" } else { "\n" }));
+            last = effect;
+        }
+        text.push_str(&format!("{parameter} = {{ value = {}, fit = true }}\n", super::terminal::short(*value)));
+    }
+    if !text.is_empty() {
+        text.push('\n');
+    }
+    text
 }
 
 fn log_evidence_over_at(base: &Fit, refit: &Refit, c: f64) -> f64 {
     super::rank::log_evidence_over(base, &refit.fit, c, 0)
-}
-
-/// Starting strengths of a pair: from the joint score where there is one, else typical halves.
-fn screen_pairs_guess(reference: &Reference, screening: &Screening, names: &[&str]) -> Vec<f64> {
-    let of = |name: &str| screening.effects.iter().find(|s| reference.library.effects()[s.effect].name == name);
-    let Some(terms): Option<Vec<&Screened>> = names.iter().map(|n| of(n)).collect() else { return Vec::new() };
-    let columns: Vec<usize> = terms.iter().flat_map(|s| s.terms.iter().copied()).collect();
-    let typical = terms.iter().flat_map(|s| reference.library.effects()[s.effect].strengths.iter().map(|t| t.typical));
-    screening.projected.joint(&columns).map_or_else(Vec::new, |(_, strengths)| strengths.iter().zip(typical).map(|(s, t)| s * t).collect())
-}
-
-fn estimates(parameters: &[(String, f64, f64)]) -> BTreeMap<String, Estimate> {
-    parameters.iter().map(|(name, value, sd)| (name.clone(), Estimate { value: *value, sd: *sd })).collect()
 }
 
 fn not_visible(library: &dyn Library, screening: &Screening) -> Vec<NotVisible> {
@@ -281,265 +307,6 @@ fn listed_only(library: &dyn Library, screening: &Screening, before: f64) -> Vec
         .collect();
     list.sort_by(|a, b| b.probability.total_cmp(&a.probability).then(a.effect.cmp(&b.effect)));
     list
-}
-
-/// Two effects together, and what the lesser of them explains when the other may have any form.
-struct Pair {
-    refit: Refit,
-    /// Gain in chi-square of the lesser one, and its p-value corrected for the catalogue.
-    beyond_form: f64,
-    p_value: f64,
-}
-
-/// Everything refitted.
-struct Refits {
-    singles: Vec<Refit>,
-    pairs: Vec<Pair>,
-    tested: usize,
-    /// Noise scale of the best model found.
-    c: f64,
-}
-
-impl Refits {
-    fn new(reference: &mut Reference, screening: &Screening) -> Result<Self, ValidationError> {
-        let library = reference.library;
-        let name = |e: usize| library.effects()[e].name.as_str();
-        let mut order: Vec<_> = screening.effects.iter().filter(|s| s.hidden_because.is_none() && s.gain > 0.0).collect();
-        order.sort_by(|a, b| (b.gain - b.terms.len() as f64).total_cmp(&(a.gain - a.terms.len() as f64)).then(a.effect.cmp(&b.effect)));
-        order.truncate(SINGLES);
-        let fixed = &*reference;
-        let singles: Vec<Refit> =
-            order.par_iter().map(|s| fixed.refit(&[name(s.effect)], &s.strengths)).collect::<Vec<_>>().into_iter().filter_map(Result::ok).collect();
-        let mut refits = Refits { singles, pairs: Vec::new(), tested: screening.tested.max(1), c: reference.c };
-        refits.settle_noise(reference);
-        refits.find_pairs(reference, screening)?;
-        refits.settle_noise(reference);
-        Ok(refits)
-    }
-
-    /// A model that misses leaves misfit in the noise scale; the best model's is nearest to the truth.
-    fn settle_noise(&mut self, reference: &mut Reference) {
-        self.c = self.singles.iter().chain(self.pairs.iter().map(|p| &p.refit)).map(|r| r.structure.noise_scale).fold(self.c, f64::min);
-        reference.c = self.c;
-        for r in self.singles.iter_mut().chain(self.pairs.iter_mut().map(|p| &mut p.refit)) {
-            r.judge(reference.base, self.c);
-        }
-    }
-
-    fn find_pairs(&mut self, reference: &Reference, screening: &Screening) -> Result<(), ValidationError> {
-        let library = reference.library;
-        let mut leaders: Vec<usize> = (0..self.singles.len()).filter(|&i| self.singles[i].log_evidence > 0.0).collect();
-        leaders.sort_by(|&a, &b| self.singles[b].log_evidence.total_cmp(&self.singles[a].log_evidence).then(a.cmp(&b)));
-        leaders.truncate(2);
-        // What stands out beside a leader in any form.
-        let mut wanted: Vec<[String; 2]> = Vec::new();
-        let mut want = |a: &str, b: &str| {
-            let pair = if a < b { [a.to_owned(), b.to_owned()] } else { [b.to_owned(), a.to_owned()] };
-            if !wanted.contains(&pair) {
-                wanted.push(pair);
-            }
-        };
-        for &leader in &leaders {
-            let first = &self.singles[leader];
-            let second = reference.screen_second(first, None)?;
-            let mut order: Vec<_> = second.effects.iter().filter(|s| s.p_value * (self.tested as f64) < SECOND_LEVEL).collect();
-            order.sort_by(|a, b| b.gain.total_cmp(&a.gain).then(a.effect.cmp(&b.effect)));
-            for s in order.iter().take(3) {
-                want(&first.effects[0], &library.effects()[s.effect].name);
-            }
-        }
-        // Pairs that hide each other: much better together than the best one alone.
-        let best_gain = screening.effects.iter().map(|s| s.gain).fold(0.0, f64::max);
-        for p in screen_pairs(screening, library, reference.c).iter().take(3).filter(|p| p.gain > 1.3 * best_gain + 30.0) {
-            want(&library.effects()[p.effects[0]].name, &library.effects()[p.effects[1]].name);
-        }
-        wanted.truncate(PAIRS);
-        let singles = &self.singles;
-        let tested = self.tested as f64;
-        let pairs: Vec<Option<Pair>> = wanted
-            .par_iter()
-            .map(|names| {
-                let pair: Vec<&str> = names.iter().map(String::as_str).collect();
-                let guess = screen_pairs_guess(reference, screening, &pair);
-                let refit = reference.refit(&pair, &guess).ok()?;
-                // Each half beyond the other in any form.
-                let mut least = (f64::INFINITY, 0.0f64);
-                for (own, other) in [(0, 1), (1, 0)] {
-                    let alone = singles.iter().find(|s| s.effects[0] == names[own]);
-                    let made;
-                    let first = match alone {
-                        Some(s) => s,
-                        None => {
-                            made = reference.refit(&[pair[own]], &[]).ok()?;
-                            &made
-                        }
-                    };
-                    let beyond = reference.screen_second(first, Some(&[pair[other]])).ok()?;
-                    let s = beyond.effects.first()?;
-                    least = (least.0.min(s.gain), least.1.max((s.p_value * tested).min(1.0)));
-                }
-                Some(Pair { refit, beyond_form: least.0, p_value: least.1 })
-            })
-            .collect();
-        self.pairs = pairs.into_iter().flatten().collect();
-        Ok(())
-    }
-
-    fn log_prior(&self, effects: usize) -> f64 {
-        let n = self.tested as f64;
-        match effects {
-            1 => (PRIOR[1] / n).ln(),
-            _ => (PRIOR[2] / (0.5 * n * (n - 1.0)).max(1.0)).ln(),
-        }
-    }
-
-    /// Evidence of a pair: no more over its better half than the lesser one explains beyond the other's form.
-    fn pair_evidence(&self, pair: &Pair) -> f64 {
-        let half = self.singles.iter().filter(|s| pair.refit.effects.contains(&s.effects[0])).map(|s| s.log_evidence).fold(0.0, f64::max);
-        let beyond = 0.5 * pair.beyond_form - (1.0 + pair.beyond_form).ln();
-        half + (pair.refit.log_evidence - half).min(beyond)
-    }
-
-    /// Every model with its log evidence.
-    fn all(&self) -> impl Iterator<Item = (&Refit, f64)> {
-        self.singles.iter().map(|s| (s, s.log_evidence)).chain(self.pairs.iter().map(|p| (&p.refit, self.pair_evidence(p))))
-    }
-
-    /// The model to recommend: the best single effect, or the best pair when both halves earn their place.
-    fn choose(&self) -> Option<&Refit> {
-        let single = self
-            .singles
-            .iter()
-            .filter(|r| r.log_evidence > 0.5 * LOG_ODDS && r.p_value * (self.tested as f64) < FIRST_LEVEL && r.largest_share < ONE_IMPACT)
-            .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence));
-        let pair = self
-            .pairs
-            .iter()
-            .filter(|p| p.p_value < SECOND_LEVEL && p.refit.largest_share < ONE_IMPACT && self.pair_evidence(p) > 0.5 * LOG_ODDS)
-            .max_by(|a, b| self.pair_evidence(a).total_cmp(&self.pair_evidence(b)));
-        match (single, pair) {
-            (Some(s), Some(p)) => {
-                let better = self.pair_evidence(p) + self.log_prior(2) - s.log_evidence - self.log_prior(1);
-                if better > 0.5 * LOG_ODDS { Some(&p.refit) } else { Some(s) }
-            }
-            (s, p) => s.or(p.map(|p| &p.refit)),
-        }
-    }
-
-    /// Log posterior weights of nothing, every single, every pair.
-    fn log_weights(&self, overdispersion: f64) -> Vec<f64> {
-        std::iter::once(PRIOR[0].ln()).chain(self.all().map(|(r, e)| e / overdispersion + self.log_prior(r.effects.len()))).collect()
-    }
-
-    fn normalised(&self, overdispersion: f64) -> Vec<f64> {
-        let logs = self.log_weights(overdispersion);
-        let top = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        let weights: Vec<f64> = logs.iter().map(|l| (l - top).exp()).collect();
-        let sum: f64 = weights.iter().sum();
-        weights.into_iter().map(|w| w / sum).collect()
-    }
-
-    fn probability_of(&self, refit: &Refit, overdispersion: f64) -> f64 {
-        let weights = self.normalised(overdispersion);
-        self.all().zip(&weights[1..]).find(|((r, _), _)| std::ptr::eq(*r, refit)).map_or(0.0, |(_, w)| *w)
-    }
-
-    fn report(
-        &self,
-        reference: &Reference,
-        screening: &Screening,
-        before: f64,
-        excess: f64,
-        overdispersion: f64,
-        verdict: Verdict,
-    ) -> Result<Vec<CandidateReport>, ValidationError> {
-        let library = reference.library;
-        let weights = self.normalised(overdispersion);
-        let mut list: Vec<CandidateReport> = self
-            .singles
-            .par_iter()
-            .map(|s| {
-                let effect = s.effects[0].clone();
-                let forward = library.with(&[&effect])?;
-                let mut probability: f64 = self.all().zip(&weights[1..]).filter(|((r, _), _)| r.effects.contains(&effect)).map(|(_, w)| w).sum();
-                let share = share_removed(excess, excess_at(&s.structure, self.c.min(LARGEST_NOISE_SCALE)));
-                if verdict == Verdict::Unexplained {
-                    // No name is likely when none takes the excess away.
-                    let joint = self
-                        .all()
-                        .filter(|(r, _)| r.effects.contains(&effect))
-                        .map(|(r, _)| share_removed(excess, excess_at(&r.structure, self.c.min(LARGEST_NOISE_SCALE))))
-                        .fold(share, f64::max);
-                    probability *= 0.5 * (joint / SHARE).min(1.0);
-                }
-                let outline = library.effects().iter().find(|o| o.name == effect);
-                Ok(CandidateReport {
-                    probability,
-                    heldout_error_before: before,
-                    heldout_error_after: held_out_error(forward.as_ref(), &s.fit, reference.observations)?,
-                    parameters: estimates(&added_parameters(forward.as_ref(), &s.fit, reference.base.values.len(), reference.c)),
-                    aliases: Vec::new(),
-                    kind: outline.map_or("physics", |o| o.kind).to_owned(),
-                    log_evidence_gain: s.log_evidence,
-                    chi2_gain: s.gain,
-                    p_value: (s.p_value * self.tested as f64).min(1.0),
-                    share_removed: share,
-                    alias_cosines: BTreeMap::new(),
-                    refitted: true,
-                    effect,
-                })
-            })
-            .collect::<Result<Vec<_>, ValidationError>>()?;
-        list.sort_by(|a, b| b.probability.total_cmp(&a.probability).then(b.log_evidence_gain.total_cmp(&a.log_evidence_gain)).then(a.effect.cmp(&b.effect)));
-        self.add_aliases(library, screening, overdispersion, &mut list);
-        Ok(list)
-    }
-
-    /// For the best candidate and each of its first two aliases: the impacts that would tell.
-    fn next_experiments(&self, reference: &Reference, candidates: &[CandidateReport]) -> Result<Vec<NextExperiment>, ValidationError> {
-        let Some(best) = candidates.first() else { return Ok(Vec::new()) };
-        let Some(first) = self.singles.iter().find(|s| s.effects[0] == best.effect) else { return Ok(Vec::new()) };
-        let a = reference.library.with(&[&best.effect])?;
-        let at_a = a.prepare(&first.fit.values)?;
-        let mut all = Vec::new();
-        for alias in best.aliases.iter().take(2) {
-            let Some(second) = self.singles.iter().find(|s| s.effects[0] == *alias) else { continue };
-            let b = reference.library.with(&[alias])?;
-            let at_b = b.prepare(&second.fit.values)?;
-            let separated_by = reference.library.effects().iter().find(|o| o.name == best.effect).map_or("", |o| o.separated_by.as_str());
-            let (first, second) = (Rival { name: &best.effect, prediction: at_a.as_ref() }, Rival { name: alias, prediction: at_b.as_ref() });
-            all.extend(next_experiment(&first, &second, reference.observations, reference.impacts, &reference.base.impacts, separated_by));
-        }
-        Ok(all)
-    }
-
-    /// An alias explains these impacts about as well (within twenty to one), or has the same signature.
-    fn add_aliases(&self, library: &dyn Library, screening: &Screening, overdispersion: f64, list: &mut [CandidateReport]) {
-        let term = |name: &str| screening.effects.iter().find(|s| library.effects()[s.effect].name == name);
-        let cosine = |a: &str, b: &str| -> f64 {
-            let (Some(a), Some(b)) = (term(a), term(b)) else { return 0.0 };
-            a.terms
-                .iter()
-                .flat_map(|&i| b.terms.iter().map(move |&j| (i, j)))
-                .map(|(i, j)| screening.projected.cosine(i, j))
-                .fold(0.0, |m: f64, v| if v.abs() > m.abs() { v } else { m })
-        };
-        let facts: Vec<(String, f64, f64)> = list.iter().map(|c| (c.effect.clone(), c.log_evidence_gain, c.share_removed)).collect();
-        for candidate in list.iter_mut() {
-            for (other, evidence, share) in &facts {
-                if *other == candidate.effect {
-                    continue;
-                }
-                let like = cosine(&candidate.effect, other);
-                let close = (candidate.log_evidence_gain - evidence).abs() / overdispersion < LOG_ODDS && *evidence > 0.0;
-                let as_good = candidate.share_removed > 0.3 && *share > ALIAS_SHARE * candidate.share_removed;
-                if close || as_good || like.abs() > 0.95 {
-                    candidate.aliases.push(other.clone());
-                    candidate.alias_cosines.insert(other.clone(), like);
-                }
-            }
-        }
-    }
 }
 
 /// The fit of the current model, for commands that write it out.

@@ -8,9 +8,11 @@ pub enum ValidationError {
     UnknownEquipment { id: String, kind: &'static str, name: String, given: String },
     #[error("impact {id:?} names no {kind} and {count} were given; fill the column `{kind}` or give one file")]
     AmbiguousEquipment { id: String, kind: &'static str, count: usize },
-    #[error("only {usable} of {rows} impacts can be used ({reason}); at least {needed} are needed")]
+    #[error(
+        "only {usable} of {rows} impacts can be used ({reason}); at least {needed} are needed to judge a model (`sweetspot predict` works with any number)"
+    )]
     TooFew { usable: usize, rows: usize, needed: usize, reason: String },
-    #[error("no impact is held out for a check (all ids hash to the fit side); add impacts")]
+    #[error("no impact is held out for a check (all ids hash to the fit side); add impacts or leave out --group")]
     NothingHeldOut,
     #[error("the grouping column `{column}` is not in the table; it has: {seen}")]
     NoGroup { column: String, seen: String },

@@ -61,9 +61,11 @@ pub fn next_experiment(
     settings.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
     let mut chosen: Vec<Setting> = Vec::new();
     for s in settings {
+        // Settings a person would call different: another place or another speed of the ball. Speeds are wanted apart
+        // because a rival that is wrong at one speed only can be bent to it by its free parameters.
         let apart = chosen
             .iter()
-            .all(|c| (c.inputs[12] - s.inputs[12]).abs() > 0.03 || (c.inputs[13] - s.inputs[13]).abs() > 0.025 || (c.inputs[14] - s.inputs[14]).abs() > 1.0);
+            .all(|c| (c.inputs[12] - s.inputs[12]).abs() > 0.03 || (c.inputs[13] - s.inputs[13]).abs() > 0.025 || (c.inputs[2] - s.inputs[2]).abs() > 4.0);
         if apart && chosen.len() < SETTINGS && s.log_evidence > 0.01 {
             chosen.push(s);
         }
@@ -72,12 +74,11 @@ pub fn next_experiment(
     if chosen.is_empty() || expected < 0.1 {
         return None;
     }
-    let why: Vec<String> = chosen
+    let mut why: Vec<String> = chosen
         .iter()
-        .take(2)
         .map(|s| {
             format!(
-                "{} with {} the {} is {} {} {} than with {}",
+                "{} with {} {} is {} {} {} than with {}",
                 place_words(&s.inputs),
                 first.name,
                 output_words(OUTPUTS[s.output]),
@@ -88,6 +89,9 @@ pub fn next_experiment(
             )
         })
         .collect();
+    // Settings that differ in what the words leave out read the same.
+    why.dedup();
+    why.truncate(2);
     Some(NextExperiment {
         separates: [first.name.to_owned(), second.name.to_owned()],
         impacts: chosen

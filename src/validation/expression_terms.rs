@@ -27,6 +27,7 @@ pub struct FeatureInputs {
 
 impl FeatureInputs {
     pub fn of(o: &Observation, x: &Inputs, gear: &Gear) -> Self {
+        let x = &o.without_unmeasured(x);
         let contact = ContactInputs::of(x, gear);
         let v = contact.approach_m_s.max(0.1);
         let r = gear.ball.radius_m();

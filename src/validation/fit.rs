@@ -8,6 +8,7 @@ use super::error::ValidationError;
 use super::forward::{Forward, Inputs, Prediction};
 use super::linearise::{Linearised, Setting, Spread, linearise, predict_measured};
 use super::observation::{Observation, Observations};
+use super::project::add_cross;
 use crate::impact_table::INPUTS;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -312,7 +313,7 @@ impl<'a> Work<'a> {
         let mut information = DMatrix::from_diagonal(&self.prior_precision);
         let mut gradient = self.prior_precision.component_mul(&(&self.prior_mean - &state.column_values));
         for (a, l) in design.iter().zip(&state.impacts) {
-            information.gemm_tr(1.0, a, a, 1.0);
+            add_cross(&mut information, a, a);
             gradient.gemv_tr(1.0, a, &l.z, 1.0);
         }
         // A column without any information (nothing slides, so friction does nothing) stays where it is.

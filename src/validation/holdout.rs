@@ -10,9 +10,14 @@ pub const HELD_OUT_SHARE: f64 = 0.3;
 
 /// Whether this id (or group) is held out: the first eight bytes of its SHA-256, as a fraction, lie below 0.3.
 pub fn is_held_out(key: &str) -> bool {
+    hash_fraction(key) < HELD_OUT_SHARE
+}
+
+/// The first eight bytes of the SHA-256 of a key, as a fraction of their range.
+pub fn hash_fraction(key: &str) -> f64 {
     let digest = Sha256::digest(key.as_bytes());
     let head = digest.iter().take(8).fold(0u64, |sum, &byte| (sum << 8) | u64::from(byte));
-    (head as f64) / (u64::MAX as f64) < HELD_OUT_SHARE
+    (head as f64) / (u64::MAX as f64)
 }
 
 #[cfg(test)]

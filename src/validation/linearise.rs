@@ -17,6 +17,10 @@ use nalgebra::{DMatrix, DVector};
 pub const OUTLIER_START: f64 = 3.5;
 /// A cell this far out is listed as an outlier.
 pub const OUTLIER_LISTED: f64 = 4.2;
+/// Widest step of a derivative by a spin nobody measured, rad/s: about what the outputs leave open of it.
+const UNMEASURED_STEP: f64 = 15.0;
+/// Steps by which such a spin is first estimated.
+const UNMEASURED_PASSES: usize = 4;
 /// Cells of one impact that may be outliers at once; more, and the impact as a whole is odd and keeps its inflated rest.
 const MOST_CELLS: usize = 6;
 
@@ -108,11 +112,11 @@ pub fn predict_measured(p: &dyn Prediction, o: &Observation, x: &Inputs) -> Opti
     picked.iter().all(|v| v.is_finite()).then_some(picked)
 }
 
-/// F at `x`: central differences over ± one deviation, one-sided where the model has no answer on a side.
-pub fn input_jacobian(p: &dyn Prediction, o: &Observation, x: &Inputs, at_x: &DVector<f64>) -> DMatrix<f64> {
+/// F at `x`: central differences over ± one deviation (at most `widest`), one-sided where the model has no answer on a side.
+pub fn input_jacobian(p: &dyn Prediction, o: &Observation, x: &Inputs, at_x: &DVector<f64>, widest: f64) -> DMatrix<f64> {
     let mut jacobian = DMatrix::zeros(o.measured.len(), INPUTS.len());
     for j in 0..INPUTS.len() {
-        let h = o.input_sd[j];
+        let h = if o.missing[j] { o.input_sd[j].min(widest) } else { o.input_sd[j] };
         if h <= 0.0 {
             continue;
         }
@@ -144,23 +148,36 @@ pub fn linearise(p: &dyn Prediction, o: &Observation, setting: &Setting, start: 
             predict_measured(p, o, &x)?
         }
     };
-    let jacobian = reuse.cloned().unwrap_or_else(|| input_jacobian(p, o, &x, &at_x));
+    let mut jacobian = reuse.cloned().unwrap_or_else(|| input_jacobian(p, o, &x, &at_x, f64::INFINITY));
     let mut result = whiten(o, setting, &x, &at_x, &jacobian, &y)?;
-    for _ in 0..passes {
-        let solved = result.whitener.tr_mul(&result.z);
-        let pull = jacobian.tr_mul(&solved);
-        let mut next = x;
-        for j in 0..INPUTS.len() {
-            let sd = setting.observations.input_noise[j].sd(INPUTS[j], Some(o.input_sd[j]), x[j]);
-            let sd = if o.input_sd[j] > 0.0 { sd } else { 0.0 };
-            next[j] = o.inputs[j] - offset[j] + sd * sd * pull[j];
+    // An input nobody measured is told by the outputs, far more narrowly than by its range: the slope that counts is that
+    // near the value they tell.
+    if reuse.is_none() && o.missing.contains(&true) {
+        for _ in 0..UNMEASURED_PASSES {
+            let Some((next, value)) = moved(p, o, setting, &jacobian, &result, &x) else { break };
+            (x, at_x) = (next, value);
+            jacobian = input_jacobian(p, o, &x, &at_x, UNMEASURED_STEP);
+            result = whiten(o, setting, &x, &at_x, &jacobian, &y)?;
         }
-        let Some(value) = predict_measured(p, o, &next) else { break };
-        x = next;
-        at_x = value;
+    }
+    for _ in 0..passes {
+        let Some((next, value)) = moved(p, o, setting, &jacobian, &result, &x) else { break };
+        (x, at_x) = (next, value);
         result = whiten(o, setting, &x, &at_x, &jacobian, &y)?;
     }
     Some(result)
+}
+
+/// The estimate of the true inputs one step on, and the prediction there.
+fn moved(p: &dyn Prediction, o: &Observation, setting: &Setting, jacobian: &DMatrix<f64>, result: &Linearised, x: &Inputs) -> Option<(Inputs, DVector<f64>)> {
+    let offset = &setting.offsets[o.session];
+    let pull = jacobian.tr_mul(&result.whitener.tr_mul(&result.z));
+    let next: Inputs = std::array::from_fn(|j| {
+        let sd = o.input_sd_at(j, &setting.observations.input_noise[j], x[j]);
+        o.inputs[j] - offset[j] + sd * sd * pull[j]
+    });
+    let value = predict_measured(p, o, &next)?;
+    Some((next, value))
 }
 
 fn whiten(o: &Observation, setting: &Setting, x: &Inputs, at_x: &DVector<f64>, jacobian: &DMatrix<f64>, y: &DVector<f64>) -> Option<Linearised> {
@@ -176,17 +193,19 @@ fn whiten(o: &Observation, setting: &Setting, x: &Inputs, at_x: &DVector<f64>, j
     }
     for j in 0..INPUTS.len() {
         if o.input_sd[j] > 0.0 {
-            let sd = setting.observations.input_noise[j].sd(INPUTS[j], Some(o.input_sd[j]), x[j]);
+            let sd = o.input_sd_at(j, &setting.observations.input_noise[j], x[j]);
             let column = jacobian.column(j);
             covariance.ger(sd * sd, &column, &column, 1.0);
         }
     }
-    let mut precision = covariance.clone().cholesky()?.inverse();
+    let mut lower = covariance.clone().cholesky()?.unpack();
+    let mut whitener = lower.solve_lower_triangular(&DMatrix::identity(k, k))?;
+    let mut precision = whitener.transpose() * &whitener;
     let standardise = |precision: &DMatrix<f64>| {
         let pulled = precision * &residual;
         let output_t: Vec<f64> = (0..k).map(|i| pulled[i] / precision[(i, i)].max(1e-300).sqrt()).collect();
         let input_t: [f64; INPUTS.len()] = std::array::from_fn(|j| {
-            if o.input_sd[j] <= 0.0 {
+            if o.input_sd[j] <= 0.0 || o.missing[j] {
                 return 0.0;
             }
             let f = jacobian.column(j);
@@ -221,8 +240,10 @@ fn whiten(o: &Observation, setting: &Setting, x: &Inputs, at_x: &DVector<f64>, j
         });
         (now_out, now_in) = standardise(&precision);
     }
-    let lower = covariance.clone().cholesky()?.l();
-    let whitener = lower.solve_lower_triangular(&DMatrix::identity(k, k))?;
+    if !outliers.is_empty() {
+        lower = covariance.clone().cholesky()?.unpack();
+        whitener = lower.solve_lower_triangular(&DMatrix::identity(k, k))?;
+    }
     let z = &whitener * &residual;
     let log_det = 2.0 * lower.diagonal().iter().map(|d| d.ln()).sum::<f64>();
     Some(Linearised {

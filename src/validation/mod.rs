@@ -28,6 +28,7 @@ pub mod place;
 pub mod polynomial;
 pub mod project;
 pub mod rank;
+pub mod refits;
 pub mod screen;
 pub mod smooth;
 pub mod structure;

@@ -3,7 +3,7 @@
 
 use super::error::ValidationError;
 use super::forward::Inputs;
-use super::holdout::is_held_out;
+use super::holdout::{hash_fraction, is_held_out};
 use super::noise::ColumnNoise;
 use crate::equipment::{Ball, Racket};
 use crate::impact_table::{INPUTS, ImpactRow, ImpactTable, OUTPUTS};
@@ -29,8 +29,10 @@ pub struct Observation {
     pub held_out: bool,
     /// Measured inputs; a missing spin or torque stands as 0.
     pub inputs: Inputs,
-    /// Stated deviation (for a missing spin: [`MISSING_SPIN_SD`]).
+    /// Stated deviation (for a missing spin: that of spins in general, see [`MISSING_SPIN_SD`]).
     pub input_sd: Inputs,
+    /// Inputs that nobody measured: spins known only within the range of play.
+    pub missing: [bool; INPUTS.len()],
     /// Indices of the measured outputs.
     pub measured: Vec<usize>,
     /// Values of the measured outputs, same order as `measured`.
@@ -40,8 +42,22 @@ pub struct Observation {
     pub groups: BTreeMap<String, String>,
 }
 
-/// Spin of a ball whose markings could not be read: unknown within the range of play (physics.md E.8), rad/s.
+/// Spin of a ball whose markings could not be read: unknown within the range of play (physics.md E.8), rad/s. Where other
+/// spin components of the table were measured, their size is taken instead.
 pub const MISSING_SPIN_SD: f64 = 120.0;
+
+impl Observation {
+    /// Estimated inputs without what only the outputs told: a feature made of those would meet its own noise in the
+    /// residuals.
+    pub fn without_unmeasured(&self, estimated: &Inputs) -> Inputs {
+        std::array::from_fn(|j| if self.missing[j] { self.inputs[j] } else { estimated[j] })
+    }
+
+    /// Deviation of input `j` when its true value is `at`; 0 for an input known exactly.
+    pub fn input_sd_at(&self, j: usize, noise: &ColumnNoise, at: f64) -> f64 {
+        if self.missing[j] || self.input_sd[j] <= 0.0 { self.input_sd[j] } else { noise.sd(INPUTS[j], Some(self.input_sd[j]), at) }
+    }
+}
 
 /// A racket with a ball, as the table's rows name them.
 #[derive(Debug, Clone)]
@@ -94,6 +110,7 @@ impl Observations {
             notes: Vec::new(),
         };
         let mut pairs: BTreeMap<(usize, usize), usize> = BTreeMap::new();
+        let spin_sd = spin_in_general(table);
         for row in &table.rows {
             let r = pick("racket", row.racket.as_deref(), &row.id, rackets, |r| &r.name)?;
             let b = pick("ball", row.ball.as_deref(), &row.id, balls, |b| &b.name)?;
@@ -101,18 +118,20 @@ impl Observations {
                 all.gear.push(Gear { racket: rackets[r].clone(), ball: balls[b].clone() });
                 all.gear.len() - 1
             });
-            match all.observation(row, gear, options) {
+            match all.observation(row, gear, options, &spin_sd) {
                 Ok(o) => all.impacts.push(o),
                 Err(reason) => all.unusable.push((row.id.clone(), reason)),
             }
         }
+        all.balance_groups(options);
         all.check(table.rows.len())?;
         all.share_sessions(table);
         all.note_assumptions(table);
         Ok(all)
     }
 
-    fn observation(&self, row: &ImpactRow, gear: usize, options: &TableOptions) -> Result<Observation, String> {
+    fn observation(&self, row: &ImpactRow, gear: usize, options: &TableOptions, spin_sd: &Inputs) -> Result<Observation, String> {
+        let mut missing = [false; INPUTS.len()];
         let mut inputs = [0.0; INPUTS.len()];
         let mut input_sd = [0.0; INPUTS.len()];
         for (i, name) in INPUTS.iter().enumerate() {
@@ -121,7 +140,10 @@ impl Observations {
                     inputs[i] = m.value;
                     input_sd[i] = self.input_noise[i].sd(name, m.sd, m.value);
                 }
-                None if name.starts_with("ball_in_w") => input_sd[i] = MISSING_SPIN_SD,
+                None if name.starts_with("ball_in_w") => {
+                    input_sd[i] = spin_sd[i];
+                    missing[i] = true;
+                }
                 None if *name == "grip_torque" => {}
                 None => return Err(format!("`{name}` is empty")),
             }
@@ -134,6 +156,7 @@ impl Observations {
             held_out: is_held_out(options.group.as_ref().and_then(|g| row.groups.get(g)).unwrap_or(&row.id)),
             inputs,
             input_sd,
+            missing,
             measured: Vec::new(),
             outputs: Vec::new(),
             output_sd: Vec::new(),
@@ -152,6 +175,31 @@ impl Observations {
             return Err("no output was measured".into());
         }
         Ok(o)
+    }
+
+    /// A few groups may all hash to one side: then the one whose hash is nearest to the other side changes over, for ever.
+    fn balance_groups(&mut self, options: &TableOptions) {
+        let Some(column) = &options.group else { return };
+        let held = self.impacts.iter().filter(|o| o.held_out).count();
+        let wanted = match held {
+            0 => true,
+            n if n == self.impacts.len() => false,
+            _ => return,
+        };
+        let of = |o: &Observation| o.groups.get(column).cloned().unwrap_or_else(|| o.id.clone());
+        let mut keys: Vec<String> = self.impacts.iter().map(of).collect();
+        keys.sort_by(|a, b| hash_fraction(a).total_cmp(&hash_fraction(b)));
+        let Some(chosen) = (if wanted { keys.first() } else { keys.last() }).cloned() else { return };
+        if keys.iter().all(|k| *k == chosen) {
+            return;
+        }
+        for o in self.impacts.iter_mut().filter(|o| of(o) == chosen) {
+            o.held_out = wanted;
+        }
+        self.notes.push(format!(
+            "all groups of `{column}` hash to one side of the held-out split; `{chosen}`, the nearest to the other, is {}",
+            if wanted { "held out" } else { "fitted" }
+        ));
     }
 
     fn check(&mut self, rows: usize) -> Result<(), ValidationError> {
@@ -215,7 +263,8 @@ impl Observations {
                 }
                 let missing = table.rows.iter().filter(|r| r.inputs.get(i).copied().flatten().is_none()).count();
                 if !output && name.starts_with("ball_in_w") && missing > 0 {
-                    self.notes.push(format!("`{name}` is empty in {missing} rows; taken as 0 ± {MISSING_SPIN_SD} rad/s there"));
+                    let sd = self.impacts.iter().find(|o| o.missing[i]).map_or(MISSING_SPIN_SD, |o| o.input_sd[i]);
+                    self.notes.push(format!("`{name}` is empty in {missing} rows; taken as 0 ± {sd:.0} rad/s there"));
                 }
             }
         }
@@ -232,11 +281,28 @@ impl Observations {
     /// Median stated deviation of every input in a session; sets the size of its shared offset.
     pub fn typical_input_sd(&self, session: usize) -> Inputs {
         std::array::from_fn(|j| {
-            let mut sds: Vec<f64> = self.impacts.iter().filter(|o| o.session == session && o.input_sd[j] < MISSING_SPIN_SD).map(|o| o.input_sd[j]).collect();
+            let mut sds: Vec<f64> = self.impacts.iter().filter(|o| o.session == session && !o.missing[j]).map(|o| o.input_sd[j]).collect();
             sds.sort_by(f64::total_cmp);
             sds.get(sds.len() / 2).copied().unwrap_or(0.0)
         })
     }
+}
+
+/// Size of the ball's incoming spin, per column, where it was not measured: that of its own column in other rows, else
+/// (about the two axes in the face) that of the other one, else [`MISSING_SPIN_SD`].
+fn spin_in_general(table: &ImpactTable) -> Inputs {
+    const FEWEST: usize = 8;
+    let size = |i: usize| {
+        let seen: Vec<f64> = table.rows.iter().filter_map(|r| r.inputs[i].map(|m| m.value)).filter(|v| v.is_finite()).collect();
+        (seen.len() >= FEWEST).then(|| (seen.iter().map(|v| v * v).sum::<f64>() / seen.len() as f64).sqrt().max(10.0))
+    };
+    let own: [Option<f64>; INPUTS.len()] = std::array::from_fn(|i| if INPUTS[i].starts_with("ball_in_w") { size(i) } else { None });
+    std::array::from_fn(|i| match INPUTS[i] {
+        "ball_in_wx" => own[i].or(own[i + 1]).unwrap_or(MISSING_SPIN_SD),
+        "ball_in_wy" => own[i].or(own[i - 1]).unwrap_or(MISSING_SPIN_SD),
+        name if name.starts_with("ball_in_w") => own[i].unwrap_or(MISSING_SPIN_SD),
+        _ => 0.0,
+    })
 }
 
 fn pick<T>(kind: &'static str, named: Option<&str>, id: &str, given: &[T], name: impl Fn(&T) -> &String) -> Result<usize, ValidationError> {

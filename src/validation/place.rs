@@ -38,7 +38,9 @@ pub fn places(impacts: &[&Observation], fitted: &[Linearised], varied: &[usize],
     let mut listed: Vec<Place> = Vec::new();
     for place in found {
         let told = listed.iter().filter(|l| l.output == place.output).count();
-        if told < 2 && listed.len() < MOST_PLACES {
+        // A bias over the whole range is one story, whatever input it is put in order of.
+        let again = listed.iter().any(|l| l.output == place.output && l.words == place.words);
+        if told < 2 && !again && listed.len() < MOST_PLACES {
             listed.push(place);
         }
     }

@@ -82,6 +82,7 @@ const FEATURES: usize = 20;
 
 /// Raw features of one impact: 1, v, v², X, Y, X², Y², |G|, |S|, torque, order, swing, G_x, G_y, S_x, S_y, S_z, XY, Y·torque, spin size.
 fn features(o: &Observation, x: &Inputs, gear: &Gear) -> [f64; FEATURES] {
+    let x = &o.without_unmeasured(x);
     let contact = ContactInputs::of(x, gear);
     let v = contact.approach_m_s.max(1.0);
     let r = gear.ball.radius_m();
@@ -174,6 +175,29 @@ const TERMS: [(usize, &[usize]); 15] = [
     (14, &[0, 1, 3, 4, 12, 13]),
 ];
 
+/// Middles of the places on the face, in half lengths and half widths, whose own impulse along the normal is tested: a dead
+/// spot is not smooth.
+const SPOTS_ALONG: [f64; 5] = [-0.7, -0.35, 0.0, 0.35, 0.7];
+const SPOTS_ACROSS: [f64; 3] = [-0.5, 0.0, 0.5];
+/// Radius of such a place, m.
+const SPOT_M: f64 = 0.035;
+/// Impacts that a place must hold, and impacts of a table that has places.
+const FEWEST_IN_SPOT: f64 = 4.0;
+const FEWEST_FOR_SPOTS: usize = 100;
+
+/// How far each impact belongs to each place; places with hardly any impacts are left out.
+fn spots(fit: &Fit, observations: &Observations, impacts: &[&Observation]) -> Vec<Vec<f64>> {
+    let Some(head) = observations.gear.first().map(|g| &g.racket.head) else { return Vec::new() };
+    if impacts.len() < FEWEST_FOR_SPOTS {
+        return Vec::new();
+    }
+    let middles = SPOTS_ALONG.iter().flat_map(|x| SPOTS_ACROSS.iter().map(move |y| (0.5 * x * head.inner_length_m, 0.5 * y * head.inner_width_m)));
+    middles
+        .map(|(x, y)| fit.impacts.iter().map(|l| (-((l.true_inputs[12] - x).powi(2) + (l.true_inputs[13] - y).powi(2)) / (SPOT_M * SPOT_M)).exp()).collect())
+        .filter(|shares: &Vec<f64>| shares.iter().sum::<f64>() > FEWEST_IN_SPOT)
+        .collect()
+}
+
 /// Standardised smooth features by which an effect's form may differ from the catalogue's: speed, place, obliqueness, spin.
 /// One row per impact; constants are left out.
 pub fn form_features(fit: &Fit, observations: &Observations, impacts: &[&Observation]) -> DMatrix<f64> {
@@ -210,13 +234,21 @@ pub fn generic_signatures(fit: &Fit, observations: &Observations, impacts: &[&Ob
         .flat_map(|(c, list)| list.iter().map(move |f| (*c, *f)))
         .filter(|(c, f)| varies(*f) && (!short || *c == 0 || matches!(f, 0 | 1 | 3 | 4 | 7 | 12 | 13)))
         .collect();
+    let spots = spots(fit, observations, impacts);
     fit.impacts
         .iter()
         .zip(impacts)
         .zip(&raw)
-        .map(|((l, o), feature)| {
+        .enumerate()
+        .map(|(i, ((l, o), feature))| {
             let response = channels(&l.true_inputs, &observations.gear[o.gear]);
-            let mut block = DMatrix::zeros(l.measured.len(), terms.len());
+            let mut block = DMatrix::zeros(l.measured.len(), terms.len() + spots.len());
+            let v = feature[1];
+            for (column, share) in spots.iter().enumerate() {
+                for (row, &output) in l.measured.iter().enumerate() {
+                    block[(row, terms.len() + column)] = response[(output, 0)] * share[i] * v / mean[1].max(1.0);
+                }
+            }
             for (column, (c, f)) in terms.iter().enumerate() {
                 let value = if *f == 0 { 1.0 } else { (feature[*f] - mean[*f]) / sd[*f] };
                 for (row, &output) in l.measured.iter().enumerate() {

@@ -36,7 +36,12 @@ pub fn comparison_text(c: &Comparison) -> String {
         .parameters_refitted
         .iter()
         .zip(&c.parameters_as_stated)
-        .map(|(f, s)| format!("{} {:.4} -> {:.4} ± {:.4}{}", f.name, s.value, f.value, f.sd, if f.at_limit { " (at its limit)" } else { "" }))
+        .map(|(f, s)| {
+            if f.undetermined {
+                return format!("{} {:.4} (these impacts say nothing about it)", f.name, s.value);
+            }
+            format!("{} {:.4} -> {:.4} ± {:.4}{}", f.name, s.value, f.value, f.sd, if f.at_limit { " (at its limit)" } else { "" })
+        })
         .collect();
     if !fitted.is_empty() {
         let _ = writeln!(t, "fitted: {}", fitted.join(", "));

@@ -42,7 +42,14 @@ pub fn verdict_words(d: &Diagnosis) -> Vec<String> {
                 words.push(format!("On these impacts it could also be {}; further impacts that would tell are listed below.", c.aliases.join(", ")));
             }
             if let Some(name) = &d.other_form {
-                words.push(format!("It is {name}, but not quite in the catalogue's form: some structure is left when it is added."));
+                words.push(if d.recommended.len() > 1 {
+                    "One of them is not quite in the catalogue's form: some structure is left when both are added.".to_owned()
+                } else {
+                    format!("It is {name}, but not quite in the catalogue's form: some structure is left when it is added.")
+                });
+                if let Some(e) = &d.suggested_expression {
+                    words.push(format!("A better form: {} (held-out error with it {:.2}).", e.words, e.heldout_error_after));
+                }
             }
         }
         Verdict::Unexplained => {

@@ -109,11 +109,11 @@ fn law_model_reports_hold_every_section_with_plain_and_hostile_names() {
         keep(&format!("compare-{file}.html"), &page);
         for verdict in [Verdict::Adequate, Verdict::EffectMissing, Verdict::Unexplained] {
             let d = diagnosis(verdict, name);
-            let page = diagnosis_report(name, &d, Some(&before), Some(&after), Some(&racket), &path);
+            let page = diagnosis_report(name, &d, Some(&before), &[before.clone(), after.clone()], Some(&racket), &path);
             assert_page(&page);
-            assert_eq!(page, diagnosis_report(name, &d, Some(&before), Some(&after), Some(&racket), &path));
+            assert_eq!(page, diagnosis_report(name, &d, Some(&before), &[before.clone(), after.clone()], Some(&racket), &path));
             keep(&format!("diagnose-{file}-{verdict}.html"), &page);
-            assert_page(&diagnosis_report(name, &d, None, None, None, &[]));
+            assert_page(&diagnosis_report(name, &d, None, &[], None, &[]));
         }
         assert_page(&comparison_report(name, &before, None, &[], None));
     }

@@ -19,8 +19,8 @@ pub fn diagnosis_verdict(d: &Diagnosis, after: Option<&Comparison>) -> Section {
     let mut lines = vec![head];
     // The first of its words is the verdict itself.
     lines.extend(d.words.iter().filter(|w| !VERDICT_WORDS.iter().any(|v| w.starts_with(v))).cloned());
-    if let Some(name) = &d.other_form {
-        lines.push(format!("It acts like {name}, but not with the catalogue's formula: see the better form below."));
+    if let Some(name) = d.other_form.as_ref().filter(|_| d.suggested_expression.is_some()) {
+        lines.push(format!("The better form stands below, ready for the model file ({name}, otherwise than in the catalogue)."));
     }
     if let Some(a) = after {
         let state = if a.verdict == "adequate" { "adequate" } else { "still not adequate" };

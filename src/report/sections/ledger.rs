@@ -10,10 +10,10 @@ use crate::validation::{Comparison, LedgerEntry};
 /// Trends shown before and after.
 const PAIRS: usize = 4;
 
-/// `path`: the versions from the first to this one, measured on the same data. `before` and `after`: the comparisons of an
-/// earlier and the present version, for the small multiples.
-pub fn ledger(path: &[&LedgerEntry], before: Option<&Comparison>, after: Option<&Comparison>) -> Option<Section> {
-    if path.len() < 2 && (before.is_none() || after.is_none()) {
+/// `path`: the versions from the first to this one, measured on the same data. `stages`: comparisons of versions, first to
+/// last, for the small multiples before and after each step; the last ones belong to the last versions of the path.
+pub fn ledger(path: &[&LedgerEntry], stages: &[&Comparison]) -> Option<Section> {
+    if path.len() < 2 && stages.len() < 2 {
         return None;
     }
     let mut section = Section::new("ledger", "The error falls");
@@ -38,10 +38,13 @@ pub fn ledger(path: &[&LedgerEntry], before: Option<&Comparison>, after: Option<
             .collect();
         section = section.list(&refused);
     }
-    if let (Some(before), Some(after)) = (before, after) {
+    for (k, pair) in stages.windows(2).enumerate() {
+        let [before, after] = pair else { continue };
         let figures = before_and_after(before, after);
         if !figures.is_empty() {
-            section = section.heading("The same residuals, before and after").figures(Layout::Small, &figures);
+            let step = (path.len() + k + 1).checked_sub(stages.len()).and_then(|at| path.get(at)).map(|e| step_name(e));
+            let heading = step.map_or_else(|| "The same residuals, before and after".to_owned(), |s| format!("The same residuals, before and after: {s}"));
+            section = section.heading(&heading).figures(Layout::Small, &figures);
         }
     }
     Some(section)

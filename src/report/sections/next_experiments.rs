@@ -6,7 +6,7 @@ use crate::report::column::column_words;
 use crate::report::markup::{fixed, significant};
 use crate::report::page::{Section, Table};
 use crate::validation::diagnosis::{Diagnosis, NextExperiment};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 pub fn next_experiments(d: &Diagnosis, racket: Option<&Racket>) -> Option<Section> {
     if d.next_experiments.is_empty() {
@@ -24,29 +24,62 @@ pub fn next_experiments(d: &Diagnosis, racket: Option<&Racket>) -> Option<Sectio
             ))
             .table(table(e));
         if let Some(svg) = racket.and_then(|r| picture(e, r)) {
-            section = section.figure(&svg, "Where to hit.");
+            section = section.figure(&svg, "Where to hit, by setting.");
         }
     }
     Some(section)
 }
 
-fn table(e: &NextExperiment) -> Table {
-    let columns: BTreeSet<&str> = e.impacts.iter().flat_map(|i| i.keys().map(String::as_str)).collect();
-    let mut table = Table::new("").numbers("impact");
-    for c in &columns {
-        let w = column_words(c);
-        table = table.numbers(&if w.unit.is_empty() { w.words } else { format!("{} ({})", w.words, w.unit) });
+/// Settings in the order proposed, each with the number of impacts to record there.
+fn settings(e: &NextExperiment) -> Vec<(&BTreeMap<String, f64>, usize)> {
+    let mut settings: Vec<(&BTreeMap<String, f64>, usize)> = Vec::new();
+    for impact in &e.impacts {
+        match settings.iter_mut().find(|(s, _)| *s == impact) {
+            Some((_, n)) => *n += 1,
+            None => settings.push((impact, 1)),
+        }
     }
-    for (k, impact) in e.impacts.iter().enumerate() {
-        let mut cells = vec![(k + 1).to_string()];
-        cells.extend(columns.iter().map(|c| impact.get(*c).map_or_else(String::new, |v| significant(column_words(c).factor * v, 3))));
+    settings
+}
+
+/// The place first, then what differs between settings; what is the same for all stands in the note.
+fn table(e: &NextExperiment) -> Table {
+    let settings = settings(e);
+    let shown = |c: &str, v: f64| significant(column_words(c).factor * v, 3);
+    let mut columns: Vec<&str> = e.impacts.iter().flat_map(|i| i.keys().map(String::as_str)).collect::<BTreeSet<_>>().into_iter().collect();
+    columns.sort_by_key(|c| (!c.starts_with("impact_"), *c));
+    let (kept, same): (Vec<&str>, Vec<&str>) = columns.into_iter().partition(|c| {
+        let values: BTreeSet<String> = settings.iter().filter_map(|(s, _)| s.get(*c)).map(|v| shown(c, *v)).collect();
+        c.starts_with("impact_") || values.len() > 1
+    });
+    let named = |c: &str| {
+        let w = column_words(c);
+        (w.words, w.unit)
+    };
+    let rest: Vec<String> = same
+        .iter()
+        .filter_map(|c| {
+            let value = settings.first()?.0.get(*c)?;
+            let (words, unit) = named(c);
+            (*value != 0.0).then(|| format!("{words} {} {unit}", shown(c, *value)))
+        })
+        .collect();
+    let note = if rest.is_empty() { String::new() } else { format!("In all settings: {}; everything else 0.", rest.join(", ")) };
+    let mut table = Table::new(&note).numbers("setting").numbers("impacts");
+    for c in &kept {
+        let (words, unit) = named(c);
+        table = table.numbers(&if unit.is_empty() { words } else { format!("{words} ({unit})") });
+    }
+    for (k, (setting, n)) in settings.iter().enumerate() {
+        let mut cells = vec![(k + 1).to_string(), n.to_string()];
+        cells.extend(kept.iter().map(|c| setting.get(*c).map_or_else(String::new, |v| shown(c, *v))));
         table = table.row(&cells);
     }
     table
 }
 
 fn picture(e: &NextExperiment, racket: &Racket) -> Option<String> {
-    let at: Vec<(f64, f64)> = e.impacts.iter().filter_map(|i| Some((1000.0 * i.get("impact_y")?, 1000.0 * i.get("impact_x")?))).collect();
+    let at: Vec<(f64, f64)> = settings(e).iter().filter_map(|(i, _)| Some((1000.0 * i.get("impact_y")?, 1000.0 * i.get("impact_x")?))).collect();
     if at.is_empty() {
         return None;
     }

@@ -1,0 +1,474 @@
+//! Single effects and pairs, refitted and weighed against each other: probabilities, the model to recommend, aliases.
+//!
+//! A pair must earn its place ([`Refits::objection`]): a catalogue formula that is not quite nature's leaves structure
+//! behind which some second effect always imitates in part. So the second effect must explain something beyond *any* form
+//! of the first, take a fair share of what the first leaves, and lower the error on impacts that no fit saw by more than
+//! chance; effects that are known to imitate each other count as two only when neither does nearly all alone.
+
+use super::diagnose::SHARE;
+use super::diagnosis::{CandidateReport, Estimate, NextExperiment, Verdict};
+use super::error::ValidationError;
+use super::experiments::{Rival, next_experiment};
+use super::forward::Library;
+use super::heldout::{held_out_error, linearise_held_out};
+use super::rank::{Reference, Refit, added_parameters};
+use super::screen::{Screened, Screening, screen_pairs};
+use super::structure::StructureTest;
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+
+/// Noise variance over the stated one that is believed to be noise: deviations understated by half.
+pub const LARGEST_NOISE_SCALE: f64 = 2.25;
+/// Prior odds: nothing, one effect, two effects.
+pub const PRIOR: [f64; 3] = [0.5, 0.35, 0.15];
+/// Level of a single effect's likelihood ratio, corrected for the catalogue.
+pub const FIRST_LEVEL: f64 = 0.05;
+/// Twenty to one.
+pub const LOG_ODDS: f64 = 2.995_732_273_553_991;
+/// Level of what a second effect explains beyond any form of the first, corrected for the catalogue.
+const SECOND_LEVEL: f64 = 0.01;
+/// Share of the excess that the better effect leaves, which a second one must take.
+const SECOND_SHARE: f64 = 0.1;
+/// Share of the whole excess that a second effect must take: few catalogue formulae fit nature's to better than this.
+const SMALLEST_SHARE: f64 = 0.01;
+/// Of two effects that imitate each other, one that takes this share of the excess alone stands alone.
+const ALONE_SHARE: f64 = 0.9;
+/// Candidates refitted alone, and pairs.
+const SINGLES: usize = 8;
+const PAIRS: usize = 8;
+/// An effect that takes nearly as much of the excess away is an alias, whatever the evidence says of its formula.
+const ALIAS_SHARE: f64 = 0.9;
+/// Cosine of two signatures above which nothing on these impacts tells them apart.
+const ALIAS_COSINE: f64 = 0.95;
+/// Cosine above which two effects are one on these impacts, and the log odds by which the catalogue's first one is preferred.
+const TWIN_COSINE: f64 = 0.99;
+const PRECEDENCE: f64 = 0.5 * LOG_ODDS;
+/// An effect that one impact carries by more than this share of its gain is not believed.
+const ONE_IMPACT: f64 = 0.6;
+
+/// Share of the excess that is gone; an excess of nothing has nothing to remove.
+pub fn share_removed(before: f64, after: f64) -> f64 {
+    if before <= 0.0 { 0.0 } else { (1.0 - after / before).clamp(0.0, 1.0) }
+}
+
+/// The excess of a structure test at another noise scale than its own: the chi-square beyond what noise of scale c leaves.
+pub fn excess_at(test: &StructureTest, c: f64) -> f64 {
+    let chi2 = test.statistic + test.noise_scale * test.residual_freedom;
+    (chi2 / c - test.rank as f64 - test.residual_freedom).max(0.0)
+}
+
+/// Starting strengths of a pair: from the joint score where there is one, else typical halves.
+fn screen_pairs_guess(reference: &Reference, screening: &Screening, names: &[&str]) -> Vec<f64> {
+    let of = |name: &str| screening.effects.iter().find(|s| reference.library.effects()[s.effect].name == name);
+    let Some(terms): Option<Vec<&Screened>> = names.iter().map(|n| of(n)).collect() else { return Vec::new() };
+    let columns: Vec<usize> = terms.iter().flat_map(|s| s.terms.iter().copied()).collect();
+    let typical = terms.iter().flat_map(|s| reference.library.effects()[s.effect].strengths.iter().map(|t| t.typical));
+    screening.projected.joint(&columns).map_or_else(Vec::new, |(_, strengths)| strengths.iter().zip(typical).map(|(s, t)| s * t).collect())
+}
+
+/// Two effects together, and what the lesser of them explains when the other may have any form.
+pub struct Pair {
+    pub refit: Refit,
+    /// Places of the two alone among the singles.
+    halves: [usize; 2],
+    /// Gain in chi-square of the lesser one, and its p-value corrected for the catalogue.
+    beyond_form: f64,
+    p_value: f64,
+    /// Each imitates the other, by their cards or by their signatures here.
+    aliases: bool,
+    /// Chi-square and log determinant of every held-out impact, for the pair and for each alone.
+    held_out: Vec<(f64, f64)>,
+    held_out_halves: [Vec<(f64, f64)>; 2],
+}
+
+/// Everything refitted.
+pub struct Refits {
+    singles: Vec<Refit>,
+    pairs: Vec<Pair>,
+    tested: usize,
+    /// Noise scale of the best model found.
+    pub c: f64,
+    /// Structure test of the current model.
+    base: StructureTest,
+    /// For each single effect, earlier ones of the catalogue that nothing on these impacts tells it from.
+    twins: Vec<Vec<usize>>,
+}
+
+impl Refits {
+    pub fn new(reference: &mut Reference, screening: &Screening, base: &StructureTest) -> Result<Self, ValidationError> {
+        let library = reference.library;
+        let name = |e: usize| library.effects()[e].name.as_str();
+        let mut order: Vec<_> = screening.effects.iter().filter(|s| s.hidden_because.is_none() && s.gain > 0.0).collect();
+        order.sort_by(|a, b| (b.gain - b.terms.len() as f64).total_cmp(&(a.gain - a.terms.len() as f64)).then(a.effect.cmp(&b.effect)));
+        order.truncate(SINGLES);
+        let fixed = &*reference;
+        let singles: Vec<Refit> =
+            order.par_iter().map(|s| fixed.refit(&[name(s.effect)], &s.strengths)).collect::<Vec<_>>().into_iter().filter_map(Result::ok).collect();
+        let mut refits = Refits { singles, pairs: Vec::new(), tested: screening.tested.max(1), c: reference.c, base: base.clone(), twins: Vec::new() };
+        refits.settle_noise(reference);
+        refits.find_pairs(reference, screening)?;
+        refits.settle_noise(reference);
+        let place = |r: &Refit| library.effects().iter().position(|o| o.name == r.effects[0]);
+        refits.twins = refits
+            .singles
+            .iter()
+            .map(|own| {
+                let same = |other: &Refit| cosine(library, screening, &own.effects[0], &other.effects[0]).abs() > TWIN_COSINE;
+                (0..refits.singles.len()).filter(|&i| place(&refits.singles[i]) < place(own) && same(&refits.singles[i])).collect()
+            })
+            .collect();
+        Ok(refits)
+    }
+
+    /// A model that misses leaves misfit in the noise scale; the best model's is nearest to the truth.
+    fn settle_noise(&mut self, reference: &mut Reference) {
+        self.c = self.singles.iter().chain(self.pairs.iter().map(|p| &p.refit)).map(|r| r.structure.noise_scale).fold(self.c, f64::min);
+        reference.c = self.c;
+        for r in self.singles.iter_mut().chain(self.pairs.iter_mut().map(|p| &mut p.refit)) {
+            r.judge(reference.base, self.c);
+        }
+    }
+
+    fn find_pairs(&mut self, reference: &Reference, screening: &Screening) -> Result<(), ValidationError> {
+        let library = reference.library;
+        let mut leaders: Vec<usize> = (0..self.singles.len()).filter(|&i| self.singles[i].log_evidence > 0.0).collect();
+        leaders.sort_by(|&a, &b| self.singles[b].log_evidence.total_cmp(&self.singles[a].log_evidence).then(a.cmp(&b)));
+        leaders.truncate(2);
+        // What stands out beside a leader in any form.
+        let mut wanted: Vec<[String; 2]> = Vec::new();
+        let mut want = |a: &str, b: &str| {
+            let pair = if a < b { [a.to_owned(), b.to_owned()] } else { [b.to_owned(), a.to_owned()] };
+            if !wanted.contains(&pair) {
+                wanted.push(pair);
+            }
+        };
+        for &leader in &leaders {
+            let first = &self.singles[leader];
+            let second = reference.screen_second(first, None)?;
+            let mut order: Vec<_> = second.effects.iter().filter(|s| s.p_value * (self.tested as f64) < SECOND_LEVEL).collect();
+            order.sort_by(|a, b| b.gain.total_cmp(&a.gain).then(a.effect.cmp(&b.effect)));
+            for s in order.iter().take(3) {
+                want(&first.effects[0], &library.effects()[s.effect].name);
+            }
+        }
+        // Pairs that hide each other: much better together than the best one alone.
+        let best_gain = screening.effects.iter().map(|s| s.gain).fold(0.0, f64::max);
+        for p in screen_pairs(screening, library, reference.c).iter().take(3).filter(|p| p.gain > 1.3 * best_gain + 30.0) {
+            want(&library.effects()[p.effects[0]].name, &library.effects()[p.effects[1]].name);
+        }
+        wanted.truncate(PAIRS);
+        // Both halves of a pair are candidates too.
+        let known = |name: &String| self.singles.iter().any(|s| s.effects[0] == *name);
+        let mut more: Vec<&String> = wanted.iter().flatten().filter(|n| !known(n)).collect();
+        more.sort();
+        more.dedup();
+        let made: Vec<Refit> = more.par_iter().filter_map(|n| reference.refit(&[n], &[]).ok()).collect();
+        self.singles.extend(made);
+        let losses = |r: &Refit| -> Option<Vec<(f64, f64)>> {
+            let forward = library.with(&r.effects.iter().map(String::as_str).collect::<Vec<_>>()).ok()?;
+            let held = linearise_held_out(forward.as_ref(), &r.fit, reference.observations, &reference.observations.side(true)).ok()?;
+            Some(held.iter().map(|l| (l.z.norm_squared(), l.log_det)).collect())
+        };
+        let in_pairs: Vec<usize> = (0..self.singles.len()).filter(|&i| wanted.iter().flatten().any(|n| *n == self.singles[i].effects[0])).collect();
+        let of_single: BTreeMap<usize, Vec<(f64, f64)>> = in_pairs.par_iter().filter_map(|&i| Some((i, losses(&self.singles[i])?))).collect();
+        let singles = &self.singles;
+        let tested = self.tested as f64;
+        let pairs: Vec<Option<Pair>> = wanted
+            .par_iter()
+            .map(|names| {
+                let pair: Vec<&str> = names.iter().map(String::as_str).collect();
+                let guess = screen_pairs_guess(reference, screening, &pair);
+                let refit = reference.refit(&pair, &guess).ok()?;
+                let at = |name: &String| singles.iter().position(|s| s.effects[0] == *name);
+                let halves = [at(&names[0])?, at(&names[1])?];
+                // Each half beyond the other in any form.
+                let mut least = (f64::INFINITY, 0.0f64);
+                for (own, other) in [(0, 1), (1, 0)] {
+                    let beyond = reference.screen_second(&singles[halves[own]], Some(&[pair[other]])).ok()?;
+                    let s = beyond.effects.first()?;
+                    least = (least.0.min(s.gain), least.1.max((s.p_value * tested).min(1.0)));
+                }
+                Some(Pair {
+                    held_out: losses(&refit)?,
+                    held_out_halves: [of_single.get(&halves[0])?.clone(), of_single.get(&halves[1])?.clone()],
+                    aliases: imitate_each_other(library, screening, pair[0], pair[1]),
+                    refit,
+                    halves,
+                    beyond_form: least.0,
+                    p_value: least.1,
+                })
+            })
+            .collect();
+        self.pairs = pairs.into_iter().flatten().collect();
+        Ok(())
+    }
+
+    /// The half of a pair that leaves less.
+    fn better_half(&self, pair: &Pair) -> usize {
+        let left = |i: usize| excess_at(&self.singles[i].structure, self.c.min(LARGEST_NOISE_SCALE));
+        if left(pair.halves[1]) < left(pair.halves[0]) { pair.halves[1] } else { pair.halves[0] }
+    }
+
+    /// Two effects that imitate each other, one of which does nearly all alone: the first in another form.
+    fn is_one_in_another_form(&self, pair: &Pair) -> bool {
+        let c = self.c.min(LARGEST_NOISE_SCALE);
+        let left = excess_at(&self.singles[self.better_half(pair)].structure, c);
+        pair.aliases && share_removed(excess_at(&self.base, c), left) > ALONE_SHARE
+    }
+
+    /// Why a pair does not earn its place beside its better half; `None` when it does.
+    fn objection(&self, pair: &Pair) -> Option<String> {
+        let c = self.c.min(LARGEST_NOISE_SCALE);
+        let (base, both) = (excess_at(&self.base, c), excess_at(&pair.refit.structure, c));
+        let at = self.better_half(pair);
+        let better = &self.singles[at];
+        let left = excess_at(&better.structure, c);
+        let alone = share_removed(base, left);
+        if pair.p_value >= SECOND_LEVEL {
+            return Some(format!("one of them explains nothing beyond another form of the other (p = {:.2})", pair.p_value));
+        }
+        if self.is_one_in_another_form(pair) {
+            return Some(format!(
+                "they imitate each other, and {} alone takes {:.0} % of the excess away: what is left is more likely its form",
+                better.effects[0],
+                100.0 * alone
+            ));
+        }
+        let form = self.pairs.iter().find(|q| self.is_one_in_another_form(q) && self.better_half(q) == at && q.refit.log_evidence > pair.refit.log_evidence);
+        if form.is_some() {
+            return Some(format!("another form of {} explains what it leaves better", better.effects[0]));
+        }
+        // What chance leaves (two deviations) is nobody's to take.
+        let chance = 2.0 * (2.0 * self.base.rank as f64).sqrt();
+        if left - both < SECOND_SHARE * (left - chance).max(0.0) || left - both < SMALLEST_SHARE * base {
+            return Some(format!("the second takes only {:.0} % of what {} leaves", 100.0 * share_removed(left, both), better.effects[0]));
+        }
+        for alone in &pair.held_out_halves {
+            let gains: Vec<f64> = alone.iter().zip(&pair.held_out).map(|(a, p)| (a.0 - p.0) / self.c + a.1 - p.1).collect();
+            let (sum, spread) = (gains.iter().sum::<f64>(), gains.iter().map(|g| g * g).sum::<f64>().sqrt());
+            if !(sum > spread) {
+                return Some("together they do not lower the error on held-out impacts by more than chance".to_owned());
+            }
+        }
+        None
+    }
+
+    /// The pair that fits much better than the best single effect and yet does not earn its place, in words.
+    pub fn refused_pair(&self) -> Option<String> {
+        let single = self.singles.iter().map(|s| s.log_evidence).fold(0.0, f64::max);
+        let best = self.pairs.iter().max_by(|a, b| a.refit.log_evidence.total_cmp(&b.refit.log_evidence))?;
+        if best.refit.log_evidence < single + LOG_ODDS {
+            return None;
+        }
+        self.objection(best).map(|why| format!("{} together would fit still better, but {why}", best.refit.effects.join(" and ")))
+    }
+
+    fn earned(&self) -> impl Iterator<Item = &Pair> {
+        self.pairs.iter().filter(|p| self.objection(p).is_none())
+    }
+
+    fn log_prior(&self, effects: usize) -> f64 {
+        let n = self.tested as f64;
+        match effects {
+            1 => (PRIOR[1] / n).ln(),
+            _ => (PRIOR[2] / (0.5 * n * (n - 1.0)).max(1.0)).ln(),
+        }
+    }
+
+    /// Log evidence of a pair's better half, and what the pair adds to it: no more than the lesser one explains beyond the
+    /// other's form. Only the former is subject to overdispersion: no form of the first could explain the latter.
+    fn pair_evidence(&self, pair: &Pair) -> (f64, f64) {
+        let half = pair.halves.iter().map(|&i| self.singles[i].log_evidence).fold(0.0, f64::max);
+        let beyond = 0.5 * pair.beyond_form - (1.0 + pair.beyond_form).ln();
+        (half, (pair.refit.log_evidence - half).min(beyond))
+    }
+
+    /// Every model that stands: single effects, and pairs that earn their place.
+    pub fn all(&self) -> impl Iterator<Item = &Refit> {
+        self.singles.iter().chain(self.earned().map(|p| &p.refit))
+    }
+
+    /// Of effects that these impacts cannot tell apart, the one the catalogue lists first is the more common one.
+    fn single_weight(&self, at: usize, overdispersion: f64) -> f64 {
+        let own = self.singles[at].log_evidence;
+        let second = self.twins.get(at).is_some_and(|t| t.iter().any(|&i| self.singles[i].log_evidence > own - LOG_ODDS));
+        own / overdispersion + self.log_prior(1) - if second { PRECEDENCE } else { 0.0 }
+    }
+
+    /// The second effect of the best single one's pair is weighed in full, any other pair against the best single effect's
+    /// possible forms.
+    fn pair_weight(&self, pair: &Pair, overdispersion: f64) -> f64 {
+        let (half, more) = self.pair_evidence(pair);
+        let best = (0..self.singles.len()).max_by(|&i, &j| self.singles[i].log_evidence.total_cmp(&self.singles[j].log_evidence).then(j.cmp(&i)));
+        let sum = if best.is_some_and(|b| pair.halves.contains(&b)) { half / overdispersion + more } else { (half + more) / overdispersion };
+        sum + self.log_prior(2)
+    }
+
+    /// The model to recommend: the best single effect, or the best pair, by the same weights as their probabilities.
+    pub fn choose(&self, overdispersion: f64) -> Option<&Refit> {
+        let single = self
+            .singles
+            .iter()
+            .enumerate()
+            .filter(|(_, r)| r.log_evidence > 0.5 * LOG_ODDS && r.p_value * (self.tested as f64) < FIRST_LEVEL && r.largest_share < ONE_IMPACT)
+            .map(|(i, r)| (self.single_weight(i, overdispersion), r))
+            .max_by(|a, b| a.0.total_cmp(&b.0));
+        let sum = |p: &Pair| {
+            let (half, more) = self.pair_evidence(p);
+            half + more
+        };
+        let weight = |p: &Pair| self.pair_weight(p, overdispersion);
+        let pair = self.earned().filter(|p| p.refit.largest_share < ONE_IMPACT && sum(p) > 0.5 * LOG_ODDS).max_by(|a, b| weight(a).total_cmp(&weight(b)));
+        match (single, pair) {
+            (Some(s), Some(p)) => {
+                let better = self.pair_weight(p, overdispersion) - s.0;
+                if better > 0.5 * LOG_ODDS { Some(&p.refit) } else { Some(s.1) }
+            }
+            (s, p) => s.map(|s| s.1).or(p.map(|p| &p.refit)),
+        }
+    }
+
+    /// Log posterior weights of nothing, every single, every pair that stands.
+    fn log_weights(&self, overdispersion: f64) -> Vec<f64> {
+        let singles = (0..self.singles.len()).map(|i| self.single_weight(i, overdispersion));
+        std::iter::once(PRIOR[0].ln()).chain(singles).chain(self.earned().map(|p| self.pair_weight(p, overdispersion))).collect()
+    }
+
+    fn normalised(&self, overdispersion: f64) -> Vec<f64> {
+        let logs = self.log_weights(overdispersion);
+        let top = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let weights: Vec<f64> = logs.iter().map(|l| (l - top).exp()).collect();
+        let sum: f64 = weights.iter().sum();
+        weights.into_iter().map(|w| w / sum).collect()
+    }
+
+    pub fn probability_of(&self, refit: &Refit, overdispersion: f64) -> f64 {
+        let weights = self.normalised(overdispersion);
+        self.all().zip(&weights[1..]).find(|(r, _)| std::ptr::eq(*r, refit)).map_or(0.0, |(_, w)| *w)
+    }
+
+    pub fn report(
+        &self,
+        reference: &Reference,
+        screening: &Screening,
+        before: f64,
+        excess: f64,
+        overdispersion: f64,
+        verdict: Verdict,
+    ) -> Result<Vec<CandidateReport>, ValidationError> {
+        let library = reference.library;
+        let weights = self.normalised(overdispersion);
+        let mut list: Vec<CandidateReport> = self
+            .singles
+            .par_iter()
+            .map(|s| {
+                let effect = s.effects[0].clone();
+                let forward = library.with(&[&effect])?;
+                let mut probability: f64 = self.all().zip(&weights[1..]).filter(|(r, _)| r.effects.contains(&effect)).map(|(_, w)| w).sum();
+                let share = share_removed(excess, excess_at(&s.structure, self.c.min(LARGEST_NOISE_SCALE)));
+                if verdict == Verdict::Unexplained {
+                    // No name is likely when none takes the excess away.
+                    let joint = self
+                        .all()
+                        .filter(|r| r.effects.contains(&effect))
+                        .map(|r| share_removed(excess, excess_at(&r.structure, self.c.min(LARGEST_NOISE_SCALE))))
+                        .fold(share, f64::max);
+                    probability *= 0.5 * (joint / SHARE).min(1.0);
+                }
+                let outline = library.effects().iter().find(|o| o.name == effect);
+                Ok(CandidateReport {
+                    probability,
+                    heldout_error_before: before,
+                    heldout_error_after: held_out_error(forward.as_ref(), &s.fit, reference.observations)?,
+                    parameters: estimates(&added_parameters(forward.as_ref(), &s.fit, reference.base.values.len(), reference.c)),
+                    aliases: Vec::new(),
+                    kind: outline.map_or("physics", |o| o.kind).to_owned(),
+                    log_evidence_gain: s.log_evidence,
+                    chi2_gain: s.gain,
+                    p_value: (s.p_value * self.tested as f64).min(1.0),
+                    share_removed: share,
+                    alias_cosines: BTreeMap::new(),
+                    refitted: true,
+                    effect,
+                })
+            })
+            .collect::<Result<Vec<_>, ValidationError>>()?;
+        list.sort_by(|a, b| b.probability.total_cmp(&a.probability).then(b.log_evidence_gain.total_cmp(&a.log_evidence_gain)).then(a.effect.cmp(&b.effect)));
+        self.add_aliases(library, screening, overdispersion, &mut list);
+        Ok(list)
+    }
+
+    /// For the best candidate and each of its first two aliases: the impacts that would tell.
+    pub fn next_experiments(&self, reference: &Reference, candidates: &[CandidateReport]) -> Result<Vec<NextExperiment>, ValidationError> {
+        let Some(best) = candidates.first() else { return Ok(Vec::new()) };
+        let Some(first) = self.singles.iter().find(|s| s.effects[0] == best.effect) else { return Ok(Vec::new()) };
+        let a = reference.library.with(&[&best.effect])?;
+        let at_a = a.prepare(&first.fit.values)?;
+        let mut all = Vec::new();
+        for alias in best.aliases.iter().take(2) {
+            let Some(second) = self.singles.iter().find(|s| s.effects[0] == *alias) else { continue };
+            let b = reference.library.with(&[alias])?;
+            let at_b = b.prepare(&second.fit.values)?;
+            let separated_by = reference.library.effects().iter().find(|o| o.name == best.effect).map_or("", |o| o.separated_by.as_str());
+            let (first, second) = (Rival { name: &best.effect, prediction: at_a.as_ref() }, Rival { name: alias, prediction: at_b.as_ref() });
+            all.extend(next_experiment(&first, &second, reference.observations, reference.impacts, &reference.base.impacts, separated_by));
+        }
+        Ok(all)
+    }
+
+    /// An alias explains these impacts about as well (within twenty to one), or has the same signature.
+    fn add_aliases(&self, library: &dyn Library, screening: &Screening, overdispersion: f64, list: &mut [CandidateReport]) {
+        let facts: Vec<(String, f64, f64)> = list.iter().map(|c| (c.effect.clone(), c.log_evidence_gain, c.share_removed)).collect();
+        for candidate in list.iter_mut() {
+            for (other, evidence, share) in &facts {
+                if *other == candidate.effect {
+                    continue;
+                }
+                let like = cosine(library, screening, &candidate.effect, other);
+                let close = (candidate.log_evidence_gain - evidence).abs() / overdispersion < LOG_ODDS && *evidence > 0.0;
+                let as_good = candidate.share_removed > 0.3 && *share > ALIAS_SHARE * candidate.share_removed;
+                if close || as_good || like.abs() > ALIAS_COSINE {
+                    candidate.aliases.push(other.clone());
+                    candidate.alias_cosines.insert(other.clone(), like);
+                }
+            }
+        }
+    }
+}
+
+/// Largest cosine between the signatures of two effects, nuisance projected out.
+fn cosine(library: &dyn Library, screening: &Screening, a: &str, b: &str) -> f64 {
+    let term = |name: &str| screening.effects.iter().find(|s| library.effects()[s.effect].name == name);
+    let (Some(a), Some(b)) = (term(a), term(b)) else { return 0.0 };
+    a.terms
+        .iter()
+        .flat_map(|&i| b.terms.iter().map(move |&j| (i, j)))
+        .map(|(i, j)| screening.projected.cosine(i, j))
+        .fold(0.0, |m: f64, v| if v.abs() > m.abs() { v } else { m })
+}
+
+/// Whether two effects are known to be confused, by either one's card, or cannot be told apart on these impacts.
+fn imitate_each_other(library: &dyn Library, screening: &Screening, a: &str, b: &str) -> bool {
+    let lists = |name: &str, other: &str| library.effects().iter().any(|o| o.name == name && o.confused_with.iter().any(|c| c == other));
+    lists(a, b) || lists(b, a) || cosine(library, screening, a, b).abs() > ALIAS_COSINE
+}
+
+pub fn estimates(parameters: &[(String, f64, f64)]) -> BTreeMap<String, Estimate> {
+    parameters.iter().map(|(name, value, sd)| (name.clone(), Estimate { value: *value, sd: *sd })).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn truth_excess_counts_what_noise_of_the_scale_does_not_explain() {
+        let test = StructureTest { statistic: 300.0, rank: 100, p_value: 0.0, noise_scale: 1.0, residual_freedom: 900.0, excess: 200.0, seed: 1 };
+        assert_eq!(excess_at(&test, 1.0), 200.0);
+        // Noise of twice the variance explains it all.
+        assert_eq!(excess_at(&test, 2.0), 0.0);
+        assert_eq!(share_removed(200.0, 50.0), 0.75);
+        assert_eq!(share_removed(0.0, 0.0), 0.0);
+        assert_eq!(share_removed(100.0, 150.0), 0.0);
+    }
+}

@@ -4,15 +4,19 @@ use super::Shell;
 use super::error::CliError;
 use super::impacts_input::ImpactFiles;
 use crate::equipment_set::EquipmentSet;
-use crate::impact::batch::{predict_table, without_spin};
+use crate::impact::batch::{RowError, RowSensitivity, differentiate_table, predict_table, without_spin};
 use crate::impact::{ImpactOutput, Model};
-use crate::impact_table::{ImpactTable, OUTPUTS};
+use crate::impact_table::{INPUTS, ImpactTable, OUTPUTS};
 
 /// The model's outcome of every impact, to predictions.csv
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     #[command(flatten)]
     pub files: ImpactFiles,
+    /// Also write sensitivities.csv (derivatives by every input and parameter) and predictions_sd.csv (what the inputs'
+    /// standard deviations carry into the prediction)
+    #[arg(long)]
+    pub sensitivities: bool,
 }
 
 pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
@@ -24,6 +28,15 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let path = shell.results_beside(impacts).join("predictions.csv");
     let rows: Vec<(&str, Option<&ImpactOutput>)> = table.rows.iter().zip(&results).map(|(r, o)| (r.id.as_str(), o.as_ref().ok())).collect();
     shell.write(&path, predictions_csv(&rows)?.as_bytes())?;
+    if arguments.sensitivities {
+        let derivatives = differentiate_table(&model, &set, &table)?;
+        let rows: Vec<(&str, &Result<RowSensitivity, RowError>)> = table.rows.iter().map(|r| r.id.as_str()).zip(&derivatives).collect();
+        let beside = shell.results_beside(impacts);
+        shell.write(&beside.join("sensitivities.csv"), sensitivities_csv(&rows, &model)?.as_bytes())?;
+        let path = beside.join("predictions_sd.csv");
+        shell.write(&path, deviations_csv(&rows)?.as_bytes())?;
+        shell.say(format_args!("derivatives and deviations: {}", path.display()));
+    }
     let failed: Vec<String> = results.iter().filter_map(|r| r.as_ref().err().map(ToString::to_string)).collect();
     let json: Vec<serde_json::Value> = rows.iter().map(|(id, o)| as_json(id, *o)).collect();
     let spinless = without_spin(&table);
@@ -49,6 +62,35 @@ fn predictions_csv(rows: &[(&str, Option<&ImpactOutput>)]) -> Result<String, Cli
     }
     let bytes = csv.into_inner().map_err(CliError::output)?;
     String::from_utf8(bytes).map_err(CliError::output)
+}
+
+/// One row per impact and input or parameter (`of`): derivatives of every output, SI; `edge` where there is none.
+fn sensitivities_csv(rows: &[(&str, &Result<RowSensitivity, RowError>)], model: &Model) -> Result<String, CliError> {
+    let mut csv = csv::Writer::from_writer(Vec::new());
+    csv.write_record(["id", "of", "edge"].iter().chain(&OUTPUTS)).map_err(CliError::output)?;
+    for (id, row) in rows {
+        let Ok(row) = row else { continue };
+        let s = &row.sensitivities;
+        let names = INPUTS.iter().copied().chain(model.parameters().iter().map(|p| p.name.as_str()));
+        for (name, column) in names.zip(s.by_input.iter().chain(&s.by_parameter)) {
+            let edge = if s.edges.iter().any(|e| e == name) { "yes" } else { "" };
+            let cells = column.iter().map(|v| if edge.is_empty() { v.to_string() } else { String::new() });
+            let record: Vec<String> = [id.to_string(), name.to_owned(), edge.to_owned()].into_iter().chain(cells).collect();
+            csv.write_record(record).map_err(CliError::output)?;
+        }
+    }
+    String::from_utf8(csv.into_inner().map_err(CliError::output)?).map_err(CliError::output)
+}
+
+/// `id` and the standard deviation of every predicted output.
+fn deviations_csv(rows: &[(&str, &Result<RowSensitivity, RowError>)]) -> Result<String, CliError> {
+    let mut csv = csv::Writer::from_writer(Vec::new());
+    csv.write_record(["id"].iter().chain(&OUTPUTS)).map_err(CliError::output)?;
+    for (id, row) in rows {
+        let cells = row.as_ref().map_or_else(|_| vec![String::new(); OUTPUTS.len()], |r| r.output_sd.map(|v| v.to_string()).to_vec());
+        csv.write_record(std::iter::once((*id).to_owned()).chain(cells)).map_err(CliError::output)?;
+    }
+    String::from_utf8(csv.into_inner().map_err(CliError::output)?).map_err(CliError::output)
 }
 
 fn as_json(id: &str, output: Option<&ImpactOutput>) -> serde_json::Value {

@@ -3,6 +3,7 @@
 use super::error::ModelError;
 use super::input::{ImpactInput, ImpactOutput};
 use super::model::{Model, PreparedModel};
+use super::sensitivity::{Column, Sensitivities, SensitivityModel};
 use crate::equipment_set::{EquipmentSet, PickError};
 use crate::impact_table::{INPUTS, ImpactRow, ImpactTable};
 use rayon::prelude::*;
@@ -78,4 +79,34 @@ pub fn predict_table(model: &Model, set: &EquipmentSet, table: &ImpactTable) -> 
         model.predict(&input).map_err(|source| RowError::Model { id: row.id.clone(), source })
     };
     Ok(table.rows.par_iter().with_min_len(32).map(one).collect())
+}
+
+/// Derivatives at one impact of a table, and the standard deviations that its inputs' carry into the prediction.
+#[derive(Debug, Clone)]
+pub struct RowSensitivity {
+    pub sensitivities: Sensitivities,
+    pub output_sd: Column,
+}
+
+/// Derivatives at every row; an input whose deviation the table does not state counts as exact.
+///
+/// # Errors
+/// As [`predict_table`].
+pub fn differentiate_table(model: &Model, set: &EquipmentSet, table: &ImpactTable) -> Result<Vec<Result<RowSensitivity, RowError>>, ModelError> {
+    let mut prepared: BTreeMap<(usize, usize), SensitivityModel> = BTreeMap::new();
+    for (r, b) in table.rows.iter().filter_map(|row| set.pick(row).ok()) {
+        if let std::collections::btree_map::Entry::Vacant(slot) = prepared.entry((r, b)) {
+            slot.insert(SensitivityModel::new(model, &set.rackets[r], &set.balls[b])?);
+        }
+    }
+    let first = first_sequence(table);
+    let one = |row: &ImpactRow| -> Result<RowSensitivity, RowError> {
+        let input = input_of_row(row, first)?;
+        let pair = set.pick(row)?;
+        let failed = |source| RowError::Model { id: row.id.clone(), source };
+        let sensitivities = prepared.get(&pair).ok_or_else(|| failed(ModelError::NotFinite))?.at(&input).map_err(failed)?;
+        let sd: [f64; INPUTS.len()] = std::array::from_fn(|j| row.inputs[j].and_then(|m| m.sd).unwrap_or(0.0));
+        Ok(RowSensitivity { output_sd: sensitivities.output_sd(&sd), sensitivities })
+    };
+    Ok(table.rows.par_iter().map(one).collect())
 }

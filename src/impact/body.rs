@@ -81,6 +81,19 @@ impl Body {
         Ok(())
     }
 
+    /// Hangs a point mass on the beam, where it was computed: its modes then carry the mass. A mass too odd for the beam
+    /// leaves the modes as they were.
+    pub fn hang_on_beam(&mut self, mass: f64, from_butt: f64) {
+        if let Some(loaded) = self.beam.as_ref().and_then(|b| b.with_point_masses(&[(from_butt, mass)]).ok()) {
+            self.beam = Some(Arc::new(loaded));
+        }
+    }
+
+    /// First bending frequency over that of the racket alone: 1 unless something hangs on the frame.
+    pub fn beam_frequency_ratio(&self) -> f64 {
+        self.beam.as_ref().map_or(1.0, |b| b.modes[0].frequency_hz / BEAM_FREQUENCY_HZ)
+    }
+
     /// Local x of the frame's node in the head, when the beam was computed.
     pub fn head_node_x(&self) -> Option<f64> {
         self.beam.as_ref().map(|b| self.stringbed_centre - b.head_node())

@@ -27,6 +27,7 @@ pub mod model;
 pub mod model_file;
 pub mod parameter;
 pub mod rigid;
+pub mod sensitivity;
 pub mod study;
 pub mod viscoelastic;
 

@@ -3,6 +3,7 @@
 use crate::impact_scene::{ball, impacts, racket};
 use rand::{Rng, SeedableRng};
 use sweetspot::impact::card::Role;
+use sweetspot::impact::viscoelastic::{BallLaw, FrictionDirection, NormalForce, Release, StringLaw};
 use sweetspot::impact::{Base, ImpactInput, ImpactOutput, Model, ModelError, catalogue};
 
 fn predict(model: &Model, inputs: &[ImpactInput]) -> Vec<ImpactOutput> {
@@ -106,6 +107,64 @@ fn law_random_parameters_never_hang_panic_or_return_nan() {
         }
     }
     assert!(answered > 95_000, "{answered} answered, {refused} refused");
+}
+
+/// The same with effects at random strengths and the older laws.
+#[test]
+fn law_random_effects_and_laws_never_hang_panic_or_return_nan() {
+    let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(37);
+    let inputs = impacts(500, 38);
+    let (mut answered, mut asked) = (0, 0);
+    for k in 0..72 {
+        let mut model = Model::new(Base::Viscoelastic);
+        model.set_ball_law([BallLaw::Goodwill, BallLaw::KelvinVoigt, BallLaw::LeighLui][k % 3]).unwrap();
+        model.set_string_law([StringLaw::Goodwill, StringLaw::KelvinVoigt, StringLaw::LeighLui][k / 3 % 3]).unwrap();
+        let laws = model.contact_laws_mut();
+        laws.normal_force = if rng.random_bool(0.3) { NormalForce::Haake } else { NormalForce::Central };
+        laws.friction_direction = if rng.random_bool(0.3) { FrictionDirection::Projected } else { FrictionDirection::Slip };
+        for card in catalogue() {
+            if rng.random_bool(0.12) {
+                model = model.with_effect(card.name).unwrap();
+                for (at, p) in model.effect_parameters(card.name).zip(card.parameters) {
+                    // Within three typical sizes of the default, and sometimes at the end of the documented range.
+                    let near = (p.default + p.typical * rng.random_range(-3.0..3.0)).clamp(p.min, p.max);
+                    model.set_at(at, if rng.random_bool(0.05) { p.max } else { near }).unwrap();
+                }
+            }
+        }
+        let Ok(prepared) = model.prepare(&racket(), &ball()) else { continue };
+        for result in prepared.predict_all(&inputs) {
+            asked += 1;
+            match result {
+                Ok(o) => {
+                    assert!(o.is_finite() && o.contact_time.unwrap() > 0.0);
+                    answered += 1;
+                }
+                Err(e) => assert!(!e.to_string().is_empty()),
+            }
+        }
+    }
+    assert!(asked > 25_000 && answered > asked / 2, "{answered} of {asked} answered");
+}
+
+/// The model file chooses among the published laws; a law brings its own defaults, which the file may overrule.
+#[test]
+fn law_the_model_file_chooses_ball_and_string_laws() {
+    let path = std::path::Path::new("model.toml");
+    let read = |text: &str| Model::parse(&format!("base = \"viscoelastic\"\n[parameters]\n{text}"), path);
+    let value = |m: &Model, name: &str| m.parameters()[m.index_of(name).unwrap()].value;
+    let kelvin_voigt = read("ball_law = \"kelvin-voigt\"\nstring_law = \"leigh-lui\"\nc_B0 = 12.5").unwrap();
+    assert_eq!(kelvin_voigt.contact_laws().ball, BallLaw::KelvinVoigt);
+    assert_eq!(kelvin_voigt.contact_laws().release, Release::Displacement);
+    assert_eq!((value(&kelvin_voigt, "k_B0"), value(&kelvin_voigt, "c_B0"), value(&kelvin_voigt, "c_S")), (45.3e3, 12.5, 0.0));
+    let pushed = read("ball_law = \"kelvin-voigt\"\nrelease = \"force\"\nnormal_force = \"haake\"\nfriction_direction = \"projected\"").unwrap();
+    assert_eq!(pushed.contact_laws().release, Release::Force);
+    assert_eq!(pushed.contact_laws().normal_force, NormalForce::Haake);
+    assert_eq!(pushed.contact_laws().friction_direction, FrictionDirection::Projected);
+    let wrong = read("ball_law = \"hertz\"").unwrap_err().to_string();
+    assert!(wrong.contains("model.toml") && wrong.contains("hertz") && wrong.contains("kelvin-voigt"), "{wrong}");
+    let rigid = Model::parse("base = \"rigid\"\n[parameters]\nball_law = \"goodwill\"", path).unwrap_err().to_string();
+    assert!(rigid.contains("ball_law"), "{rigid}");
 }
 
 #[test]

@@ -14,6 +14,7 @@ mod cli_footage;
 mod impact;
 mod impact_expression;
 mod impact_scene;
+mod impact_studies;
 mod impact_viscoelastic;
 mod kinematics;
 mod kinematics_photograph;

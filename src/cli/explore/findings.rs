@@ -17,7 +17,7 @@ const ACROSS: usize = 28;
 /// Added masses, kg.
 const ADDED: [f64; 5] = [0.0, 0.005, 0.010, 0.015, 0.020];
 
-/// Mean forehand of the thesis, on a ball of the rules' mass and size where no file names another.
+/// A ball of the rules' mass and size, where no file names another.
 fn itf_ball() -> Ball {
     Ball { name: "ITF ball, 57.7 g".into(), mass_kg: 0.0577, diameter_m: 0.066, inertia_factor: 0.55 }
 }
@@ -118,7 +118,7 @@ pub fn findings(arguments: &Arguments) -> Result<Outcome, CliError> {
         .section(
             Section::new("place", "Impact position")
                 .figures(
-                    Layout::Small,
+                    Layout::Normal,
                     &[
                         (heat("Ball speed", "m/s", &|l| l.speed), "Same swing, every place of the face.".into()),
                         (heat("Spin", "rpm", &|l| rpm(l.spin_rad_s)), "About the long axis.".into()),
@@ -132,8 +132,8 @@ pub fn findings(arguments: &Arguments) -> Result<Outcome, CliError> {
             Section::new("accuracy", "Accuracy")
                 .figure(
                     &Chart::new("Where it lands against where it was hit")
-                        .x("standard deviation of the impact position", "mm")
-                        .y("standard deviation of the direction", "deg")
+                        .x("scatter of the impact position (sd)", "mm")
+                        .y("scatter of the direction (sd)", "deg")
                         .add(Line::new(&up).name("launch angle"))
                         .add(Line::new(&sideways).name("side angle"))
                         .to_svg(),

@@ -2,7 +2,7 @@
 
 use super::Outcome;
 use crate::cli::error::CliError;
-use crate::impact::study::older_models::{CROSS_TANGENTIAL, HeadOn, Oblique, oblique, offset, on_free_racket, on_strings, on_wall};
+use crate::impact::study::older_models::{CROSS_TANGENTIAL, HeadOn, LAWS, Oblique, oblique, offset, on_free_racket, on_strings, on_wall};
 use crate::impact::viscoelastic::Moment;
 use crate::report::chart::{Chart, Line, Points, Rule, Symbol};
 use crate::report::{Layout, Report, Section, Table};
@@ -25,7 +25,11 @@ pub fn models() -> Result<Outcome, CliError> {
     let mut numbers = Table::new("Head-on at three speeds on a rigid wall").column("Law").numbers("Speed, m/s").numbers("Restitution").numbers("published");
     numbers = numbers.numbers("Contact, ms").numbers("Peak force, N").numbers("Force at the end, N").numbers("Pulled for, ms");
     for (v, published) in PUBLISHED {
-        for h in on_wall(v)? {
+        let stand = on_wall(v)?;
+        for (_, _, law) in LAWS.iter().filter(|(_, _, law)| stand.iter().all(|h| h.law != *law)) {
+            numbers = numbers.row(&[law, &*format!("{v:.1}"), "squeezed flat", &*format!("{published:.3}"), "", "", "", ""]);
+        }
+        for h in stand {
             numbers = numbers.row(&[
                 h.law.to_owned(),
                 format!("{v:.1}"),
@@ -33,7 +37,7 @@ pub fn models() -> Result<Outcome, CliError> {
                 format!("{published:.3}"),
                 format!("{:.2}", 1e3 * h.contact_time),
                 format!("{:.0}", h.peak_force_n),
-                format!("{:.0}", h.last_force_n + 0.0),
+                format!("{:.0}", h.last_force_n.round() + 0.0),
                 format!("{:.2}", 1e3 * h.pulled_s),
             ]);
         }
@@ -56,7 +60,7 @@ pub fn models() -> Result<Outcome, CliError> {
     }
     let kelvin_voigt = wall.iter().find(|h| h.last_force_n < -1.0).or(wall.first()).map(|h| h.course.clone()).unwrap_or_default();
     let page = Report::new("Older models beside the default one")
-        .subtitle("Visco-elastic base with the laws of Kelvin-Voigt, of Leigh and Lui, of Goodwill; Haake's offset; Cross and Daish for oblique impacts")
+        .subtitle("Visco-elastic base with the laws of Leigh and Lui (1992), of Kelvin-Voigt (Dignall and Haake 2000, Pratt 2000), of Goodwill and Haake (2001, 2002); Haake's offset; Cross and Daish for oblique impacts")
         .section(
             Section::new("wall", "Head-on against a rigid wall")
                 .figures(
@@ -67,7 +71,7 @@ pub fn models() -> Result<Outcome, CliError> {
                             "Kelvin-Voigt's force jumps at first touch and pulls the ball at the end (thesis, figures 2.31 and 2.32); no surface can pull.".into(),
                         ),
                         (
-                            course("Kelvin-Voigt: displacement, 20 m/s", "displacement of the ball's centre", "mm", &kelvin_voigt, &|m| 1e3 * m.approach),
+                            course("Kelvin-Voigt: displacement, 20 m/s", "displacement", "mm", &kelvin_voigt, &|m| 1e3 * m.approach),
                             "That model's contact ends when the displacement is nil: after the force has changed its sign.".into(),
                         ),
                         (restitution(&over_speed), "Constant springs and dampers know no speed: each law meets the published values only where it was fitted.".into()),

@@ -49,7 +49,7 @@ impl Effect for FrameVibration {
     fn change_laws(&self, p: &[f64], at: &Contact, laws: &mut Laws) {
         let Some(beam) = &at.body.beam else { return };
         let phi = beam.shape(0, from_butt(at.body, at.input.position.x));
-        let s = pulse_response(p[1], p[2]);
+        let s = pulse_response(p[1] * at.body.beam_frequency_ratio(), p[2]);
         laws.mode_loss += p[0] * phi * phi * s * s / (beam.modes[0].modal_mass * at.normal_compliance);
     }
 
@@ -59,7 +59,7 @@ impl Effect for FrameVibration {
             laws.mode_shape = beam.shape(0, from_butt(at.body, at.input.position.x));
             // `amount` scales the energy that the mode takes, so it divides the modal mass.
             laws.mode_mass = beam.modes[0].modal_mass / p[0];
-            laws.mode_rate = 2.0 * PI * p[1];
+            laws.mode_rate = 2.0 * PI * p[1] * at.body.beam_frequency_ratio();
             laws.mode_damping = p[3];
         }
     }

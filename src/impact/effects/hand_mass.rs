@@ -19,7 +19,7 @@ pub(super) static CARD: EffectCard = EffectCard {
                 the racket turns less about y; no dependence on y, spin or angle.",
     confused_with: &["racket-inertia", "frame-vibration", "swing-drive"],
     separated_by: "the same impacts with the racket held and free, at tip and throat",
-    bases: Bases { rigid: "as given", viscoelastic: "as given; the frame mode of `frame-vibration` carries it too" },
+    bases: Bases { rigid: "as given; the mode of `frame-vibration` carries it too (lower frequency, other node)", viscoelastic: "as given; the mode of `frame-vibration` carries it too" },
     effect: &HandMass,
 };
 
@@ -28,6 +28,31 @@ struct HandMass;
 
 impl Effect for HandMass {
     fn change_body(&self, p: &[f64], body: &mut Body) {
-        body.add_mass_on_axis(p[0], p[1]);
+        if p[0] != 0.0 {
+            body.add_mass_on_axis(p[0], p[1]);
+            body.hang_on_beam(p[0], p[1]);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::impact::rigid::tests::reference_equipment;
+    use crate::impact::{Base, Model};
+
+    /// Physics reference, F.4: a hand of 0.2 kg near the end lowers a frame's first frequency by a tenth.
+    #[test]
+    fn truth_the_frame_mode_carries_the_hand() {
+        let (mut racket, ball) = reference_equipment();
+        racket.swingweight_kgm2 = 0.0325;
+        let body = |kg: f64| {
+            let mut model = Model::new(Base::Rigid).with_effect("frame-vibration").and_then(|m| m.with_effect("hand-mass")).expect("known");
+            model.set("hand-mass.mass_kg", kg).expect("known");
+            model.set("hand-mass.from_butt_m", 0.04).expect("known");
+            model.prepare(&racket, &ball).expect("valid").body().clone()
+        };
+        assert!((body(0.0).beam_frequency_ratio() - 1.0).abs() < 1e-6);
+        let held = body(0.2);
+        assert!((held.beam_frequency_ratio() - 97.0 / 109.0).abs() < 0.02, "{}", held.beam_frequency_ratio());
     }
 }

@@ -62,6 +62,9 @@ pub(super) fn step_all<const S: usize, const W: usize, const HIGH: bool>(
                     lane.mode.stick = if s.grip_left >= 0.0 { STICK } else { CREEP };
                     (d, s) = rates(&job.state, &job.laws, lane.mode);
                 }
+                if HIGH {
+                    observe(0.0, &job.state, &s);
+                }
                 lane.slip_before = slip;
                 lane.start = s;
                 lane.pace();

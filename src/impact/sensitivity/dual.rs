@@ -1,0 +1,122 @@
+//! Dual numbers: a value with its derivatives in `N` directions, carried exactly through every operation.
+
+use std::ops::{Add, Div, Mul, Neg, Sub};
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Dual<const N: usize> {
+    pub value: f64,
+    pub slope: [f64; N],
+}
+
+impl<const N: usize> Dual<N> {
+    pub fn constant(value: f64) -> Self {
+        Dual { value, slope: [0.0; N] }
+    }
+
+    /// The variable of direction `k`.
+    pub fn variable(value: f64, k: usize) -> Self {
+        let mut slope = [0.0; N];
+        slope[k] = 1.0;
+        Dual { value, slope }
+    }
+
+    /// A function of this number with the value and derivative given.
+    fn chain(self, value: f64, derivative: f64) -> Self {
+        Dual { value, slope: self.slope.map(|s| derivative * s) }
+    }
+
+    pub fn sqrt(self) -> Self {
+        let root = self.value.sqrt();
+        self.chain(root, 0.5 / root)
+    }
+
+    pub fn recip(self) -> Self {
+        let r = 1.0 / self.value;
+        self.chain(r, -r * r)
+    }
+
+    fn with(self, other: Self, value: f64, of_self: f64, of_other: f64) -> Self {
+        Dual { value, slope: std::array::from_fn(|k| of_self * self.slope[k] + of_other * other.slope[k]) }
+    }
+}
+
+impl<const N: usize> Add for Dual<N> {
+    type Output = Self;
+    fn add(self, o: Self) -> Self {
+        self.with(o, self.value + o.value, 1.0, 1.0)
+    }
+}
+
+impl<const N: usize> Sub for Dual<N> {
+    type Output = Self;
+    fn sub(self, o: Self) -> Self {
+        self.with(o, self.value - o.value, 1.0, -1.0)
+    }
+}
+
+impl<const N: usize> Mul for Dual<N> {
+    type Output = Self;
+    fn mul(self, o: Self) -> Self {
+        self.with(o, self.value * o.value, o.value, self.value)
+    }
+}
+
+impl<const N: usize> Div for Dual<N> {
+    type Output = Self;
+    fn div(self, o: Self) -> Self {
+        let q = self.value / o.value;
+        self.with(o, q, 1.0 / o.value, -q / o.value)
+    }
+}
+
+impl<const N: usize> Neg for Dual<N> {
+    type Output = Self;
+    fn neg(self) -> Self {
+        self.chain(-self.value, -1.0)
+    }
+}
+
+impl<const N: usize> Mul<f64> for Dual<N> {
+    type Output = Self;
+    fn mul(self, o: f64) -> Self {
+        self.chain(self.value * o, o)
+    }
+}
+
+impl<const N: usize> Add<f64> for Dual<N> {
+    type Output = Self;
+    fn add(self, o: f64) -> Self {
+        self.chain(self.value + o, 1.0)
+    }
+}
+
+/// Three of them.
+pub type Vector<const N: usize> = [Dual<N>; 3];
+
+pub fn cross<const N: usize>(a: &Vector<N>, b: &Vector<N>) -> Vector<N> {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+pub fn plus<const N: usize>(a: &Vector<N>, b: &Vector<N>) -> Vector<N> {
+    std::array::from_fn(|i| a[i] + b[i])
+}
+
+pub fn minus<const N: usize>(a: &Vector<N>, b: &Vector<N>) -> Vector<N> {
+    std::array::from_fn(|i| a[i] - b[i])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn agrees_with_calculus() {
+        let (x, y) = (Dual::<2>::variable(1.7, 0), Dual::<2>::variable(-0.6, 1));
+        let f = (x * x + y * 3.0).sqrt() / (y - x) + x.recip() * -2.0 + -y * (x + 0.25);
+        let value = |x: f64, y: f64| (x * x + 3.0 * y).sqrt() / (y - x) - 2.0 / x - y * (x + 0.25);
+        let h = 1e-6;
+        assert!((f.value - value(1.7, -0.6)).abs() < 1e-15);
+        assert!((f.slope[0] - (value(1.7 + h, -0.6) - value(1.7 - h, -0.6)) / (2.0 * h)).abs() < 1e-8);
+        assert!((f.slope[1] - (value(1.7, -0.6 + h) - value(1.7, -0.6 - h)) / (2.0 * h)).abs() < 1e-8);
+    }
+}

@@ -9,7 +9,7 @@ use crate::session::{Session, ShotFolder};
 use crate::tracking::spin::{SPIN_FILE, spin_to_json};
 use crate::tracking::{
     InStep, Overlay, PointState, ShotSetup, SyncMode, TrackExport, TrackingError, Tracks, c3d_bytes, dltdv_tables, points_to_csv, read_points,
-    spin_of_shot, track_in_step,
+    refine_ball, spin_of_shot, track_in_step,
 };
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -148,9 +148,12 @@ fn one(arguments: &Arguments, session: &Session, shot: &ShotFolder, rig: (&Stere
     let mode = if arguments.sync == Sync::Auto { SyncMode::Auto } else { SyncMode::Report };
     let made = track_in_step(&clip, &setup, mode, shell.cancel_flag(), &|n| bar.inc(n as u64));
     bar.finish_and_clear();
-    let made = made?;
+    let mut made = made?;
+    let spin = if arguments.no_spin { None } else { Some(spin_of_shot(&made.clip, &setup, &made.tracked.tracks, &made.tracked.points)?) };
+    if let Some(spin) = &spin {
+        refine_ball(&made.clip, &setup, &mut made.tracked, spin)?;
+    }
     let tracked = &made.tracked;
-    let spin = if arguments.no_spin { None } else { Some(spin_of_shot(&made.clip, &setup, &tracked.tracks, &tracked.points)?) };
     let summary = summary(&shot.id, &made, clip.gap_notes());
     shell.say(format!("{}: {} points measured, {} occluded, in {} frames", shot.id, summary.measured, summary.occluded, summary.frames));
     for note in &summary.notes {

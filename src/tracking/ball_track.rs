@@ -55,12 +55,7 @@ pub struct BallScene<'a> {
 impl BallScene<'_> {
     /// Radius of the ball's outline in a picture, px, at a global place.
     pub fn radius_px(&self, camera: CameraId, at: &Point3<f64>) -> Option<f64> {
-        let toward = (self.view.eye(camera) - at).normalize();
-        let (_, j) = self.view.project_with_jacobian(camera, at)?;
-        let a = toward.cross(&Vector3::y()).try_normalize(1e-6)?;
-        let b = toward.cross(&a);
-        // A sphere's outline is tangent to it: sin instead of tan of half the angle makes it larger by (r/z)²/2, below 1e-5.
-        Some(self.radius_m * 0.5 * ((j * a).norm() + (j * b).norm()))
+        outline_radius_px(self.view, camera, at, self.radius_m)
     }
 
     /// Good enough when the other camera says the same.
@@ -194,6 +189,16 @@ impl BallScene<'_> {
         }
         out
     }
+}
+
+/// Radius of the outline of a ball at a global place, px.
+pub fn outline_radius_px(view: &View, camera: CameraId, at: &Point3<f64>, radius_m: f64) -> Option<f64> {
+    let toward = (view.eye(camera) - at).normalize();
+    let (_, j) = view.project_with_jacobian(camera, at)?;
+    let a = toward.cross(&Vector3::y()).try_normalize(1e-6)?;
+    let b = toward.cross(&a);
+    // A sphere's outline is tangent to it: sin instead of tan of half the angle makes it larger by (r/z)²/2, below 1e-5.
+    Some(radius_m * 0.5 * ((j * a).norm() + (j * b).norm()))
 }
 
 /// A mean picture of the ball's disc on a grid of 15 x 15 places.

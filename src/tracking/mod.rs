@@ -4,8 +4,11 @@
 
 mod background;
 mod ball_fit;
+mod ball_model;
+mod ball_refine;
 mod ball_search;
 mod ball_shading;
+mod ball_texture;
 mod ball_track;
 mod band;
 mod band_search;
@@ -27,6 +30,7 @@ mod space_points;
 pub mod spin;
 mod track_file;
 
+pub use ball_refine::refine_ball;
 pub use ball_track::BallFrame;
 pub use c3d::c3d_bytes;
 pub use dltdv::dltdv_tables;

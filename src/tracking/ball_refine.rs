@@ -1,0 +1,201 @@
+//! The ball's centre once more, when its spin is known: every picture against a model of this very ball.
+//!
+//! The outline alone ([`super::ball_fit`]) is pulled by lines, panels and light where they meet it. With the spin the
+//! cover can be collected from all pictures of one stretch of flight ([`super::ball_texture`]), and with it and the light every
+//! picture can be predicted ([`super::ball_model`]). Each centre is still measured in its own picture: nothing is smoothed
+//! along the flight. Pictures of the contact keep the centre of their outline.
+
+use super::ball_model::{BallLight, BallPicture, MARGIN_PX, ModelFit, learn};
+use super::ball_texture::BallTexture;
+use super::ball_track::{BallFrame, outline_radius_px};
+use super::racket_figure::RacketFigure;
+use super::racket_pose::View;
+use super::shot_tracker::{ShotSetup, ShotTracks, TrackingError};
+use super::space_points;
+use super::spin::{BallSpin, SpinEstimate, SpinRefusal};
+use super::track_file::{ImagePoint, Target};
+use crate::calibration::CameraId;
+use crate::footage::{FrameBuffer, FrameSource};
+use nalgebra::{Matrix3, Rotation3, Vector2, Vector3};
+
+/// The strings hold the ball at least this long; until then its outline is no circle.
+const SHORTEST_CONTACT_S: f64 = 4.0e-3;
+/// From here on it is surely free and round, and its cover is learnt (physics.md E.2).
+const LONGEST_CONTACT_S: f64 = 6.5e-3;
+/// Blur of lens and pixel, px, one standard deviation.
+const BLUR_PX: f64 = 0.62;
+/// Rounds of learning the ball and measuring its centres.
+const PASSES: usize = 2;
+/// A centre that moves farther than this from the outline's is not believed, px.
+const FARTHEST_PX: f64 = 1.2;
+/// Least share of pixels near the outline that must agree.
+const LEAST_AGREEING: f64 = 0.5;
+/// A centre worse than this is left to the outline, px.
+const MOST_SD_PX: f64 = 0.35;
+/// Fewest pictures of one camera from which a ball is learnt.
+const FEWEST: usize = 4;
+
+struct Sight {
+    index: usize,
+    camera: CameraId,
+    stretch: usize,
+    picture: BallPicture,
+    fit: Option<(ModelFit, ModelFit)>,
+}
+
+/// Measures the ball's centres of a tracked shot again and renews its points. Stretches of flight without a spin are left
+/// as they are, unless the ball is bare.
+pub fn refine_ball(source: &impl FrameSource, setup: &ShotSetup, shot: &mut ShotTracks, spin: &BallSpin) -> Result<(), TrackingError> {
+    let Some(contact) = shot.contact_frame else { return Ok(()) };
+    let Some(figure) = RacketFigure::of(setup.racket) else { return Ok(()) };
+    let view = View::new(setup.rig);
+    // A bare ball has no cover to learn; one whose lines are there but not understood is left alone.
+    let turning = [&spin.before, &spin.after].map(|s| match s {
+        SpinEstimate::Vector { omega_rad_s, .. } => Some((*omega_rad_s, true)),
+        SpinEstimate::Refused { reason: SpinRefusal::NoMarkings { .. } } => Some((Vector3::zeros(), false)),
+        _ => None,
+    });
+    let mut sights = sights(source, setup, &view, shot, contact, &turning)?;
+    for camera in CameraId::BOTH {
+        let mut own: Vec<&mut Sight> = sights.iter_mut().filter(|s| s.camera == camera).collect();
+        if own.iter().filter(|s| s.picture.teaches).count() >= FEWEST {
+            measure(&mut own, &turning.map(|t| t.is_some_and(|t| t.1)));
+        }
+    }
+    for sight in &sights {
+        let Some(ball) = shot.ball.get_mut(sight.index).and_then(Option::as_mut) else { continue };
+        if let (Some(point), Some(old)) = (believed(sight), ball.points[sight.camera.index()])
+            && (point.uv - old.uv).norm() < FARTHEST_PX
+        {
+            ball.points[sight.camera.index()] = Some(point);
+            if let [Some(l), Some(r)] = ball.points
+                && let Some((position, _)) = view.triangulate(l.uv, r.uv)
+            {
+                ball.position = position;
+            }
+        }
+    }
+    renew(source, setup, shot, &view, &figure);
+    Ok(())
+}
+
+/// Writes the balls' points into the tracks and the space points.
+fn renew(source: &impl FrameSource, setup: &ShotSetup, shot: &mut ShotTracks, view: &View, figure: &RacketFigure) {
+    shot.contact_frame = space_points::first_contact(source, &shot.racket, &shot.ball, setup.ball.radius_m());
+    shot.points = space_points::space_points(source, view, figure, &shot.racket, &shot.ball, shot.contact_frame, setup.frame_rate_hz);
+    for index in 0..source.len() {
+        let number = source.number(index);
+        for camera in CameraId::BOTH {
+            let point = shot.ball[index].as_ref().and_then(|b| b.points[camera.index()]);
+            if let Ok(at) = shot.tracks.points.binary_search_by_key(&(number, camera, Target::Ball), |p| (p.frame, p.camera, p.target)) {
+                shot.tracks.points[at].point = point;
+            }
+        }
+    }
+}
+
+/// The pictures of the ball in free flight.
+fn sights(
+    source: &impl FrameSource,
+    setup: &ShotSetup,
+    view: &View,
+    shot: &ShotTracks,
+    contact: f64,
+    turning: &[Option<(Vector3<f64>, bool)>; 2],
+) -> Result<Vec<Sight>, TrackingError> {
+    let mut out = Vec::new();
+    let mut buffer = FrameBuffer::default();
+    for index in 0..source.len() {
+        let Some(ball) = &shot.ball[index] else { continue };
+        let t = (source.number(index) as f64 - contact) / setup.frame_rate_hz;
+        let (stretch, teaches) = if t < 0.0 {
+            (0, true)
+        } else if t > SHORTEST_CONTACT_S {
+            (1, t > LONGEST_CONTACT_S)
+        } else {
+            continue;
+        };
+        let Some((omega, _)) = turning[stretch] else { continue };
+        for camera in CameraId::BOTH {
+            let Some(point) = ball.points[camera.index()] else { continue };
+            let Some(radius_px) = outline_radius_px(view, camera, &ball.position, setup.ball.radius_m()) else { continue };
+            if let Some((pixels, side, origin)) = crop(source, index, camera, &point.uv, radius_px, setup.rig.image_size, &mut buffer)? {
+                let turned = Rotation3::from_scaled_axis(omega * t).inverse();
+                let ball_from_camera = turned.matrix() * local_axes(setup, view, camera, ball).transpose();
+                let picture = BallPicture::new(pixels, side, origin, point.uv, radius_px, ball_from_camera, teaches);
+                out.push(Sight { index, camera, stretch, picture, fit: None });
+            }
+        }
+    }
+    Ok(out)
+}
+
+type Crop = (Vec<f64>, usize, Vector2<f64>);
+
+/// The pixels around the ball; `None` where they are not all in the picture.
+fn crop(
+    source: &impl FrameSource,
+    index: usize,
+    camera: CameraId,
+    centre: &Vector2<f64>,
+    radius_px: f64,
+    size: [usize; 2],
+    buffer: &mut FrameBuffer,
+) -> Result<Option<Crop>, TrackingError> {
+    let half = (radius_px + MARGIN_PX).floor();
+    if !(2.0..200.0).contains(&half) {
+        return Ok(None);
+    }
+    let (left, top, side) = (centre.x.round() - half, centre.y.round() - half, 2 * half as usize + 1);
+    if left < 0.0 || top < 0.0 || left + side as f64 > size[0] as f64 || top + side as f64 > size[1] as f64 {
+        return Ok(None);
+    }
+    // A picture that cannot be read is named where the shot is tracked.
+    if !matches!(source.read(index, camera.index(), Some((top as usize, side)), buffer), Ok(true)) {
+        return Ok(None);
+    }
+    let Some(view) = buffer.view() else { return Ok(None) };
+    let grey = |i: usize| view.get(left as i64 + (i % side) as i64, top as i64 + (i / side) as i64).map(f64::from);
+    let pixels: Option<Vec<f64>> = (0..side * side).map(grey).collect();
+    Ok(pixels.map(|p| (p, side, Vector2::new(left, top))))
+}
+
+/// Rows: right and down in the picture and away from the camera, at the ball, in global axes.
+fn local_axes(setup: &ShotSetup, view: &View, camera: CameraId, ball: &BallFrame) -> Matrix3<f64> {
+    let away = (ball.position - view.eye(camera)).normalize();
+    let right = setup.rig.camera_from_global(camera).rotation.inverse() * Vector3::x();
+    let right = (right - away * right.dot(&away)).normalize();
+    Matrix3::from_rows(&[right.transpose(), away.cross(&right).transpose(), away.transpose()])
+}
+
+/// Learns the ball from one camera's pictures and fits every centre, in turns.
+fn measure(own: &mut [&mut Sight], textured: &[bool; 2]) {
+    let mut textures = [BallTexture::bare(), BallTexture::bare()];
+    let mut light: Option<BallLight> = None;
+    for pass in 0..PASSES {
+        let mut stretches: [Vec<&mut BallPicture>; 2] = [Vec::new(), Vec::new()];
+        for s in own.iter_mut() {
+            stretches[s.stretch].push(&mut s.picture);
+        }
+        let (Some(noise), Some(now)) = (learn(&mut stretches, &mut textures, &mut light, textured), light) else { return };
+        for sight in own.iter_mut() {
+            let (picture, texture) = (&sight.picture, &textures[sight.stretch]);
+            sight.fit = picture.fit(&now, texture, BLUR_PX, noise, false).and_then(|f| {
+                let tilted = if pass + 1 == PASSES { picture.fit(&now, texture, BLUR_PX, noise, true)? } else { f };
+                Some((f, tilted))
+            });
+            if let Some((f, _)) = sight.fit.filter(|f| (f.0.centre - sight.picture.centre).norm() < FARTHEST_PX) {
+                sight.picture.centre = f.centre;
+                sight.picture.gain = f.gain;
+            }
+        }
+    }
+}
+
+/// The fitted centre, if it may be believed.
+fn believed(sight: &Sight) -> Option<ImagePoint> {
+    let (f, tilted) = sight.fit?;
+    let other = tilted.centre - f.centre;
+    let sd = Vector2::new(f.covariance[(0, 0)].sqrt().hypot(other.x), f.covariance[(1, 1)].sqrt().hypot(other.y));
+    (f.agreeing > LEAST_AGREEING && sd.max() < MOST_SD_PX).then_some(ImagePoint { uv: f.centre, sd })
+}

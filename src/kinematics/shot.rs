@@ -7,7 +7,7 @@ use super::characteristics::{ShotEquipment, characteristics};
 use super::marker_distance::{MarkerDistance, marker_distances, mismatch_remark};
 use super::shot_motion::{MeasureSettings, ShotMotion, measure_motion};
 use super::shot_state::{SpinVector, UncertainShot};
-use super::space_points::space_points;
+use super::space_points::{on_rigid_racket, space_points};
 use super::thesis_path::{ThesisShot, thesis_shot};
 use crate::calibration::StereoRig;
 use crate::equipment::{Ball, Racket};
@@ -231,6 +231,8 @@ pub fn measure_shot(input: &ShotInput<'_>, settings: &MeasureSettings) -> Result
     remarks.extend(input.spin.remarks.iter().cloned());
     let points = space_points(input.rig, input.tracks, &motion);
     let marker_distances = marker_distances(&points, &motion.moving.figure);
+    // The distances judge the figure by single points; what is written is as near as the whole figure allows.
+    let points = on_rigid_racket(input.rig, input.tracks, &motion, &points);
     remarks.extend(mismatch_remark(&marker_distances));
     let shot = Shot {
         id: input.id.to_owned(),

@@ -6,7 +6,8 @@
 use super::shot_motion::ShotMotion;
 use super::stereo_point::stereo_point;
 use crate::calibration::{CameraId, StereoRig};
-use crate::tracking::{ImagePoint, SpacePoint, Target, Tracks};
+use crate::tracking::{ImagePoint, MarkerObservation, SpacePoint, Target, Tracks, View, fit_pose_in};
+use std::collections::BTreeMap;
 
 /// Every point that both cameras saw, sorted by frame and target.
 pub fn space_points(rig: &StereoRig, tracks: &Tracks, motion: &ShotMotion) -> Vec<SpacePoint> {
@@ -41,4 +42,46 @@ pub fn space_points(rig: &StereoRig, tracks: &Tracks, motion: &ShotMotion) -> Ve
         }
     }
     out
+}
+
+/// The same with every marker where the frame's rigid pose puts it: all markers of both cameras together know each one's place
+/// two to three times as well as its own two rays. A marker that only one camera saw is added, one that neither saw is not. Frames
+/// whose markers do not determine a pose keep their single points. `residual_px` stays that of the marker's own images.
+pub fn on_rigid_racket(rig: &StereoRig, tracks: &Tracks, motion: &ShotMotion, single: &[SpacePoint]) -> Vec<SpacePoint> {
+    let view = View::new(rig);
+    let figure = &motion.moving.figure;
+    let mut out: BTreeMap<(u64, Target), SpacePoint> = single.iter().map(|p| ((p.frame, p.target), *p)).collect();
+    for (frame, seen) in &motion.frames {
+        let Some(start) = seen.pose else { continue };
+        let mut observations = Vec::with_capacity(10);
+        for camera in CameraId::BOTH {
+            for (marker, target) in Target::MARKERS.into_iter().enumerate() {
+                observations.extend(tracks.get(*frame, camera, target).map(|point| MarkerObservation { camera, marker, point }));
+            }
+        }
+        // From one camera alone depth is poor, and no marker has a point of its own either.
+        if CameraId::BOTH.iter().any(|c| observations.iter().all(|o| o.camera != *c)) {
+            continue;
+        }
+        let Ok(pose) = fit_pose_in(&view, figure, &observations, Some(&start)) else { continue };
+        for (marker, target) in Target::MARKERS.into_iter().enumerate() {
+            let misses: Vec<f64> = observations
+                .iter()
+                .filter(|o| o.marker == marker)
+                .filter_map(|o| {
+                    let (patch, _) = figure.patch_in_global(marker, &pose.global_from_racket, view.eye(o.camera));
+                    Some((o.point.uv - view.project(o.camera, &patch)?).norm_squared())
+                })
+                .collect();
+            if misses.is_empty() {
+                continue;
+            }
+            let (position, covariance) = pose.point(&figure.points[marker]);
+            let residual_px = (misses.iter().sum::<f64>() / misses.len() as f64).sqrt();
+            let point =
+                SpacePoint { frame: *frame, t: seen.t - motion.first_contact_t, target, position, sd: covariance.diagonal().map(f64::sqrt), residual_px };
+            out.insert((*frame, target), point);
+        }
+    }
+    out.into_values().collect()
 }

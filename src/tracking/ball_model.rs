@@ -11,8 +11,9 @@ use nalgebra::{Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3, Vector4};
 
 /// Pixels kept around the ball beyond its radius.
 pub const MARGIN_PX: f64 = 5.0;
-/// How far inside the outline pixels count.
-const INSIDE_PX: f64 = 2.5;
+/// How far inside the outline pixels count, in radii. The lines hold the centre too: on practice footage 0.3 radii gave 0.62 to
+/// 0.98 mm of the ball in space, 0.7 radii 0.59 to 0.79 mm.
+const INSIDE: f64 = 0.72;
 /// Pixels nearer to the outline than this show some of the surroundings and teach nothing about the cover.
 const CLEAR_PX: f64 = 1.3;
 /// A pixel with less of the ball than this shows the surroundings, up to so far outside.
@@ -26,6 +27,8 @@ const TUKEY: f64 = 4.685;
 /// How far the light of one picture may differ from one side of the disc to the other from the light of all.
 const TILT: f64 = 0.03;
 const ROUNDS: usize = 7;
+/// Sectors of the outline whose pulls count as independent: 30 degrees, a line or a panel's border.
+const SECTORS: usize = 12;
 
 /// Light on the ball in one camera's axes (x right, y down, z away from the camera): ambient plus Lambert's law.
 #[derive(Debug, Clone, Copy)]
@@ -71,17 +74,23 @@ pub struct BallPicture {
 #[derive(Debug, Clone, Copy)]
 pub struct ModelFit {
     pub centre: Vector2<f64>,
-    /// px²; from the residuals.
+    /// px²; from the scatter of the sectors' pulls, so that a misfit shared by neighbouring pixels counts as one.
     pub covariance: Matrix2<f64>,
     pub gain: f64,
-    /// Robust root-mean-square residual over what was expected.
-    pub excess: f64,
     /// Share of the pixels near the outline that agree with the model.
     pub agreeing: f64,
 }
 
 impl BallPicture {
-    pub fn new(pixels: Vec<f64>, side: usize, origin: Vector2<f64>, centre: Vector2<f64>, radius_px: f64, ball_from_camera: Matrix3<f64>, teaches: bool) -> Self {
+    pub fn new(
+        pixels: Vec<f64>,
+        side: usize,
+        origin: Vector2<f64>,
+        centre: Vector2<f64>,
+        radius_px: f64,
+        ball_from_camera: Matrix3<f64>,
+        teaches: bool,
+    ) -> Self {
         BallPicture { pixels, side, origin, centre, radius_px, ball_from_camera, gain: 1.0, teaches, trust: Vec::new() }
     }
 
@@ -133,14 +142,13 @@ impl BallPicture {
         const STEP: f64 = 0.05;
         let (mut centre, mut gain) = (self.centre - self.origin, self.gain);
         let unknowns = if tilted { 5 } else { 3 };
-        let mut scale: f64 = 1.0;
         for round in 0..ROUNDS {
             let around = Surroundings::of(self, &centre, blur_px);
-            let mut rows: Vec<(SVector<f64, 5>, f64, f64)> = Vec::with_capacity(220);
+            let mut rows: Vec<(SVector<f64, 5>, f64, f64, usize)> = Vec::with_capacity(320);
             for (i, grey) in self.pixels.iter().enumerate() {
                 let d = Vector2::new((i % self.side) as f64, (i / self.side) as f64) - centre;
                 let rho = d.norm() - self.radius_px;
-                if rho < -INSIDE_PX || rho > 3.0 {
+                if rho < -INSIDE * self.radius_px || rho > 3.0 {
                     continue;
                 }
                 let at = |dx: f64, dy: f64| self.expected(&(d - Vector2::new(dx, dy)), light, texture, blur_px);
@@ -154,24 +162,26 @@ impl BallPicture {
                 let residual = grey - gain * ball - (1.0 - share) * behind;
                 let variance = noise * noise + (MODEL * gain * ball).powi(2) + (1.0 - share).powi(2) * spread;
                 let (tx, ty) = if tilted { (ball * d.x / self.radius_px, ball * d.y / self.radius_px) } else { (0.0, 0.0) };
-                rows.push((SVector::<f64, 5>::from([jx, jy, ball, tx, ty]), residual, variance));
+                rows.push((SVector::<f64, 5>::from([jx, jy, ball, tx, ty]), residual, variance, sector_of(&d)));
             }
             if rows.len() < 40 {
                 return None;
             }
             let mut sizes: Vec<f64> = rows.iter().map(|r| r.1.abs() / r.2.sqrt()).collect();
             let mid = sizes.len() / 2;
-            scale = (*sizes.select_nth_unstable_by(mid, f64::total_cmp).1 / 0.6745).max(1.0);
+            let scale = (*sizes.select_nth_unstable_by(mid, f64::total_cmp).1 / 0.6745).max(1.0);
             let mut h = SMatrix::<f64, 5, 5>::zeros();
             let mut g = SVector::<f64, 5>::zeros();
+            let mut pulls = [SVector::<f64, 5>::zeros(); SECTORS];
             let mut agreeing = 0;
-            for (j, r, variance) in &rows {
+            for (j, r, variance, sector) in &rows {
                 let z = r.abs() / (variance.sqrt() * scale);
                 agreeing += usize::from(z < 2.5);
                 // Huber first, so that a start half a pixel off is not taken for an outlier all around.
                 let w = if round < 2 { 1.0 / z.max(1.5) * 1.5 } else { (1.0 - (z / TUKEY).powi(2)).max(0.0).powi(2) } / variance;
                 h += j * j.transpose() * w;
                 g += j * (r * w);
+                pulls[*sector] += j * (r * w);
             }
             for k in 3..5 {
                 h[(k, k)] += if tilted { 1.0 / (TILT * gain).powi(2) } else { 1.0 };
@@ -184,14 +194,20 @@ impl BallPicture {
                 return None;
             }
             if round >= 3 && step.fixed_rows::<2>(0).norm() < 0.003 || round + 1 == ROUNDS {
-                let covariance = inverse.fixed_view::<2, 2>(0, 0).into_owned() * scale * scale;
-                let fit =
-                    ModelFit { centre: centre + self.origin, covariance, gain, excess: scale, agreeing: agreeing as f64 / rows.len().max(unknowns) as f64 };
+                let scatter: SMatrix<f64, 5, 5> = pulls.iter().map(|p| p * p.transpose()).sum();
+                let freedom = SECTORS as f64 / (SECTORS - unknowns) as f64;
+                let covariance = (inverse * scatter * inverse).fixed_view::<2, 2>(0, 0) * freedom + inverse.fixed_view::<2, 2>(0, 0);
+                let fit = ModelFit { centre: centre + self.origin, covariance, gain, agreeing: agreeing as f64 / rows.len().max(unknowns) as f64 };
                 return (covariance[(0, 0)] > 0.0 && covariance[(1, 1)] > 0.0 && covariance.norm().is_finite()).then_some(fit);
             }
         }
         None
     }
+}
+
+fn sector_of(d: &Vector2<f64>) -> usize {
+    let turn = (d.y.atan2(d.x) / std::f64::consts::TAU).rem_euclid(1.0);
+    ((turn * SECTORS as f64) as usize).min(SECTORS - 1)
 }
 
 /// The surroundings just outside the outline of one picture.
@@ -233,7 +249,8 @@ impl Surroundings {
 /// Light, gains and cover from all pictures: `pictures` are grouped by stretch of flight (before, after), each with a cover of
 /// its own because the ball's attitude jumps at the impact; `light` is common. Answers with the noise of one pixel.
 pub fn learn(stretches: &mut [Vec<&mut BallPicture>], textures: &mut [BallTexture], light: &mut Option<BallLight>, textured: &[bool]) -> Option<f64> {
-    let pixels: Vec<Vec<Vec<(Vector3<f64>, f64)>>> = stretches.iter().map(|s| s.iter().map(|p| if p.teaches { p.clear() } else { Vec::new() }).collect()).collect();
+    let pixels: Vec<Vec<Vec<(Vector3<f64>, f64)>>> =
+        stretches.iter().map(|s| s.iter().map(|p| if p.teaches { p.clear() } else { Vec::new() }).collect()).collect();
     let mut residuals: Vec<f64> = Vec::new();
     for round in 0..6 {
         // The light, given cover and gains.

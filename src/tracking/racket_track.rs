@@ -15,6 +15,8 @@ const OUTLIER: f64 = 4.0;
 /// What a good point may miss the pose by, px, beyond its own deviation (tape put on by hand, tube of another shape).
 const MODEL_TOLERANCE_PX: f64 = 0.25;
 
+/// Misses of the pose, in deviations, beyond which a single point is doubtful.
+const DOUBTFUL: f64 = 3.0;
 /// How far a pose from one camera may be from the predicted one: m (depth from the racket's size: 0.1 px of 80 is 15 mm at
 /// 12 m) and rad.
 const ONE_CAMERA: (f64, f64) = (0.10, 0.25);
@@ -148,6 +150,57 @@ fn agree(scene: &RacketScene, fits: &mut Vec<(CameraId, usize, BandFit)>, start:
                 fits.remove(i);
             }
             _ => return Some(pose),
+        }
+    }
+}
+
+/// Deviations as the whole clip shows them. What a band's own picture cannot tell (tape not quite where the file says, a tube of
+/// another shape, light along the tube) shows as misses of the common pose, marker by marker and camera by camera: those deviations
+/// grow until the misses are what they state, never shrink. A single point that still misses by more than [`DOUBTFUL`]
+/// deviations (another thing touches the band) grows by itself. Every pose is then fitted again.
+pub fn settle_deviations(view: &View, figure: &RacketFigure, frames: &mut [Option<RacketFrame>]) {
+    let misses = |frame: &RacketFrame| -> Vec<(usize, usize, f64)> {
+        let miss = |o: &MarkerObservation| {
+            let (patch, _) = figure.patch_in_global(o.marker, &frame.pose.global_from_racket, view.eye(o.camera));
+            let r = o.point.uv - view.project(o.camera, &patch)?;
+            Some((o.camera.index(), o.marker, 0.5 * ((r.x / o.point.sd.x).powi(2) + (r.y / o.point.sd.y).powi(2))))
+        };
+        frame.observations().iter().filter_map(miss).collect()
+    };
+    let refit = |frame: &mut RacketFrame| {
+        if let Ok(pose) = fit_pose_in(view, figure, &frame.observations(), Some(&frame.pose.global_from_racket)) {
+            frame.pose = pose;
+        }
+    };
+    for _ in 0..2 {
+        let mut sums = [[(0.0, 0.0); 5]; 2];
+        for frame in frames.iter().flatten().filter(|f| f.stereo() && f.pose.dof >= 4) {
+            // A fit takes its share of the scatter: that of the observations beyond the pose's six numbers is left.
+            let left = frame.pose.dof as f64 / (frame.pose.dof + 6) as f64;
+            for (camera, marker, z2) in misses(frame) {
+                let sum = &mut sums[camera][marker];
+                *sum = (sum.0 + z2.min(DOUBTFUL * DOUBTFUL) / left, sum.1 + 1.0);
+            }
+        }
+        for frame in frames.iter_mut().flatten() {
+            for (points, sums) in frame.points.iter_mut().zip(&sums) {
+                for (point, sum) in points.iter_mut().zip(sums) {
+                    if let Some(p) = point.as_mut().filter(|_| sum.1 >= 5.0) {
+                        p.sd *= (sum.0 / sum.1).sqrt().max(1.0);
+                    }
+                }
+            }
+            refit(frame);
+        }
+    }
+    for frame in frames.iter_mut().flatten() {
+        for _ in 0..2 {
+            let worst = misses(frame).into_iter().max_by(|a, b| a.2.total_cmp(&b.2));
+            let Some((camera, marker, z2)) = worst.filter(|w| w.2 > DOUBTFUL * DOUBTFUL) else { break };
+            if let Some(p) = &mut frame.points[camera][marker] {
+                p.sd *= z2.sqrt();
+            }
+            refit(frame);
         }
     }
 }

@@ -99,6 +99,7 @@ pub fn track_shot(source: &impl FrameSource, setup: &ShotSetup, cancel: &AtomicB
         *stale = [stale[0] || washed_out[0], stale[1] || washed_out[1]];
     }
     shot.remeasure_stale(&start, &mut racket)?;
+    racket_track::settle_deviations(&view, &figure, &mut racket);
     notes.extend(recording::dark_or_bright(source, &prints));
     let ball = shot.find_and_follow_ball(&racket)?;
     face::settle(&mut racket, &ball, &figure);

@@ -61,6 +61,9 @@ pub fn space_points(
         let t = (frame as f64 - zero) / frame_rate_hz;
         if let Some(r) = &racket[index] {
             for (marker, local) in figure.points.iter().enumerate() {
+                if r.points.iter().all(|camera| camera[marker].is_none()) {
+                    continue; // predicted, not measured
+                }
                 let (position, covariance) = r.pose.point(local);
                 let residual_px = marker_residual(view, figure, r, marker);
                 let sd = covariance.diagonal().map(f64::sqrt);
@@ -77,7 +80,7 @@ pub fn space_points(
     out
 }
 
-/// Root-mean-square distance of a marker's image points from the pose's own, px; 0 for a marker seen by neither camera.
+/// Root-mean-square distance of a marker's image points from the pose's own, px.
 fn marker_residual(view: &View, figure: &RacketFigure, frame: &RacketFrame, marker: usize) -> f64 {
     let (mut sum, mut n) = (0.0, 0);
     for camera in CameraId::BOTH {

@@ -2,7 +2,8 @@
 
 use super::error::ModelError;
 use super::input::{ImpactInput, ImpactOutput};
-use super::model::{Model, PreparedModel};
+use super::model::Model;
+use super::prepared_model::PreparedModel;
 use super::sensitivity::{Column, Sensitivities, SensitivityModel};
 use crate::equipment_set::{EquipmentSet, PickError};
 use crate::impact_table::{INPUTS, ImpactRow, ImpactTable};

@@ -1,8 +1,8 @@
 //! The outcome over the face, and what scatter of the impact position does to it.
 
 use super::shot::{Launch, Shot};
+use crate::impact::PreparedModel;
 use crate::impact::error::ModelError;
-use crate::impact::model::PreparedModel;
 use nalgebra::Vector2;
 use rand::SeedableRng;
 use rand_distr::{Distribution, Normal};

@@ -4,9 +4,10 @@
 //! Goodwill; Haake's offset momentum flux; Cross's two coefficients and Daish's bounce off an oblique bed.
 
 use super::rig::{WALL, at_rest, clamped, frame};
+use crate::impact::PreparedModel;
 use crate::impact::closed_form::{cross_oblique, daish_bounce, haake_offset};
 use crate::impact::error::ModelError;
-use crate::impact::model::{Base, Model, PreparedModel};
+use crate::impact::model::{Base, Model};
 use crate::impact::viscoelastic::{BallLaw, Moment, NormalForce, Run, StringLaw};
 
 /// The laws in the order in which they were published: Leigh and Lui 1992; Dignall and Haake 2000 and Pratt 2000; Goodwill and

@@ -1,10 +1,10 @@
 //! Published numbers against the visco-elastic model (physics reference, C.7): `sweetspot explore published`.
 
 use super::rig::{WALL, at_rest, clamped, frame, prepared, pure_drive};
+use crate::impact::PreparedModel;
 use crate::impact::body::Body;
 use crate::impact::error::ModelError;
 use crate::impact::input::ImpactInput;
-use crate::impact::model::PreparedModel;
 use crate::impact::viscoelastic::Run;
 use nalgebra::{Matrix2, Rotation3, Vector2, Vector3};
 

@@ -1,9 +1,10 @@
 //! The rackets and rigs of the studies: a player's frame, a Pure Drive, a clamped bed, a wall.
 
+use crate::impact::PreparedModel;
 use crate::impact::body::Body;
 use crate::impact::error::ModelError;
 use crate::impact::input::ImpactInput;
-use crate::impact::model::{Base, Model, PreparedModel};
+use crate::impact::model::{Base, Model};
 use nalgebra::{Vector2, Vector3};
 
 /// Typical strung player's frame of the reference: 0.33 kg, balance 0.325 m, inertias .0015, .0158, .0173 kg m².

@@ -1,8 +1,8 @@
 //! A typical shot to vary, and what a player sees of its outcome.
 
+use crate::impact::PreparedModel;
 use crate::impact::error::ModelError;
 use crate::impact::input::{ImpactInput, ImpactOutput};
-use crate::impact::model::PreparedModel;
 use nalgebra::{Vector2, Vector3};
 
 /// A forehand in the racket's axes: the ball comes from +z.

@@ -2,9 +2,10 @@
 
 use super::shot::{Launch, Shot};
 use crate::equipment::{Ball, Racket};
+use crate::impact::PreparedModel;
 use crate::impact::body::Body;
 use crate::impact::error::ModelError;
-use crate::impact::model::{Model, PreparedModel};
+use crate::impact::model::Model;
 use nalgebra::Vector2;
 
 /// Where lead tape goes.

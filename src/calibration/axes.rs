@@ -5,6 +5,7 @@ use super::view::median;
 use super::{CalibrationError, CameraId, RigidTransform, StereoRig, rays};
 use crate::footage::GreyImage;
 use nalgebra::{Isometry3, Matrix2x3, Matrix3, Matrix6, Point3, Rotation3, SMatrix, Translation3, UnitQuaternion, Vector2, Vector3, Vector6};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// Measured lengths of the frame's arms between sphere centres, m.
@@ -60,7 +61,7 @@ pub fn global_axes(rig: &StereoRig, left: &GreyImage, right: &GreyImage, frame: 
             return Err(axes_error(format!("{name} is {w}x{h} px, the boards are {}x{}; take them with the same setting", want[0], want[1])));
         }
     }
-    let spots = [bright_spots(left), bright_spots(right)];
+    let spots: [Vec<Spot>; 2] = rayon::join(|| bright_spots(left), || bright_spots(right)).into();
     let triple = frame_among_spots(rig, &spots, frame)?;
     // Centres to a small part of a pixel: first every sphere by itself, then with what the spheres have in common, the
     // radius in m and in each picture the blur and the light. Where a sphere is as dark as what is behind it, only that
@@ -72,10 +73,11 @@ pub fn global_axes(rig: &StereoRig, left: &GreyImage, right: &GreyImage, frame: 
             axes_error(format!("the sphere at ({:.0}, {:.0}) of the {} picture cannot be fitted", spot.centre.x, spot.centre.y, CameraId::BOTH[camera].name()))
         })
     };
-    let mut seen: Vec<[SphereImage; 2]> = Vec::with_capacity(3);
-    for sphere in 0..3 {
-        seen.push([fit(sphere, 0, None)?, fit(sphere, 1, None)?]);
-    }
+    let both = |sphere: usize| {
+        let (left, right) = rayon::join(|| fit(sphere, 0, None), || fit(sphere, 1, None));
+        Ok([left?, right?])
+    };
+    let mut seen: Vec<[SphereImage; 2]> = (0..3).into_par_iter().map(both).collect::<Result<_, CalibrationError>>()?;
     let mut radius_m = 0.0;
     for _ in 0..2 {
         let mut depths = [[0.0; 2]; 3];
@@ -92,14 +94,14 @@ pub fn global_axes(rig: &StereoRig, left: &GreyImage, right: &GreyImage, frame: 
             let of = |value: fn(&SphereShape) -> f64| median(&mut seen.iter().map(|s| value(&s[camera].shape)).collect::<Vec<_>>()).unwrap_or(0.0);
             SphereShape { radius_px: 0.0, blur_px: of(|s| s.blur_px), shading: [of(|s| s.shading[0]), of(|s| s.shading[1]), of(|s| s.shading[2])] }
         });
-        for (sphere, pictures) in seen.iter_mut().enumerate() {
+        seen.par_iter_mut().enumerate().for_each(|(sphere, pictures)| {
             for (camera, picture) in pictures.iter_mut().enumerate() {
                 let shape = SphereShape { radius_px: radius_m * px_per_m(sphere, camera), ..shared[camera] };
                 if let Ok(better) = fit(sphere, camera, Some(&shape)) {
                     *picture = better;
                 }
             }
-        }
+        });
     }
     let centres = [0, 1, 2].map(|i| [0, 1].map(|c| seen[i][c].centre));
     // Rods and uneven light leave about 0.03 px that the fit's own spread does not show.

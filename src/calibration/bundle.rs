@@ -46,9 +46,19 @@ pub struct BundleOptions {
     /// Residual length beyond which a corner counts linearly (Huber), px; `None` is plain least squares.
     pub huber_px: Option<f64>,
     pub max_iterations: usize,
+    /// Settled when a step lowers the cost by less than this share and moves no parameter far (`STEP_PER_GAIN`).
+    pub settled_gain: f64,
     /// Widen the covariance when the corners of a board err together.
     pub clustered_errors: bool,
 }
+
+/// Gain at which nothing but rounding is left to be found.
+pub const TO_THE_END: f64 = 1e-11;
+/// Largest step of a settled adjustment, rad, m or share of the focal length, per gain. Along the valley of centre, tangential
+/// terms and boards' turns the cost is flat to its last digit over far larger steps than elsewhere.
+const STEP_PER_GAIN: f64 = 1e5;
+/// Gain below which a start need not be better.
+pub const GOOD_START: f64 = 1e-6;
 
 /// Quality of an adjustment, besides the adjusted `Bundle` itself.
 #[derive(Debug, Clone, PartialEq)]
@@ -136,7 +146,7 @@ impl Bundle {
         if 2 * corners <= parameters {
             return Err(BundleError::TooFewCorners { corners, parameters });
         }
-        let mut normal = self.normal_equations(options).ok_or(BundleError::BehindCamera)?;
+        let mut normal = self.normal_equations(&self.views, options).ok_or(BundleError::BehindCamera)?;
         let mut damping = 1e-4;
         for iteration in 1..=options.max_iterations {
             let (next, next_normal, step_size) = loop {
@@ -145,7 +155,7 @@ impl Bundle {
                     (self.moved(&shared, &boards), size)
                 });
                 if let Some((candidate, size)) = trial
-                    && let Some(equations) = candidate.normal_equations(options)
+                    && let Some(equations) = candidate.normal_equations(&candidate.views, options)
                     && equations.cost <= normal.cost * (1.0 + 1e-15)
                 {
                     break (candidate, equations, size);
@@ -160,7 +170,7 @@ impl Bundle {
             *self = next;
             normal = next_normal;
             damping = (damping * 0.1).max(1e-15);
-            if gain < 1e-11 && step_size < 1e-8 || normal.cost < 1e-22 * corners as f64 {
+            if gain < options.settled_gain && step_size < STEP_PER_GAIN * options.settled_gain || normal.cost < 1e-22 * corners as f64 {
                 return self.finish(&normal, options, corners, parameters, iteration);
             }
         }
@@ -190,8 +200,7 @@ impl Bundle {
     fn clustering(&self, options: &BundleOptions, inverse: &SharedMatrix, variance_px2: f64) -> f64 {
         let (mut pull, mut expected) = (0.0, options.active.iter().filter(|on| **on).count() as f64);
         for view in &self.views {
-            let alone = Bundle { views: vec![view.clone()], ..self.clone() };
-            let Some((s, g, _)) = alone.normal_equations(options).and_then(|n| n.reduced(0.0, &[true; SHARED])) else { return 1.0 };
+            let Some((s, g, _)) = self.normal_equations(std::slice::from_ref(view), options).and_then(|n| n.reduced(0.0, &[true; SHARED])) else { return 1.0 };
             pull += (g.transpose() * inverse * g)[0];
             let own = inverse * s;
             expected -= (own * own).trace();
@@ -200,6 +209,16 @@ impl Bundle {
             return 1.0; // too few boards to tell
         }
         (pull / (variance_px2 * expected)).clamp(1.0, 10.0)
+    }
+
+    /// The same cameras and boards with the corners of another bundle of the same views.
+    pub fn with_corners_of(&self, other: &Bundle) -> Bundle {
+        let mut out = self.clone();
+        for (view, corners) in out.views.iter_mut().zip(&other.views) {
+            view.left.clone_from(&corners.left);
+            view.right.clone_from(&corners.right);
+        }
+        out
     }
 
     fn moved(&self, shared: &Shared, boards: &[Vector6<f64>]) -> Bundle {
@@ -221,10 +240,10 @@ impl Bundle {
         out
     }
 
-    fn normal_equations(&self, options: &BundleOptions) -> Option<Normal> {
-        let mut out = Normal { cost: 0.0, shared: SharedMatrix::zeros(), shared_gradient: Shared::zeros(), boards: Vec::with_capacity(self.views.len()) };
+    fn normal_equations(&self, views: &[BundleView], options: &BundleOptions) -> Option<Normal> {
+        let mut out = Normal { cost: 0.0, shared: SharedMatrix::zeros(), shared_gradient: Shared::zeros(), boards: Vec::with_capacity(views.len()) };
         let stereo_r = self.right_from_left.rotation.to_rotation_matrix().into_inner();
-        for view in &self.views {
+        for view in views {
             let mut v = Matrix6::zeros();
             let mut g = Vector6::zeros();
             let mut w = Coupling::zeros();

@@ -1,7 +1,7 @@
 //! The calibration itself: views of the board from both cameras in, cameras, rig and each pair's fate out.
 
 use super::board::Checkerboard;
-use super::bundle::{Bundle, BundleFit, BundleOptions, BundleView};
+use super::bundle::{Bundle, BundleFit, BundleOptions, BundleView, GOOD_START};
 use super::distortion::{CAMERA_NAMES, DistortionModel, ROTATION, SHARED, SHIFT, shared_names};
 use super::error::CalibrationError;
 use super::model_choice::{ModelFit, adjust_all, choose, summaries};
@@ -90,6 +90,7 @@ pub fn calibrate_views(
                 active: model.active(),
                 huber_px: Some(HUBER_PX),
                 max_iterations: options.max_iterations,
+                settled_gain: GOOD_START,
                 clustered_errors: false,
             }) {
                 Ok(_) | Err(super::bundle::BundleError::NotConverged { .. }) => bundle = robust,
@@ -105,20 +106,19 @@ pub fn calibrate_views(
         return Err(too_few(in_both(&bundle), &fates));
     }
     let mut corners_left_out = 0;
-    let fit_models = |bundle: &Bundle| -> Result<(Vec<ModelFit>, usize), CalibrationError> {
-        let mut models = adjust_all(bundle, options)?;
-        if let Some(only) = options.model {
-            models.retain(|m| m.model == only);
-        }
+    let fit_models = |starts: &[(DistortionModel, Bundle)]| -> Result<(Vec<ModelFit>, usize), CalibrationError> {
+        let models = adjust_all(starts, options)?;
         let best = choose(&models).ok_or(super::bundle::BundleError::Singular)?;
         Ok((models, best))
     };
-    let (mut models, mut best) = fit_models(&bundle)?;
+    let asked = DistortionModel::ALL.into_iter().filter(|m| options.model.is_none_or(|only| only == *m));
+    let (mut models, mut best) = fit_models(&asked.map(|m| (m, bundle.clone())).collect::<Vec<_>>())?;
     if options.reject_outliers {
         let mut trimmed = models[best].bundle.clone();
         corners_left_out = drop_outlying_corners(&mut trimmed);
         if corners_left_out > 0 {
-            (models, best) = fit_models(&trimmed)?;
+            let again: Vec<_> = models.iter().map(|m| (m.model, m.bundle.with_corners_of(&trimmed))).collect();
+            (models, best) = fit_models(&again)?;
         }
     }
     let ModelFit { model, bundle, fit, .. } = models[best].clone();
@@ -148,12 +148,12 @@ fn too_few(used: usize, fates: &[PairFate]) -> CalibrationError {
 fn start(board: &Checkerboard, image_size: [usize; 2], pairs: &[PairViews], both: &[usize]) -> Result<(Bundle, Vec<usize>), CalibrationError> {
     let seen: Vec<(usize, &BoardView)> = pairs.iter().enumerate().filter_map(|(i, p)| p.left.as_ref().ok().map(|v| (i, v))).collect();
     let left_views: Vec<&[Vector2<f64>]> = seen.iter().map(|(_, v)| v.corners.as_slice()).collect();
-    let (left, left_poses) = single_camera(board, &left_views, image_size, "left")?;
-    let left_pose = |pair: usize| seen.iter().position(|s| s.0 == pair).map(|k| left_poses[k]);
-
     let seen_right: Vec<(usize, &BoardView)> = pairs.iter().enumerate().filter_map(|(i, p)| p.right.as_ref().ok().map(|v| (i, v))).collect();
     let right_views: Vec<&[Vector2<f64>]> = seen_right.iter().map(|(_, v)| v.corners.as_slice()).collect();
-    let (right, right_poses) = single_camera(board, &right_views, image_size, "right")?;
+    let (from_left, from_right) =
+        rayon::join(|| single_camera(board, &left_views, image_size, "left"), || single_camera(board, &right_views, image_size, "right"));
+    let ((left, left_poses), (right, right_poses)) = (from_left?, from_right?);
+    let left_pose = |pair: usize| seen.iter().position(|s| s.0 == pair).map(|k| left_poses[k]);
     let right_pose = |pair: usize| seen_right.iter().position(|s| s.0 == pair).map(|k| right_poses[k]);
 
     // A turn of the order is a turn of the board in its plane about its middle: the pose of the turned order follows.

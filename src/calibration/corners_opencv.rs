@@ -1,8 +1,10 @@
-//! Checkerboard corners by OpenCV: `findChessboardCorners`, with the seeded sector-based detector as a second try, and
-//! `cornerSubPix` with a window that follows the size of the squares in the picture.
+//! Checkerboard corners of one picture: our own grid of saddles first; where that is not whole OpenCV's
+//! `findChessboardCorners`, then its seeded sector-based detector. `cornerSubPix` with a window that follows the size of the
+//! squares serves where the fit of the grey values does not settle.
 
 use super::board::Checkerboard;
 use super::calibrator::{Calibration, CalibrationOptions, PairViews, calibrate_views};
+use super::corner_grid::{GridSearch, find_grid};
 use super::error::CalibrationError;
 use super::saddle::refine_corners;
 use super::view::{BoardView, ViewFault, even_squares_dark};
@@ -32,37 +34,83 @@ fn find(image: &GreyImage, board: &Checkerboard) -> opencv::Result<Result<BoardV
     // Our loops run over pictures; OpenCV's own threads would only make its random numbers depend on scheduling.
     opencv::core::set_num_threads(1)?;
     let mat = Mat::new_rows_cols_with_data(i32::try_from(image.height)?, i32::try_from(image.width)?, &image.pixels)?;
-    let size = Size::new(board.columns as i32, board.rows as i32);
-    let mut fault = ViewFault::NotFound;
-    for second_try in [false, true] {
-        let mut found = Vector::<Point2f>::new();
-        let answered = if second_try {
-            opencv::core::set_rng_seed(SEED)?;
-            calib3d::find_chessboard_corners_sb(&mat, size, &mut found, calib3d::CALIB_CB_EXHAUSTIVE | calib3d::CALIB_CB_ACCURACY)?
-        } else {
-            calib3d::find_chessboard_corners(&mat, size, &mut found, calib3d::CALIB_CB_ADAPTIVE_THRESH | calib3d::CALIB_CB_NORMALIZE_IMAGE)?
-        };
-        if !answered || found.len() != board.corner_count() {
-            continue;
+    let all = board.corner_count();
+    // What is tried later is slow when it fails: little is tried where there is little to be found.
+    let (mut fault, later): (ViewFault, &[Detector]) = match find_grid(image, board) {
+        GridSearch::Complete(rough) => match finished(rough, board, image, &mat)? {
+            Err(fault @ ViewFault::WrongGrid { .. }) => (fault, &[Detector::Quads, Detector::Sectors]),
+            view_or_fault => return Ok(view_or_fault),
+        },
+        GridSearch::Partial { corners, .. } if 3 * corners < all => (ViewFault::NotFound, &[Detector::Glance]),
+        GridSearch::Partial { corners: seen, cut_by_border: true, .. } => return Ok(Err(ViewFault::PartOfBoard { seen, all, cut_by_border: true })),
+        GridSearch::Partial { corners: seen, whole_part, .. } => {
+            // The part that was seen tells whether blur or too much light took the rest.
+            if let Some((part, corners)) = whole_part
+                && let Err(fault) = finished(corners, &part, image, &mat)?
+            {
+                return Ok(Err(fault));
+            }
+            (ViewFault::PartOfBoard { seen, all, cut_by_border: false }, &[Detector::Quads, Detector::Sectors])
         }
-        let rough: Vec<Vector2<f64>> = found.iter().map(|p| Vector2::new(f64::from(p.x), f64::from(p.y))).collect();
-        // The gate comes before the refinement too: a wrong grid has no meaningful window.
-        if let Err(e) = BoardView::from_corners(board, rough.clone()) {
-            fault = e;
-            continue;
-        }
-        let half = (WINDOW_SHARE * board.smallest_spacing_px(&rough)).round().clamp(2.0, 40.0) as i32;
-        let criteria = TermCriteria::new(TermCriteria_Type::COUNT as i32 + TermCriteria_Type::EPS as i32, 100, 1e-4)?;
-        imgproc::corner_sub_pix(&mat, &mut found, Size::new(half, half), Size::new(-1, -1), criteria)?;
-        let near = board.right_handed(found.iter().map(|p| Vector2::new(f64::from(p.x), f64::from(p.y))).collect());
-        let refined = refine_corners(board, &near, image);
-        let ordered = (0..board.turns()).map(|t| board.turned(&refined, t)).find(|c| even_squares_dark(board, c, image)).unwrap_or(refined);
-        match BoardView::from_corners(board, ordered).and_then(|v| v.judged(board, image)) {
+    };
+    for detector in later {
+        let Some(rough) = detect(&mat, board, *detector)? else { continue };
+        match finished(rough, board, image, &mat)? {
             Ok(view) => return Ok(Ok(view)),
             Err(e) => fault = e,
         }
     }
     Ok(Err(fault))
+}
+
+/// OpenCV's detectors.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Detector {
+    /// `findChessboardCorners`, which gives up at once where nothing looks like a board.
+    Glance,
+    Quads,
+    /// The sector-based one.
+    Sectors,
+}
+
+fn detect(mat: &impl opencv::core::ToInputArray, board: &Checkerboard, detector: Detector) -> opencv::Result<Option<Vec<Vector2<f64>>>> {
+    let size = Size::new(board.columns as i32, board.rows as i32);
+    let mut found = Vector::<Point2f>::new();
+    let usual = calib3d::CALIB_CB_ADAPTIVE_THRESH | calib3d::CALIB_CB_NORMALIZE_IMAGE;
+    let answered = match detector {
+        Detector::Glance => calib3d::find_chessboard_corners(mat, size, &mut found, usual | calib3d::CALIB_CB_FAST_CHECK)?,
+        Detector::Quads => calib3d::find_chessboard_corners(mat, size, &mut found, usual)?,
+        Detector::Sectors => {
+            opencv::core::set_rng_seed(SEED)?;
+            calib3d::find_chessboard_corners_sb(mat, size, &mut found, calib3d::CALIB_CB_EXHAUSTIVE | calib3d::CALIB_CB_ACCURACY)?
+        }
+    };
+    Ok((answered && found.len() == board.corner_count()).then(|| found.iter().map(|p| Vector2::new(f64::from(p.x), f64::from(p.y))).collect()))
+}
+
+/// Refines, orders and judges the corners of a view.
+fn finished(
+    rough: Vec<Vector2<f64>>,
+    board: &Checkerboard,
+    image: &GreyImage,
+    mat: &impl opencv::core::ToInputArray,
+) -> opencv::Result<Result<BoardView, ViewFault>> {
+    // The gate comes before the refinement too: a wrong grid has no meaningful window.
+    let rough = match BoardView::from_corners(board, rough) {
+        Ok(view) => board.right_handed(view.corners),
+        Err(e) => return Ok(Err(e)),
+    };
+    let (mut refined, settled) = refine_corners(board, &rough, image);
+    if !settled {
+        let mut near: Vector<Point2f> = rough.iter().map(|p| Point2f::new(p.x as f32, p.y as f32)).collect();
+        let half = (WINDOW_SHARE * board.smallest_spacing_px(&rough)).round().clamp(2.0, 40.0) as i32;
+        let criteria = TermCriteria::new(TermCriteria_Type::COUNT as i32 + TermCriteria_Type::EPS as i32, 100, 1e-4)?;
+        imgproc::corner_sub_pix(mat, &mut near, Size::new(half, half), Size::new(-1, -1), criteria)?;
+        let near: Vec<Vector2<f64>> = near.iter().map(|p| Vector2::new(f64::from(p.x), f64::from(p.y))).collect();
+        (refined, _) = refine_corners(board, &near, image);
+    }
+    let ordered = (0..board.turns()).map(|t| board.turned(&refined, t)).find(|c| even_squares_dark(board, c, image)).unwrap_or(refined);
+    Ok(BoardView::from_corners(board, ordered).and_then(|v| v.judged(board, image)))
 }
 
 /// Both cameras' pictures of one position of the board.

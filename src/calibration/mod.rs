@@ -11,6 +11,8 @@ mod bundle;
 mod calibrator;
 mod camera_model;
 #[cfg(feature = "vision")]
+mod corner_grid;
+#[cfg(feature = "vision")]
 mod corners_opencv;
 mod distortion;
 mod error;
@@ -22,6 +24,8 @@ mod rig;
 mod rig_file;
 #[cfg(feature = "vision")]
 mod saddle;
+#[cfg(feature = "vision")]
+mod saddle_points;
 mod sphere;
 mod stereo_start;
 mod verdict;

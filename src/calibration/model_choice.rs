@@ -1,8 +1,9 @@
 //! Which distortion terms the data ask for: the same corners adjusted with each set of terms, weighed by evidence.
 
-use super::bundle::{Bundle, BundleError, BundleFit, BundleOptions};
+use super::bundle::{Bundle, BundleError, BundleFit, BundleOptions, TO_THE_END};
 use super::calibrator::CalibrationOptions;
 use super::distortion::DistortionModel;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// One set of distortion terms, adjusted to the same corners.
@@ -33,32 +34,31 @@ pub struct ModelSummary {
     pub baseline_m: f64,
 }
 
-/// Adjusts every model, each starting at the one before; models that do not settle are left out.
-pub fn adjust_all(start: &Bundle, options: &CalibrationOptions) -> Result<Vec<ModelFit>, BundleError> {
-    let mut fits: Vec<ModelFit> = Vec::new();
+/// Adjusts each model from its start; models that do not settle are left out.
+pub fn adjust_all(starts: &[(DistortionModel, Bundle)], options: &CalibrationOptions) -> Result<Vec<ModelFit>, BundleError> {
+    let adjusted: Vec<Result<ModelFit, BundleError>> = starts.par_iter().map(|(model, start)| adjust(*model, start, options)).collect();
     let mut last_error = BundleError::Singular;
-    for model in DistortionModel::ALL {
-        let mut bundle = fits.last().map_or_else(|| start.clone(), |f| f.bundle.clone());
-        let on = model.active();
-        for (camera, at) in [(&mut bundle.left, 4), (&mut bundle.right, 13)] {
-            for k in 0..5 {
-                if !on[at + k] {
-                    camera.distortion[k] = 0.0;
-                }
+    let fits: Vec<ModelFit> = adjusted.into_iter().filter_map(|a| a.map_err(|e| last_error = e).ok()).collect();
+    if fits.is_empty() { Err(last_error) } else { Ok(fits) }
+}
+
+fn adjust(model: DistortionModel, start: &Bundle, options: &CalibrationOptions) -> Result<ModelFit, BundleError> {
+    let mut bundle = start.clone();
+    let active = model.active();
+    for (camera, at) in [(&mut bundle.left, 4), (&mut bundle.right, 13)] {
+        for k in 0..5 {
+            if !active[at + k] {
+                camera.distortion[k] = 0.0;
             }
-        }
-        match bundle.adjust(&BundleOptions { active: on, huber_px: None, max_iterations: options.max_iterations, clustered_errors: options.clustered_errors }) {
-            Ok(fit) => {
-                let n = 2.0 * bundle.views.iter().map(|v| v.left.len() + v.right.len()).sum::<usize>() as f64;
-                let p = (model.free_parameters() + 6 * bundle.views.len()) as f64;
-                // A world without noise would give minus infinity: the floor is far below any camera.
-                let aic = n * (fit.squared_error_px2 / n).max(1e-20).ln() + 2.0 * p * n / (n - p - 1.0).max(1.0);
-                fits.push(ModelFit { model, bundle, fit, aic });
-            }
-            Err(e) => last_error = e,
         }
     }
-    if fits.is_empty() { Err(last_error) } else { Ok(fits) }
+    let (max_iterations, clustered_errors) = (options.max_iterations, options.clustered_errors);
+    let fit = bundle.adjust(&BundleOptions { active, huber_px: None, max_iterations, settled_gain: TO_THE_END, clustered_errors })?;
+    let n = 2.0 * bundle.views.iter().map(|v| v.left.len() + v.right.len()).sum::<usize>() as f64;
+    let p = (model.free_parameters() + 6 * bundle.views.len()) as f64;
+    // A world without noise would give minus infinity: the floor is far below any camera.
+    let aic = n * (fit.squared_error_px2 / n).max(1e-20).ln() + 2.0 * p * n / (n - p - 1.0).max(1.0);
+    Ok(ModelFit { model, bundle, fit, aic })
 }
 
 /// Difference of the criterion up to which a model cannot be ruled out (Burnham and Anderson 2002, section 2.6).

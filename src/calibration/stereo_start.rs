@@ -3,7 +3,7 @@
 
 use super::Camera;
 use super::board::Checkerboard;
-use super::bundle::{Bundle, BundleOptions, BundleView, CornerPixel};
+use super::bundle::{Bundle, BundleOptions, BundleView, CornerPixel, GOOD_START};
 use super::distortion::{DistortionModel, SHARED};
 use super::error::CalibrationError;
 use super::homography::homography;
@@ -39,7 +39,7 @@ pub fn single_camera(
             Some(m) => active[..9].copy_from_slice(&m.active()[..9]),
         }
         // A stage that does not settle leaves its last good state; the joint adjustment decides in the end.
-        let _ = bundle.adjust(&BundleOptions { active, huber_px: Some(HUBER_PX), max_iterations: 60, clustered_errors: false });
+        let _ = bundle.adjust(&BundleOptions { active, huber_px: Some(HUBER_PX), max_iterations: 60, settled_gain: GOOD_START, clustered_errors: false });
     }
     Ok((bundle.left, bundle.views.into_iter().map(|v| v.pose).collect()))
 }

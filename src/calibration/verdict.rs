@@ -1,7 +1,7 @@
 //! The calibration judged in millimetres: boards it has not seen, measured again in 3-D.
 
 use super::SquareSize;
-use super::bundle::{Bundle, BundleOptions};
+use super::bundle::{Bundle, BundleOptions, GOOD_START};
 use super::calibrator::Calibration;
 use super::rays::midpoint;
 use nalgebra::{Point3, Vector2};
@@ -51,7 +51,9 @@ impl Calibration {
     pub fn without(&self, held_out: &[usize]) -> Option<Bundle> {
         let mut bundle = self.bundle.clone();
         bundle.views = self.bundle.views.iter().enumerate().filter(|(i, _)| !held_out.contains(i)).map(|(_, v)| v.clone()).collect();
-        bundle.adjust(&BundleOptions { active: self.model.active(), huber_px: None, max_iterations: 100, clustered_errors: false }).ok()?;
+        bundle
+            .adjust(&BundleOptions { active: self.model.active(), huber_px: None, max_iterations: 100, settled_gain: GOOD_START, clustered_errors: false })
+            .ok()?;
         Some(bundle)
     }
 

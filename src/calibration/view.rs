@@ -27,6 +27,8 @@ pub enum ViewFault {
     Unreadable(String),
     #[error("board not found")]
     NotFound,
+    #[error("only {seen} of the board's {all} corners found{}", if *.cut_by_border { ": it is cut by the picture's border" } else { "" })]
+    PartOfBoard { seen: usize, all: usize, cut_by_border: bool },
     #[error("the corners found do not lie on a plane grid ({rms_px:.1} px off, allowed {allowed_px:.1})")]
     WrongGrid { rms_px: f64, allowed_px: f64 },
     #[error("blurred (edges {blur_px:.2} px wide, allowed {allowed_px:.2})")]
@@ -141,12 +143,13 @@ pub fn sample(image: &GreyImage, p: Vector2<f64>) -> Option<f64> {
     Some((a * (1.0 - fx) + b * fx) * (1.0 - fy) + (c * (1.0 - fx) + d * fx) * fy)
 }
 
-/// Median blur (sd, px) and median growth of the bright side (px) over the edges between inner corners.
+/// Blur (sd, px) and median growth of the bright side (px) over the edges between inner corners. The blur is the larger of
+/// the medians over edges along the columns and along the rows: a board in motion is sharp in one direction.
 ///
 /// Across the middle of each edge the profile is sampled: its steepest slope gives the blur of a straight edge,
 /// `sd = contrast / (slope sqrt(2 pi))`; where it crosses the mean of both sides gives the edge's place.
 fn edge_quality(board: &Checkerboard, corners: &[Vector2<f64>], image: &GreyImage) -> (Option<f64>, Option<f64>) {
-    let (mut blurs, mut blooms) = (Vec::new(), Vec::new());
+    let (mut blurs, mut blooms) = ([Vec::new(), Vec::new()], Vec::new());
     for (a, b) in board.neighbours() {
         let along = corners[b] - corners[a];
         let (ra, ca) = (a / board.columns, a % board.columns);
@@ -178,13 +181,14 @@ fn edge_quality(board: &Checkerboard, corners: &[Vector2<f64>], image: &GreyImag
         if slope <= 0.0 {
             continue;
         }
-        blurs.push(1.0 / (slope * (2.0 * std::f64::consts::PI).sqrt()));
+        blurs[usize::from(horizontal)].push(1.0 / (slope * (2.0 * std::f64::consts::PI).sqrt()));
         // The signed area under the normalised profile is the edge's place without a threshold's noise.
         let share: f64 = profile.iter().map(|v| (v - low) / contrast).sum::<f64>() / profile.len() as f64;
         let edge = (0.5 - share) * 2.0 * n as f64 * step;
         blooms.push(if contrast > 0.0 { -edge } else { edge });
     }
-    (median(&mut blurs), median(&mut blooms))
+    let blur = blurs.iter_mut().filter_map(|b| median(b)).reduce(f64::max);
+    (blur, median(&mut blooms))
 }
 
 /// The middle value; `None` of nothing.

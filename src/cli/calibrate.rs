@@ -7,12 +7,13 @@ use crate::calibration::{
 };
 use crate::footage::{numbered_images, read_grey};
 use crate::provenance::Provenance;
+use crate::report::{Report, sections};
 use crate::session::Session;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Checkerboard pairs to calibration.json and calibration.yml
+/// Checkerboard pairs to calibration.json, calibration.yml and calibration.html
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     /// The session folder (holds session.toml)
@@ -20,6 +21,9 @@ pub struct Arguments {
     /// Also calibrate with the direct linear transform and its variants on the same pictures, and compare the errors
     #[arg(long)]
     pub compare_methods: bool,
+    /// Take the cameras from an OpenCV FileStorage (M1 D1 M2 D2 R T image_size; T in m) instead of the checkerboards
+    #[arg(long, value_name = "FILE", conflicts_with = "compare_methods")]
+    pub import: Option<PathBuf>,
     /// Also write the DLT coefficients of both cameras for DLTdv and easyWand (undistorted pixels)
     #[arg(long)]
     pub dlt: bool,
@@ -29,8 +33,10 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let session = Session::open(existing(&arguments.session, "session folder")?)?;
     let out = shell.results_of_session(&arguments.session);
     let json = out.join("calibration.json");
-    same_number_of_pictures(&session.board.images)?;
-    let provenance = inputs(&session)?;
+    if arguments.import.is_none() {
+        same_number_of_pictures(&session.board.images)?;
+    }
+    let provenance = inputs(&session, arguments.import.as_deref())?;
     if !shell.args.force
         && !arguments.compare_methods
         && !arguments.dlt
@@ -40,9 +46,14 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
         shell.say(format!("{} is up to date (--force calibrates again)", json.display()));
         return shell.print_json(&rig);
     }
-    let rig = calibrate(&session, provenance, &arguments, shell)?;
+    let mut rig = match &arguments.import {
+        Some(file) => imported(&session, file)?,
+        None => calibrate(&session, &arguments, shell)?,
+    };
+    rig.more.insert("provenance".into(), serde_json::to_value(provenance).map_err(CliError::output)?);
     shell.write(&json, rig.to_json().map_err(CliError::output)?.as_bytes())?;
     shell.write(&out.join("calibration.yml"), rig.to_opencv_yaml().as_bytes())?;
+    shell.write(&out.join("calibration.html"), page(&session, &rig).as_bytes())?;
     if arguments.dlt {
         let text = dltdv_csv(&rig).ok_or_else(|| CliError::input("no DLT coefficients: the global origin lies in a camera's own plane"))?;
         shell.write(&out.join("dlt-coefficients.csv"), text.as_bytes())?;
@@ -92,11 +103,20 @@ fn axes_picture(folder: &Path, camera: &str) -> Result<PathBuf, CliError> {
     }
 }
 
+/// The calibration's own report; the session's report holds the same section.
+fn page(session: &Session, rig: &StereoRig) -> String {
+    Report::new(&session.name).subtitle("Calibration").section(sections::calibration(rig, session.axes.is_some())).finish()
+}
+
 /// Hashes of everything the calibration reads.
-fn inputs(session: &Session) -> Result<Provenance, CliError> {
+fn inputs(session: &Session, import: Option<&Path>) -> Result<Provenance, CliError> {
     let unreadable = |e: std::io::Error| CliError::input(format!("an input cannot be read ({e})"));
     let mut provenance = Provenance::new("calibrate").with_file(&session.root.join("session.toml")).map_err(unreadable)?;
-    for camera in ["left", "right"] {
+    if let Some(file) = import {
+        provenance = provenance.with_file(existing(file, "calibration to import")?).map_err(unreadable)?;
+    }
+    let boards: &[&str] = if import.is_some() { &[] } else { &["left", "right"] };
+    for &camera in boards {
         for path in pictures(&session.board.images, camera)?.values() {
             let hash = crate::provenance::sha256_file(path).map_err(unreadable)?;
             provenance.inputs.insert(format!("calib/{camera}/{}", path.file_name().unwrap_or_default().to_string_lossy()), hash);
@@ -111,7 +131,7 @@ fn inputs(session: &Session) -> Result<Provenance, CliError> {
     Ok(provenance)
 }
 
-fn calibrate(session: &Session, provenance: Provenance, arguments: &Arguments, shell: &Shell) -> Result<StereoRig, CliError> {
+fn calibrate(session: &Session, arguments: &Arguments, shell: &Shell) -> Result<StereoRig, CliError> {
     let board = Checkerboard { columns: session.board.columns, rows: session.board.rows, square_m: session.board.square_m };
     let (left, right) = (pictures(&session.board.images, "left")?, pictures(&session.board.images, "right")?);
     let mut numbers: Vec<u64> = left.keys().chain(right.keys()).copied().collect();
@@ -154,12 +174,7 @@ fn calibrate(session: &Session, provenance: Provenance, arguments: &Arguments, s
     let mut rig = calibration.rig();
     rig.more.insert(crate::calibration::BOARDS_KEY.into(), serde_json::to_value(calibration.board_reports()).map_err(CliError::output)?);
     rig.more.extend(calibration.details().map_err(CliError::output)?);
-    if let Some(axes) = &session.axes {
-        let images = [read_grey(&axes_picture(&axes.images, "left")?)?, read_grey(&axes_picture(&axes.images, "right")?)?];
-        let (global_from_left, report) = global_axes(&rig, &images[0], &images[1], &AxesFrame { arm_u_m: axes.arm_u_m, arm_w_m: axes.arm_w_m })?;
-        rig.global_from_left = global_from_left;
-        rig.more.insert("axes".into(), serde_json::to_value(report).map_err(CliError::output)?);
-    }
+    lay_axes(session, &mut rig)?;
     calibration.add_quality(&mut rig).map_err(CliError::output)?;
     if arguments.compare_methods {
         let methods = calibration.compare_methods();
@@ -169,7 +184,26 @@ fn calibrate(session: &Session, provenance: Provenance, arguments: &Arguments, s
         }
         rig.more.insert("methods".into(), serde_json::to_value(methods).map_err(CliError::output)?);
     }
-    rig.more.insert("provenance".into(), serde_json::to_value(provenance).map_err(CliError::output)?);
+    Ok(rig)
+}
+
+/// The global axes from the three-sphere frame, where the session has pictures of it.
+fn lay_axes(session: &Session, rig: &mut StereoRig) -> Result<(), CliError> {
+    if let Some(axes) = &session.axes {
+        let images = [read_grey(&axes_picture(&axes.images, "left")?)?, read_grey(&axes_picture(&axes.images, "right")?)?];
+        let (global_from_left, report) = global_axes(rig, &images[0], &images[1], &AxesFrame { arm_u_m: axes.arm_u_m, arm_w_m: axes.arm_w_m })?;
+        rig.global_from_left = global_from_left;
+        rig.more.insert("axes".into(), serde_json::to_value(report).map_err(CliError::output)?);
+    }
+    Ok(())
+}
+
+/// Cameras of another program: without covariance, so that points carry the pixels' uncertainty only.
+fn imported(session: &Session, file: &Path) -> Result<StereoRig, CliError> {
+    let mut rig = StereoRig::read_opencv_yaml(existing(file, "calibration to import")?)?;
+    lay_axes(session, &mut rig)?;
+    let advice = "cameras imported from another program: their own uncertainty is not known, and no interval holds it";
+    rig.more.insert("advice".into(), serde_json::json!([advice]));
     Ok(rig)
 }
 
@@ -184,7 +218,9 @@ fn pair_name(number: u64, path: Option<&PathBuf>) -> String {
 
 fn summarise(rig: &StereoRig, json: &Path, shell: &Shell) {
     let used = rig.pairs.iter().filter(|p| p.used).count();
-    shell.say(format!("{used} of {} pairs used; {:.3} px left, {:.3} px right", rig.pairs.len(), rig.left.rms_px, rig.right.rms_px));
+    if !rig.pairs.is_empty() {
+        shell.say(format!("{used} of {} pairs used; {:.3} px left, {:.3} px right", rig.pairs.len(), rig.left.rms_px, rig.right.rms_px));
+    }
     if let Some(s) = &rig.square_mm {
         shell.say(format!("squares on boards held out: {:.3} mm, sd {:.3} mm ({} sides)", s.mean, s.sd, s.n));
     }

@@ -55,11 +55,12 @@ fn truth_intervals_of_parameters_and_distances_cover_over_seeded_calibrations() 
     let board = Checkerboard { columns: 9, rows: 6, square_m: 0.06 };
     let (left, right, right_from_left) = cameras();
     let runs = 200u64;
-    let counts: Vec<[usize; 6]> = (0..runs)
+    let counts: Vec<([usize; 6], Vec<(String, f64)>)> = (0..runs)
         .into_par_iter()
         .map(|seed| {
             let c = calibrate_views(&board, [512, 512], &views(seed, &board), &CalibrationOptions::default()).unwrap();
             let mut n = [0; 6];
+            let mut errors = Vec::new();
             let rig = c.rig();
             for (ours, truth) in [(&rig.left, &left), (&rig.right, &right)] {
                 let values = |c: &Camera| [c.fx, c.fy, c.cx, c.cy, c.distortion[0], c.distortion[1], c.distortion[2], c.distortion[3]];
@@ -67,6 +68,7 @@ fn truth_intervals_of_parameters_and_distances_cover_over_seeded_calibrations() 
                     if let Some(sd) = ours.sd.get(name) {
                         n[0] += usize::from((a - b).abs() < 1.96 * sd);
                         n[1] += 1;
+                        errors.push((format!("{:?} {name}", c.model), (a - b) / sd));
                     }
                 }
             }
@@ -90,10 +92,20 @@ fn truth_intervals_of_parameters_and_distances_cover_over_seeded_calibrations() 
             }
             n[4] = usize::from(c.pairs.iter().all(|p| p.used));
             n[5] = 1;
-            n
+            (n, errors)
         })
         .collect();
-    let total: [usize; 6] = std::array::from_fn(|k| counts.iter().map(|c| c[k]).sum());
+    let total: [usize; 6] = std::array::from_fn(|k| counts.iter().map(|c| c.0[k]).sum());
+    let mut by_name: std::collections::BTreeMap<&str, Vec<f64>> = Default::default();
+    for (name, error) in counts.iter().flat_map(|c| &c.1) {
+        by_name.entry(name).or_default().push(*error);
+    }
+    for (name, errors) in &by_name {
+        let n = errors.len() as f64;
+        let inside = errors.iter().filter(|e| e.abs() < 1.96).count() as f64;
+        let (mean, square) = (errors.iter().sum::<f64>() / n, errors.iter().map(|e| e * e).sum::<f64>() / n);
+        eprintln!("{name}: {:.1} % of {n}, errors in sd: mean {mean:+.3}, rms {:.3}", 100.0 * inside / n, square.sqrt());
+    }
     let percent = |k: usize| 100.0 * total[k] as f64 / total[k + 1] as f64;
     eprintln!("{runs} calibrations: parameters {:.1} % of {}, distances {:.1} % of {}", percent(0), total[1], percent(2), total[3]);
     assert!((93.0..=97.0).contains(&percent(0)), "parameters: {:.2} %", percent(0));

@@ -119,7 +119,8 @@ impl CalibrationDetail {
         if self.methods.is_empty() {
             return None;
         }
-        let names: Vec<String> = self.methods.iter().map(|m| m.method.clone()).collect();
+        let short = |m: &MethodError| format!("{} ({})", m.method.split(',').next().unwrap_or_default(), m.parameters);
+        let names: Vec<String> = self.methods.iter().map(short).collect();
         let bars = |from: f64, pick: fn(&MethodError) -> f64| -> Vec<(f64, f64, f64)> {
             self.methods.iter().enumerate().map(|(i, m)| (i as f64 + from, i as f64 + from + 0.35, pick(m))).collect()
         };
@@ -128,7 +129,7 @@ impl CalibrationDetail {
             .y("error of lengths", "mm")
             .add(Bars::new(&bars(-0.37, |m| m.mean_error_mm)).name("mean"))
             .add(Bars::new(&bars(0.02, |m| m.max_error_mm)).name("largest"));
-        Some((chart.to_svg(), "Error of distances between corners by each calibration method (as thesis figure 2.24).".to_owned()))
+        Some((chart.to_svg(), "Error of distances between corners by each calibration method (as thesis figure 2.24); in brackets the parameters per camera.".to_owned()))
     }
 
     pub fn table(&self) -> Table {

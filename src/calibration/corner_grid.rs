@@ -1,0 +1,350 @@
+//! The board's corners in a picture, grown from saddle points: from one corner to its neighbours along the edges, and on
+//! from there, each where its neighbours say it must be and of the opposite kind (bright and dark sectors swapped).
+//!
+//! Answers the same for the same picture, takes milliseconds, and tells a picture without a board from a board that is partly
+//! hidden. Needs squares of about five pixels or more.
+
+use super::board::Checkerboard;
+use super::homography::homography;
+use super::saddle_points::{Plane, SaddlePoint};
+use crate::footage::GreyImage;
+use nalgebra::{Point3, Vector2, Vector3};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// What a search for the board ended with.
+#[derive(Debug, Clone, PartialEq)]
+pub enum GridSearch {
+    /// All corners, row by row, to some tenths of a pixel; ends and handedness are not sorted out.
+    Complete(Vec<Vector2<f64>>),
+    /// The largest part of a grid, or nothing like one (`corners` is 0).
+    Partial {
+        corners: usize,
+        /// The grid runs on across the picture's border.
+        cut_by_border: bool,
+        /// Its largest part without gaps, as a smaller board (at least 3 by 3), with its corners row by row.
+        whole_part: Option<(Checkerboard, Vec<Vector2<f64>>)>,
+    },
+}
+
+/// Levels tried: the full picture, then halved ones, on which blur and noise are smaller.
+const LEVELS: usize = 4;
+/// Starting points tried per level, strongest first.
+const STARTS: usize = 400;
+/// A neighbour lies along an edge within this angle (cosine of 15 degrees) ...
+const ALONG_EDGE: f64 = 0.966;
+/// ... its edges run like those of the corner before (cosine of 35 degrees) ...
+const SAME_WAY: f64 = 0.82;
+/// ... and it is within this factor as strong: light and tilt change little from corner to corner.
+const STRENGTH_RATIO: f64 = 12.0;
+/// A corner may lie this share of a step from where its neighbours put it.
+const OFF_PLACE: f64 = 0.3;
+/// Share of the corners from which on the missing ones are looked for one by one.
+const NEARLY_ALL: f64 = 0.75;
+
+const SIDES: [(i32, i32); 4] = [(1, 0), (-1, 0), (0, 1), (0, -1)];
+
+/// Searches a picture for the board.
+pub fn find_grid(image: &GreyImage, board: &Checkerboard) -> GridSearch {
+    let mut best = NOTHING;
+    let mut most = 0;
+    let mut plane = Some(Plane::of(image));
+    for _ in 0..LEVELS {
+        let Some(level) = plane else { break };
+        let points = level.saddle_points();
+        match search(&points, board, image) {
+            complete @ GridSearch::Complete(_) => return complete,
+            GridSearch::Partial { corners, .. } if corners <= most => {}
+            partial @ GridSearch::Partial { corners, .. } => (best, most) = (partial, corners),
+        }
+        plane = level.halved();
+    }
+    best
+}
+
+const NOTHING: GridSearch = GridSearch::Partial { corners: 0, cut_by_border: false, whole_part: None };
+
+fn search(points: &[SaddlePoint], board: &Checkerboard, image: &GreyImage) -> GridSearch {
+    let mut best: Option<Grid> = None;
+    let mut most = 3; // fewer than four corners are no grid
+    let mut tried = BTreeSet::new();
+    for start in 0..points.len().min(STARTS) {
+        if tried.contains(&start) {
+            continue;
+        }
+        let grid = Grid::grown(points, start, board);
+        if grid.cells.len() > 3 {
+            tried.extend(grid.cells.values().map(|c| c.point));
+        }
+        if grid.cells.len() <= most {
+            continue;
+        }
+        most = grid.cells.len();
+        if let Some(corners) = grid.board(board) {
+            return GridSearch::Complete(corners);
+        }
+        best = Some(grid);
+    }
+    best.map_or(NOTHING, |grid| GridSearch::Partial {
+        corners: most.min(board.corner_count()),
+        cut_by_border: grid.cut_by_border(image),
+        whole_part: grid.whole_part(board.square_m),
+    })
+}
+
+/// A corner with its place on the grid.
+#[derive(Debug, Clone, Copy)]
+struct Cell {
+    point: usize,
+    /// Edges toward growing first and second grid number.
+    along: [Vector2<f64>; 2],
+}
+
+struct Grid<'a> {
+    points: &'a [SaddlePoint],
+    cells: BTreeMap<(i32, i32), Cell>,
+}
+
+impl<'a> Grid<'a> {
+    fn grown(points: &'a [SaddlePoint], start: usize, board: &Checkerboard) -> Self {
+        let first = Cell { point: start, along: points[start].edges };
+        let mut grid = Grid { points, cells: BTreeMap::from([((0, 0), first)]) };
+        let mut used = BTreeSet::from([start]);
+        // A board's grid cannot be longer than this; clutter that repeats must not run on.
+        let reach = board.columns.max(board.rows) as i32 + 1;
+        let mut grew = true;
+        while grew {
+            grew = false;
+            for at in grid.cells.keys().copied().collect::<Vec<_>>() {
+                for side in SIDES {
+                    let next = (at.0 + side.0, at.1 + side.1);
+                    if next.0.abs() > reach || next.1.abs() > reach || grid.cells.contains_key(&next) {
+                        continue;
+                    }
+                    if let Some(cell) = grid.neighbour(at, side).filter(|c| !used.contains(&c.point)) {
+                        used.insert(cell.point);
+                        grid.cells.insert(next, cell);
+                        grew = true;
+                    }
+                }
+            }
+        }
+        grid
+    }
+
+    fn place(&self, at: (i32, i32)) -> Option<Vector2<f64>> {
+        self.cells.get(&at).map(|c| self.points[c.point].at)
+    }
+
+    /// The step to the neighbour, from neighbours that are known already.
+    fn step(&self, at: (i32, i32), side: (i32, i32)) -> Option<Vector2<f64>> {
+        let here = self.place(at)?;
+        if let Some(before) = self.place((at.0 - side.0, at.1 - side.1)) {
+            return Some(here - before);
+        }
+        [(side.1, side.0), (-side.1, -side.0)].into_iter().find_map(|across| {
+            let beside = (at.0 + across.0, at.1 + across.1);
+            Some(self.place((beside.0 + side.0, beside.1 + side.1))? - self.place(beside)?)
+        })
+    }
+
+    fn neighbour(&self, at: (i32, i32), side: (i32, i32)) -> Option<Cell> {
+        let cell = self.cells.get(&at)?;
+        let here = &self.points[cell.point];
+        let direction = if side.0 != 0 { cell.along[0] * f64::from(side.0) } else { cell.along[1] * f64::from(side.1) };
+        let step = self.step(at, side);
+        let mut nearest: Option<(f64, Cell)> = None;
+        for (i, p) in self.points.iter().enumerate() {
+            let d = p.at - here.at;
+            let distance = match step {
+                Some(step) => {
+                    let off = (d - step).norm();
+                    if off > OFF_PLACE * step.norm() {
+                        continue;
+                    }
+                    off
+                }
+                None => {
+                    let length = d.norm();
+                    if length < 3.0 || d.dot(&direction) < ALONG_EDGE * length {
+                        continue;
+                    }
+                    length
+                }
+            };
+            if nearest.as_ref().is_some_and(|n| n.0 <= distance) || p.strength > STRENGTH_RATIO * here.strength || here.strength > STRENGTH_RATIO * p.strength {
+                continue;
+            }
+            let Some(along) = oriented(p, &cell.along) else { continue };
+            if p.bright_towards(along[0] + along[1]) != here.bright_towards(cell.along[0] + cell.along[1]) {
+                nearest = Some((distance, Cell { point: i, along }));
+            }
+        }
+        nearest.map(|n| n.1)
+    }
+
+    /// The board's corners row by row, when the grid holds all of them, or all but a few that are found where they must be.
+    fn board(&self, board: &Checkerboard) -> Option<Vec<Vector2<f64>>> {
+        let range = |k: fn(&(i32, i32)) -> i32| Some((self.cells.keys().map(k).min()?, self.cells.keys().map(k).max()?));
+        let ((i0, i1), (j0, j1)) = (range(|c| c.0)?, range(|c| c.1)?);
+        let (columns, rows) = (board.columns as i32, board.rows as i32);
+        let mut best: Option<(usize, f64, Vec<(i32, i32)>)> = None;
+        let mut ties = 0;
+        for (first, second, swapped) in [(columns, rows, false), (rows, columns, true)] {
+            if swapped && columns == rows {
+                continue;
+            }
+            for i in i0.min(i1 + 1 - first)..=(i1 + 1 - first).max(i0) {
+                for j in j0.min(j1 + 1 - second)..=(j1 + 1 - second).max(j0) {
+                    let places: Vec<(i32, i32)> =
+                        (0..rows).flat_map(|r| (0..columns).map(move |c| if swapped { (i + r, j + c) } else { (i + c, j + r) })).collect();
+                    let inside: Vec<&Cell> = places.iter().filter_map(|p| self.cells.get(p)).collect();
+                    let strength: f64 = inside.iter().map(|c| self.points[c.point].strength.ln()).sum();
+                    let better = best.as_ref().map_or(std::cmp::Ordering::Greater, |b| inside.len().cmp(&b.0));
+                    ties = if better.is_gt() { 1 } else { ties + usize::from(better.is_eq()) };
+                    if better.is_gt() || better.is_eq() && best.as_ref().is_some_and(|b| strength > b.1) {
+                        best = Some((inside.len(), strength, places));
+                    }
+                }
+            }
+        }
+        let (found, _, places) = best?;
+        let all = board.corner_count();
+        if ties > 1 || (found as f64) < NEARLY_ALL * all as f64 {
+            return None; // which of the grid's corners are the board's would be a guess
+        }
+        let found: Vec<Option<Vector2<f64>>> = places.iter().map(|p| self.place(*p)).collect();
+        if found.iter().all(Option::is_some) {
+            return found.into_iter().collect();
+        }
+        self.completed(board, &found)
+    }
+
+    /// The largest rectangle without gaps.
+    fn whole_part(&self, square_m: f64) -> Option<(Checkerboard, Vec<Vector2<f64>>)> {
+        let mut best: Option<(usize, [i32; 4])> = None;
+        for &(i0, j0) in self.cells.keys() {
+            let mut longest = i32::MAX;
+            for j in j0.. {
+                let length = (i0..).take_while(|i| self.cells.contains_key(&(*i, j))).count() as i32;
+                longest = longest.min(length);
+                let rows = j - j0 + 1;
+                if longest < 3 {
+                    break;
+                }
+                let size = (longest * rows) as usize;
+                if rows >= 3 && best.is_none_or(|b| size > b.0) {
+                    best = Some((size, [i0, j0, longest, rows]));
+                }
+            }
+        }
+        let (_, [i0, j0, columns, rows]) = best?;
+        let corners = (j0..j0 + rows).flat_map(|j| (i0..i0 + columns).map(move |i| (i, j))).map(|at| self.place(at)).collect::<Option<Vec<_>>>()?;
+        Some((Checkerboard { columns: columns as usize, rows: rows as usize, square_m }, corners))
+    }
+
+    /// Missing corners, where a plane grid through the others puts them and a saddle is near.
+    fn completed(&self, board: &Checkerboard, found: &[Option<Vector2<f64>>]) -> Option<Vec<Vector2<f64>>> {
+        let (points, pixels): (Vec<Point3<f64>>, Vec<Vector2<f64>>) = board.corners().iter().zip(found).filter_map(|(b, p)| Some((*b, (*p)?))).unzip();
+        let h = homography(&points, &pixels)?;
+        let at = |p: Point3<f64>| {
+            let x = h * Vector3::new(p.x, p.y, 1.0);
+            Vector2::new(x.x / x.z, x.y / x.z)
+        };
+        board
+            .corners()
+            .iter()
+            .zip(found)
+            .map(|(b, seen)| {
+                seen.or_else(|| {
+                    let must = at(*b);
+                    let step =
+                        (at(Point3::new(b.x + board.square_m, b.y, 0.0)) - must).norm().min((at(Point3::new(b.x, b.y + board.square_m, 0.0)) - must).norm());
+                    let near = |p: &&SaddlePoint| (p.at - must).norm() < OFF_PLACE * step;
+                    self.points.iter().filter(near).map(|p| p.at).min_by(|a, b| (a - must).norm().total_cmp(&(b - must).norm()))
+                })
+            })
+            .collect()
+    }
+
+    /// Whether a next corner would lie outside the picture.
+    fn cut_by_border(&self, image: &GreyImage) -> bool {
+        self.cells.keys().any(|&at| {
+            SIDES.iter().any(|&side| {
+                let next = (at.0 + side.0, at.1 + side.1);
+                let (Some(here), Some(before)) = (self.place(at), self.place((at.0 - side.0, at.1 - side.1))) else { return false };
+                let p = here * 2.0 - before;
+                !self.cells.contains_key(&next) && !(p.x > 2.0 && p.y > 2.0 && p.x < image.width as f64 - 3.0 && p.y < image.height as f64 - 3.0)
+            })
+        })
+    }
+}
+
+/// The point's edges in the order and sense of its neighbour's; `None` where they do not run the same way.
+fn oriented(p: &SaddlePoint, along: &[Vector2<f64>; 2]) -> Option<[Vector2<f64>; 2]> {
+    let fit = |a: &Vector2<f64>, b: &Vector2<f64>| a.dot(&along[0]).abs().min(b.dot(&along[1]).abs());
+    let [a, b] = p.edges;
+    let (a, b) = if fit(&a, &b) >= fit(&b, &a) { (a, b) } else { (b, a) };
+    (fit(&a, &b) >= SAME_WAY).then(|| [a * a.dot(&along[0]).signum(), b * b.dot(&along[1]).signum()])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A board drawn with four samples a pixel side, cut off at the picture's border.
+    fn drawn(board: &Checkerboard, width: usize, height: usize, along: Vector2<f64>, down: Vector2<f64>, origin: Vector2<f64>) -> GreyImage {
+        let back = nalgebra::Matrix2::from_columns(&[along, down]).try_inverse().expect("regular");
+        let mut pixels = vec![0u8; width * height];
+        for (i, p) in pixels.iter_mut().enumerate() {
+            let mut sum = 0.0;
+            for k in 0..16 {
+                let at = Vector2::new((i % width) as f64 + (k % 4) as f64 / 4.0 - 0.375, (i / width) as f64 + (k / 4) as f64 / 4.0 - 0.375);
+                let s = back * (at - origin);
+                let on = s.x > -1.6 && s.y > -1.6 && s.x < board.columns as f64 + 0.6 && s.y < board.rows as f64 + 0.6;
+                let square = s.x > -1.0 && s.y > -1.0 && s.x < board.columns as f64 && s.y < board.rows as f64;
+                let dark = square && (s.x.floor() as i64 + s.y.floor() as i64).rem_euclid(2) == 0;
+                sum += if !on {
+                    30.0
+                } else if dark {
+                    15.0
+                } else {
+                    170.0
+                };
+            }
+            // Grain that repeats with no square's period.
+            *p = (sum / 16.0 + ((i * 7919) % 7) as f64).round() as u8;
+        }
+        GreyImage { width, height, pixels }
+    }
+
+    #[test]
+    fn truth_a_drawn_board_is_found_whole_at_any_turn() {
+        let board = Checkerboard { columns: 9, rows: 6, square_m: 0.06 };
+        for k in 0..12 {
+            let (s, c) = (0.52 * k as f64).sin_cos();
+            let (along, down) = (Vector2::new(11.0 * c, 11.0 * s), Vector2::new(-7.0 * s + 2.0 * c, 7.0 * c + 2.0 * s));
+            let origin = Vector2::new(128.0, 120.0) - along * 4.0 - down * 2.5;
+            let GridSearch::Complete(corners) = find_grid(&drawn(&board, 256, 240, along, down, origin), &board) else { panic!("turn {k}") };
+            let truth: Vec<_> = (0..54).map(|i| origin + along * (i % 9) as f64 + down * (i / 9) as f64).collect();
+            let off = |order: &[Vector2<f64>]| order.iter().zip(&truth).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
+            let found = board.right_handed(corners);
+            let off = off(&found).min(off(&board.turned(&found, 1)));
+            assert!(off < 0.5, "turn {k}: {off}");
+        }
+    }
+
+    #[test]
+    fn fails_a_cut_board_and_an_empty_picture_are_told_apart() {
+        let board = Checkerboard { columns: 9, rows: 6, square_m: 0.06 };
+        let (along, down) = (Vector2::new(12.0, 1.0), Vector2::new(-1.0, 12.0));
+        let cut = drawn(&board, 256, 240, along, down, Vector2::new(190.0, 80.0));
+        assert!(matches!(find_grid(&cut, &board), GridSearch::Partial { corners, cut_by_border: true, whole_part: Some(_) } if corners >= 24));
+        let empty = GreyImage { width: 256, height: 240, pixels: vec![80; 256 * 240] };
+        assert_eq!(find_grid(&empty, &board), NOTHING);
+        // A larger board than the one asked for is not taken for it.
+        let other = Checkerboard { columns: 12, rows: 9, square_m: 0.06 };
+        let image = drawn(&other, 256, 240, along, down, Vector2::new(60.0, 70.0));
+        assert!(matches!(find_grid(&image, &other), GridSearch::Complete(_)));
+        assert!(matches!(find_grid(&image, &board), GridSearch::Partial { cut_by_border: false, .. }));
+    }
+}

@@ -129,7 +129,10 @@ impl CalibrationDetail {
             .y("error of lengths", "mm")
             .add(Bars::new(&bars(-0.37, |m| m.mean_error_mm)).name("mean"))
             .add(Bars::new(&bars(0.02, |m| m.max_error_mm)).name("largest"));
-        Some((chart.to_svg(), "Error of distances between corners by each calibration method (as thesis figure 2.24); in brackets the parameters per camera.".to_owned()))
+        Some((
+            chart.to_svg(),
+            "Error of distances between corners by each calibration method (as thesis figure 2.24); in brackets the parameters per camera.".to_owned(),
+        ))
     }
 
     pub fn table(&self) -> Table {

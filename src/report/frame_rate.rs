@@ -21,11 +21,15 @@ pub fn frame_rate_page(session: &str, studies: &[FrameRateStudy]) -> (String, Ve
             .table(pooled(studies)),
     );
     for study in studies {
-        let own: Vec<(String, String)> = study.cameras.iter().filter_map(|c| path_figure(study, c)).collect();
-        figures.extend(
-            study.cameras.iter().zip(&own).enumerate().map(|(k, (c, f))| (format!("{}-tip-{}-{:.0}-hz", safe(&study.id), k + 1, c.frame_rate_hz), f.0.clone())),
+        let drawn: Vec<(f64, (String, String))> = study.cameras.iter().filter_map(|c| Some((c.frame_rate_hz, path_figure(study, c)?))).collect();
+        figures.extend(drawn.iter().map(|(rate, f)| (format!("{}-tip-{rate:.0}-hz", safe(&study.id)), f.0.clone())));
+        let own: Vec<(String, String)> = drawn.into_iter().map(|d| d.1).collect();
+        page = page.section(
+            Section::new(&format!("shot-{}", safe(&study.id)), &format!("Shot {}", study.id))
+                .figures(Layout::Normal, &own)
+                .table(table(study))
+                .list(&failures(study)),
         );
-        page = page.section(Section::new(&format!("shot-{}", safe(&study.id)), &format!("Shot {}", study.id)).figures(Layout::Small, &own).table(table(study)));
     }
     (page.finish(), figures)
 }
@@ -45,49 +49,57 @@ const QUANTITIES: [(&str, fn(&SlowerCamera) -> Option<f64>, f64, usize); 8] = [
     ("lines: racket, rad/s", |c| c.line_racket_rate_rad_s, 1.0, 2),
 ];
 
-fn head(title: &str) -> Table {
-    let table = Table::new(title).numbers("frames per second");
-    QUANTITIES.iter().fold(table, |t, q| t.numbers(q.0))
+fn rates(title: &str, study: &FrameRateStudy) -> Table {
+    let table = Table::new(title).column("frames per second");
+    study.cameras.iter().fold(table, |t, c| t.numbers(&fixed(c.frame_rate_hz, 0)))
 }
 
-/// Root mean squares over the shots.
+fn cell(value: Option<f64>, decimals: usize) -> String {
+    value.map_or_else(|| "–".to_owned(), |v| fixed(v, decimals))
+}
+
+/// Root mean squares over the shots, one row a quantity.
 fn pooled(studies: &[FrameRateStudy]) -> Table {
-    let mut table = head("All shots").numbers("shots");
-    for k in 0..studies.iter().map(|s| s.cameras.len()).max().unwrap_or(0) {
-        let cameras: Vec<&SlowerCamera> = studies.iter().filter_map(|s| s.cameras.get(k)).filter(|c| c.phases > 0).collect();
-        let Some(first) = cameras.first() else { continue };
-        let mut cells = vec![fixed(first.frame_rate_hz, 0)];
-        for (_, of, factor, decimals) in QUANTITIES {
-            let seen: Vec<f64> = cameras.iter().filter_map(|c| of(c)).collect();
-            let rms = (seen.iter().map(|v| v * v).sum::<f64>() / seen.len().max(1) as f64).sqrt();
-            cells.push(if seen.is_empty() { "–".to_owned() } else { fixed(factor * rms, decimals) });
-        }
-        cells.push(cameras.len().to_string());
+    let Some(first) = studies.first() else { return Table::new("") };
+    let mut table = rates(&format!("All {} shots", studies.len()), first);
+    for (name, of, factor, decimals) in QUANTITIES {
+        let rms = |k: usize| {
+            let seen: Vec<f64> = studies.iter().filter_map(|s| of(s.cameras.get(k)?)).collect();
+            (!seen.is_empty()).then(|| factor * (seen.iter().map(|v| v * v).sum::<f64>() / seen.len() as f64).sqrt())
+        };
+        let mut cells = vec![name.to_owned()];
+        cells.extend((0..first.cameras.len()).map(|k| cell(rms(k), decimals)));
         table = table.row(&cells);
     }
     table
 }
 
 fn table(study: &FrameRateStudy) -> Table {
-    let mut table = head("").numbers("phases").numbers("R² of the tip's path before").numbers("bow, mm").column("could not be measured");
-    for c in &study.cameras {
-        let mut cells = vec![fixed(c.frame_rate_hz, 0)];
-        let cell = |v: Option<f64>, decimals: usize| v.map_or_else(|| "–".to_owned(), |v| fixed(v, decimals));
-        cells.extend(QUANTITIES.iter().map(|(_, of, factor, decimals)| cell(of(c).map(|v| factor * v), *decimals)));
-        cells.push(format!("{} of {}", c.phases, c.keep_every));
-        cells.push(cell(c.tip_r2, 5));
-        cells.push(cell(c.tip_bow_m.map(|b| 1e3 * b), 2));
-        cells.push(c.failed.join("; "));
-        table = table.row(&cells);
+    let mut table = rates("", study);
+    let mut row = |name: &str, of: &dyn Fn(&SlowerCamera) -> String| {
+        let mut cells = vec![name.to_owned()];
+        cells.extend(study.cameras.iter().map(of));
+        table = std::mem::replace(&mut table, Table::new("")).row(&cells);
+    };
+    for (name, of, factor, decimals) in QUANTITIES {
+        row(name, &|c| cell(of(c).map(|v| factor * v), decimals));
     }
+    row("R² of the tip's path before contact", &|c| cell(c.tip_r2, 5));
+    row("its bow, mm", &|c| cell(c.tip_bow_m.map(|b| 1e3 * b), 2));
+    row("phases measured", &|c| format!("{} of {}", c.phases, c.keep_every));
     table
+}
+
+/// Why some phases could not be measured, without repeats.
+fn failures(study: &FrameRateStudy) -> Vec<String> {
+    study.cameras.iter().flat_map(|c| c.failed.iter().map(|why| format!("{:.0} frames per second: {why}", c.frame_rate_hz))).collect()
 }
 
 /// One of figures 4.14 to 4.16; `None` when the tip hardly moves on both sides.
 fn path_figure(study: &FrameRateStudy, camera: &SlowerCamera) -> Option<(String, String)> {
     let mm = |path: &[[f64; 3]]| -> Vec<(f64, f64)> { path.iter().map(|p| (1e3 * p[1], 1e3 * p[2])).collect() };
     let sides = [("before contact", mm(&camera.tip_path.before)), ("after contact", mm(&camera.tip_path.after))];
-    let mut chart = Chart::new(&format!("{:.0} frames per second", camera.frame_rate_hz)).x("along the path", "mm").y("aside", "mm").equal_scales();
+    let mut chart = Chart::new(&format!("{:.0} frames per second", camera.frame_rate_hz)).x("along the path", "mm").y("aside", "mm");
     // All rates on the scale of the slowest, whose path is the longest.
     for p in study.cameras.iter().flat_map(|c| c.tip_path.before.iter().chain(&c.tip_path.after)) {
         chart = chart.x_include(1e3 * p[1]).y_include(1e3 * p[2]);

@@ -5,7 +5,9 @@ use nalgebra::{Isometry3, Vector3};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use sweetspot::calibration::{CameraId, RigidTransform};
-use sweetspot::kinematics::{CommonError, KinematicsError, MeasureSettings, MeasuredShot, ShotInput, ShotSpin, frame_rate_study, measure_shot};
+use sweetspot::kinematics::{
+    CommonError, KinematicsError, MeasureSettings, MeasuredShot, ShotInput, ShotSpin, WindowReport, Windows, frame_rate_study, measure_shot,
+};
 use sweetspot::tracking::{PointState, Target, TrackPoint};
 
 // As tracked pictures with known truth show it: white noise of a marker 0.03 px in the laboratory and on court, 0.08 px
@@ -157,6 +159,44 @@ fn truth_errors_stay_within_the_bars_and_intervals_cover_in_every_group_of_simul
         }
     }
     report("all", &all);
+}
+
+/// Probability of the laws whose name holds one of these words, mean over shots.
+fn probability(difficulty: &Difficulty, window: fn(&Windows) -> &WindowReport, words: &[&str]) -> f64 {
+    let shots: Vec<f64> = (9000..9006u64)
+        .into_par_iter()
+        .map(|seed| {
+            let shot = measured(&true_shot(seed, difficulty), &settings()).unwrap();
+            window(&shot.shot.windows).laws.iter().filter(|(law, _)| words.iter().any(|w| law.contains(w))).map(|(_, p)| p).sum()
+        })
+        .collect();
+    shots.iter().sum::<f64>() / shots.len() as f64
+}
+
+#[test]
+fn truth_evidence_finds_drag_and_curvature_where_they_are_and_not_where_they_are_not() {
+    fn racket_in(w: &Windows) -> &WindowReport {
+        &w.racket_in
+    }
+    fn racket_out(w: &Windows) -> &WindowReport {
+        w.racket_out.as_ref().unwrap()
+    }
+    fn ball_in(w: &Windows) -> &WindowReport {
+        &w.ball_in
+    }
+    let driven = ["swing", "-hold"];
+    for (name, seen, low, high) in [
+        ("air at 30 m/s", probability(&LABORATORY, ball_in, &["air"]), 0.9, 1.0),
+        ("no air at 30 m/s", probability(&Difficulty { air: false, ..LABORATORY }, ball_in, &["air"]), 0.0, 0.5),
+        ("a hung racket rests", probability(&LABORATORY, racket_in, &["rest"]), 0.9, 1.0),
+        ("a thrown racket is driven", probability(&COURT, racket_in, &driven), 0.0, 0.1),
+        ("a driven racket is driven", probability(&DRIVEN, racket_in, &driven), 0.9, 1.0),
+        ("a hand that lets go", probability(&HELD, racket_out, &["release"]), 0.5, 1.0),
+        ("a free racket is held", probability(&COURT, racket_out, &["release", "swing", "-hold"]), 0.0, 0.1),
+    ] {
+        eprintln!("{name}: {seen:.3}");
+        assert!((low..=high + 1e-9).contains(&seen), "{name}: probability {seen:.3}");
+    }
 }
 
 const CLEAN: Difficulty =

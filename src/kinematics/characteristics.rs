@@ -296,6 +296,60 @@ mod tests {
     }
 
     #[test]
+    fn truth_angles_and_spin_of_a_low_shot_by_hand() {
+        // The 5-12-13 triangle: the ball falls at 5 m/s while it comes at 12 m/s to an upright face at rest; it leaves upward
+        // with 100 rad/s about the axis across its path.
+        let (mut state, racket, ball) = by_hand();
+        state.ball_in.velocity = Vector3::new(0.0, -5.0, -12.0);
+        state.ball_out.as_mut().expect("there").velocity = Vector3::new(0.0, 1.0, 6.0);
+        state.spin_out = Some(Vector3::new(100.0, 0.0, 0.0));
+        let e = ShotEquipment { racket: &racket, ball: &ball, points: &[], clock: FrameClock { origin: 0, period_s: 1e-3 }, up: Vector3::y() };
+        let all = characteristics(&state, &e);
+        let value = |name: &str| all.iter().find(|m| m.name == name).and_then(|m| m.value).unwrap_or_else(|| panic!("no {name}"));
+        let angle = (5.0f64 / 12.0).atan().to_degrees();
+        let i_b = 0.6667 * 0.0577 * 0.033 * 0.033;
+        for (name, expected) in [
+            ("ball_in_speed", 13.0),
+            ("playing_angle_deg", -angle),
+            ("incidence_angle_deg", angle),
+            ("playing_angle_thesis_deg", 180.0),
+            ("planar_relative_velocity", 5.0),
+            ("planar_relative_velocity_up", 5.0),
+            ("planar_racket_velocity", 0.0),
+            ("apparent_restitution", 0.5),
+            ("ball_out_topspin", 100.0),
+            ("ball_out_topspin_rpm", 954.929_658_551_372),
+            ("ball_out_spin", 100.0),
+            ("efficiency", (0.0577 * 37.0 + i_b * 1e4) / (0.0577 * 169.0)),
+            ("ball_impulse_y", 0.0577 * 6.0),
+        ] {
+            assert!((value(name) - expected).abs() < 1e-9, "{name}: {} against {expected}", value(name));
+        }
+        // A racket at rest has no impact success ratio.
+        assert!(all.iter().any(|m| m.name == "impact_success_ratio" && m.value.is_none()));
+    }
+
+    #[test]
+    fn law_uncertain_inertias_move_what_depends_on_them_and_nothing_else() {
+        let (state, racket, ball) = by_hand();
+        let e = ShotEquipment { racket: &racket, ball: &ball, points: &[], clock: FrameClock { origin: 0, period_s: 1e-3 }, up: Vector3::y() };
+        let of = |s: &ShotState, name: &str| characteristics(s, &e).iter().find(|m| m.name == name).and_then(|m| m.value).expect("there");
+        // Swingweight + 1 %: I_y = 0.0158 + 0.0003250625; m_e by hand.
+        let heavier = ShotState { swingweight_ratio: 1.01, ..state.clone() };
+        let m_e = 1.0 / (1.0 / 0.33 + 0.2225f64.powi(2) / (0.0158 + 0.000_325_062_5));
+        assert!((of(&heavier, "effective_mass") - m_e).abs() < 1e-12);
+        // Balance 1 mm farther from the butt: the impact is 1 mm nearer to the centre of mass, its place on the strings the same.
+        let shifted = ShotState { balance_shift: 0.001, ..state.clone() };
+        assert!((of(&shifted, "impact_x_from_com") + 0.2215).abs() < 1e-12);
+        for name in ["impact_x", "impact_from_butt", "ball_in_speed", "restitution"] {
+            assert!((of(&shifted, name) - of(&state, name)).abs() < 1e-12 && (of(&heavier, name) - of(&state, name)).abs() < 1e-12, "{name}");
+        }
+        // The node's spread is the node's alone.
+        let node = ShotState { node_of_length: 0.81, ..state.clone() };
+        assert!((of(&node, "node_point_from_butt") - 0.81 * 0.685).abs() < 1e-12);
+    }
+
+    #[test]
     fn law_the_other_face_mirrors_the_shot() {
         // Turning the racket half round its long axis: the ball comes to −z, positions across the face change sign, and what
         // has no side stays.

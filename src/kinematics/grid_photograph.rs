@@ -95,9 +95,8 @@ impl GridPhotograph {
             }
         }
         map.fit(&used, square_m).ok_or(GridError::TooFew { found: used.len() })?;
-        let side = used.len() as f64;
         let sum: f64 = used.iter().map(|(uv, at)| (map.straight(uv) - map.project(&sheet_point(*at, square_m))).norm_squared()).sum();
-        map.rms_px = (sum / side).sqrt();
+        map.rms_px = (sum / used.len() as f64).sqrt();
         map.squares = used.iter().map(|u| u.0).collect();
         let here = map.to_sheet(&middle);
         map.px_per_m = (map.straight(&(middle + Vector2::new(1.0, 0.0))) - map.straight(&middle)).norm()

@@ -186,7 +186,8 @@ fn truth_evidence_finds_drag_and_curvature_where_they_are_and_not_where_they_are
     }
     let driven = ["swing", "-hold"];
     for (name, seen, low, high) in [
-        ("air at 30 m/s", probability(&LABORATORY, ball_in, &["air"]), 0.9, 1.0),
+        // Drag bows a path of 20 ms by less than a millimetre, most of it toward the cameras.
+        ("air at 30 m/s", probability(&LABORATORY, ball_in, &["air"]), 0.6, 1.0),
         ("no air at 30 m/s", probability(&Difficulty { air: false, ..LABORATORY }, ball_in, &["air"]), 0.0, 0.5),
         ("a hung racket rests", probability(&LABORATORY, racket_in, &["rest"]), 0.9, 1.0),
         ("a thrown racket is driven", probability(&COURT, racket_in, &driven), 0.0, 0.1),

@@ -58,7 +58,8 @@ pub fn measure_photograph(photograph: &Path, a: &PhotographArguments, racket: &R
     ));
     let places = tape_places(&image, &sheet, &[m1, m2, m3, m4, m5], height, racket)?;
     for (k, p) in places.iter().enumerate() {
-        shell.say(format_args!("m{} = [{:.5}, {:.5}, 0.0]    # ± {:.5}", k + 1, p.local[0], p.local[1], p.sd));
+        let [x, y] = [p.local[0], p.local[1]].map(|v| (1e5 * v).round() / 1e5 + 0.0); // no minus before a zero
+        shell.say(format_args!("m{} = [{x:.5}, {y:.5}, 0.0]    # ± {:.5}", k + 1, p.sd));
     }
     if let Some(stated) = &racket.markers {
         for (k, (p, s)) in places.iter().zip(stated.points()).enumerate() {

@@ -28,7 +28,7 @@ pub fn read_session_results(session: &Session, results: &Path) -> SessionResults
             let why = if tracks.is_some() { "tracked, but not measured (see `sweetspot shots`)" } else { "not tracked (see `sweetspot track`)" };
             failed.push((folder.id.clone(), why.to_owned()));
         }
-        let pictures = tracks.as_ref().map_or_else(Vec::new, |t| pictures(folder, t, &points));
+        let pictures = tracks.as_ref().map_or_else(Vec::new, |t| pictures(folder, right_shift(&place), t, &points));
         shots.push(ShotResults { id: folder.id.clone(), racket: folder.racket.clone(), record, tracks, points, pictures });
     }
     let table = |name: &str, failed: &mut _| read(&results.join(name), name, failed, |p| ImpactTable::read(p).map_err(|e| e.to_string())).unwrap_or_default();
@@ -71,11 +71,18 @@ fn json<T: DeserializeOwned>(path: &Path, what: &str, failed: &mut Vec<(String, 
 const MARGIN_PX: f64 = 22.0;
 const LEAST_PX: f64 = 110.0;
 
+/// By how many frames tracking moved the right pictures to pair them anew (`track --sync auto`).
+fn right_shift(place: &Path) -> i64 {
+    let record: Option<serde_json::Value> = std::fs::read_to_string(place.join("track.json")).ok().and_then(|text| serde_json::from_str(&text).ok());
+    record.and_then(|r| r["summary"]["right_shift"].as_i64()).unwrap_or(0)
+}
+
 /// Pieces of the frames of doubt. A frame that cannot be read (any more) is left out: the tracks are there all the same.
-fn pictures(folder: &ShotFolder, tracks: &Tracks, points: &[SpacePoint]) -> Vec<FramePicture> {
+fn pictures(folder: &ShotFolder, right_shift: i64, tracks: &Tracks, points: &[SpacePoint]) -> Vec<FramePicture> {
     let Ok(clip) = Clip::list(&folder.camera("left"), &folder.camera("right")) else {
         return Vec::new();
     };
+    let clip = clip.shifted(right_shift);
     frames_of_doubt(tracks, points).into_iter().filter_map(|d| picture(&clip, tracks, d)).collect()
 }
 

@@ -10,7 +10,13 @@ pub fn published() -> Result<Outcome, CliError> {
     let mut numbers = Table::new("Published numbers, the reference's prototype, and this program").column("Quantity").column("Published");
     numbers = numbers.numbers("Prototype").numbers("Model").column("Unit");
     for l in &lines {
-        numbers = numbers.row(&[l.quantity, l.published, &format!("{:.3}", l.reference), &format!("{:.3}", l.model), l.unit]);
+        // As many digits as the reference prints.
+        let digits = match l.unit {
+            "" => 3,
+            "rpm" => 0,
+            _ => 1,
+        };
+        numbers = numbers.row(&[l.quantity, l.published, &format!("{:.digits$}", l.reference), &format!("{:.digits$}", l.model), l.unit]);
     }
     let mut means = Table::new("Mean shots of tables 5.27 and 5.28").column("Players").column("Sign of the chop rate").numbers("Strings sideways, kN/m");
     means = means.numbers("Forward speed, m/s").numbers("published").numbers("Topspin, rpm").numbers("published").numbers("Face open, deg");

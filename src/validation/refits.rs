@@ -147,7 +147,10 @@ impl Refits {
             let second = reference.screen_second(first, None)?;
             let mut order: Vec<_> = second.effects.iter().filter(|s| s.p_value * (self.tested as f64) < SECOND_LEVEL).collect();
             order.sort_by(|a, b| b.gain.total_cmp(&a.gain).then(a.effect.cmp(&b.effect)));
-            for s in order.iter().take(3) {
+            // One of several twins is enough, the catalogue's first.
+            let name = |s: &Screened| library.effects()[s.effect].name.as_str();
+            let second_to = |s: &Screened| order.iter().any(|o| o.effect < s.effect && cosine(library, screening, name(o), name(s)).abs() > TWIN_COSINE);
+            for s in order.iter().filter(|s| !second_to(s)).take(3) {
                 want(&first.effects[0], &library.effects()[s.effect].name);
             }
         }

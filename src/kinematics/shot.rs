@@ -231,7 +231,9 @@ pub fn measure_shot(input: &ShotInput<'_>, settings: &MeasureSettings) -> Result
     remarks.extend(input.spin.remarks.iter().cloned());
     let points = space_points(input.rig, input.tracks, &motion);
     let marker_distances = marker_distances(&points, &motion.moving.figure);
-    // The distances judge the figure by single points; what is written is as near as the whole figure allows.
+    let thesis = thesis_shot(&points, &motion);
+    // The distances and the thesis's construction use single points, independent of the rigid figure; what is written is as
+    // near as the whole figure allows.
     let points = on_rigid_racket(input.rig, input.tracks, &motion, &points);
     remarks.extend(mismatch_remark(&marker_distances));
     let shot = Shot {
@@ -245,7 +247,7 @@ pub fn measure_shot(input: &ShotInput<'_>, settings: &MeasureSettings) -> Result
         swing_timing,
         momentum,
         windows: windows(&motion),
-        thesis: thesis_shot(&points, &motion),
+        thesis,
         marker_distances,
         remarks,
     };

@@ -32,6 +32,9 @@ const FARTHEST_PX: f64 = 1.2;
 const LEAST_AGREEING: f64 = 0.5;
 /// A centre worse than this is left to the outline, px.
 const MOST_SD_PX: f64 = 0.35;
+/// How far the centres of a whole stretch move together between defensible models of the light (Lambert's law for each camera,
+/// for both, spherical harmonics): 0.05 px per axis. It is part of every deviation, since no single picture shows it.
+const LIGHT_PX: f64 = 0.05;
 /// Fewest pictures of one camera from which a ball is learnt.
 const FEWEST: usize = 4;
 
@@ -196,6 +199,6 @@ fn measure(own: &mut [&mut Sight], textured: &[bool; 2]) {
 fn believed(sight: &Sight) -> Option<ImagePoint> {
     let (f, tilted) = sight.fit?;
     let other = tilted.centre - f.centre;
-    let sd = Vector2::new(f.covariance[(0, 0)].sqrt().hypot(other.x), f.covariance[(1, 1)].sqrt().hypot(other.y));
+    let sd = Vector2::new(f.covariance[(0, 0)].sqrt().hypot(other.x), f.covariance[(1, 1)].sqrt().hypot(other.y)).map(|s| s.hypot(LIGHT_PX));
     (f.agreeing > LEAST_AGREEING && sd.max() < MOST_SD_PX).then_some(ImagePoint { uv: f.centre, sd })
 }

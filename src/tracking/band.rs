@@ -12,7 +12,7 @@ use crate::footage::GreyView;
 use nalgebra::{Isometry3, Matrix2, SMatrix, SVector, Vector2};
 use std::cell::RefCell;
 
-/// Lengths of the tape, m, and blur of the picture, px; measured once per shot ([`super::band_shape`]).
+/// Lengths of the tape, m, and blur of the picture, px.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BandShape {
     /// Half the length of the white band along the tube.

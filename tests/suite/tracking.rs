@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 use sweetspot::calibration::{CameraId, RigidTransform, StereoRig};
 use sweetspot::footage::Clip;
 use sweetspot::session::Session;
-use sweetspot::tracking::{ShotSetup, Target, track_shot};
+use sweetspot::tracking::{ShotSetup, Target, refine_ball, spin_of_shot, track_shot};
 
 fn numbers(v: &Value) -> Vec<f64> {
     v.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()
@@ -44,7 +44,9 @@ fn score(kind: &str, shot_id: &str) -> Option<(f64, usize, f64)> {
     let rig = true_rig(&truth);
     let setup = ShotSetup { rig: &rig, racket: &shot.racket, ball: &shot.ball, frame_rate_hz: session.frame_rate_hz };
     let clip = Clip::list(&shot.camera("left"), &shot.camera("right")).unwrap();
-    let tracked = track_shot(&clip, &setup, &AtomicBool::new(false), &|_| ()).unwrap();
+    let mut tracked = track_shot(&clip, &setup, &AtomicBool::new(false), &|_| ()).unwrap();
+    let spin = spin_of_shot(&clip, &setup, &tracked.tracks, &tracked.points).unwrap();
+    refine_ball(&clip, &setup, &mut tracked, &spin).unwrap();
     let truth = &truth["shots"][shot_id];
     let last_contact = truth["contact_time"].as_f64().unwrap();
     let (mut seen, mut found, mut wrong, mut ball) = (0, 0, 0, Vec::new());
@@ -74,11 +76,12 @@ fn score(kind: &str, shot_id: &str) -> Option<(f64, usize, f64)> {
 
 #[test]
 fn real_lab_and_hard_sessions_are_tracked_without_a_false_point() {
-    // Bars of the tracking room: 99.5 % and 93 % found; the ball's centre is nearer than half a pixel in any case.
+    // Bars of the tracking room: 99.5 % and 93 % found. The ball's centre: 0.08 and 0.10 px measured; the outline alone gave 0.16
+    // and 0.17 px.
     for (kind, shot, share) in [("lab-11", "s01", 0.985), ("hard-13", "s01", 0.93)] {
         let Some((found, wrong, ball)) = score(kind, shot) else { return };
         assert!(found >= share, "{kind}: {found}");
         assert_eq!(wrong, 0, "{kind}");
-        assert!(ball < 0.5, "{kind}: ball {ball} px");
+        assert!(ball < 0.13, "{kind}: ball {ball} px");
     }
 }

@@ -42,10 +42,17 @@ pub const OUTPUTS: [&str; 13] = [
     "contact_time",
 ];
 
-/// Unit of a column of [`INPUTS`] or [`OUTPUTS`].
+/// Error of the racket face's own axes that all impacts of a session share, as the columns `face_turn_x_sd` ... state it: turn
+/// of the axes (rad), shift of the stringbed centre (m). Tape is seen off its middle by the same fraction of a pixel in every
+/// shot: not noise of a single impact, and not physics either.
+pub const FACE_POSE: [&str; 6] = ["face_turn_x", "face_turn_y", "face_turn_z", "face_shift_x", "face_shift_y", "face_shift_z"];
+
+/// Unit of a column of [`INPUTS`], [`OUTPUTS`] or [`FACE_POSE`].
 pub fn unit(column: &str) -> &'static str {
     match column {
         "impact_x" | "impact_y" => "m",
+        c if c.starts_with("face_turn") => "rad",
+        c if c.starts_with("face_shift") => "m",
         "grip_torque" => "N m",
         "contact_time" => "s",
         c if c.contains("_w") => "rad/s",
@@ -87,6 +94,8 @@ pub struct ImpactRow {
     pub inputs: [Option<Measured>; INPUTS.len()],
     /// In the order of [`OUTPUTS`].
     pub outputs: [Option<Measured>; OUTPUTS.len()],
+    /// Deviations of the session's shared face pose, in the order of [`FACE_POSE`].
+    pub face_pose_sd: [Option<f64>; FACE_POSE.len()],
     /// Unknown columns: player, sex, session, ...
     pub groups: BTreeMap<String, String>,
 }
@@ -100,6 +109,7 @@ impl ImpactRow {
             sequence: 0.0,
             inputs: [None; INPUTS.len()],
             outputs: [None; OUTPUTS.len()],
+            face_pose_sd: [None; FACE_POSE.len()],
             groups: BTreeMap::new(),
         }
     }
@@ -139,6 +149,7 @@ enum Column {
     Ball,
     Sequence,
     Value { output: bool, index: usize, sd: bool },
+    FacePoseSd(usize),
     Group(String),
 }
 
@@ -155,6 +166,8 @@ fn column(name: &str) -> Column {
         Column::Value { output: false, index, sd }
     } else if let Some(index) = OUTPUTS.iter().position(|c| *c == base) {
         Column::Value { output: true, index, sd }
+    } else if let Some(index) = FACE_POSE.iter().position(|c| *c == base).filter(|_| sd) {
+        Column::FacePoseSd(index)
     } else {
         Column::Group(name.to_owned())
     }
@@ -189,6 +202,7 @@ impl ImpactTable {
             let mut row = ImpactRow::new("");
             row.sequence = rows.len() as f64;
             let mut sds: Vec<(bool, usize, f64)> = Vec::new();
+            let positive = "a standard deviation of 0 or more";
             for ((cell, kind), name) in record.iter().zip(&columns).zip(&names) {
                 let bad = |allowed| TableError::Cell { path: path.into(), line, column: name.clone(), seen: cell.to_owned(), allowed };
                 let number = || -> Result<Option<f64>, TableError> {
@@ -212,9 +226,15 @@ impl ImpactTable {
                     Column::Value { output, index, sd: true } => {
                         if let Some(sd) = number()? {
                             if sd < 0.0 {
-                                return Err(bad("a standard deviation of 0 or more"));
+                                return Err(bad(positive));
                             }
                             sds.push((*output, *index, sd));
+                        }
+                    }
+                    Column::FacePoseSd(index) => {
+                        row.face_pose_sd[*index] = number()?;
+                        if row.face_pose_sd[*index].is_some_and(|sd| sd < 0.0) {
+                            return Err(bad(positive));
                         }
                     }
                 }
@@ -257,11 +277,16 @@ impl ImpactTable {
                 cells.extend((0..names.len()).filter(|&i| !sd || has(output, i, true)).map(|i| (output, i, sd)));
             }
         }
+        let poses: Vec<usize> = (0..FACE_POSE.len()).filter(|&i| self.rows.iter().any(|r| r.face_pose_sd[i].is_some())).collect();
         let groups: BTreeSet<&str> = self.rows.iter().flat_map(|r| r.groups.keys().map(String::as_str)).collect();
         let name = |&(output, i, sd): &(bool, usize, bool)| format!("{}{}", if output { OUTPUTS[i] } else { INPUTS[i] }, if sd { "_sd" } else { "" });
         let mut csv = csv::Writer::from_writer(Vec::new());
-        let header =
-            ["id", "racket", "ball", "sequence"].iter().map(|s| (*s).to_owned()).chain(cells.iter().map(name)).chain(groups.iter().map(|g| (*g).to_owned()));
+        let header = ["id", "racket", "ball", "sequence"]
+            .iter()
+            .map(|s| (*s).to_owned())
+            .chain(cells.iter().map(name))
+            .chain(poses.iter().map(|&i| format!("{}_sd", FACE_POSE[i])))
+            .chain(groups.iter().map(|g| (*g).to_owned()));
         let mut write = |fields: Vec<String>| csv.write_record(&fields).unwrap_or_else(|e| unreachable!("writing to memory: {e}"));
         write(header.collect());
         for r in &self.rows {
@@ -270,6 +295,7 @@ impl ImpactTable {
                 let m = if output { r.outputs[i] } else { r.inputs[i] };
                 fields.push(m.and_then(|m| if sd { m.sd } else { Some(m.value) }).map_or_else(String::new, |v| v.to_string()));
             }
+            fields.extend(poses.iter().map(|&i| r.face_pose_sd[i].map_or_else(String::new, |v| v.to_string())));
             fields.extend(groups.iter().map(|g| r.groups.get(*g).cloned().unwrap_or_default()));
             write(fields);
         }
@@ -287,7 +313,8 @@ mod tests {
 
     #[test]
     fn law_a_table_survives_writing_and_reading() {
-        let t = read("player,ball_out_vz_sd,id,ball_in_vz,ball_out_vz\nA,0.1,a,-20.5,\nB,0.25,b,,11.125\n").expect("valid");
+        let t = read("player,ball_out_vz_sd,id,ball_in_vz,ball_out_vz,face_turn_y_sd\nA,0.1,a,-20.5,,\nB,0.25,b,,11.125,0.002\n").expect("valid");
+        assert_eq!((t.rows[0].face_pose_sd[1], t.rows[1].face_pose_sd[1]), (None, Some(0.002)));
         assert_eq!(t.rows[1].get("ball_out_vz"), Some(Measured { value: 11.125, sd: Some(0.25) }));
         assert_eq!(t.rows[0].get("ball_out_vz"), None);
         assert_eq!(read(&t.to_csv()).expect("own output"), t);
@@ -298,6 +325,7 @@ mod tests {
         for (text, word) in [
             ("id,ball_in_vz\na,NaN\n", "line 2: `ball_in_vz` is \"NaN\""),
             ("id,ball_in_vz,ball_in_vz_sd\na,1,-2\n", "0 or more"),
+            ("id,face_shift_z_sd\na,-2\n", "0 or more"),
             ("id\na\na\n", "stands twice"),
             ("id,ball_in_vz\n", "no impacts"),
             ("name\na\n", "no column `id`"),

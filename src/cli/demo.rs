@@ -1,9 +1,10 @@
 //! `sweetspot demo`: the whole chain on the sample the program carries, or on a world whose hidden effect nobody chose.
 
 use super::Shell;
-use super::error::{CliError, Kind};
+use super::error::CliError;
 use super::impacts_input::{ledger_path, read_ledger};
 use super::synth::film;
+use super::validate::{Footage, footage, rigid_model};
 use crate::calibration::StereoRig;
 use crate::impact_table::ImpactTable;
 use crate::provenance::{sha256_file, sha256_hex};
@@ -13,9 +14,9 @@ use crate::synthetic::footage_world::FootageSpec;
 use crate::synthetic::hidden::{Entry, Hidden, Seen, entry, playable};
 use crate::synthetic::look::Setting;
 use crate::synthetic::sample;
-use crate::validation::comparison::Comparison;
 use crate::validation::diagnosis::Diagnosis;
 use crate::validation::ledger::LedgerEntry;
+use crate::validation::observation::FEWEST_IMPACTS;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
@@ -41,6 +42,9 @@ pub struct Arguments {
     pub seed: Option<u64>,
 }
 
+/// Name of a formula that `diagnose --auto` adds.
+const FORMULA: &str = "found-effect";
+
 /// What the demonstration found, for `--json`.
 #[derive(Debug, serde::Serialize)]
 struct Outcome {
@@ -52,8 +56,15 @@ struct Outcome {
     ball_speed_95_m_s: Option<f64>,
     heldout_error_first: Option<f64>,
     heldout_error_last: Option<f64>,
+    /// Error of a model without fault, in the same units.
+    noise_floor: Option<f64>,
     verdict: Option<String>,
+    /// The first candidate of the first diagnosis, with its probability.
+    named_first: Option<(String, f64)>,
+    /// Effects of the catalogue in the last model.
     found: Vec<String>,
+    /// Whether a formula was added for what they leave.
+    formula: bool,
     #[serde(skip_serializing_if = "Option::is_none")]
     hidden: Option<Vec<String>>,
 }
@@ -83,7 +94,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     make_room(&session, shell)?;
     let setting = if chosen.is_some_and(|e| e.seen == Seen::Court) { Setting::Court } else { Setting::Lab };
     let hidden = chosen.map(|e| vec![Hidden::new(e.name, arguments.strength)]).unwrap_or_default();
-    let spec = FootageSpec { hidden, frames_before: 16, frames_after: 16, ..FootageSpec::new(setting, arguments.shots, seed) };
+    let spec = FootageSpec { hidden, frames_before: 12, frames_after: 12, ..FootageSpec::new(setting, arguments.shots, seed) };
     shell.say(format_args!("A world with seed {seed}: what is hidden in it is told at the end ({} knows it)", session.join("truth.json").display()));
     film(&spec, &session, shell)?;
     let mut outcome = chain(&folder, shell)?;
@@ -123,41 +134,44 @@ fn make_room(session: &Path, shell: &Shell) -> Result<(), CliError> {
 /// Everything from the checkerboards to the model that explains the shots, and one report.
 fn chain(folder: &Path, shell: &Shell) -> Result<Outcome, CliError> {
     let session = Session::open(&folder.join("session"))?;
-    match shell.run_step(&[OsStr::new("validate"), session.root.as_os_str()], folder) {
-        Ok(()) => {}
-        Err(e) if e.kind == Kind::SomeFailed => shell.say(&e.message),
-        Err(e) => return Err(e),
-    }
-    let (impacts, first, last) = (folder.join("impacts.csv"), folder.join("model.toml"), folder.join("model-found.toml"));
-    let diagnosis: Option<Diagnosis> = read(&folder.join("diagnosis.json"));
-    let mut results = read_session_results(&session, folder);
-    if diagnosis.is_some() {
-        let mut words: Vec<&OsStr> = vec![OsStr::new("diagnose"), OsStr::new("--auto"), OsStr::new("-o"), last.as_os_str()];
-        words.extend([OsStr::new("--impacts"), impacts.as_os_str(), OsStr::new("--model"), first.as_os_str()]);
-        for (flag, files) in [("--racket", &session.racket_files), ("--ball", &session.ball_files)] {
-            words.extend(files.iter().flat_map(|f| [OsStr::new(flag), f.as_os_str()]));
+    match footage(&session, folder, shell)? {
+        Footage::Measured(failed) => failed.iter().for_each(|f| shell.say(format_args!("{}: {}", f.step, f.reason))),
+        Footage::Ended(failed) => {
+            let reasons: Vec<String> = failed.iter().map(|f| format!("{}: {}", f.step, f.reason)).collect();
+            return Err(CliError::input(reasons.join("\n")));
         }
-        shell.run_step(&words, folder)?;
-        results = read_session_results(&session, folder);
-        results.ledger = staircase(&first, &last, &impacts)?;
-        if results.ledger.len() > 1 {
-            let before: Option<Comparison> = read(&folder.join("compare.json"));
+    }
+    let (impacts, first, last) = (folder.join("impacts.csv"), rigid_model(folder, shell)?, folder.join("model-found.toml"));
+    let files: Vec<&OsStr> = [("--racket", &session.racket_files), ("--ball", &session.ball_files)]
+        .into_iter()
+        .flat_map(|(flag, files)| files.iter().flat_map(move |f| [OsStr::new(flag), f.as_os_str()]))
+        .chain([OsStr::new("--impacts"), impacts.as_os_str()])
+        .collect();
+    let step = |words: &[&OsStr], model: &Path, out: &Path| {
+        let line: Vec<&OsStr> = words.iter().chain(&files).copied().chain([OsStr::new("--model"), model.as_os_str()]).collect();
+        shell.run_step(&line, out)
+    };
+    let (mut ledger, mut after) = (Vec::new(), None);
+    if ImpactTable::read(&impacts)?.rows.len() < FEWEST_IMPACTS {
+        shell.say(format_args!("Fewer than {FEWEST_IMPACTS} shots are too few to judge a model."));
+    } else {
+        step(&[OsStr::new("compare")], &first, folder)?;
+        step(&[OsStr::new("diagnose"), OsStr::new("--auto"), OsStr::new("-o"), last.as_os_str()], &first, folder)?;
+        ledger = staircase(&first, &last, &impacts)?;
+        if ledger.len() > 1 {
             let again = folder.join("found");
-            words.retain(|w| !["diagnose", "--auto", "-o"].contains(&w.to_string_lossy().as_ref()) && *w != last.as_os_str());
-            words.insert(0, OsStr::new("compare"));
-            if let Some(model) = words.iter_mut().find(|w| **w == first.as_os_str()) {
-                *model = last.as_os_str();
-            }
-            shell.run_step(&words, &again)?;
-            results.comparison = before;
-            results.after = read(&again.join("compare.json"));
+            step(&[OsStr::new("compare")], &last, &again)?;
+            after = read(&again.join("compare.json"));
         }
     }
+    let mut results = read_session_results(&session, folder);
+    (results.ledger, results.after) = (ledger, after);
+    let diagnosis: Option<Diagnosis> = read(&folder.join("diagnosis.json"));
     let report = folder.join("report.html");
     shell.write(&report, session_report(&results).as_bytes())?;
     let rig: Option<StereoRig> = read(&folder.join("calibration.json"));
     let square = rig.and_then(|r| r.square_mm);
-    let diagnosis: Option<Diagnosis> = read(&folder.join("diagnosis.json"));
+    let named_first = diagnosis.as_ref().and_then(|d| d.candidates.first()).map(|c| (c.effect.clone(), c.probability));
     let table = ImpactTable::read(&impacts)?;
     Ok(Outcome {
         report,
@@ -167,8 +181,11 @@ fn chain(folder: &Path, shell: &Shell) -> Result<Outcome, CliError> {
         ball_speed_95_m_s: speed_interval(&table),
         heldout_error_first: results.ledger.first().map(|l| l.heldout_error).or_else(|| results.comparison.as_ref().map(|c| c.heldout_error)),
         heldout_error_last: results.ledger.last().map(|l| l.heldout_error),
+        noise_floor: results.ledger.last().map(|l| l.noise_floor).or_else(|| results.comparison.as_ref().map(|c| c.noise_floor)),
         verdict: diagnosis.map(|d| d.verdict.to_string()),
-        found: results.ledger.last().map(|l| l.effects.clone()).unwrap_or_default(),
+        named_first,
+        found: results.ledger.last().map(|l| l.effects.iter().filter(|e| *e != FORMULA).cloned().collect()).unwrap_or_default(),
+        formula: results.ledger.last().is_some_and(|l| l.effects.iter().any(|e| e == FORMULA)),
         hidden: None,
     })
 }
@@ -211,24 +228,40 @@ fn tell(o: &Outcome, shell: &Shell) {
     if let Some(width) = o.ball_speed_95_m_s {
         shell.say(format_args!("  2. the ball's speed after impact, over {} shots: known to ±{width:.2} m/s (95 %)", o.shots_measured));
     }
+    let floor = o.noise_floor.map_or_else(String::new, |f| format!("; without fault it would be {f:.2}"));
     match (o.heldout_error_first, o.heldout_error_last) {
-        (Some(first), Some(last)) => {
-            let added = if o.found.is_empty() { "nothing had to be added".to_owned() } else { format!("with {} added", o.found.join(" and ")) };
-            shell.say(format_args!("  3. error on shots the fit never saw, in units of their noise: {first:.2} with the rigid model, {last:.2} {added}"));
+        (Some(first), Some(last)) if o.formula || !o.found.is_empty() => shell.say(format_args!(
+            "  3. error on shots the fit never saw, in units of their noise: {first:.2} with the rigid model, {last:.2} with {} added{floor}",
+            added(o)
+        )),
+        (Some(first), last) => {
+            let error = last.unwrap_or(first);
+            shell.say(format_args!("  3. error on shots the fit never saw, in units of their noise: {error:.2}; nothing had to be added{floor}"));
         }
-        (Some(first), None) => shell.say(format_args!("  3. error on shots the fit never saw, in units of their noise: {first:.2} with the rigid model")),
         _ => {}
     }
     shell.say(format_args!("Report: {}", o.report.display()));
 }
 
+/// What the last model has that the first had not, in words.
+fn added(o: &Outcome) -> String {
+    match (o.found.is_empty(), o.formula) {
+        (true, true) => "a formula".to_owned(),
+        (false, true) => format!("{} and a formula for what its form leaves", o.found.join(" and ")),
+        (_, false) => o.found.join(" and "),
+    }
+}
+
 /// The end of the game.
 fn reveal(o: &Outcome, hidden: Option<&Entry>, shell: &Shell) {
-    let named = if o.found.is_empty() { "nothing".to_owned() } else { o.found.join(" and ") };
+    let named = match (o.found.is_empty(), o.formula) {
+        (true, false) => "nothing".to_owned(),
+        _ => added(o),
+    };
     match hidden {
         None => {
             shell.say("\nHidden in this world: nothing.");
-            shell.say(if o.found.is_empty() { "The diagnosis found nothing missing: right." } else { "The diagnosis added something: a false alarm." });
+            shell.say(if o.found.is_empty() && !o.formula { "The diagnosis found nothing missing: right." } else { "The diagnosis added something: a false alarm." });
         }
         Some(e) => {
             shell.say(format_args!("\nHidden in this world: {} ({}).", e.name, e.law));

@@ -5,16 +5,18 @@ use super::error::CliError;
 use crate::calibration::StereoRig;
 use crate::impact_table::ImpactTable;
 use crate::kinematics::{
-    GroupStatistic, MeasureSettings, RiseInterval, SHOT_FILE, Shot, ShotInput, ShotRecord, ShotSpin, SpinComponent, SpinVector, measure_shot, rise_table,
+    GroupStatistic, MeasureSettings, RiseInterval, SHOT_FILE, Shot, ShotInput, ShotRecord, ShotSpin, SpinComponent, SpinVector, TapeErrors, measure_shot, rise_table,
     season_statistics, season_to_csv,
 };
 use crate::provenance::Provenance;
 use crate::report::season_figures;
+use crate::equipment::Racket;
 use crate::session::{Session, ShotFolder};
 use crate::tracking::spin::{SPIN_FILE, SpinEstimate, read_spin};
-use crate::tracking::{Tracks, points_to_csv};
+use crate::tracking::{RacketFigure, Tracks, points_to_csv};
 use nalgebra::Vector2;
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Tracks to shot.json and impacts.csv
@@ -53,12 +55,13 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     if session.shots.is_empty() && session.broken_shots.is_empty() {
         return Err(CliError::input(format!("{}: the session has no shots; put each in shots/<id>/left and right", arguments.session.display())));
     }
+    let tapes = tapes(&session, &rig, &results, shell);
     let bar = shell.progress(session.shots.len() as u64, "shots");
     let outcomes: Vec<(String, Result<ShotRecord, CliError>)> = session
         .shots
         .par_iter()
         .map(|folder| {
-            let outcome = shell.check_cancelled().and_then(|()| one_shot(&session, folder, &rig, &rig_file, &results, &arguments, shell));
+            let outcome = shell.check_cancelled().and_then(|()| one_shot(&session, folder, &rig, &rig_file, &results, &tapes, &arguments, shell));
             bar.inc(1);
             (folder.id.clone(), outcome)
         })
@@ -126,12 +129,32 @@ pub(super) fn read_rig(path: &Path) -> Result<StereoRig, CliError> {
     serde_json::from_str(&text).map_err(|e| CliError::input(format!("{}: {e}", path.display())).hint("run `sweetspot calibrate --force SESSION`"))
 }
 
+/// What the tracks of the session say about each racket's tape. Damaged tracks are named when their shot is measured.
+fn tapes(session: &Session, rig: &StereoRig, results: &Path, shell: &Shell) -> BTreeMap<String, TapeErrors> {
+    let mut by_racket: BTreeMap<&str, (&Racket, Vec<Tracks>)> = BTreeMap::new();
+    for folder in &session.shots {
+        let Ok(tracks) = Tracks::read(&results.join("shots").join(&folder.id).join("tracks.csv")) else { continue };
+        by_racket.entry(&folder.racket.name).or_insert((&folder.racket, Vec::new())).1.push(tracks);
+    }
+    let mut tapes = BTreeMap::new();
+    for (name, (racket, tracks)) in by_racket {
+        let Some(figure) = RacketFigure::of(racket) else { continue };
+        let tape = TapeErrors::of(rig, &figure, &tracks.iter().collect::<Vec<_>>());
+        let throat = tape.throat_angle_rad.map_or_else(String::new, |a| format!(", throat at {:.1}° from the axis", a.to_degrees()));
+        shell.say(format_args!("tape of {name}: seen {:.2} px off in one shot, {:.2} px in all{throat}", tape.shot_px, tape.shared_px));
+        tapes.insert(name.to_owned(), tape);
+    }
+    tapes
+}
+
+#[allow(clippy::too_many_arguments)]
 fn one_shot(
     session: &Session,
     folder: &ShotFolder,
     rig: &StereoRig,
     rig_file: &Path,
     results: &Path,
+    tapes: &BTreeMap<String, TapeErrors>,
     arguments: &Arguments,
     shell: &Shell,
 ) -> Result<ShotRecord, CliError> {
@@ -145,7 +168,8 @@ fn one_shot(
         provenance = provenance.with_file(&spin_file).map_err(CliError::input)?;
     }
     // Everything else that enters: equipment, timing, groups, points asked for.
-    let settings_text = format!("{:?}", (&folder.racket, &folder.ball, folder.impact_frame, &folder.groups, session.frame_rate_hz, session.exposure_s, &arguments.point));
+    let tape = tapes.get(&folder.racket.name).copied().unwrap_or_else(TapeErrors::expected);
+    let settings_text = format!("{:?}", (&folder.racket, &folder.ball, folder.impact_frame, &folder.groups, session.frame_rate_hz, session.exposure_s, &arguments.point, tape));
     provenance.inputs.insert("settings".into(), crate::provenance::sha256_hex(settings_text.as_bytes()));
     if !shell.args.force
         && let Ok(earlier) = ShotRecord::read(&shot_file)
@@ -155,7 +179,7 @@ fn one_shot(
     }
     let tracks = Tracks::read(&tracks_file)?;
     let spin = if spin_file.exists() { shot_spin(&spin_file)? } else { ShotSpin::default() };
-    let settings = settings_of(session, folder);
+    let settings = MeasureSettings { tape, ..settings_of(session, folder) };
     let input = ShotInput {
         id: &folder.id,
         rig,

@@ -42,9 +42,9 @@ struct Outcome {
 }
 
 #[derive(Debug, serde::Serialize)]
-struct Failure {
-    step: &'static str,
-    reason: String,
+pub(super) struct Failure {
+    pub step: &'static str,
+    pub reason: String,
 }
 
 pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
@@ -92,38 +92,58 @@ fn place(session: &Session, several: bool, shell: &Shell) -> PathBuf {
     }
 }
 
-fn one_session(session: &Session, results: &Path, model: Option<&Path>, shell: &Shell) -> Result<Outcome, CliError> {
-    let mut outcome = Outcome { session: session.root.clone(), results: results.to_path_buf(), shots_measured: 0, failed: Vec::new() };
-    let root = session.root.as_os_str();
-    // A step that fails for some shots leaves the others to the next step; one that fails altogether ends the session.
+/// What the steps from the pictures to the impacts table came to.
+pub(super) enum Footage {
+    /// There is a table; the failures of single shots.
+    Measured(Vec<Failure>),
+    /// A step failed altogether.
+    Ended(Vec<Failure>),
+}
+
+/// Calibrates, tracks and measures. A step that fails for some shots leaves the others to the next step; one that fails
+/// altogether ends the session.
+pub(super) fn footage(session: &Session, results: &Path, shell: &Shell) -> Result<Footage, CliError> {
+    let mut failed = Vec::new();
     for step in ["calibrate", "track", "shots"] {
         shell.check_cancelled()?;
         if step == "calibrate" && cfg!(not(feature = "vision")) && results.join("calibration.json").exists() {
             continue; // a program without OpenCV works from a calibration made elsewhere
         }
-        match shell.run_step(&[OsStr::new(step), root], results) {
+        match shell.run_step(&[OsStr::new(step), session.root.as_os_str()], results) {
             Ok(()) => {}
             Err(e) if e.kind == Kind::Interrupted => return Err(e),
             Err(e) => {
                 let ends = e.kind != Kind::SomeFailed;
-                outcome.failed.push(Failure { step, reason: e.message });
+                failed.push(Failure { step, reason: e.message });
                 if ends {
-                    return Ok(outcome);
+                    return Ok(Footage::Ended(failed));
                 }
             }
         }
     }
+    Ok(Footage::Measured(failed))
+}
+
+/// The rigid base as `model.toml` among the results; one that is there already stays.
+pub(super) fn rigid_model(results: &Path, shell: &Shell) -> Result<PathBuf, CliError> {
+    let path = results.join("model.toml");
+    if !path.exists() {
+        shell.write(&path, RIGID_MODEL.as_bytes())?;
+    }
+    Ok(path)
+}
+
+fn one_session(session: &Session, results: &Path, model: Option<&Path>, shell: &Shell) -> Result<Outcome, CliError> {
+    let mut outcome = Outcome { session: session.root.clone(), results: results.to_path_buf(), shots_measured: 0, failed: Vec::new() };
+    outcome.failed = match footage(session, results, shell)? {
+        Footage::Measured(failed) => failed,
+        Footage::Ended(failed) => return Ok(Outcome { failed, ..outcome }),
+    };
     let impacts = results.join("impacts.csv");
     outcome.shots_measured = crate::impact_table::ImpactTable::read(&impacts)?.rows.len();
     let model = match model {
         Some(path) => path.to_path_buf(),
-        None => {
-            let path = results.join("model.toml");
-            if !path.exists() {
-                shell.write(&path, RIGID_MODEL.as_bytes())?;
-            }
-            path
-        }
+        None => rigid_model(results, shell)?,
     };
     let mut words: Vec<&OsStr> = vec![OsStr::new("--impacts"), impacts.as_os_str(), OsStr::new("--model"), model.as_os_str()];
     for (flag, files) in [("--racket", &session.racket_files), ("--ball", &session.ball_files)] {

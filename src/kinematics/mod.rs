@@ -9,6 +9,7 @@ mod ball_flight;
 mod calibration_share;
 mod characteristics;
 mod contact;
+mod face_pose;
 mod frame_rate;
 mod grid_photograph;
 mod least_squares;
@@ -26,6 +27,7 @@ mod space_points;
 mod stereo_point;
 mod sweet_spot;
 mod tape_photograph;
+mod tape_session;
 mod thesis_path;
 
 pub use ball_flight::{FlightEstimate, FlightLaw};
@@ -51,6 +53,7 @@ pub use space_points::space_points;
 pub use stereo_point::{StereoPoint, stereo_point};
 pub use sweet_spot::{centre_of_percussion, dead_spot, effective_mass, ideal_point, rebound_speed};
 pub use tape_photograph::{TapeError, TapePlace, markers_of, tape_places};
+pub use tape_session::TapeErrors;
 pub use thesis_path::{RacketAxes, ThesisShot, thesis_shot};
 
 /// Why a shot's characteristics cannot be given.

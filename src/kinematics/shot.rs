@@ -4,6 +4,8 @@ use super::KinematicsError;
 use super::ball_flight::FlightLaw;
 use super::calibration_share::CalibrationShare;
 use super::characteristics::{ShotEquipment, characteristics};
+use super::contact::BodyMotion;
+use super::face_pose::face_pose_sd;
 use super::marker_distance::{MarkerDistance, marker_distances, mismatch_remark};
 use super::shot_motion::{MeasureSettings, ShotMotion, measure_motion};
 use super::shot_state::{SpinVector, UncertainShot};
@@ -131,6 +133,9 @@ pub struct Shot {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub momentum: Option<MomentumVerdict>,
     pub windows: Windows,
+    /// Deviations of the face's axes that all shots of the session share: turn about x, y, z (rad), shift along them (m).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub face_pose_sd: Option<[f64; 6]>,
     /// The same shot by the thesis's construction, as a check.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub thesis: Option<ThesisShot>,
@@ -236,6 +241,7 @@ pub fn measure_shot(input: &ShotInput<'_>, settings: &MeasureSettings) -> Result
     // near as the whole figure allows.
     let points = on_rigid_racket(input.rig, input.tracks, &motion, &points);
     remarks.extend(mismatch_remark(&marker_distances));
+    let face = BodyMotion::from(&motion.racket_in).pose(&motion.moving.com_local);
     let shot = Shot {
         id: input.id.to_owned(),
         racket: input.racket.name.clone(),
@@ -247,6 +253,7 @@ pub fn measure_shot(input: &ShotInput<'_>, settings: &MeasureSettings) -> Result
         swing_timing,
         momentum,
         windows: windows(&motion),
+        face_pose_sd: face_pose_sd(input.rig, &motion.moving.figure, &face, settings.tape.shared_px),
         thesis,
         marker_distances,
         remarks,
@@ -294,6 +301,9 @@ impl Shot {
         (row.racket, row.ball, row.sequence) = (Some(self.racket.clone()), Some(self.ball.clone()), sequence);
         for name in INPUTS.iter().chain(OUTPUTS.iter()) {
             row.set(name, self.quantities.get(name).map(|q| Measured { value: q.value, sd: Some(q.sd) }));
+        }
+        if let Some(sd) = self.face_pose_sd {
+            row.face_pose_sd = sd.map(Some);
         }
         row.groups = self.groups.iter().cloned().collect();
         row

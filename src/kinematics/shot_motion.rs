@@ -10,6 +10,7 @@ use super::motion_law::{MotionLaw, Pace};
 use super::racket_motion::{LawResult, MotionEstimate, MotionState, MotionView, MovingRacket, average, fit_law, motion_persistence, sighting_deviations};
 use super::sighting::{CommonError, FrameClock, Sighting, sightings};
 use super::stereo_point::{StereoPoint, stereo_point};
+use super::tape_session::TapeErrors;
 use super::{FitError, KinematicsError};
 use crate::calibration::{CameraId, StereoRig};
 use crate::equipment::{Ball, Racket};
@@ -19,6 +20,12 @@ use std::collections::BTreeMap;
 
 /// Standard acceleration of gravity, m/s².
 pub const GRAVITY_M_S2: f64 = 9.80665;
+
+/// Change of a band's image error while the racket turns by a radian, as a multiple of that error: other sides of the tape
+/// come into view. (On tracked pictures with known truth 0.06 to 0.16 px per radian where the error is 0.06 px.)
+const TAPE_CHANGE_PER_RAD: f64 = 2.0;
+/// A racket never turns slower than this for the purpose, rad/s: what is seen of a band also changes by itself.
+const SLOWEST_TURN: f64 = 10.0;
 
 /// How the measurement is made. The defaults suit 500 to 2000 frames per second.
 #[derive(Debug, Clone, PartialEq)]
@@ -32,9 +39,10 @@ pub struct MeasureSettings {
     pub axes_known: bool,
     /// Prior odds of air drag against none; the session's other shots may know better than 1.
     pub air_odds: f64,
-    /// Image error of a tape band, and of the ball, that persists over a window.
-    pub tape_error: CommonError,
+    /// Image error of the ball that persists over a window.
     pub ball_error: CommonError,
+    /// The session's tape.
+    pub tape: TapeErrors,
     /// Frame near the impact, from shot.toml.
     pub impact_frame: Option<u64>,
 }
@@ -47,14 +55,17 @@ impl MeasureSettings {
             window_s: 0.030,
             axes_known: true,
             air_odds: 1.0,
-            // Tracked tape against known truth lies off by 0.04 px (laboratory) to 0.15 px (hard), a hidden throat marker by
-            // up to 0.35 px. It is nearly constant, not only within a shot but over a session of similar shots, where it
-            // turns the face by the same few milliradians every time; the larger figure keeps such a turn within the stated
-            // deviations, so that it is not taken for missing physics.
-            tape_error: CommonError { constant_px: 0.35, drift_px_s: 8.0 },
             ball_error: CommonError { constant_px: 0.05, drift_px_s: 2.0 },
+            tape: TapeErrors::expected(),
             impact_frame: None,
         }
+    }
+
+    /// Image error of a tape band that persists over a window.
+    pub fn tape_error(&self, rate_rad_s: f64) -> CommonError {
+        // What all shots share is an error of this shot too, whatever is stated beside it for those who look at many.
+        let constant_px = self.tape.shot_px.hypot(self.tape.shared_px);
+        CommonError { constant_px, drift_px_s: TAPE_CHANGE_PER_RAD * constant_px * rate_rad_s.max(SLOWEST_TURN) }
     }
 
     pub fn gravity(&self) -> Vector3<f64> {
@@ -117,6 +128,7 @@ struct Bench<'a> {
 /// Measures one shot's motions.
 pub fn measure_motion(rig: &StereoRig, tracks: &Tracks, racket: &Racket, ball: &Ball, settings: &MeasureSettings) -> Result<ShotMotion, KinematicsError> {
     let figure = RacketFigure::of(racket).ok_or_else(|| KinematicsError::NoMarkers { racket: racket.name.clone() })?;
+    let figure = settings.tape.throat_angle_rad.map_or_else(|| figure.clone(), |angle| figure.with_throat(angle));
     let moving = MovingRacket { figure, com_local: racket.com_local(), inertia: racket.inertia_kg_m2(), gravity: settings.gravity() };
     let all = tracks.frames();
     let (Some(&first), Some(&last)) = (all.first(), all.last()) else {
@@ -393,26 +405,35 @@ impl Bench<'_> {
             return Err(KinematicsError::TooFewFrames { body: "racket", when: when.word(), seen: poses.len(), need: FEWEST_FRAMES });
         }
         let start = self.starting_motion(&poses, reference_t);
+        let rate = start.rate_body.norm();
         let total = seen.len();
         let failed = |source| KinematicsError::Fit { body: "racket", when: when.word(), source: FitError::from(source) };
-        let mut richest = most_flexible(&self.motion_view(&seen, when, reference_t, 1.0), &start).map_err(failed)?;
+        let mut richest = most_flexible(&self.motion_view(&seen, when, rate, reference_t, 1.0), &start).map_err(failed)?;
         for _ in 0..5 {
-            let deviations = sighting_deviations(&self.motion_view(&seen, when, reference_t, 1.0), &richest);
+            let deviations = sighting_deviations(&self.motion_view(&seen, when, rate, reference_t, 1.0), &richest);
             if !drop_outliers(&mut seen, &deviations) {
                 break;
             }
-            richest = most_flexible(&self.motion_view(&seen, when, reference_t, 1.0), &richest.state).map_err(failed)?;
+            richest = most_flexible(&self.motion_view(&seen, when, rate, reference_t, 1.0), &richest.state).map_err(failed)?;
         }
-        let scale = noise_scale(richest.chi2, 2 * seen.len(), 24) * motion_persistence(&self.motion_view(&seen, when, reference_t, 1.0), &richest);
-        let view = self.motion_view(&seen, when, reference_t, scale);
+        let scale = noise_scale(richest.chi2, 2 * seen.len(), 24) * motion_persistence(&self.motion_view(&seen, when, rate, reference_t, 1.0), &richest);
+        let view = self.motion_view(&seen, when, rate, reference_t, scale);
         let results: Vec<_> = laws.iter().filter_map(|law| fit_law(&view, *law, &richest.state).ok()).collect();
         let mut estimate = average(&self.moving, results, reference_t).ok_or(KinematicsError::NoPoints)?;
         (estimate.noise_scale, estimate.frames, estimate.rejected) = (scale, frames_in(&seen), total - seen.len());
         Ok(estimate)
     }
 
-    fn motion_view<'b>(&'b self, sightings: &'b [Sighting], when: When, reference_t: f64, noise_scale: f64) -> MotionView<'b> {
-        MotionView { rig: self.rig, racket: &self.moving, sightings, reference_t, common: self.settings.tape_error, memory_s: when.memory_s(), noise_scale }
+    fn motion_view<'b>(&'b self, sightings: &'b [Sighting], when: When, rate_rad_s: f64, reference_t: f64, noise_scale: f64) -> MotionView<'b> {
+        MotionView {
+            rig: self.rig,
+            racket: &self.moving,
+            sightings,
+            reference_t,
+            common: self.settings.tape_error(rate_rad_s),
+            memory_s: when.memory_s(),
+            noise_scale,
+        }
     }
 
     /// Pose nearest to the reference time, carried there at the median rate of the per-frame poses.

@@ -16,6 +16,12 @@ pub fn column_words(column: &str) -> ColumnWords {
     match column {
         "impact_x" => return plain("impact position x", "mm", 1000.0),
         "impact_y" => return plain("impact position y", "mm", 1000.0),
+        "face_turn_x" => return plain("turn of the face about x", "mrad", 1000.0),
+        "face_turn_y" => return plain("turn of the face about y", "mrad", 1000.0),
+        "face_turn_z" => return plain("turn of the face about z", "mrad", 1000.0),
+        "face_shift_x" => return plain("shift of the stringbed centre along x", "mm", 1000.0),
+        "face_shift_y" => return plain("shift of the stringbed centre along y", "mm", 1000.0),
+        "face_shift_z" => return plain("shift of the string plane along z", "mm", 1000.0),
         "grip_torque" => return plain("grip torque", "N m", 1.0),
         "contact_time" => return plain("contact time", "ms", 1000.0),
         _ => {}

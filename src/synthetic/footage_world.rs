@@ -218,7 +218,7 @@ impl FootageWorld {
         for i in 0..spec.shots {
             let mut rng = ChaCha12Rng::seed_from_u64(spec.seed);
             rng.set_stream(1 + i as u64);
-            let id = format!("s{:02}", i + 1);
+            let id = format!("shot-{:02}", i + 1);
             let approach = place(spec, draw(if court { Kind::Court } else { Kind::Lab }, i as f64, &mut rng), &mut rng);
             let hit = meet(&racket, &ball, &approach, &world).map_err(|source| FootageWorldError::Contact { id: id.clone(), source })?;
             let truth = TrueImpact { grip_torque: None, ..hit.truth };

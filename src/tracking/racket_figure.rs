@@ -34,6 +34,27 @@ impl RacketFigure {
         Some(RacketFigure { points, tube, bend: points.map(|p| bend(&p, a, b)), tube_radius_m: r })
     }
 
+    /// Angle of the tubes at the throat markers from the racket's axis, rad; `None` when no marker lies off the head.
+    pub fn throat_angle(&self) -> Option<f64> {
+        let throat = self.in_throat().next()?;
+        Some(self.tube[throat].y.abs().atan2(self.tube[throat].x.abs()))
+    }
+
+    /// The same figure with the throat's tubes at another angle: toward the tip they spread from the axis.
+    pub fn with_throat(&self, angle_rad: f64) -> Self {
+        let mut figure = self.clone();
+        for k in self.in_throat() {
+            let outward = self.points[k].y.signum();
+            figure.tube[k] = Unit::new_normalize(Vector3::new(-angle_rad.cos(), outward * angle_rad.sin(), 0.0));
+        }
+        figure
+    }
+
+    /// Markers between head and shaft, off the racket's axis: the tube's bend is known on the head only.
+    fn in_throat(&self) -> impl Iterator<Item = usize> {
+        (0..self.points.len()).filter(|&k| self.bend[k] == Vector3::zeros() && self.points[k].y != 0.0)
+    }
+
     /// The local point whose image is the centroid of the visible tape, seen from `eye` (local axes), with the unit
     /// vector from the axis toward the camera.
     pub fn patch_point(&self, marker: usize, eye: &Point3<f64>) -> (Point3<f64>, Vector3<f64>) {
@@ -127,6 +148,10 @@ pub(crate) mod tests {
         assert_eq!(f.bend[3], Vector3::zeros());
         let angle = (f.tube[4].y / -f.tube[4].x).atan().to_degrees();
         assert!((20.0..50.0).contains(&angle), "{angle}");
+        assert!((f.throat_angle().unwrap().to_degrees() - angle).abs() < 1e-9);
+        let other = f.with_throat(0.4);
+        assert!((other.throat_angle().unwrap() - 0.4).abs() < 1e-12 && (other.tube[3].y / other.tube[3].x - 0.4f64.tan()).abs() < 1e-12);
+        assert_eq!((other.tube[0], other.tube[2]), (f.tube[0], f.tube[2]));
         assert!((f.tube[3].y / f.tube[3].x + f.tube[4].y / f.tube[4].x).abs() < 1e-12);
     }
 

@@ -9,7 +9,7 @@ use super::observation::{Observation, Observations};
 use super::polynomial::{PolynomialFit, polynomial_fits};
 use super::smooth::{FaceCell, SmoothCurve, face_map, smooth};
 use super::structure::{StructureTest, chi2_tail, structure_test};
-use crate::impact_table::{INPUTS, OUTPUTS, unit};
+use crate::impact_table::{FACE_POSE, INPUTS, OUTPUTS, unit};
 use crate::provenance::Provenance;
 use serde::{Deserialize, Serialize};
 
@@ -337,21 +337,25 @@ pub fn outliers(seen: &[&Observation], fitted: &[Linearised], held: &[&Observati
     found
 }
 
-/// The fitted offsets.
+/// The fitted offsets and face poses.
 pub fn session_offsets(observations: &Observations, fit: &Fit, c: f64) -> Vec<SessionOffset> {
     fit.columns
         .iter()
         .enumerate()
-        .filter_map(|(i, column)| match *column {
-            Column::Offset { session, input } => Some(SessionOffset {
+        .filter_map(|(i, column)| {
+            let (session, name) = match *column {
+                Column::Offset { session, input } => (session, INPUTS[input]),
+                Column::FacePose { session, component } => (session, FACE_POSE[component]),
+                Column::Parameter(_) => return None,
+            };
+            Some(SessionOffset {
                 session: observations.sessions[session].clone(),
-                input: INPUTS[input].to_owned(),
+                input: name.to_owned(),
                 value: fit.column_values[i],
                 sd: (c * fit.covariance[(i, i)]).max(0.0).sqrt(),
                 prior_sd: fit.prior_precision[i].powf(-0.5),
-                unit: unit(INPUTS[input]).to_owned(),
-            }),
-            Column::Parameter(_) => None,
+                unit: unit(name).to_owned(),
+            })
         })
         .collect()
 }

@@ -6,7 +6,7 @@ use super::error::ValidationError;
 use super::expression::{Found, find_expression};
 use super::fit::{Fit, FitOptions, fit};
 use super::forward::{Library, Strength};
-use super::heldout::{error_of, held_out_error, linearise_held_out};
+use super::heldout::{error_of, held_out_error, is_noise_alone, linearise_held_out};
 use super::observation::Observations;
 use super::place::places;
 use super::rank::{Reference, Refit, added_parameters, flexible_nuisance, form_overdispersion};
@@ -131,6 +131,15 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
         _ => Verdict::Unexplained,
     };
     // The last word has the impacts the fit never saw: an effect that makes their error worse is not added.
+    // Structure that no effect accounts for, and that the held-out impacts do not have, is chance.
+    if diagnosis.verdict == Verdict::Unexplained && chosen.is_none() && screening.library_p_value >= LIBRARY_LEVEL && is_noise_alone(&held_base, c.sqrt()) {
+        diagnosis.verdict = Verdict::Adequate;
+        diagnosis.notes.push(format!(
+            "the structure test alone rejects (p = {:.4}), but the error on held-out impacts is that of noise ({before:.3}, floor {:.3}): not believed",
+            diagnosis.structure.p_value,
+            c.sqrt()
+        ));
+    }
     let mut refused = None;
     let mut with_chosen = before;
     if let (Some(best), Verdict::EffectMissing) = (chosen, diagnosis.verdict) {

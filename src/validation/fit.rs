@@ -2,14 +2,15 @@
 //!
 //! Every measured input may carry one offset shared by a whole session (a tilted face, a shifted origin): the largest
 //! source of false alarms (missing-physics.md, section 4). Offsets are nuisance with a normal prior of
-//! [`FitOptions::offset_share`] of the single-impact deviation.
+//! [`FitOptions::offset_share`] of the single-impact deviation. Where the table states how well the face's own axes are
+//! known, their shared error is nuisance too ([`super::session_shift`]).
 
 use super::error::ValidationError;
 use super::forward::{Forward, Inputs, Prediction};
 use super::linearise::{Linearised, Setting, Spread, linearise, predict_measured};
 use super::observation::{Observation, Observations};
 use super::project::add_cross;
-use crate::impact_table::INPUTS;
+use super::session_shift::{SessionShift, face_inputs, face_outputs};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
@@ -32,11 +33,12 @@ impl Default for FitOptions {
     }
 }
 
-/// A column of the design: a free parameter or an offset.
+/// A column of the design: a free parameter, an offset, or a component of the face's pose (order of `FACE_POSE`).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Column {
     Parameter(usize),
     Offset { session: usize, input: usize },
+    FacePose { session: usize, component: usize },
 }
 
 /// The model at its best, on the impacts it was fitted to.
@@ -45,8 +47,8 @@ pub struct Fit {
     pub names: Vec<String>,
     /// Free parameters, as [`Forward::parameters`] orders them.
     pub values: Vec<f64>,
-    /// Offsets per session, order of [`INPUTS`].
-    pub offsets: Vec<Inputs>,
+    /// What the impacts of each session share.
+    pub shifts: Vec<SessionShift>,
     /// The impacts of the fit, in the table's order.
     pub impacts: Vec<Linearised>,
     /// Whitened derivatives A_i of the prediction, outputs × columns.
@@ -111,7 +113,7 @@ struct Work<'a> {
 
 struct State {
     column_values: DVector<f64>,
-    offsets: Vec<Inputs>,
+    shifts: Vec<SessionShift>,
     values: Vec<f64>,
     impacts: Vec<Linearised>,
     objective: f64,
@@ -135,7 +137,8 @@ pub fn fit(
     for (i, column) in work.columns.iter().enumerate() {
         columns_at[i] = match *column {
             Column::Parameter(p) => values[p],
-            Column::Offset { session, input } => start.map_or(0.0, |s| s.fit.offsets[session][input]),
+            Column::Offset { session, input } => start.map_or(0.0, |s| s.fit.shifts[session].offsets[input]),
+            Column::FacePose { session, component } => start.map_or(0.0, |s| s.fit.shifts[session].face[component]),
         };
     }
     let keep = start.filter(|s| s.keep_jacobians && s.fit.impacts.len() == impacts.len()).map(|s| s.fit.impacts.as_slice());
@@ -192,7 +195,7 @@ pub fn fit(
     Ok(Fit {
         names: forward.parameters().iter().map(|p| p.name.clone()).collect(),
         values: state.values,
-        offsets: state.offsets,
+        shifts: state.shifts,
         impacts: state.impacts,
         design,
         columns: work.columns,
@@ -235,20 +238,26 @@ impl<'a> Work<'a> {
                     mean.push(0.0);
                 }
             }
+            for (component, sd) in observations.face_pose_sd(session).iter().enumerate().filter(|(_, sd)| **sd > 0.0) {
+                columns.push(Column::FacePose { session, component });
+                precision.push(sd.powi(-2));
+                mean.push(0.0);
+            }
         }
         Work { forward, observations, impacts, columns, prior_precision: DVector::from_vec(precision), prior_mean: DVector::from_vec(mean) }
     }
 
-    fn unpack(&self, columns: &DVector<f64>) -> (Vec<f64>, Vec<Inputs>) {
+    fn unpack(&self, columns: &DVector<f64>) -> (Vec<f64>, Vec<SessionShift>) {
         let mut values: Vec<f64> = self.forward.parameters().iter().map(|p| p.value).collect();
-        let mut offsets = vec![[0.0; INPUTS.len()]; self.observations.sessions.len()];
+        let mut shifts = vec![SessionShift::default(); self.observations.sessions.len()];
         for (column, value) in self.columns.iter().zip(columns.iter()) {
             match *column {
                 Column::Parameter(p) => values[p] = *value,
-                Column::Offset { session, input } => offsets[session][input] = *value,
+                Column::Offset { session, input } => shifts[session].offsets[input] = *value,
+                Column::FacePose { session, component } => shifts[session].face[component] = *value,
             }
         }
-        (values, offsets)
+        (values, shifts)
     }
 
     fn clamp(&self, columns: &DVector<f64>, forward: &dyn Forward) -> DVector<f64> {
@@ -270,13 +279,13 @@ impl<'a> Work<'a> {
         spread: &Spread,
         passes: usize,
     ) -> Result<State, ValidationError> {
-        let (values, offsets) = self.unpack(columns);
+        let (values, shifts) = self.unpack(columns);
         let prediction = self.forward.prepare(&values)?;
-        let impacts = linearise_all(prediction.as_ref(), self.observations, self.impacts, &offsets, spread, begin, reuse, passes)?;
+        let impacts = linearise_all(prediction.as_ref(), self.observations, self.impacts, &shifts, spread, begin, reuse, passes)?;
         let chi2: f64 = impacts.iter().map(|l| l.z.norm_squared()).sum();
         let log_det: f64 = impacts.iter().map(|l| l.log_det).sum();
         let from_prior: f64 = self.prior_precision.iter().zip(columns.iter().zip(self.prior_mean.iter())).map(|(p, (v, m))| p * (v - m) * (v - m)).sum();
-        Ok(State { column_values: columns.clone(), offsets, values, impacts, objective: chi2 + log_det + from_prior, chi2 })
+        Ok(State { column_values: columns.clone(), shifts, values, impacts, objective: chi2 + log_det + from_prior, chi2 })
     }
 
     /// Whitened derivatives of the prediction with respect to every column, at the state's true inputs.
@@ -291,6 +300,8 @@ impl<'a> Work<'a> {
             .map(|(i, (l, o))| {
                 let mut a = DMatrix::zeros(l.z.len(), self.columns.len());
                 let mut parameter = 0;
+                let turned = self.columns.iter().any(|c| matches!(c, Column::FacePose { session, .. } if *session == o.session));
+                let face = turned.then(|| (face_inputs(o, &self.observations.gear[o.gear]), face_outputs(o)));
                 for (c, column) in self.columns.iter().enumerate() {
                     match *column {
                         Column::Parameter(_) => {
@@ -300,7 +311,12 @@ impl<'a> Work<'a> {
                         Column::Offset { session, input } if session == o.session && o.input_sd[input] > 0.0 => {
                             a.set_column(c, &(-l.jacobian.column(input)));
                         }
-                        Column::Offset { .. } => {}
+                        Column::FacePose { session, component } if session == o.session => {
+                            if let Some((inputs, outputs)) = &face {
+                                a.set_column(c, &(&outputs[component] - &l.jacobian * DVector::from_column_slice(&inputs[component])));
+                            }
+                        }
+                        Column::Offset { .. } | Column::FacePose { .. } => {}
                     }
                 }
                 &l.whitener * a
@@ -335,13 +351,13 @@ pub fn linearise_all(
     prediction: &dyn Prediction,
     observations: &Observations,
     impacts: &[&Observation],
-    offsets: &[Inputs],
+    shifts: &[SessionShift],
     spread: &Spread,
     begin: &[Inputs],
     reuse: Option<&[Linearised]>,
     passes: usize,
 ) -> Result<Vec<Linearised>, ValidationError> {
-    let setting = Setting { observations, offsets, spread };
+    let setting = Setting { observations, shifts, spread };
     let results: Vec<Option<Linearised>> =
         impacts.par_iter().enumerate().map(|(i, o)| linearise(prediction, o, &setting, &begin[i], reuse.map(|r| &r[i].jacobian), passes)).collect();
     let failed = results.iter().filter(|r| r.is_none()).count();

@@ -21,14 +21,20 @@ pub fn linearise_held_out(
     held_out: &[&Observation],
 ) -> Result<Vec<Linearised>, ValidationError> {
     let prediction = forward.prepare(&fit.values)?;
-    let begin: Vec<_> = held_out.iter().map(|o| std::array::from_fn(|j| o.inputs[j] - fit.offsets[o.session][j])).collect();
-    linearise_all(prediction.as_ref(), observations, held_out, &fit.offsets, &fit.spread, &begin, None, PASSES)
+    let begin: Vec<_> = held_out.iter().map(|o| fit.shifts[o.session].inputs_of(o, &observations.gear[o.gear])).collect();
+    linearise_all(prediction.as_ref(), observations, held_out, &fit.shifts, &fit.spread, &begin, None, PASSES)
 }
 
 /// Root-mean-square of the whitened residuals.
 pub fn error_of(impacts: &[Linearised]) -> f64 {
     let (sum, count) = impacts.iter().fold((0.0, 0usize), |(s, n), l| (s + l.z.norm_squared(), n + l.z.len()));
     if count == 0 { 0.0 } else { (sum / count as f64).sqrt() }
+}
+
+/// Whether the error on held-out impacts is that of noise alone, within two of its own deviations (1/√2N of it).
+pub fn is_noise_alone(impacts: &[Linearised], floor: f64) -> bool {
+    let count: usize = impacts.iter().map(|l| l.z.len()).sum();
+    count > 0 && error_of(impacts) <= floor * (1.0 + 2.0 / (2.0 * count as f64).sqrt())
 }
 
 /// The held-out error of a fit.

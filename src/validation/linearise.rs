@@ -10,6 +10,7 @@
 
 use super::forward::{Inputs, Outputs, Prediction};
 use super::observation::{Observation, Observations};
+use super::session_shift::SessionShift;
 use crate::impact_table::{INPUTS, OUTPUTS};
 use nalgebra::{DMatrix, DVector};
 
@@ -78,7 +79,7 @@ pub struct Linearised {
     pub measured: Vec<usize>,
     /// Estimate x^ of the true inputs.
     pub true_inputs: Inputs,
-    /// Prediction at the measured inputs less the session's offsets, by the linear model: `y − residual`.
+    /// Prediction at the measured inputs less what the session shares, by the linear model: `y − residual`.
     pub predicted: DVector<f64>,
     pub residual: DVector<f64>,
     /// F, outputs × inputs.
@@ -100,8 +101,8 @@ pub struct Linearised {
 /// What is needed besides the impact and the model.
 pub struct Setting<'a> {
     pub observations: &'a Observations,
-    /// Offsets per session.
-    pub offsets: &'a [Inputs],
+    /// What each session's impacts share.
+    pub shifts: &'a [SessionShift],
     pub spread: &'a Spread,
 }
 
@@ -138,54 +139,67 @@ pub fn input_jacobian(p: &dyn Prediction, o: &Observation, x: &Inputs, at_x: &DV
 
 /// Linearises one impact, starting from `start` for its true inputs; `reuse` is a Jacobian to keep.
 pub fn linearise(p: &dyn Prediction, o: &Observation, setting: &Setting, start: &Inputs, reuse: Option<&DMatrix<f64>>, passes: usize) -> Option<Linearised> {
-    let offset = &setting.offsets[o.session];
+    let gear = &setting.observations.gear[o.gear];
+    let shift = &setting.shifts[o.session];
+    let measured = Corrected { inputs: shift.inputs_of(o, gear), outputs: shift.outputs_of(o) };
     let mut x = *start;
-    let y = DVector::from_column_slice(&o.outputs);
     let mut at_x = match predict_measured(p, o, &x) {
         Some(v) => v,
         None => {
-            x = std::array::from_fn(|j| o.inputs[j] - offset[j]);
+            x = measured.inputs;
             predict_measured(p, o, &x)?
         }
     };
     let mut jacobian = reuse.cloned().unwrap_or_else(|| input_jacobian(p, o, &x, &at_x, f64::INFINITY));
-    let mut result = whiten(o, setting, &x, &at_x, &jacobian, &y)?;
+    let mut result = whiten(o, setting, &x, &at_x, &jacobian, &measured)?;
     // An input nobody measured is told by the outputs, far more narrowly than by its range: the slope that counts is that
     // near the value they tell.
     if reuse.is_none() && o.missing.contains(&true) {
         for _ in 0..UNMEASURED_PASSES {
-            let Some((next, value)) = moved(p, o, setting, &jacobian, &result, &x) else { break };
+            let Some((next, value)) = moved(p, o, setting, &measured, &jacobian, &result, &x) else { break };
             (x, at_x) = (next, value);
             jacobian = input_jacobian(p, o, &x, &at_x, UNMEASURED_STEP);
-            result = whiten(o, setting, &x, &at_x, &jacobian, &y)?;
+            result = whiten(o, setting, &x, &at_x, &jacobian, &measured)?;
         }
     }
     for _ in 0..passes {
-        let Some((next, value)) = moved(p, o, setting, &jacobian, &result, &x) else { break };
+        let Some((next, value)) = moved(p, o, setting, &measured, &jacobian, &result, &x) else { break };
         (x, at_x) = (next, value);
-        result = whiten(o, setting, &x, &at_x, &jacobian, &y)?;
+        result = whiten(o, setting, &x, &at_x, &jacobian, &measured)?;
     }
     Some(result)
 }
 
+/// The measured numbers of an impact with what its session shares taken out.
+struct Corrected {
+    inputs: Inputs,
+    outputs: DVector<f64>,
+}
+
 /// The estimate of the true inputs one step on, and the prediction there.
-fn moved(p: &dyn Prediction, o: &Observation, setting: &Setting, jacobian: &DMatrix<f64>, result: &Linearised, x: &Inputs) -> Option<(Inputs, DVector<f64>)> {
-    let offset = &setting.offsets[o.session];
+fn moved(
+    p: &dyn Prediction,
+    o: &Observation,
+    setting: &Setting,
+    measured: &Corrected,
+    jacobian: &DMatrix<f64>,
+    result: &Linearised,
+    x: &Inputs,
+) -> Option<(Inputs, DVector<f64>)> {
     let pull = jacobian.tr_mul(&result.whitener.tr_mul(&result.z));
     let next: Inputs = std::array::from_fn(|j| {
         let sd = o.input_sd_at(j, &setting.observations.input_noise[j], x[j]);
-        o.inputs[j] - offset[j] + sd * sd * pull[j]
+        measured.inputs[j] + sd * sd * pull[j]
     });
     let value = predict_measured(p, o, &next)?;
     Some((next, value))
 }
 
-fn whiten(o: &Observation, setting: &Setting, x: &Inputs, at_x: &DVector<f64>, jacobian: &DMatrix<f64>, y: &DVector<f64>) -> Option<Linearised> {
+fn whiten(o: &Observation, setting: &Setting, x: &Inputs, at_x: &DVector<f64>, jacobian: &DMatrix<f64>, measured: &Corrected) -> Option<Linearised> {
     let k = o.measured.len();
-    let offset = &setting.offsets[o.session];
-    let gap = DVector::from_iterator(INPUTS.len(), (0..INPUTS.len()).map(|j| if o.input_sd[j] > 0.0 { o.inputs[j] - offset[j] - x[j] } else { 0.0 }));
-    let predicted = at_x + jacobian * gap;
-    let residual = y - &predicted;
+    let gap = DVector::from_iterator(INPUTS.len(), (0..INPUTS.len()).map(|j| if o.input_sd[j] > 0.0 { measured.inputs[j] - x[j] } else { 0.0 }));
+    let residual = &measured.outputs - (at_x + jacobian * gap);
+    let predicted = DVector::from_column_slice(&o.outputs) - &residual;
     let mut covariance = DMatrix::zeros(k, k);
     for (row, &column) in o.measured.iter().enumerate() {
         let sd = setting.observations.output_noise[column].sd(OUTPUTS[column], Some(o.output_sd[row]), at_x[row]);

@@ -30,6 +30,7 @@ pub mod project;
 pub mod rank;
 pub mod refits;
 pub mod screen;
+pub mod session_shift;
 pub mod smooth;
 pub mod structure;
 pub mod terminal;

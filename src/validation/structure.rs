@@ -79,6 +79,8 @@ impl ContactInputs {
 
 /// How many there are; the order of [`features`].
 const FEATURES: usize = 20;
+/// The racket's rate among them.
+const SWING: usize = 11;
 
 /// Raw features of one impact: 1, v, v², X, Y, X², Y², |G|, |S|, torque, order, swing, G_x, G_y, S_x, S_y, S_z, XY, Y·torque, spin size.
 fn features(o: &Observation, x: &Inputs, gear: &Gear) -> [f64; FEATURES] {
@@ -226,7 +228,10 @@ pub fn generic_signatures(fit: &Fit, observations: &Observations, impacts: &[&Ob
         mean[f] = raw.iter().map(|r| r[f]).sum::<f64>() / n;
         sd[f] = (raw.iter().map(|r| (r[f] - mean[f]).powi(2)).sum::<f64>() / n).sqrt();
     }
-    let varies = |f: usize| f == 0 || sd[f] > 1e-9 * (1.0 + mean[f].abs());
+    // A racket that hangs still turns by nothing but noise before the impact: that is no input to depend on.
+    let noise = observations.typical_input_sd(0);
+    let still = (noise[9] * noise[9] + noise[10] * noise[10] + noise[11] * noise[11]).sqrt();
+    let varies = |f: usize| f == 0 || sd[f] > 1e-9 * (1.0 + mean[f].abs()) && (f != SWING || sd[f] > still);
     // Few impacts cannot carry the curved features of every channel.
     let short = raw.len() < 60;
     let terms: Vec<(usize, usize)> = TERMS

@@ -11,6 +11,8 @@ mod calibration_pictures;
 mod cli;
 #[cfg(feature = "vision")]
 mod cli_footage;
+#[cfg(feature = "vision")]
+mod hidden_effect;
 mod impact;
 mod impact_expression;
 mod impact_scene;

@@ -135,6 +135,7 @@ fn shot(name: &str, k: u32) -> Shot {
         swing_timing: None,
         momentum: Some(MomentumVerdict { chi2: 9.0, p_value: 0.03, hand_interferes: true }),
         windows: Windows { ball_in: window.clone(), racket_in: window, ball_out: None, racket_out: None },
+        face_pose_sd: Some([0.001; 6]),
         thesis: None,
         marker_distances: vec![MarkerDistance {
             pair: (Target::M1, Target::M2),

@@ -104,9 +104,9 @@ fn truth_what_stands_in_the_pictures_is_what_the_truth_says() {
     assert_eq!(session.shots.len(), 1);
     // The light's centroid over the background, inside a small window, is the visible tape's centroid.
     let mut compared = 0;
-    for frame in truth["shots"]["s01"]["frames"].as_array().unwrap() {
+    for frame in truth["shots"]["shot-01"]["frames"].as_array().unwrap() {
         for camera in ["left", "right"] {
-            let name = format!("shots/s01/{camera}/frame_{:06}.bmp", frame["frame"].as_u64().unwrap());
+            let name = format!("shots/shot-01/{camera}/frame_{:06}.bmp", frame["frame"].as_u64().unwrap());
             let picture = image::load_from_memory(&files[&name]).unwrap().to_luma8();
             let ball = &frame["cameras"][camera]["ball"];
             for target in ["m1", "m2", "m3"] {

@@ -31,8 +31,8 @@ pub struct Arguments {
     /// Render a world with this effect hidden; `random` (or nothing) lets chance choose, `none` hides nothing
     #[arg(long, value_name = "NAME", num_args = 0..=1, default_missing_value = "random")]
     pub hidden_effect: Option<String>,
-    /// How strong the hidden effect is (1: as large as it is in the field)
-    #[arg(long, default_value_t = 1.0, requires = "hidden_effect")]
+    /// How strong the hidden effect is (1: as large as it is in the field, which these pictures show a hundredfold)
+    #[arg(long, default_value_t = 0.35, requires = "hidden_effect")]
     pub strength: f64,
     /// Shots to render
     #[arg(long, default_value_t = 44, requires = "hidden_effect")]

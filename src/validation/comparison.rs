@@ -15,6 +15,9 @@ use serde::{Deserialize, Serialize};
 
 /// Level of the structure test alone, as `compare` uses it: one sound model in a hundred is called inadequate.
 pub const COMPARE_LEVEL: f64 = 0.01;
+/// Times the noise floor beyond which the error on held-out impacts alone says that the model fails: with few impacts the
+/// structure test has hardly any power against something large.
+const CLEARLY: f64 = 1.5;
 /// Edge of a face map's cell, m.
 const FACE_CELL_M: f64 = 0.02;
 /// Points of a smooth curve.
@@ -119,7 +122,8 @@ pub struct SessionOffset {
 /// Model against measurement (compare.json).
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Comparison {
-    /// "adequate" or "inadequate", by the structure test with the free parameters at their best.
+    /// "adequate" or "inadequate", by the structure test with the free parameters at their best, or because the error on
+    /// held-out impacts lies far above the noise.
     pub verdict: String,
     /// How often a sound model is called inadequate.
     pub false_alarm_rate: f64,
@@ -161,12 +165,13 @@ pub fn compare(forward: &dyn Forward, observations: &Observations, model: &str, 
     let held_refitted = linearise_held_out(forward, &refitted, observations, &held)?;
     let structure = structure_test(&refitted, observations, &seen, seed);
     let impacts = impact_points(observations, &as_stated, &held_stated);
+    let fails = structure.p_value < COMPARE_LEVEL || error_of(&held_refitted) > CLEARLY * structure.noise_scale.sqrt();
     let present: Vec<usize> = (0..OUTPUTS.len()).filter(|k| impacts.iter().any(|i| i.outputs.iter().any(|p| p.output == *k))).collect();
     let mut notes = observations.notes.clone();
     note_noise(structure.noise_scale.sqrt(), structure.p_value >= COMPARE_LEVEL, &mut notes);
     let varied = varied_inputs(observations);
     Ok(Comparison {
-        verdict: if structure.p_value < COMPARE_LEVEL { "inadequate" } else { "adequate" }.to_owned(),
+        verdict: if fails { "inadequate" } else { "adequate" }.to_owned(),
         false_alarm_rate: COMPARE_LEVEL,
         model: model.to_owned(),
         n_impacts: observations.impacts.len(),

@@ -12,7 +12,8 @@ fn json(path: std::path::PathBuf) -> Value {
 fn truth_from_pixels_the_hidden_effect_is_named_first_and_the_error_falls_to_the_noise() {
     let folder = tempfile::tempdir().unwrap();
     let place = folder.path().join("game");
-    let out = sweetspot(&["--json", "demo", place.to_str().unwrap(), "--hidden-effect", "frame-vibration", "--seed", "44", "--shots", "40", "--strength", "0.35"]);
+    let out =
+        sweetspot(&["--json", "demo", place.to_str().unwrap(), "--hidden-effect", "frame-vibration", "--seed", "44", "--shots", "40", "--strength", "0.35"]);
     let words = stderr(&out);
     assert!(out.status.success(), "{words}");
     let outcome: Value = serde_json::from_slice(&out.stdout).unwrap();

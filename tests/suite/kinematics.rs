@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 use sweetspot::calibration::{CameraId, RigidTransform};
 use sweetspot::kinematics::{
-    CommonError, KinematicsError, MeasureSettings, MeasuredShot, ShotInput, ShotSpin, WindowReport, Windows, frame_rate_study, measure_shot,
+    KinematicsError, MeasureSettings, MeasuredShot, ShotInput, ShotSpin, TapeErrors, WindowReport, Windows, frame_rate_study, measure_shot,
 };
 use sweetspot::tracking::{PointState, Target, TrackPoint};
 
@@ -213,7 +213,7 @@ fn measured(truth: &TrueShot, settings: &MeasureSettings) -> Result<MeasuredShot
 
 /// The tape's errors are stated as large as these worlds draw them.
 fn settings() -> MeasureSettings {
-    MeasureSettings { tape_error: CommonError { constant_px: 0.15, drift_px_s: 4.0 }, ..MeasureSettings::new(1.0 / FRAME_S, 1e-4) }
+    MeasureSettings { tape: TapeErrors { throat_angle_rad: None, shot_px: 0.15, shared_px: 0.0 }, ..MeasureSettings::new(1.0 / FRAME_S, 1e-4) }
 }
 
 fn value(shot: &MeasuredShot, name: &str) -> f64 {

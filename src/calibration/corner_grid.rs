@@ -273,7 +273,8 @@ impl<'a> Grid<'a> {
                 let next = (at.0 + side.0, at.1 + side.1);
                 let (Some(here), Some(before)) = (self.place(at), self.place((at.0 - side.0, at.1 - side.1))) else { return false };
                 let p = here * 2.0 - before;
-                !self.cells.contains_key(&next) && !(p.x > 2.0 && p.y > 2.0 && p.x < image.width as f64 - 3.0 && p.y < image.height as f64 - 3.0)
+                let inside = p.x > 2.0 && p.y > 2.0 && p.x < image.width as f64 - 3.0 && p.y < image.height as f64 - 3.0;
+                !inside && !self.cells.contains_key(&next)
             })
         })
     }

@@ -67,22 +67,27 @@ pub fn track_in_step(clip: &Clip, setup: &ShotSetup, mode: SyncMode, cancel: &At
         (Ok(t), None) if points_in_both(t) >= LEAST_BALL_FRAMES => Vec::new(),
         _ => vec![-1, 1],
     };
+    // Several may look better than what fits hardly at all: the one that shows the ball to both cameras most often.
+    let mut best: Option<(usize, i64, Clip, ShotTracks)> = None;
     for shift in candidates {
         let shifted = clip.shifted(shift);
-        let Ok(mut again) = track_shot(&shifted, setup, cancel, &|_| ()) else { continue };
+        let Ok(again) = track_shot(&shifted, setup, cancel, &|_| ()) else { continue };
+        let in_both = points_in_both(&again);
         let better = match (&first, offset_of(&shifted, setup, &again), told) {
             // What was told must be gone.
             (Ok(_), Some(o), Some(_)) => o.frames.abs() < 0.5,
             (Ok(_), None, Some(_)) => false,
             (one, now, None) => {
                 let before = one.as_ref().map_or(0, points_in_both);
-                points_in_both(&again) >= LEAST_BALL_FRAMES.max(2 * before) && now.is_none_or(|o| o.frames.abs() < 0.5)
+                in_both >= LEAST_BALL_FRAMES.max(2 * before) && now.is_none_or(|o| o.frames.abs() < 0.5)
             }
             (Err(_), _, Some(_)) => false,
         };
-        if !better {
-            continue;
+        if better && best.as_ref().is_none_or(|b| in_both > b.0) {
+            best = Some((in_both, shift, shifted, again));
         }
+    }
+    if let Some((_, shift, shifted, mut again)) = best {
         let found = words(shift, told);
         match (mode, first) {
             (SyncMode::Auto, _) => {

@@ -76,7 +76,7 @@ fn score(difficulty: &Difficulty, seeds: std::ops::Range<u64>) -> Score {
                 groups: &[],
                 asked_points: &[],
             };
-            let measured = measure_shot(&input, &settings()).unwrap_or_else(|e| panic!("seed {seed}: {e}"));
+            let measured = measure_shot(&input, &stated(difficulty.tape_error_px)).unwrap_or_else(|e| panic!("seed {seed}: {e}"));
             let quantity = |name: &str| measured.shot.quantities.get(name).unwrap_or_else(|| panic!("seed {seed}: no {name}: {:?}", measured.shot.remarks));
             let mut out: Vec<_> = truth.row.iter().map(|(name, v)| (*name, quantity(name).value - v, quantity(name).sd)).collect();
             let frame = quantity("impact_frame");
@@ -152,13 +152,16 @@ fn truth_errors_stay_within_the_bars_and_intervals_cover_in_every_group_of_simul
         if std::env::var_os("SWEETSPOT_SHOW").is_none() {
             within_bars(name, &s, times);
             let coverage = s.coverage(&[""]);
-            assert!((0.92..=0.98).contains(&coverage), "{name}: {:.1} % of the true values inside 95 % intervals", 100.0 * coverage);
+            // Thirty shots are too few to tell 98 from 99 %: intervals too narrow show in a group, too wide ones in all.
+            assert!(coverage >= 0.92, "{name}: {:.1} % of the true values inside 95 % intervals", 100.0 * coverage);
         }
         for (name, e) in s.errors {
             all.errors.entry(name).or_default().extend(e);
         }
     }
     report("all", &all);
+    let coverage = all.coverage(&[""]);
+    assert!((0.92..=0.98).contains(&coverage), "{:.1} % of the true values inside 95 % intervals", 100.0 * coverage);
 }
 
 /// Probability of the laws whose name holds one of these words, mean over shots.
@@ -211,9 +214,13 @@ fn measured(truth: &TrueShot, settings: &MeasureSettings) -> Result<MeasuredShot
     )
 }
 
-/// The tape's errors are stated as large as these worlds draw them.
+/// The tape's errors stated as large as a world draws them, as a session's own tracks tell (`kinematics::tape_session`).
+fn stated(tape_error_px: f64) -> MeasureSettings {
+    MeasureSettings { tape: TapeErrors { throat_angle_rad: None, shot_px: tape_error_px, shared_px: 0.0 }, ..MeasureSettings::new(1.0 / FRAME_S, 1e-4) }
+}
+
 fn settings() -> MeasureSettings {
-    MeasureSettings { tape: TapeErrors { throat_angle_rad: None, shot_px: 0.15, shared_px: 0.0 }, ..MeasureSettings::new(1.0 / FRAME_S, 1e-4) }
+    stated(COURT.tape_error_px)
 }
 
 fn value(shot: &MeasuredShot, name: &str) -> f64 {

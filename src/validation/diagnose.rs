@@ -124,7 +124,17 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
     // A share has its own uncertainty: what is left scatters by its deviation, which may not make a right name wrong.
     let give = |left: f64| (left - (2.0 * diagnosis.structure.rank as f64 + 4.0 * left).sqrt()).max(0.0);
     let at_best = chosen.map_or(0.0, |b| share_removed(excess, give(excess_at(&b.structure, c_believed))));
-    let accounted = chosen.is_some_and(|b| at_best >= SHARE || (b.structure.p_value >= STRUCTURE_LEVEL && b.structure.noise_scale <= LARGEST_NOISE_SCALE));
+    // On the held-out impacts the same is judged with less data and without the fit's help: either may speak for the effect.
+    let held_share = match chosen {
+        None => 0.0,
+        Some(b) => {
+            let forward = library.with(&b.effects.iter().map(String::as_str).collect::<Vec<_>>())?;
+            let after = held_out_error(forward.as_ref(), &b.fit, observations)?;
+            share_removed((before.powi(2) - c_believed).max(0.0), (after.powi(2) - c_believed).max(0.0))
+        }
+    };
+    let sound = |b: &Refit| b.structure.p_value >= STRUCTURE_LEVEL && b.structure.noise_scale <= LARGEST_NOISE_SCALE;
+    let accounted = chosen.is_some_and(|b| at_best >= SHARE || held_share >= SHARE || sound(b));
     diagnosis.verdict = match (chosen, accounted) {
         (Some(_), true) => Verdict::EffectMissing,
         (None, _) if diagnosis.structure.p_value >= STRUCTURE_LEVEL => Verdict::Adequate,

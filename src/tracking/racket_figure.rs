@@ -148,9 +148,9 @@ pub(crate) mod tests {
         assert_eq!(f.bend[3], Vector3::zeros());
         let angle = (f.tube[4].y / -f.tube[4].x).atan().to_degrees();
         assert!((20.0..50.0).contains(&angle), "{angle}");
-        assert!((f.throat_angle().unwrap().to_degrees() - angle).abs() < 1e-9);
+        assert!((f.throat_angle().expect("an angle").to_degrees() - angle).abs() < 1e-9);
         let other = f.with_throat(0.4);
-        assert!((other.throat_angle().unwrap() - 0.4).abs() < 1e-12 && (other.tube[3].y / other.tube[3].x - 0.4f64.tan()).abs() < 1e-12);
+        assert!((other.throat_angle().expect("an angle") - 0.4).abs() < 1e-12 && (other.tube[3].y / other.tube[3].x - 0.4f64.tan()).abs() < 1e-12);
         assert_eq!((other.tube[0], other.tube[2]), (f.tube[0], f.tube[2]));
         assert!((f.tube[3].y / f.tube[3].x + f.tube[4].y / f.tube[4].x).abs() < 1e-12);
     }

@@ -1,6 +1,6 @@
 //! Single effects and pairs, refitted and weighed against each other: probabilities, the model to recommend, aliases.
 //!
-//! A pair must earn its place ([`Refits::objection`]): a catalogue formula that is not quite nature's leaves structure
+//! A pair must earn its place (`Refits::objection`): a catalogue formula that is not quite nature's leaves structure
 //! behind which some second effect always imitates in part. So the second effect must explain something beyond *any* form
 //! of the first, take a fair share of what the first leaves, and lower the error on impacts that no fit saw by more than
 //! chance; effects that are known to imitate each other count as two only when neither does nearly all alone.

@@ -16,6 +16,8 @@ pub enum SessionError {
     Toml { path: PathBuf, message: String },
     #[error("{path}: `{key}` is {seen}; allowed: {allowed}", path = .path.display())]
     Value { path: PathBuf, key: &'static str, seen: String, allowed: &'static str },
+    #[error("{path}: `{key}` is {seen}; allowed: one text, number or date per grouping column (player = \"A\")", path = .path.display())]
+    Grouping { path: PathBuf, key: String, seen: String },
     #[error("{path}: `{key}` names {named:?}, which leaves the session folder; use a relative path without `..`", path = .path.display())]
     Escapes { path: PathBuf, key: &'static str, named: String },
     #[error("{path}: shot {id:?} is not there; the session has: {known}", path = .path.display())]
@@ -218,6 +220,10 @@ impl Session {
             Some(name) => named(&inside(&self.root, &file, "ball", name)?, &mut self.ball_files, Ball::read)?,
             None => self.ball.clone(),
         };
+        if let Some((key, value)) = own.groups.iter().find(|(_, v)| v.is_table() || v.is_array()) {
+            let seen = value.to_string();
+            return Err(SessionError::Grouping { path: file, key: key.clone(), seen });
+        }
         let groups = own.groups.iter().map(|(k, v)| (k.clone(), v.as_str().map_or_else(|| v.to_string(), str::to_owned))).collect();
         Ok(ShotFolder { id: id.to_owned(), path, racket, ball, impact_frame: own.impact_frame, note: own.note, groups })
     }

@@ -49,6 +49,20 @@ fn fails_unequal_calibration_pictures_are_named() {
     assert!(!session.join("results/calibration.json").exists());
 }
 
+#[test]
+fn fails_a_grouping_value_that_is_a_table_is_named() {
+    let (_keep, session, ids) = sample(1);
+    let file = session.join("shots").join(&ids[0]).join("shot.toml");
+    std::fs::write(&file, "[groups]\nplayer = \"A\"\n").unwrap();
+    let calibrated = sweetspot(&["calibrate", &text(&session)]);
+    assert_eq!(calibrated.status.code(), Some(0), "{}", stderr(&calibrated));
+    let output = sweetspot(&["track", &text(&session)]);
+    assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
+    for word in [text(&file).as_str(), "`groups`", "player = \"A\""] {
+        assert!(stderr(&output).contains(word), "{}", stderr(&output));
+    }
+}
+
 /// One good shot, one with a picture cut off and one of text among its frames, one that is text throughout.
 #[test]
 fn cli_broken_pictures_in_shots_are_named_and_the_others_go_on() {

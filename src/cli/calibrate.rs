@@ -33,9 +33,6 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let session = Session::open(existing(&arguments.session, "session folder")?)?;
     let out = shell.results_of_session(&arguments.session);
     let json = out.join("calibration.json");
-    if arguments.import.is_none() {
-        same_number_of_pictures(&session.board.images)?;
-    }
     let provenance = inputs(&session, arguments.import.as_deref())?;
     if !shell.args.force
         && !arguments.compare_methods
@@ -74,16 +71,15 @@ fn pictures(folder: &Path, camera: &'static str) -> Result<BTreeMap<u64, PathBuf
 
 /// Both folders hold the same number of pictures (contract, section 2): a lost or a stray picture shifts nothing, because
 /// pairs go by number, but nobody should calibrate without knowing. Numbers that differ at equal counts are gaps.
-fn same_number_of_pictures(folder: &Path) -> Result<(), CliError> {
-    let (left, right) = (pictures(folder, "left")?, pictures(folder, "right")?);
+fn same_number(folder: &Path, left: &BTreeMap<u64, PathBuf>, right: &BTreeMap<u64, PathBuf>) -> Result<(), CliError> {
     if left.len() == right.len() {
         return Ok(());
     }
     let alone = |these: &BTreeMap<u64, PathBuf>, others: &BTreeMap<u64, PathBuf>| -> Vec<String> {
         these.iter().filter(|(n, _)| !others.contains_key(n)).map(|(_, p)| p.display().to_string()).collect()
     };
-    let mut without = alone(&left, &right);
-    without.extend(alone(&right, &left));
+    let mut without = alone(left, right);
+    without.extend(alone(right, left));
     let more = without.len().saturating_sub(8);
     without.truncate(8);
     let rest = if more > 0 { format!(" and {more} more") } else { String::new() };
@@ -134,6 +130,7 @@ fn inputs(session: &Session, import: Option<&Path>) -> Result<Provenance, CliErr
 fn calibrate(session: &Session, arguments: &Arguments, shell: &Shell) -> Result<StereoRig, CliError> {
     let board = Checkerboard { columns: session.board.columns, rows: session.board.rows, square_m: session.board.square_m };
     let (left, right) = (pictures(&session.board.images, "left")?, pictures(&session.board.images, "right")?);
+    same_number(&session.board.images, &left, &right)?;
     let mut numbers: Vec<u64> = left.keys().chain(right.keys()).copied().collect();
     numbers.sort_unstable();
     numbers.dedup();

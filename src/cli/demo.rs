@@ -4,7 +4,7 @@ use super::Shell;
 use super::error::CliError;
 use super::impacts_input::{ledger_path, read_ledger};
 use super::synth::film;
-use super::validate::{Footage, footage, rigid_model};
+use super::validate::{Footage, footage, rigid_model, table_words};
 use crate::calibration::StereoRig;
 use crate::impact_table::ImpactTable;
 use crate::provenance::{sha256_file, sha256_hex};
@@ -16,6 +16,7 @@ use crate::synthetic::look::Setting;
 use crate::synthetic::sample;
 use crate::validation::diagnosis::Diagnosis;
 use crate::validation::ledger::LedgerEntry;
+use crate::validation::expression::FOUND_EFFECT;
 use crate::validation::observation::FEWEST_IMPACTS;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
@@ -41,9 +42,6 @@ pub struct Arguments {
     #[arg(long, requires = "hidden_effect")]
     pub seed: Option<u64>,
 }
-
-/// Name of a formula that `diagnose --auto` adds.
-const FORMULA: &str = "found-effect";
 
 /// What the demonstration found, for `--json`.
 #[derive(Debug, serde::Serialize)]
@@ -142,13 +140,8 @@ fn chain(folder: &Path, shell: &Shell) -> Result<Outcome, CliError> {
         }
     }
     let (impacts, first, last) = (folder.join("impacts.csv"), rigid_model(folder, shell)?, folder.join("model-found.toml"));
-    let files: Vec<&OsStr> = [("--racket", &session.racket_files), ("--ball", &session.ball_files)]
-        .into_iter()
-        .flat_map(|(flag, files)| files.iter().flat_map(move |f| [OsStr::new(flag), f.as_os_str()]))
-        .chain([OsStr::new("--impacts"), impacts.as_os_str()])
-        .collect();
     let step = |words: &[&OsStr], model: &Path, out: &Path| {
-        let line: Vec<&OsStr> = words.iter().chain(&files).copied().chain([OsStr::new("--model"), model.as_os_str()]).collect();
+        let line: Vec<&OsStr> = words.iter().copied().chain(table_words(&session, &impacts, model)).collect();
         shell.run_step(&line, out)
     };
     let (mut ledger, mut after) = (Vec::new(), None);
@@ -184,8 +177,8 @@ fn chain(folder: &Path, shell: &Shell) -> Result<Outcome, CliError> {
         noise_floor: results.ledger.last().map(|l| l.noise_floor).or_else(|| results.comparison.as_ref().map(|c| c.noise_floor)),
         verdict: diagnosis.map(|d| d.verdict.to_string()),
         named_first,
-        found: results.ledger.last().map(|l| l.effects.iter().filter(|e| *e != FORMULA).cloned().collect()).unwrap_or_default(),
-        formula: results.ledger.last().is_some_and(|l| l.effects.iter().any(|e| e == FORMULA)),
+        found: results.ledger.last().map(|l| l.effects.iter().filter(|e| *e != FOUND_EFFECT).cloned().collect()).unwrap_or_default(),
+        formula: results.ledger.last().is_some_and(|l| l.effects.iter().any(|e| e == FOUND_EFFECT)),
         hidden: None,
     })
 }

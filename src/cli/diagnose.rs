@@ -8,6 +8,7 @@ use crate::impact::model_file::{with_effect_added, with_values};
 use crate::validation::comparison::{Comparison, compare};
 use crate::validation::diagnose::{DiagnoseOptions, diagnose, fit_current};
 use crate::validation::diagnosis::{Diagnosis, Verdict};
+use crate::validation::expression::FOUND_EFFECT;
 use crate::validation::forward::Library;
 use crate::validation::heldout::held_out_error;
 use crate::validation::ledger::{Ledger, Refusal};
@@ -82,10 +83,12 @@ fn version_name(output: &Path, step: usize) -> PathBuf {
     output.with_file_name(format!("{stem}.{step}.toml"))
 }
 
-/// Header of a formula in a model file: a model holds one at most.
-const FORMULA: &str = "[effects.found-effect]";
 /// A formula must lower the error on held-out impacts by a twentieth: it was chosen among thousands.
 const WORTH_A_FORMULA: f64 = 0.95;
+
+fn has_formula(model_text: &str) -> bool {
+    model_text.contains(&format!("[effects.{FOUND_EFFECT}]"))
+}
 
 fn auto_name(model: &Path) -> PathBuf {
     let stem = model.file_stem().map_or_else(|| "model".to_owned(), |s| s.to_string_lossy().into_owned());
@@ -149,7 +152,7 @@ impl Walk<'_> {
             }
         }
         // What is left may be nature's own form of the effects found, or something in no catalogue: a formula for it.
-        if let Some(formula) = diagnosis.suggested_expression.as_ref().filter(|_| diagnosis.verdict == Verdict::Unexplained && !text.contains(FORMULA)) {
+        if let Some(formula) = diagnosis.suggested_expression.as_ref().filter(|_| diagnosis.verdict == Verdict::Unexplained && !has_formula(&text)) {
             let with_formula = format!("{}\n\n{}\n", text.trim_end(), formula.model_file_text.trim_end());
             // A formula that does not go with what is in the model already is left for the user to look at.
             if let Ok((with, with_error)) = self.fitted(&with_formula)

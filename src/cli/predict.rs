@@ -60,8 +60,11 @@ fn predictions_csv(rows: &[(&str, Option<&ImpactOutput>)]) -> Result<String, Cli
         let text = cells[..columns.len()].iter().map(|c| c.map_or_else(String::new, |v| v.to_string()));
         csv.write_field(id).and_then(|()| csv.write_record(text)).map_err(CliError::output)?;
     }
-    let bytes = csv.into_inner().map_err(CliError::output)?;
-    String::from_utf8(bytes).map_err(CliError::output)
+    text_of(csv)
+}
+
+fn text_of(csv: csv::Writer<Vec<u8>>) -> Result<String, CliError> {
+    String::from_utf8(csv.into_inner().map_err(CliError::output)?).map_err(CliError::output)
 }
 
 /// One row per impact and input or parameter (`of`): derivatives of every output, SI; `edge` where there is none.
@@ -79,7 +82,7 @@ fn sensitivities_csv(rows: &[(&str, &Result<RowSensitivity, RowError>)], model: 
             csv.write_record(record).map_err(CliError::output)?;
         }
     }
-    String::from_utf8(csv.into_inner().map_err(CliError::output)?).map_err(CliError::output)
+    text_of(csv)
 }
 
 /// `id` and the standard deviation of every predicted output.
@@ -90,7 +93,7 @@ fn deviations_csv(rows: &[(&str, &Result<RowSensitivity, RowError>)]) -> Result<
         let cells = row.as_ref().map_or_else(|_| vec![String::new(); OUTPUTS.len()], |r| r.output_sd.map(|v| v.to_string()).to_vec());
         csv.write_record(std::iter::once((*id).to_owned()).chain(cells)).map_err(CliError::output)?;
     }
-    String::from_utf8(csv.into_inner().map_err(CliError::output)?).map_err(CliError::output)
+    text_of(csv)
 }
 
 fn as_json(id: &str, output: Option<&ImpactOutput>) -> serde_json::Value {

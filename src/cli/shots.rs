@@ -2,21 +2,19 @@
 
 use super::Shell;
 use super::error::CliError;
-use crate::calibration::StereoRig;
+use super::tracked_session::TrackedSession;
 use crate::impact_table::ImpactTable;
 use crate::kinematics::{
-    GroupStatistic, MeasureSettings, RiseInterval, SHOT_FILE, Shot, ShotInput, ShotRecord, ShotSpin, SpinComponent, SpinVector, TapeErrors, measure_shot, rise_table,
+    GroupStatistic, RiseInterval, SHOT_FILE, Shot, ShotInput, ShotRecord, ShotSpin, SpinComponent, SpinVector, measure_shot, rise_table,
     season_statistics, season_to_csv,
 };
 use crate::provenance::Provenance;
 use crate::report::season_figures;
-use crate::equipment::Racket;
 use crate::session::{Session, ShotFolder};
 use crate::tracking::spin::{SPIN_FILE, SpinEstimate, read_spin};
-use crate::tracking::{RacketFigure, Tracks, points_to_csv};
+use crate::tracking::{Tracks, points_to_csv};
 use nalgebra::Vector2;
 use rayon::prelude::*;
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Tracks to shot.json and impacts.csv
@@ -48,20 +46,17 @@ struct Summary {
 }
 
 pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
-    let session = Session::open(&arguments.session)?;
-    let results = shell.results_of_session(&arguments.session);
-    let rig_file = results.join("calibration.json");
-    let rig = read_rig(&rig_file)?;
+    let tracked = TrackedSession::open(&arguments.session, shell)?;
+    let (session, results) = (&tracked.session, &tracked.results);
     if session.shots.is_empty() && session.broken_shots.is_empty() {
         return Err(CliError::input(format!("{}: the session has no shots; put each in shots/<id>/left and right", arguments.session.display())));
     }
-    let tapes = tapes(&session, &rig, &results, shell);
     let bar = shell.progress(session.shots.len() as u64, "shots");
     let outcomes: Vec<(String, Result<ShotRecord, CliError>)> = session
         .shots
         .par_iter()
         .map(|folder| {
-            let outcome = shell.check_cancelled().and_then(|()| one_shot(&session, folder, &rig, &rig_file, &results, &tapes, &arguments, shell));
+            let outcome = shell.check_cancelled().and_then(|()| one_shot(&tracked, folder, &arguments, shell));
             bar.inc(1);
             (folder.id.clone(), outcome)
         })
@@ -81,7 +76,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     if !shots.is_empty() {
         let table = ImpactTable { rows: shots.iter().enumerate().map(|(k, r)| r.shot.impact_row(k as f64)).collect() };
         shell.write(&impacts, table.to_csv().as_bytes())?;
-        write_season(&session, &shots, &results, shell)?;
+        write_season(session, &shots, results, shell)?;
     }
     shell.say(format_args!("{} of {} shots measured: {}", shots.len(), shots.len() + failed.len(), impacts.display()));
     let summary = Summary { impacts, shots, failed };
@@ -114,62 +109,19 @@ fn write_season(session: &Session, records: &[ShotRecord], results: &Path, shell
     Ok(())
 }
 
-/// How a session's shot is measured.
-pub(super) fn settings_of(session: &Session, folder: &ShotFolder) -> MeasureSettings {
-    let mut settings = MeasureSettings::new(session.frame_rate_hz, session.exposure_s);
-    settings.impact_frame = folder.impact_frame;
-    settings.axes_known = session.axes.is_some();
-    settings
-}
-
-/// The rig of `calibration.json`.
-pub(super) fn read_rig(path: &Path) -> Result<StereoRig, CliError> {
-    let text = std::fs::read_to_string(path)
-        .map_err(|e| CliError::input(format!("{}: cannot be read ({e})", path.display())).hint("run `sweetspot calibrate SESSION` first"))?;
-    serde_json::from_str(&text).map_err(|e| CliError::input(format!("{}: {e}", path.display())).hint("run `sweetspot calibrate --force SESSION`"))
-}
-
-/// What the tracks of the session say about each racket's tape. Damaged tracks are named when their shot is measured.
-fn tapes(session: &Session, rig: &StereoRig, results: &Path, shell: &Shell) -> BTreeMap<String, TapeErrors> {
-    let mut by_racket: BTreeMap<&str, (&Racket, Vec<Tracks>)> = BTreeMap::new();
-    for folder in &session.shots {
-        let Ok(tracks) = Tracks::read(&results.join("shots").join(&folder.id).join("tracks.csv")) else { continue };
-        by_racket.entry(&folder.racket.name).or_insert((&folder.racket, Vec::new())).1.push(tracks);
-    }
-    let mut tapes = BTreeMap::new();
-    for (name, (racket, tracks)) in by_racket {
-        let Some(figure) = RacketFigure::of(racket) else { continue };
-        let tape = TapeErrors::of(rig, &figure, &tracks.iter().collect::<Vec<_>>());
-        let throat = tape.throat_angle_rad.map_or_else(String::new, |a| format!(", throat at {:.1}° from the axis", a.to_degrees()));
-        shell.say(format_args!("tape of {name}: seen {:.2} px off in one shot, {:.2} px in all{throat}", tape.shot_px, tape.shared_px));
-        tapes.insert(name.to_owned(), tape);
-    }
-    tapes
-}
-
-#[allow(clippy::too_many_arguments)]
-fn one_shot(
-    session: &Session,
-    folder: &ShotFolder,
-    rig: &StereoRig,
-    rig_file: &Path,
-    results: &Path,
-    tapes: &BTreeMap<String, TapeErrors>,
-    arguments: &Arguments,
-    shell: &Shell,
-) -> Result<ShotRecord, CliError> {
-    let place = results.join("shots").join(&folder.id);
+fn one_shot(tracked: &TrackedSession, folder: &ShotFolder, arguments: &Arguments, shell: &Shell) -> Result<ShotRecord, CliError> {
+    let place = tracked.place(folder);
     let (tracks_file, spin_file, shot_file) = (place.join("tracks.csv"), place.join(SPIN_FILE), place.join(SHOT_FILE));
     if !tracks_file.exists() {
         return Err(CliError::input(format!("{}: no tracks; run `sweetspot track` first", tracks_file.display())));
     }
-    let mut provenance = Provenance::new("shots").with_file(&tracks_file).and_then(|p| p.with_file(rig_file)).map_err(CliError::input)?;
+    let mut provenance = Provenance::new("shots").with_file(&tracks_file).and_then(|p| p.with_file(&tracked.results.join("calibration.json"))).map_err(CliError::input)?;
     if spin_file.exists() {
         provenance = provenance.with_file(&spin_file).map_err(CliError::input)?;
     }
     // Everything else that enters: equipment, timing, groups, points asked for.
-    let tape = tapes.get(&folder.racket.name).copied().unwrap_or_else(TapeErrors::expected);
-    let settings_text = format!("{:?}", (&folder.racket, &folder.ball, folder.impact_frame, &folder.groups, session.frame_rate_hz, session.exposure_s, &arguments.point, tape));
+    let settings = tracked.settings(folder);
+    let settings_text = format!("{:?}", (&folder.racket, &folder.ball, &folder.groups, &arguments.point, &settings));
     provenance.inputs.insert("settings".into(), crate::provenance::sha256_hex(settings_text.as_bytes()));
     if !shell.args.force
         && let Ok(earlier) = ShotRecord::read(&shot_file)
@@ -179,10 +131,9 @@ fn one_shot(
     }
     let tracks = Tracks::read(&tracks_file)?;
     let spin = if spin_file.exists() { shot_spin(&spin_file)? } else { ShotSpin::default() };
-    let settings = MeasureSettings { tape, ..settings_of(session, folder) };
     let input = ShotInput {
         id: &folder.id,
-        rig,
+        rig: &tracked.rig,
         tracks: &tracks,
         racket: &folder.racket,
         ball: &folder.ball,

@@ -1,7 +1,8 @@
 //! `sweetspot track`.
 
 use super::Shell;
-use super::error::{CliError, existing};
+use super::error::CliError;
+use super::tracked_session::read_rig;
 use crate::calibration::{CameraId, StereoRig};
 use crate::footage::Clip;
 use crate::provenance::{Provenance, sha256_file, sha256_hex};
@@ -53,7 +54,7 @@ pub enum Sync {
 }
 
 /// What `--json` prints for one shot, and what `track.json` keeps.
-#[derive(Debug, Serialize, Deserialize)]
+#[derive(Debug, Default, Serialize, Deserialize)]
 struct ShotSummary {
     id: String,
     frames: usize,
@@ -107,8 +108,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
             Err(Failure::Shot(e)) => {
                 shell.say(format!("{}: {e}", shot.id));
                 failed.push(format!("{}: {e}", shot.id));
-                let error = Some(e.to_string());
-                summaries.push(ShotSummary { id: shot.id.clone(), frames: 0, measured: 0, occluded: 0, contact_frame: None, right_shift: 0, out_of_step: false, notes: Vec::new(), unreadable: Vec::new(), error });
+                summaries.push(ShotSummary { id: shot.id.clone(), error: Some(e.to_string()), ..ShotSummary::default() });
             }
             Err(Failure::All(e)) => return Err(e),
         }
@@ -134,11 +134,12 @@ fn one(arguments: &Arguments, session: &Session, shot: &ShotFolder, rig: (&Stere
     let clip = Clip::list(&shot.camera("left"), &shot.camera("right"))?;
     let provenance = provenance(session, shot, rig.1, &clip);
     if !shell.args.force {
-        if let Some(summary) = earlier(arguments, folder, &provenance, &clip) {
+        let record = earlier(folder);
+        if record.as_ref().is_some_and(|r| still_holds(r, arguments, folder, &provenance, &clip)) {
             shell.say(format!("{}: already tracked (--force tracks again)", shot.id));
-            return Ok(summary);
+            return Ok(record.map(|r| r.summary).unwrap_or_default());
         }
-        if let Some(summary) = by_hand(&shot.id, folder) {
+        if let Some(summary) = by_hand(&shot.id, record, folder) {
             shell.say(format!("{}: {}", shot.id, summary.notes.join("; ")));
             return Ok(summary);
         }
@@ -224,27 +225,39 @@ fn provenance(session: &Session, shot: &ShotFolder, rig_hash: &str, clip: &Clip)
 }
 
 /// Tracks somebody has corrected are not overwritten, whatever has changed since: an hour of digitising is worth more.
-fn by_hand(id: &str, folder: &Path) -> Option<ShotSummary> {
+/// How their pictures are paired is what an earlier run found.
+fn by_hand(id: &str, record: Option<TrackRecord>, folder: &Path) -> Option<ShotSummary> {
     let tracks = Tracks::read(&folder.join("tracks.csv")).ok()?;
     let count = |state: PointState| tracks.points.iter().filter(|p| p.state == state).count();
     let (manual, measured, occluded) = (count(PointState::Manual), count(PointState::Measured), count(PointState::Occluded));
     let note = format!("tracks.csv holds {manual} points corrected by hand and is kept (--force tracks again and overwrites them)");
+    let ShotSummary { right_shift, out_of_step, .. } = record.map(|r| r.summary).unwrap_or_default();
     let frames = tracks.frames().len();
-    let summary = ShotSummary { id: id.to_owned(), frames, measured: measured + manual, occluded, contact_frame: None, right_shift: 0, out_of_step: false, notes: vec![note], unreadable: Vec::new(), error: None };
-    (manual > 0).then_some(summary)
+    (manual > 0).then(|| ShotSummary {
+        id: id.to_owned(),
+        frames,
+        measured: measured + manual,
+        occluded,
+        right_shift,
+        out_of_step,
+        notes: vec![note],
+        ..ShotSummary::default()
+    })
 }
 
-/// What an earlier run found, when it had the same input and no picture is younger than its result.
-fn earlier(arguments: &Arguments, folder: &Path, provenance: &Provenance, clip: &Clip) -> Option<ShotSummary> {
-    let file = folder.join(TRACK_FILE);
-    let record: TrackRecord = serde_json::from_str(&std::fs::read_to_string(&file).ok()?).ok()?;
+/// What an earlier run wrote down.
+fn earlier(folder: &Path) -> Option<TrackRecord> {
+    serde_json::from_str(&std::fs::read_to_string(folder.join(TRACK_FILE)).ok()?).ok()
+}
+
+/// Whether an earlier run had the same input, wrote what is asked for now, and no picture is younger than its result.
+fn still_holds(record: &TrackRecord, arguments: &Arguments, folder: &Path, provenance: &Provenance, clip: &Clip) -> bool {
     let time = |path: &Path| std::fs::metadata(path).and_then(|m| m.modified()).ok();
-    let written = time(&file)?;
+    let Some(written) = time(&folder.join(TRACK_FILE)) else { return false };
     let younger = |path: &PathBuf| time(path).is_none_or(|t| t > written);
     let whole = [SPIN_FILE, "points.csv", "tracks.csv"].iter().all(|name| *name == SPIN_FILE && arguments.no_spin || folder.join(name).exists());
     let settled = arguments.sync == Sync::Report || !record.summary.out_of_step;
-    let same = whole && settled && record.provenance == *provenance && !clip.pairs.iter().flat_map(|p| p.files.iter().flatten()).any(younger);
-    same.then_some(record.summary)
+    whole && settled && record.provenance == *provenance && !clip.pairs.iter().flat_map(|p| p.files.iter().flatten()).any(younger)
 }
 
 fn summary(id: &str, made: &InStep, gaps: Vec<String>) -> ShotSummary {
@@ -262,11 +275,4 @@ fn summary(id: &str, made: &InStep, gaps: Vec<String>) -> ShotSummary {
         unreadable: tracked.unreadable.clone(),
         error: None,
     }
-}
-
-/// The rig of an earlier `sweetspot calibrate`.
-fn read_rig(path: &Path) -> Result<StereoRig, CliError> {
-    let path = existing(path, "calibration").map_err(|e| e.hint("run `sweetspot calibrate` on this session first"))?;
-    let text = std::fs::read_to_string(path).map_err(|e| CliError::input(format!("{}: cannot be read ({e})", path.display())))?;
-    serde_json::from_str(&text).map_err(|e| CliError::input(format!("{}: {e}", path.display())).hint("run `sweetspot calibrate --force` to write it anew"))
 }

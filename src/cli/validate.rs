@@ -133,6 +133,14 @@ pub(super) fn rigid_model(results: &Path, shell: &Shell) -> Result<PathBuf, CliE
     Ok(path)
 }
 
+/// `--impacts F --racket F ... --ball F ... --model F` of a session's own files.
+pub(super) fn table_words<'a>(session: &'a Session, impacts: &'a Path, model: &'a Path) -> Vec<&'a OsStr> {
+    let gear = [("--racket", &session.racket_files), ("--ball", &session.ball_files)];
+    let gear = gear.into_iter().flat_map(|(flag, files)| files.iter().map(move |f| (flag, f.as_path())));
+    let all = [("--impacts", impacts), ("--model", model)].into_iter().chain(gear);
+    all.flat_map(|(flag, file)| [OsStr::new(flag), file.as_os_str()]).collect()
+}
+
 fn one_session(session: &Session, results: &Path, model: Option<&Path>, shell: &Shell) -> Result<Outcome, CliError> {
     let mut outcome = Outcome { session: session.root.clone(), results: results.to_path_buf(), shots_measured: 0, failed: Vec::new() };
     outcome.failed = match footage(session, results, shell)? {
@@ -145,10 +153,7 @@ fn one_session(session: &Session, results: &Path, model: Option<&Path>, shell: &
         Some(path) => path.to_path_buf(),
         None => rigid_model(results, shell)?,
     };
-    let mut words: Vec<&OsStr> = vec![OsStr::new("--impacts"), impacts.as_os_str(), OsStr::new("--model"), model.as_os_str()];
-    for (flag, files) in [("--racket", &session.racket_files), ("--ball", &session.ball_files)] {
-        words.extend(files.iter().flat_map(|f| [OsStr::new(flag), f.as_os_str()]));
-    }
+    let words = table_words(session, &impacts, &model);
     let mut steps = vec!["predict"];
     if outcome.shots_measured >= FEWEST_IMPACTS {
         steps.extend(["compare", "diagnose"]);

@@ -16,7 +16,7 @@ use std::path::Path;
 /// read is named among the failures.
 pub fn read_session_results(session: &Session, results: &Path) -> SessionResults {
     let mut failed = session.broken_shots.clone();
-    let rig = json::<StereoRig>(&results.join("calibration.json"), "calibration", &mut failed);
+    let rig = read(&results.join("calibration.json"), "calibration", &mut failed, |p| StereoRig::read(p).map_err(|e| e.to_string()));
     let mut shots = Vec::new();
     for folder in &session.shots {
         let place = results.join("shots").join(&folder.id);

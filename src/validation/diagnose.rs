@@ -124,15 +124,11 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
     // A share has its own uncertainty: what is left scatters by its deviation, which may not make a right name wrong.
     let give = |left: f64| (left - (2.0 * diagnosis.structure.rank as f64 + 4.0 * left).sqrt()).max(0.0);
     let at_best = chosen.map_or(0.0, |b| share_removed(excess, give(excess_at(&b.structure, c_believed))));
+    let forward = chosen.map(|b| library.with(&b.effects.iter().map(String::as_str).collect::<Vec<_>>())).transpose()?;
+    let model = chosen.zip(forward.as_deref());
+    let after = model.map(|(b, forward)| held_out_error(forward, &b.fit, observations)).transpose()?.unwrap_or(before);
     // On the held-out impacts the same is judged with less data and without the fit's help: either may speak for the effect.
-    let held_share = match chosen {
-        None => 0.0,
-        Some(b) => {
-            let forward = library.with(&b.effects.iter().map(String::as_str).collect::<Vec<_>>())?;
-            let after = held_out_error(forward.as_ref(), &b.fit, observations)?;
-            share_removed((before.powi(2) - c_believed).max(0.0), (after.powi(2) - c_believed).max(0.0))
-        }
-    };
+    let held_share = share_removed((before.powi(2) - c_believed).max(0.0), (after.powi(2) - c_believed).max(0.0));
     let sound = |b: &Refit| b.structure.p_value >= STRUCTURE_LEVEL && b.structure.noise_scale <= LARGEST_NOISE_SCALE;
     let accounted = chosen.is_some_and(|b| at_best >= SHARE || held_share >= SHARE || sound(b));
     diagnosis.verdict = match (chosen, accounted) {
@@ -151,19 +147,15 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
         ));
     }
     let mut refused = None;
-    let mut with_chosen = before;
-    if let (Some(best), Verdict::EffectMissing) = (chosen, diagnosis.verdict) {
-        let forward = library.with(&best.effects.iter().map(String::as_str).collect::<Vec<_>>())?;
-        let after = held_out_error(forward.as_ref(), &best.fit, observations)?;
-        with_chosen = after;
-        if after >= before {
-            diagnosis.verdict = if diagnosis.structure.p_value >= STRUCTURE_LEVEL { Verdict::Adequate } else { Verdict::Unexplained };
-            diagnosis.notes.push(format!(
-                "{} would fit these impacts better, but the error on held-out impacts does not fall ({before:.3} to {after:.3}): not believed",
-                best.effects.join(" and ")
-            ));
-            refused = Some(best.effects.clone());
-        }
+    if let (Some(best), Verdict::EffectMissing) = (chosen, diagnosis.verdict)
+        && after >= before
+    {
+        diagnosis.verdict = if diagnosis.structure.p_value >= STRUCTURE_LEVEL { Verdict::Adequate } else { Verdict::Unexplained };
+        diagnosis.notes.push(format!(
+            "{} would fit these impacts better, but the error on held-out impacts does not fall ({before:.3} to {after:.3}): not believed",
+            best.effects.join(" and ")
+        ));
+        refused = Some(best.effects.clone());
     }
     diagnosis.candidates = refits.report(&reference, &screening, before, excess, overdispersion, diagnosis.verdict)?;
     for c in diagnosis.candidates.iter_mut().filter(|c| refused.as_ref().is_some_and(|r| r.contains(&c.effect))) {
@@ -172,26 +164,23 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
     diagnosis
         .candidates
         .sort_by(|a, b| b.probability.total_cmp(&a.probability).then(b.log_evidence_gain.total_cmp(&a.log_evidence_gain)).then(a.effect.cmp(&b.effect)));
-    if let Some(best) = chosen.filter(|_| refused.is_none()) {
+    if let Some((best, forward)) = model.filter(|_| refused.is_none()) {
         diagnosis.structure_after = Some(best.structure.clone());
         if diagnosis.verdict == Verdict::EffectMissing {
             diagnosis.recommended = best.effects.clone();
         }
         if best.effects.len() > 1 {
-            let forward = library.with(&best.effects.iter().map(String::as_str).collect::<Vec<_>>())?;
             diagnosis.together = Some(Together {
                 effects: best.effects.clone(),
                 probability: refits.probability_of(best, overdispersion),
                 heldout_error_before: before,
-                heldout_error_after: held_out_error(forward.as_ref(), &best.fit, observations)?,
+                heldout_error_after: after,
                 log_evidence_gain: best.log_evidence,
                 share_removed: share,
-                parameters: estimates(&added_parameters(forward.as_ref(), &best.fit, base.values.len(), c)),
+                parameters: estimates(&added_parameters(forward, &best.fit, base.values.len(), c)),
             });
         }
-        let (held, held_best) =
-            (&held, linearise_held_out(library.with(&best.effects.iter().map(String::as_str).collect::<Vec<_>>())?.as_ref(), &best.fit, observations, &held)?);
-        diagnosis.outliers = outliers(&seen, &best.fit.impacts, held, &held_best);
+        diagnosis.outliers = outliers(&seen, &best.fit.impacts, &held, &linearise_held_out(forward, &best.fit, observations, &held)?);
     }
     let form_is_off = chosen.filter(|_| refused.is_none()).is_some_and(|b| b.structure.p_value < STRUCTURE_LEVEL);
     if options.expressions && (diagnosis.verdict == Verdict::Unexplained || (diagnosis.verdict == Verdict::EffectMissing && form_is_off)) {
@@ -199,7 +188,7 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
         let catalogue = chosen.map_or(0.0, |b| log_evidence_over_at(&base, b, reference.c));
         let alone = found.filter(|f| diagnosis.verdict == Verdict::Unexplained || f.log_evidence > catalogue + LOG_ODDS);
         let beside = match chosen.filter(|_| refused.is_none()) {
-            Some(b) => form_beside(&reference, b, &screening, &diagnosis.structure)?.filter(|f| f.suggestion.heldout_error_after < with_chosen),
+            Some(b) => form_beside(&reference, b, &screening, &diagnosis.structure)?.filter(|f| f.suggestion.heldout_error_after < after.min(before)),
             None => None,
         };
         // The effect with its form mended, when that says more than a formula in the effect's place.

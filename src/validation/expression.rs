@@ -30,8 +30,8 @@ const FURTHER_GAIN: f64 = 14.0;
 const FURTHER_SHARE: f64 = 0.02;
 /// Half widths of dead spots looked for, m.
 const SPOT_WIDTHS: [f64; 3] = [0.02, 0.03, 0.045];
-/// Name of the effect in the model file.
-const NAME: &str = "found-effect";
+/// Name of the effect in the model file: a model holds one found formula at most.
+pub const FOUND_EFFECT: &str = "found-effect";
 
 /// A term: its channel, the feature as text, and in words.
 #[derive(Clone)]
@@ -86,7 +86,7 @@ fn own_effect(channel: &TermChannel, features: &[String]) -> OwnEffect {
     let names: Vec<String> = (0..features.len()).map(|i| if features.len() == 1 { "k".to_owned() } else { format!("k{}", i + 1) }).collect();
     let terms: Vec<(String, String)> = names.iter().cloned().zip(features.iter().cloned()).collect();
     OwnEffect {
-        name: NAME.to_owned(),
+        name: FOUND_EFFECT.to_owned(),
         replaces: channel.replaces.to_owned(),
         expression: channel.expression(&terms),
         parameters: names.into_iter().map(|n| (n, channel.typical)).collect(),

@@ -2,10 +2,9 @@
 
 use crate::cli::Shell;
 use crate::cli::error::CliError;
-use crate::cli::shots::{read_rig, settings_of};
+use crate::cli::tracked_session::TrackedSession;
 use crate::kinematics::{FrameRateStudy, ShotInput, ShotSpin, frame_rate_study};
 use crate::report::frame_rate_page;
-use crate::session::Session;
 use crate::tracking::Tracks;
 use rayon::prelude::*;
 use std::path::Path;
@@ -20,24 +19,18 @@ struct Studies {
 }
 
 pub fn study_session(folder: &Path, only: &[String], shell: &Shell) -> Result<(), CliError> {
-    let session = Session::open(folder)?;
-    let results = shell.results_of_session(folder);
-    let rig = read_rig(&results.join("calibration.json"))?;
-    if let Some(unknown) = only.iter().find(|id| session.shots.iter().all(|s| s.id != **id)) {
-        let known: Vec<&str> = session.shots.iter().map(|s| s.id.as_str()).collect();
-        return Err(CliError::input(format!("--shot {unknown}: no such shot; the session has {}", known.join(", "))));
-    }
+    let tracked = TrackedSession::open(folder, shell)?;
+    let (session, results) = (&tracked.session, &tracked.results);
     let outcomes: Vec<(String, Result<FrameRateStudy, CliError>)> = session
-        .shots
-        .par_iter()
-        .filter(|s| only.is_empty() || only.contains(&s.id))
+        .select(only)?
+        .into_par_iter()
         .map(|shot| {
             let study = || -> Result<FrameRateStudy, CliError> {
                 shell.check_cancelled()?;
-                let tracks = Tracks::read(&results.join("shots").join(&shot.id).join("tracks.csv"))?;
+                let tracks = Tracks::read(&tracked.place(shot).join("tracks.csv"))?;
                 let input = ShotInput {
                     id: &shot.id,
-                    rig: &rig,
+                    rig: &tracked.rig,
                     tracks: &tracks,
                     racket: &shot.racket,
                     ball: &shot.ball,
@@ -45,7 +38,7 @@ pub fn study_session(folder: &Path, only: &[String], shell: &Shell) -> Result<()
                     groups: &shot.groups,
                     asked_points: &[],
                 };
-                Ok(frame_rate_study(&input, &settings_of(&session, shot), &KEEP_EVERY)?)
+                Ok(frame_rate_study(&input, &tracked.settings(shot), &KEEP_EVERY)?)
             };
             (shot.id.clone(), study())
         })

@@ -1,0 +1,65 @@
+//! What `track`, `shots` and `explore frame-rate` share: a session with its calibration, and how its shots are measured.
+
+use super::Shell;
+use super::error::CliError;
+use crate::calibration::StereoRig;
+use crate::equipment::Racket;
+use crate::kinematics::{MeasureSettings, TapeErrors};
+use crate::session::{Session, ShotFolder};
+use crate::tracking::{RacketFigure, Tracks};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// The rig of an earlier `sweetspot calibrate`, checked.
+pub fn read_rig(file: &Path) -> Result<StereoRig, CliError> {
+    StereoRig::read(file).map_err(|e| CliError::from(e).hint("run `sweetspot calibrate SESSION` first; with --force it writes the file anew"))
+}
+
+/// A session whose shots have been tracked.
+pub struct TrackedSession {
+    pub session: Session,
+    pub results: PathBuf,
+    pub rig: StereoRig,
+    /// By the racket's name.
+    tapes: BTreeMap<String, TapeErrors>,
+}
+
+impl TrackedSession {
+    pub fn open(folder: &Path, shell: &Shell) -> Result<Self, CliError> {
+        let session = Session::open(folder)?;
+        let results = shell.results_of_session(folder);
+        let rig = read_rig(&results.join("calibration.json"))?;
+        let tapes = tapes(&session, &rig, &results);
+        for (name, tape) in &tapes {
+            let throat = tape.throat_angle_rad.map_or_else(String::new, |a| format!(", throat at {:.1}° from the axis", a.to_degrees()));
+            shell.say(format_args!("tape of {name}: seen {:.2} px off in one shot, {:.2} px in all{throat}", tape.shot_px, tape.shared_px));
+        }
+        Ok(TrackedSession { session, results, rig, tapes })
+    }
+
+    /// Where a shot's results are.
+    pub fn place(&self, shot: &ShotFolder) -> PathBuf {
+        self.results.join("shots").join(&shot.id)
+    }
+
+    /// How a shot is measured.
+    pub fn settings(&self, shot: &ShotFolder) -> MeasureSettings {
+        MeasureSettings {
+            impact_frame: shot.impact_frame,
+            axes_known: self.session.axes.is_some(),
+            tape: self.tapes.get(&shot.racket.name).copied().unwrap_or_else(TapeErrors::expected),
+            ..MeasureSettings::new(self.session.frame_rate_hz, self.session.exposure_s)
+        }
+    }
+}
+
+/// What the tracks of the session say about each racket's tape. Damaged tracks are named when their shot is measured.
+fn tapes(session: &Session, rig: &StereoRig, results: &Path) -> BTreeMap<String, TapeErrors> {
+    let mut by_racket: BTreeMap<&str, (&Racket, Vec<Tracks>)> = BTreeMap::new();
+    for shot in &session.shots {
+        let Ok(tracks) = Tracks::read(&results.join("shots").join(&shot.id).join("tracks.csv")) else { continue };
+        by_racket.entry(&shot.racket.name).or_insert((&shot.racket, Vec::new())).1.push(tracks);
+    }
+    let of = |racket: &Racket, tracks: &[Tracks]| Some(TapeErrors::of(rig, &RacketFigure::of(racket)?, &tracks.iter().collect::<Vec<_>>()));
+    by_racket.into_iter().filter_map(|(name, (racket, tracks))| Some((name.to_owned(), of(racket, &tracks)?))).collect()
+}

@@ -1,6 +1,6 @@
 //! One impact to be stepped: its start, the impulse that ends a slip, its outcome.
 
-use super::kernel::{ATTITUDE, LEDGER, PLAIN, POSITION, RATE, SPIN, STRINGS, VELOCITY};
+use super::kernel::{ATTITUDE, LEDGER, PLAIN, POSITION, RATE, SPIN, STRINGS, VELOCITY, WHOLE};
 use super::laws::Laws;
 use crate::impact::input::ImpactOutput;
 use crate::impact::rigid::Contact;
@@ -86,7 +86,7 @@ impl<const S: usize> Job<S> {
             s[SPIN + i] += spin[i];
             s[RATE + i] += turn[i];
         }
-        if S > PLAIN {
+        if S == WHOLE {
             s[LEDGER + 3] -= 0.5 * j.dot(&(before + surface(s)));
         }
     }

@@ -20,8 +20,10 @@ pub(super) const LEDGER: usize = 23;
 /// Work against ball damping, momentum flux, string damping, friction; work by changing inertia and stiffness; work of mode
 /// damping; work of the player and the mount.
 pub(super) const LEDGER_ENTRIES: usize = 7;
-/// Size of the full state.
-pub(super) const FULL: usize = LEDGER + LEDGER_ENTRIES;
+/// Size of the state with effects, powers of 2.
+pub(super) const FULL: usize = LEDGER;
+/// Size of the state with any powers and the ledger.
+pub(super) const WHOLE: usize = LEDGER + LEDGER_ENTRIES;
 
 /// Share of the radius beyond which the ball's geometry no longer follows the compression.
 const DEEPEST: f64 = 0.98;
@@ -74,12 +76,12 @@ pub(super) struct Mode {
     pub direction: [f64; 2],
 }
 
-/// Rates of change of the state; `S` is [`PLAIN`] or [`FULL`].
+/// Rates of change of the state; `S` is [`PLAIN`], [`FULL`] or [`WHOLE`].
 ///
 /// Written without branches that depend on values, so that the compiler can run several impacts in one instruction.
 #[inline(always)]
 pub(super) fn rates<const S: usize>(s: &[f64; S], k: &Laws, mode: Mode) -> ([f64; S], Signs) {
-    let full = S == FULL;
+    let (full, whole) = (S > PLAIN, S == WHOLE);
     let n = mode.side;
     let (px, py, pz) = (s[POSITION], s[POSITION + 1], s[POSITION + 2]);
     let (vx, vy, vz) = (s[VELOCITY], s[VELOCITY + 1], s[VELOCITY + 2]);
@@ -114,13 +116,13 @@ pub(super) fn rates<const S: usize>(s: &[f64; S], k: &Laws, mode: Mode) -> ([f64
     // The contact's diameter squared is 4 (2 r x - x^2).
     let contact = 4.0 * area;
     let relative = contact / REFERENCE_AREA;
-    let growth = if full { if k.beta_c == 2.0 { relative * relative } else { relative.powf(k.beta_c) } } else { relative * relative };
+    let growth = if whole { if k.beta_c == 2.0 { relative * relative } else { relative.powf(k.beta_c) } } else { relative * relative };
     let mut onset = if x < ONSET { x / ONSET } else { 1.0 };
     if full && k.onset == 0.0 {
         onset = 1.0;
     }
     let c_b = ratio * k.a_c * contact * growth + k.c_b0 * onset;
-    let stiffening = if full { if k.alpha == 2.0 { x * x } else { x.powf(k.alpha) } } else { x * x };
+    let stiffening = if whole { if k.alpha == 2.0 { x * x } else { x.powf(k.alpha) } } else { x * x };
     let k_b = k.k_b0 + k.a_k * stiffening;
     // Massless stringbed: the ball's force equals the strings' (C.4).
     let edge = if full { 1.0 + k.edge_x * (px + k.com_x) * (px + k.com_x) + k.edge_y * py * py } else { 1.0 };
@@ -311,9 +313,12 @@ pub(super) fn rates<const S: usize>(s: &[f64; S], k: &Laws, mode: Mode) -> ([f64
         } else {
             0.0
         };
+    }
+    if whole {
         // Ledger: every power by its cause; what the contact gives to the bodies must be what ball, strings and friction take.
         let given = gx * ux + gy * uy + gz * uz + moment[0] * (wx - ox) + moment[1] * (wy - oy) + moment[2] * (wz - oz);
         let taken = force * w;
+        let (ed, fd) = (s[MODE + 1], s[TORSION + 1]);
         let modes = -force * n * (phi * ed + psi * fd);
         let springs = k.k_tx * s[SIDEWAYS] * side_rate[0] + k.k_ty * s[SIDEWAYS + 1] * side_rate[1];
         d[LEDGER] = c_b * u * u;

@@ -13,7 +13,12 @@ const SETTLING_SHARE: f64 = 1.0;
 const SHORTEST_SHARE: f64 = 1.0 / 512.0;
 /// How close to its kink a step must end: force (N), compression (m), force balance (N), slip (m/s), friction left (N),
 /// force again where a contact outlives it (N). A contact that ends by displacement is watched in N of a spring of [`BACK_IN_PLACE`] N/m.
-const LANDING: [f64; 6] = [1e-6, 1e-10, 1e-6, 1e-7, 1e-6, 1e-6];
+pub(super) type Landing = [f64; 6];
+/// Where the ledger is to close to 1e-9 J.
+pub(super) const EXACT: Landing = [1e-6, 1e-10, 1e-6, 1e-7, 1e-6, 1e-6];
+/// Otherwise: what the kink then adds to an outcome is a hundredth of the error of the steps (the force balance and the friction
+/// left have their kinks in a derivative, so that the square of the miss counts).
+pub(super) const CLOSE: Landing = [1e-4, 1e-7, 1e-2, 1e-7, 1e-3, 1e-4];
 const BACK_IN_PLACE: f64 = 1e5;
 /// Slip below which a sliding contact that could stick does: the rest is taken away by one impulse, m/s. Friction would need
 /// less than a microsecond for it; the error is of the order of its square.
@@ -52,6 +57,7 @@ pub(super) struct Lane {
     pub springs: bool,
     /// The contact ends by displacement, not by force.
     pub by_displacement: bool,
+    pub landing: &'static Landing,
     /// Greatest force (N), compression and deflection (m).
     pub peak: [f64; 3],
 }
@@ -62,13 +68,15 @@ pub(super) struct Hunt {
     kind: usize,
     low: (f64, f64),
     high: (f64, f64),
+    /// Which end the last try has moved: 1 the high, -1 the low, 0 none yet.
+    moved: i8,
     tries: usize,
 }
 
 /// The watched quantity of kind `kind` over a step: at its start, at its end, and whether it has a kink in between.
 fn watch(kind: usize, lane: &Lane, end: &Signs) -> (f64, f64, bool) {
     let start = &lane.start;
-    let changes = |a: f64, b: f64| a.abs() > LANDING[kind] && a * b < 0.0;
+    let changes = |a: f64, b: f64| a.abs() > lane.landing[kind] && a * b < 0.0;
     match kind {
         0 if lane.by_displacement => (BACK_IN_PLACE * start.approach, BACK_IN_PLACE * end.approach, end.approach <= 0.0),
         0 => (start.force, end.force, end.force <= 0.0),
@@ -79,7 +87,7 @@ fn watch(kind: usize, lane: &Lane, end: &Signs) -> (f64, f64, bool) {
             let size = start.slip[0].hypot(start.slip[1]);
             let d = lane.mode.direction;
             let after = end.slip[0] * d[0] + end.slip[1] * d[1];
-            (size, after, size > LANDING[3] && after <= 0.0)
+            (size, after, size > lane.landing[3] && after <= 0.0)
         }
         4 if lane.mode.stick == STICK => (start.grip_left, end.grip_left, start.grip_left > 0.0 && end.grip_left < 0.0),
         5 if lane.by_displacement => (start.force, end.force, changes(start.force, end.force)),
@@ -109,32 +117,34 @@ impl Lane {
         }
         if let Some(hunt) = self.hunt {
             let (_, value, _) = watch(hunt.kind, self, end);
-            if value.abs() <= LANDING[hunt.kind] || hunt.tries >= 60 || hunt.high.0 - hunt.low.0 < 1e-15 {
+            if value.abs() <= self.landing[hunt.kind] || hunt.tries >= 60 || hunt.high.0 - hunt.low.0 < 1e-15 {
                 return self.land(hunt.kind, end);
             }
             let mut next = Hunt { tries: hunt.tries + 1, ..hunt };
             match self.first_kink(end) {
                 // A kink of another kind hides in the shorter step; it comes first.
-                Some((kind, before, after)) if kind != hunt.kind => next = Hunt { kind, low: (0.0, before), high: (self.step, after), tries: next.tries },
-                // The watched value's sign tells on which side of the kink this try has landed. Illinois: the end that stays
-                // counts half, so that both ends move.
+                Some((kind, before, after)) if kind != hunt.kind => next = Hunt { kind, low: (0.0, before), high: (self.step, after), moved: 0, tries: next.tries },
+                // The watched value's sign tells on which side of the kink this try has landed. Illinois: an end that stays
+                // twice running counts half, so that both ends move.
                 _ if value * hunt.high.1 > 0.0 => {
                     next.high = (self.step, value);
-                    next.low.1 *= 0.5;
+                    next.low.1 *= if hunt.moved > 0 { 0.5 } else { 1.0 };
+                    next.moved = 1;
                 }
                 _ => {
                     next.low = (self.step, value);
-                    next.high.1 *= 0.5;
+                    next.high.1 *= if hunt.moved < 0 { 0.5 } else { 1.0 };
+                    next.moved = -1;
                 }
             }
             self.hunt = Some(next);
             return self.aim();
         }
         if let Some((kind, before, after)) = self.first_kink(end) {
-            if after.abs() <= LANDING[kind] {
+            if after.abs() <= self.landing[kind] {
                 return self.land(kind, end);
             }
-            self.hunt = Some(Hunt { kind, low: (0.0, before), high: (self.step, after), tries: 0 });
+            self.hunt = Some(Hunt { kind, low: (0.0, before), high: (self.step, after), moved: 0, tries: 0 });
             return self.aim();
         }
         let before = self.mode.stick;
@@ -144,7 +154,7 @@ impl Lane {
 
     fn first_kink(&self, end: &Signs) -> Option<(usize, f64, f64)> {
         let mut first: Option<(usize, f64, f64, f64)> = None;
-        for kind in 0..LANDING.len() {
+        for kind in 0..self.landing.len() {
             let (before, after, kink) = watch(kind, self, end);
             if kink {
                 let share = before / (before - after);
@@ -247,5 +257,6 @@ pub(super) const IDLE: Lane = Lane {
     mu: 0.0,
     springs: false,
     by_displacement: false,
+    landing: &EXACT,
     peak: [0.0; 3],
 };

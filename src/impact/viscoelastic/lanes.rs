@@ -5,8 +5,8 @@
 //! neighbours, on the number of lanes or on the number of threads.
 
 use super::job::{End, Job};
-use super::kernel::{CREEP, FULL, Mode, PLAIN, POSITION, RATE, SPIN, STICK, STRINGS, Signs, rates};
-use super::lane::{IDLE, LONGEST_S, Lane, MOST_STEPS, Verdict};
+use super::kernel::{CREEP, FULL, WHOLE, Mode, PLAIN, POSITION, RATE, SPIN, STICK, STRINGS, Signs, rates};
+use super::lane::{CLOSE, EXACT, IDLE, LONGEST_S, Lane, MOST_STEPS, Verdict};
 use super::laws::{Laws, LawsLanes};
 use super::tableau::{A, B, STAGES};
 use crate::impact::error::ModelError;
@@ -49,6 +49,7 @@ pub(super) fn step_all<const S: usize, const W: usize, const HIGH: bool>(
                     mu: job.laws.mu,
                     springs: S > PLAIN && job.laws.k_tx > 0.0,
                     by_displacement: job.laws.by_displacement > 0.0,
+                    landing: if HIGH { &EXACT } else { &CLOSE },
                     mode: Mode { side: job.side, ..IDLE.mode },
                     ..IDLE
                 };
@@ -239,9 +240,11 @@ pub(crate) struct Ready<'a> {
 /// Outcomes of many contacts with about `steps` steps each; side by side where the processor can.
 pub(crate) fn collide_all(contacts: &[Ready], steps: f64) -> Vec<Result<ImpactOutput, ModelError>> {
     let mut out = vec![Err(ModelError::NotFinite); contacts.len()];
-    let (plain, full): (Vec<usize>, Vec<usize>) = (0..contacts.len()).partition(|&i| contacts[i].laws.is_plain());
+    let (square, other): (Vec<usize>, Vec<usize>) = (0..contacts.len()).partition(|&i| contacts[i].laws.has_square_powers());
+    let (plain, full): (Vec<usize>, Vec<usize>) = square.into_iter().partition(|&i| contacts[i].laws.is_plain());
     collide_some::<PLAIN>(contacts, &plain, steps, &mut out);
     collide_some::<FULL>(contacts, &full, steps, &mut out);
+    collide_some::<WHOLE>(contacts, &other, steps, &mut out);
     out
 }
 

@@ -162,10 +162,14 @@ impl Laws {
         }
     }
 
+    /// True when stiffening and damping grow with squares: no powers to take.
+    pub(super) fn has_square_powers(&self) -> bool {
+        self.alpha == 2.0 && self.beta_c == 2.0
+    }
+
     /// True when the short kernel describes the impact: no effect beyond the plain base, powers of 2.
     pub(super) fn is_plain(&self) -> bool {
-        self.alpha == 2.0
-            && self.beta_c == 2.0
+        self.has_square_powers()
             && self.onset == 1.0
             && self.by_displacement == 0.0
             && self.flux_offset == 0.0

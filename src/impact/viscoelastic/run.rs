@@ -1,7 +1,7 @@
 //! One impact with its ledger: where momentum and energy went.
 
 use super::job::{Job, mode_push};
-use super::kernel::{FULL, LEDGER, MODE, POSITION, RATE, SIDEWAYS, SPIN, STRINGS, TORSION};
+use super::kernel::{WHOLE, LEDGER, MODE, POSITION, RATE, SIDEWAYS, SPIN, STRINGS, TORSION};
 use super::lanes::{Ready, step_all};
 use crate::impact::error::ModelError;
 use crate::impact::input::ImpactOutput;
@@ -84,19 +84,19 @@ pub(crate) const RUN_STEPS: f64 = 160.0;
 
 /// Steps one contact with about `steps` steps and keeps the ledger.
 pub(crate) fn run(ready: &Ready, steps: f64) -> Result<Run, ModelError> {
-    let job = Job::<FULL>::new(&ready.at, &ready.laws, steps);
+    let job = Job::<WHOLE>::new(&ready.at, &ready.laws, steps);
     let mut course = Vec::new();
     let (radius, inertia, kappa) = (ready.laws.ball_radius, ready.laws.ball_inertia, ready.laws.kappa_i);
-    let mut observe = |time: f64, s: &[f64; FULL], signs: &super::kernel::Signs| {
+    let mut observe = |time: f64, s: &[f64; WHOLE], signs: &super::kernel::Signs| {
         let now = inertia * (1.0 - kappa * (signs.approach - s[STRINGS]).clamp(0.0, radius));
         let spin = [s[SPIN] / now, s[SPIN + 1] / now];
         course.push(Moment { time, force: signs.force, approach: signs.approach, deflection: s[STRINGS], slip: signs.slip, spin });
     };
-    let end = step_all::<FULL, 1, true>(std::slice::from_ref(&job), &mut observe).pop().unwrap_or(Err(ModelError::NotFinite))?;
+    let end = step_all::<WHOLE, 1, true>(std::slice::from_ref(&job), &mut observe).pop().unwrap_or(Err(ModelError::NotFinite))?;
     let output = job.output(&end);
     let (k, s, side) = (&job.laws, &end.state, job.side);
     let inertia = Vector3::new(k.inertia_x, k.inertia_y, k.inertia_z);
-    let v = |s: &[f64; FULL], i: usize| Vector3::new(s[i], s[i + 1], s[i + 2]);
+    let v = |s: &[f64; WHOLE], i: usize| Vector3::new(s[i], s[i + 1], s[i + 2]);
     let input = &ready.at.input;
     let (m, mass) = (k.ball_mass, k.racket_mass);
     let kinetic = |vb: &Vector3<f64>, l: &Vector3<f64>, ib: f64, vr: &Vector3<f64>, rate: &Vector3<f64>| {
@@ -161,7 +161,7 @@ pub(crate) fn run(ready: &Ready, steps: f64) -> Result<Run, ModelError> {
     })
 }
 
-fn turn_of(s: &[f64; FULL]) -> nalgebra::UnitQuaternion<f64> {
+fn turn_of(s: &[f64; WHOLE]) -> nalgebra::UnitQuaternion<f64> {
     use super::kernel::ATTITUDE;
     nalgebra::UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(s[ATTITUDE], s[ATTITUDE + 1], s[ATTITUDE + 2], s[ATTITUDE + 3]))
 }

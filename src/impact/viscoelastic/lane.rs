@@ -123,7 +123,9 @@ impl Lane {
             let mut next = Hunt { tries: hunt.tries + 1, ..hunt };
             match self.first_kink(end) {
                 // A kink of another kind hides in the shorter step; it comes first.
-                Some((kind, before, after)) if kind != hunt.kind => next = Hunt { kind, low: (0.0, before), high: (self.step, after), moved: 0, tries: next.tries },
+                Some((kind, before, after)) if kind != hunt.kind => {
+                    next = Hunt { kind, low: (0.0, before), high: (self.step, after), moved: 0, tries: next.tries }
+                }
                 // The watched value's sign tells on which side of the kink this try has landed. Illinois: an end that stays
                 // twice running counts half, so that both ends move.
                 _ if value * hunt.high.1 > 0.0 => {

@@ -5,7 +5,7 @@
 //! neighbours, on the number of lanes or on the number of threads.
 
 use super::job::{End, Job};
-use super::kernel::{CREEP, FULL, WHOLE, Mode, PLAIN, POSITION, RATE, SPIN, STICK, STRINGS, Signs, rates};
+use super::kernel::{CREEP, FULL, Mode, PLAIN, POSITION, RATE, SPIN, STICK, STRINGS, Signs, WHOLE, rates};
 use super::lane::{CLOSE, EXACT, IDLE, LONGEST_S, Lane, MOST_STEPS, Verdict};
 use super::laws::{Laws, LawsLanes};
 use super::tableau::{A, B, STAGES};

@@ -1,7 +1,7 @@
 //! One impact with its ledger: where momentum and energy went.
 
 use super::job::{Job, mode_push};
-use super::kernel::{WHOLE, LEDGER, MODE, POSITION, RATE, SIDEWAYS, SPIN, STRINGS, TORSION};
+use super::kernel::{LEDGER, MODE, POSITION, RATE, SIDEWAYS, SPIN, STRINGS, TORSION, WHOLE};
 use super::lanes::{Ready, step_all};
 use crate::impact::error::ModelError;
 use crate::impact::input::ImpactOutput;

@@ -54,7 +54,7 @@ static VISCOELASTIC: [ParameterCard; 14] = [
     ParameterCard::base("c_B0", "N s/m", "constant ball damping", 4.6, (0.0, 100.0), 2.0),
     ParameterCard::base("kS0", "N/m", "stringbed stiffness; from the string tension when left out", 39e3, (5e3, 5e5), 4e3),
     ParameterCard::base("kS2", "N/m^3", "stiffening of the stringbed with deflection", 25e6, (0.0, 1e9), 8e6),
-    ParameterCard::base("c_S", "N s/m", "string damping", 2.0, (0.0, 100.0), 1.5),
+    ParameterCard::base("c_S", "N s/m", "string damping (at least 0.1 acts while the ball's own grows in from nothing)", 2.0, (0.0, 100.0), 1.5),
     ParameterCard::base("mu", "", "Coulomb coefficient of ball on strings", 0.5, (0.0, 5.0), 0.1),
     ParameterCard::base("lambda_r", "", "share of the compression by which the torque arm shortens", 0.5, (0.0, 1.0), 0.3),
     ParameterCard::base("kappa_I", "1/m", "relative fall of the ball's inertia per metre of compression", 5.0, (0.0, 20.0), 3.0),

@@ -177,6 +177,7 @@ impl PreparedModel {
         for (effect, p) in self.each() {
             effect.change_viscoelastic(p, &at, &mut laws);
         }
+        laws.keep_strings_damped();
         Ready { at, laws }
     }
 
@@ -233,15 +234,14 @@ impl PreparedModel {
 
     /// The outcomes of many impacts, in their order; the same for any number of threads.
     pub fn predict_all(&self, inputs: &[ImpactInput]) -> Vec<Result<ImpactOutput, ModelError>> {
-        if self.model.base == Base::Rigid || self.body_varies {
-            // Large pieces: one rigid impact takes well under a microsecond.
-            return inputs.par_iter().with_min_len(256).map(|input| self.predict(input)).collect();
-        }
         inputs.par_chunks(PIECE).flat_map_iter(|piece| self.predict_piece(piece)).collect()
     }
 
-    /// Visco-elastic impacts side by side.
-    fn predict_piece(&self, inputs: &[ImpactInput]) -> Vec<Result<ImpactOutput, ModelError>> {
+    /// The outcomes of some impacts, in their order, on this thread; visco-elastic ones are stepped side by side.
+    pub fn predict_piece(&self, inputs: &[ImpactInput]) -> Vec<Result<ImpactOutput, ModelError>> {
+        if self.model.base == Base::Rigid || self.body_varies {
+            return inputs.iter().map(|input| self.predict(input)).collect();
+        }
         let mut results: Vec<Result<ImpactOutput, ModelError>> = Vec::with_capacity(inputs.len());
         let (mut places, mut truths, mut ready) = (Vec::new(), Vec::new(), Vec::new());
         for input in inputs {

@@ -6,7 +6,7 @@ use super::error::ValidationError;
 use super::expression::{Found, find_expression};
 use super::fit::{Fit, FitOptions, fit};
 use super::forward::{Library, Strength};
-use super::heldout::{error_of, held_out_error, is_noise_alone, linearise_held_out};
+use super::heldout::{error_of, is_noise_alone, linearise_held_out};
 use super::observation::Observations;
 use super::place::places;
 use super::rank::{Reference, Refit, added_parameters, flexible_nuisance, form_overdispersion};
@@ -126,7 +126,7 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
     let at_best = chosen.map_or(0.0, |b| share_removed(excess, give(excess_at(&b.structure, c_believed))));
     let forward = chosen.map(|b| library.with(&b.effects.iter().map(String::as_str).collect::<Vec<_>>())).transpose()?;
     let model = chosen.zip(forward.as_deref());
-    let after = model.map(|(b, forward)| held_out_error(forward, &b.fit, observations)).transpose()?.unwrap_or(before);
+    let after = chosen.map_or(before, |b| error_of(&b.held_out));
     // On the held-out impacts the same is judged with less data and without the fit's help: either may speak for the effect.
     let held_share = share_removed((before.powi(2) - c_believed).max(0.0), (after.powi(2) - c_believed).max(0.0));
     let sound = |b: &Refit| b.structure.p_value >= STRUCTURE_LEVEL && b.structure.noise_scale <= LARGEST_NOISE_SCALE;
@@ -180,7 +180,7 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
                 parameters: estimates(&added_parameters(forward, &best.fit, base.values.len(), c)),
             });
         }
-        diagnosis.outliers = outliers(&seen, &best.fit.impacts, &held, &linearise_held_out(forward, &best.fit, observations, &held)?);
+        diagnosis.outliers = outliers(&seen, &best.fit.impacts, &held, &best.held_out);
     }
     let form_is_off = chosen.filter(|_| refused.is_none()).is_some_and(|b| b.structure.p_value < STRUCTURE_LEVEL);
     if options.expressions && (diagnosis.verdict == Verdict::Unexplained || (diagnosis.verdict == Verdict::EffectMissing && form_is_off)) {

@@ -5,10 +5,11 @@
 //! and Hill 1967). The best settings, well apart from each other, are proposed, three impacts of each.
 
 use super::diagnosis::NextExperiment;
-use super::forward::{Inputs, Prediction};
+use super::forward::{Asked, Inputs, Outputs, Prediction};
 use super::linearise::Linearised;
 use super::observation::{Observation, Observations};
 use super::place::output_words;
+use super::predicted::PIECE;
 use super::terminal::short;
 use crate::impact_table::{INPUTS, OUTPUTS, unit};
 use nalgebra::{DMatrix, DVector};
@@ -45,10 +46,14 @@ pub fn next_experiment(
     separated_by: &str,
 ) -> Option<NextExperiment> {
     let (columns, whitener, sd) = typical_noise(fitted)?;
-    let mut settings: Vec<Setting> = grid(observations, impacts)
-        .par_iter()
-        .filter_map(|inputs| {
-            let (a, b) = (first.prediction.predict(0, 0.0, inputs)?, second.prediction.predict(0, 0.0, inputs)?);
+    let asked: Vec<Asked> = grid(observations, impacts).into_iter().map(|inputs| Asked { gear: 0, order: 0.0, inputs }).collect();
+    let all = |p: &dyn Prediction| -> Vec<Option<Outputs>> { asked.par_chunks(PIECE).flat_map_iter(|piece| p.predict_many(piece)).collect() };
+    let (by_first, by_second) = (all(first.prediction), all(second.prediction));
+    let mut settings: Vec<Setting> = asked
+        .iter()
+        .zip(by_first.into_iter().zip(by_second))
+        .filter_map(|(Asked { inputs, .. }, (a, b))| {
+            let (a, b) = (a?, b?);
             let difference = DVector::from_iterator(columns.len(), columns.iter().map(|&k| a[k] - b[k]));
             if difference.iter().any(|d| !d.is_finite()) {
                 return None;

@@ -11,7 +11,7 @@ use super::expression_terms::{CHANNELS, FEATURES, FeatureInputs, TermChannel};
 use super::fit::{Fit, FitOptions, Start, fit};
 use super::forward::OwnEffect;
 use super::heldout::held_out_error;
-use super::linearise::predict_measured;
+use super::predicted::difference;
 use super::project::{Nuisance, project_out};
 use super::rank::{Reference, log_evidence_over};
 use super::screen::Screening;
@@ -67,17 +67,8 @@ fn channel_signatures(reference: &Reference) -> Result<Vec<Option<Vec<DVector<f6
             down.push(-h);
             debug_assert_eq!(forward.parameters().len(), at + 1);
             let (Ok(above), Ok(below)) = (forward.prepare(&up), forward.prepare(&down)) else { return Ok(None) };
-            Ok(Some(
-                reference
-                    .impacts
-                    .par_iter()
-                    .zip(&reference.base.impacts)
-                    .map(|(o, l)| match (predict_measured(above.as_ref(), o, &l.true_inputs), predict_measured(below.as_ref(), o, &l.true_inputs)) {
-                        (Some(a), Some(b)) => &l.whitener * (a - b) / (2.0 * h),
-                        _ => DVector::zeros(l.z.len()),
-                    })
-                    .collect(),
-            ))
+            let moved = difference(above.as_ref(), below.as_ref(), reference.impacts, &reference.base.impacts);
+            Ok(Some(moved.into_iter().zip(&reference.base.impacts).map(|(d, l)| &l.whitener * d / (2.0 * h)).collect()))
         })
         .collect()
 }
@@ -268,11 +259,13 @@ pub fn find_expression(
     let shared = reference.base.values.len();
     let constants: Vec<(String, f64, f64)> =
         best.effect.parameters.iter().enumerate().map(|(i, (name, _))| (name.clone(), best.fit.values[shared + i], best.fit.sd(shared + i, c))).collect();
+    // A formula that leaves an impact without an answer is none.
+    let Ok(heldout_error_after) = held_out_error(forward.as_ref(), &best.fit, reference.observations) else { return Ok(None) };
     let (before_excess, after_excess) = (excess(before, c), excess(&structure, c));
     let suggestion = SuggestedExpression {
         replaces: channel.replaces.to_owned(),
         expression: with_numbers(&best.effect.expression, &constants),
-        heldout_error_after: held_out_error(forward.as_ref(), &best.fit, reference.observations)?,
+        heldout_error_after,
         nearest: nearest(reference, screening, channel, &chosen)?,
         parameters: constants.iter().map(|(n, value, sd)| (n.clone(), Estimate { value: *value, sd: *sd })).collect::<BTreeMap<_, _>>(),
         share_removed: if before_excess > 0.0 { (1.0 - after_excess / before_excess).clamp(0.0, 1.0) } else { 0.0 },
@@ -297,15 +290,8 @@ fn further(reference: &Reference, best: &Fitted, chosen: &[Term], more: &[&Term]
     up.push(h);
     down.push(-h);
     let (Ok(above), Ok(below)) = (forward.prepare(&up), forward.prepare(&down)) else { return Vec::new() };
-    let signature: Vec<DVector<f64>> = reference
-        .impacts
-        .iter()
-        .zip(&best.fit.impacts)
-        .map(|(o, l)| match (predict_measured(above.as_ref(), o, &l.true_inputs), predict_measured(below.as_ref(), o, &l.true_inputs)) {
-            (Some(a), Some(b)) => &l.whitener * (a - b) / (2.0 * h),
-            _ => DVector::zeros(l.z.len()),
-        })
-        .collect();
+    let moved = difference(above.as_ref(), below.as_ref(), reference.impacts, &best.fit.impacts);
+    let signature: Vec<DVector<f64>> = moved.into_iter().zip(&best.fit.impacts).map(|(d, l)| &l.whitener * d / (2.0 * h)).collect();
     debug_assert!(shared <= best.fit.values.len());
     let features = feature_values(reference);
     let blocks: Vec<DMatrix<f64>> = signature.iter().enumerate().map(|(i, g)| g * features.row(i)).collect();
@@ -338,15 +324,8 @@ fn nearest(reference: &Reference, screening: &Screening, channel: &TermChannel, 
     let mut absent = reference.base.values.clone();
     absent.extend(chosen.iter().map(|_| 0.0));
     let (with, without) = (forward.prepare(&values)?, forward.prepare(&absent)?);
-    let signature: Vec<DMatrix<f64>> = reference
-        .impacts
-        .iter()
-        .zip(&reference.base.impacts)
-        .map(|(o, l)| match (predict_measured(with.as_ref(), o, &l.true_inputs), predict_measured(without.as_ref(), o, &l.true_inputs)) {
-            (Some(a), Some(b)) => DMatrix::from_columns(&[&l.whitener * (a - b)]),
-            _ => DMatrix::zeros(l.z.len(), 1),
-        })
-        .collect();
+    let moved = difference(with.as_ref(), without.as_ref(), reference.impacts, &reference.base.impacts);
+    let signature: Vec<DMatrix<f64>> = moved.into_iter().zip(&reference.base.impacts).map(|(d, l)| DMatrix::from_columns(&[&l.whitener * d])).collect();
     let cosines = super::screen::cosines_with(reference.library, reference.base, reference.impacts, &signature)?;
     let mut near: Vec<(f64, &str)> = screening
         .effects

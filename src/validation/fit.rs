@@ -7,8 +7,9 @@
 
 use super::error::ValidationError;
 use super::forward::{Forward, Inputs, Prediction};
-use super::linearise::{Linearised, Setting, Spread, linearise, predict_measured};
+use super::linearise::{Linearised, Setting, Spread, linearise};
 use super::observation::{Observation, Observations};
+use super::predicted::{PIECE, difference};
 use super::project::add_cross;
 use super::session_shift::{SessionShift, face_inputs, face_outputs};
 use nalgebra::{DMatrix, DVector};
@@ -358,8 +359,11 @@ pub fn linearise_all(
     passes: usize,
 ) -> Result<Vec<Linearised>, ValidationError> {
     let setting = Setting { observations, shifts, spread };
-    let results: Vec<Option<Linearised>> =
-        impacts.par_iter().enumerate().map(|(i, o)| linearise(prediction, o, &setting, &begin[i], reuse.map(|r| &r[i].jacobian), passes)).collect();
+    let piece = |(i, o): (usize, &[&Observation])| {
+        let range = i * PIECE..i * PIECE + o.len();
+        linearise(prediction, o, &setting, &begin[range.clone()], reuse.map(|r| &r[range]), passes)
+    };
+    let results: Vec<Option<Linearised>> = impacts.par_chunks(PIECE).enumerate().flat_map_iter(piece).collect();
     let failed = results.iter().filter(|r| r.is_none()).count();
     if failed > 0 {
         let id = results.iter().zip(impacts).find(|(r, _)| r.is_none()).map(|(_, o)| o.id.clone()).unwrap_or_default();
@@ -389,14 +393,7 @@ pub fn parameter_derivatives(
                 return Ok(at.iter().map(|l| DVector::zeros(l.z.len())).collect());
             }
             let (above, below) = (forward.prepare(&up)?, forward.prepare(&down)?);
-            Ok(impacts
-                .par_iter()
-                .zip(at)
-                .map(|(o, l)| match (predict_measured(above.as_ref(), o, &l.true_inputs), predict_measured(below.as_ref(), o, &l.true_inputs)) {
-                    (Some(a), Some(b)) => (a - b) / width,
-                    _ => DVector::zeros(l.z.len()),
-                })
-                .collect())
+            Ok(difference(above.as_ref(), below.as_ref(), impacts, at).into_iter().map(|d| d / width).collect())
         })
         .collect()
 }

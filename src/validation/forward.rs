@@ -37,9 +37,23 @@ pub trait Forward: Sync {
 
 /// A model with all its parameters set.
 pub trait Prediction: Sync {
-    /// Predicts one impact; `gear` is the index of its (racket, ball) pair, `order` its place in time (0 first).
-    /// `None` when the model has no answer (the ball does not approach).
-    fn predict(&self, gear: usize, order: f64, inputs: &Inputs) -> Option<Outputs>;
+    /// Predicts one impact. `None` when the model has no answer (the ball does not approach).
+    fn predict(&self, asked: &Asked) -> Option<Outputs>;
+
+    /// Predicts several impacts, in their order; a model that steps in time does it side by side.
+    fn predict_many(&self, asked: &[Asked]) -> Vec<Option<Outputs>> {
+        asked.iter().map(|a| self.predict(a)).collect()
+    }
+}
+
+/// An impact to be predicted.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Asked {
+    /// Index of its (racket, ball) pair.
+    pub gear: usize,
+    /// Its place in time, 0 first.
+    pub order: f64,
+    pub inputs: Inputs,
 }
 
 /// A strength of an effect: how much of it there is.

@@ -8,8 +8,9 @@
 //! sticking and sliding that is the average of both sides, weighted by how far the noise reaches, where a derivative at a
 //! point would be wrong for half of the noise.
 
-use super::forward::{Inputs, Outputs, Prediction};
+use super::forward::{Inputs, Prediction};
 use super::observation::{Observation, Observations};
+use super::predicted::predict_measured;
 use super::session_shift::SessionShift;
 use crate::impact_table::{INPUTS, OUTPUTS};
 use nalgebra::{DMatrix, DVector};
@@ -106,68 +107,91 @@ pub struct Setting<'a> {
     pub spread: &'a Spread,
 }
 
-/// Predicted values of the measured outputs, or `None` when the model has no answer.
-pub fn predict_measured(p: &dyn Prediction, o: &Observation, x: &Inputs) -> Option<DVector<f64>> {
-    let all: Outputs = p.predict(o.gear, o.order, x)?;
-    let picked = DVector::from_iterator(o.measured.len(), o.measured.iter().map(|&k| all[k]));
-    picked.iter().all(|v| v.is_finite()).then_some(picked)
-}
-
-/// F at `x`: central differences over ± one deviation (at most `widest`), one-sided where the model has no answer on a side.
-pub fn input_jacobian(p: &dyn Prediction, o: &Observation, x: &Inputs, at_x: &DVector<f64>, widest: f64) -> DMatrix<f64> {
-    let mut jacobian = DMatrix::zeros(o.measured.len(), INPUTS.len());
-    for j in 0..INPUTS.len() {
-        let h = if o.missing[j] { o.input_sd[j].min(widest) } else { o.input_sd[j] };
-        if h <= 0.0 {
-            continue;
+/// F at each point: central differences over ± one deviation (at most `widest` for an input nobody measured), one-sided
+/// where the model has no answer on a side.
+fn input_jacobians(p: &dyn Prediction, points: &[&Point], widest: f64) -> Vec<DMatrix<f64>> {
+    let step = |point: &Point, j: usize| {
+        let sd = point.o.input_sd[j];
+        if point.o.missing[j] { sd.min(widest) } else { sd }
+    };
+    let mut places = Vec::new();
+    let mut asked = Vec::new();
+    for (i, point) in points.iter().enumerate() {
+        for j in (0..INPUTS.len()).filter(|&j| step(point, j) > 0.0) {
+            places.push((i, j));
+            for by in [step(point, j), -step(point, j)] {
+                let mut at = point.x;
+                at[j] += by;
+                asked.push((point.o, at));
+            }
         }
-        let moved = |by: f64| {
-            let mut at = *x;
-            at[j] += by;
-            predict_measured(p, o, &at)
-        };
-        let column = match (moved(h), moved(-h)) {
+    }
+    let mut jacobians: Vec<DMatrix<f64>> = points.iter().map(|point| DMatrix::zeros(point.o.measured.len(), INPUTS.len())).collect();
+    for ((i, j), sides) in places.into_iter().zip(predict_measured(p, &asked).chunks_exact(2)) {
+        let h = step(points[i], j);
+        let column = match (&sides[0], &sides[1]) {
             (Some(up), Some(down)) => (up - down) / (2.0 * h),
-            (Some(up), None) => (up - at_x) / h,
-            (None, Some(down)) => (at_x - down) / h,
+            (Some(up), None) => (up - &points[i].at_x) / h,
+            (None, Some(down)) => (&points[i].at_x - down) / h,
             (None, None) => continue,
         };
-        jacobian.set_column(j, &column);
+        jacobians[i].set_column(j, &column);
     }
-    jacobian
+    jacobians
 }
 
-/// Linearises one impact, starting from `start` for its true inputs; `reuse` is a Jacobian to keep.
-pub fn linearise(p: &dyn Prediction, o: &Observation, setting: &Setting, start: &Inputs, reuse: Option<&DMatrix<f64>>, passes: usize) -> Option<Linearised> {
-    let gear = &setting.observations.gear[o.gear];
-    let shift = &setting.shifts[o.session];
-    let measured = Corrected { inputs: shift.inputs_of(o, gear), outputs: shift.outputs_of(o) };
-    let mut x = *start;
-    let mut at_x = match predict_measured(p, o, &x) {
-        Some(v) => v,
-        None => {
-            x = measured.inputs;
-            predict_measured(p, o, &x)?
-        }
-    };
-    let mut jacobian = reuse.cloned().unwrap_or_else(|| input_jacobian(p, o, &x, &at_x, f64::INFINITY));
-    let mut result = whiten(o, setting, &x, &at_x, &jacobian, &measured)?;
+/// Linearises some impacts, starting from `start` for their true inputs; `reuse` holds Jacobians to keep. `None` where the
+/// model has no answer.
+pub fn linearise(
+    p: &dyn Prediction,
+    impacts: &[&Observation],
+    setting: &Setting,
+    start: &[Inputs],
+    reuse: Option<&[Linearised]>,
+    passes: usize,
+) -> Vec<Option<Linearised>> {
+    let mut points = begin(p, impacts, setting, start);
+    match reuse {
+        Some(kept) => points.iter_mut().for_each(|point| point.jacobian.clone_from(&kept[point.place].jacobian)),
+        None => differentiate(p, &mut points, f64::INFINITY),
+    }
+    whiten_all(&mut points, setting);
     // An input nobody measured is told by the outputs, far more narrowly than by its range: the slope that counts is that
     // near the value they tell.
-    if reuse.is_none() && o.missing.contains(&true) {
+    if reuse.is_none() {
+        let (mut with_gaps, whole): (Vec<Point>, Vec<Point>) = points.into_iter().partition(|point| point.o.missing.contains(&true));
         for _ in 0..UNMEASURED_PASSES {
-            let Some((next, value)) = moved(p, o, setting, &measured, &jacobian, &result, &x) else { break };
-            (x, at_x) = (next, value);
-            jacobian = input_jacobian(p, o, &x, &at_x, UNMEASURED_STEP);
-            result = whiten(o, setting, &x, &at_x, &jacobian, &measured)?;
+            advance(p, setting, &mut with_gaps);
+            differentiate(p, &mut with_gaps, UNMEASURED_STEP);
+            whiten_all(&mut with_gaps, setting);
         }
+        // Where the model has no answer further on, an impact rests where it stands.
+        with_gaps.iter_mut().for_each(|point| point.moves = true);
+        points = whole.into_iter().chain(with_gaps).collect();
     }
     for _ in 0..passes {
-        let Some((next, value)) = moved(p, o, setting, &measured, &jacobian, &result, &x) else { break };
-        (x, at_x) = (next, value);
-        result = whiten(o, setting, &x, &at_x, &jacobian, &measured)?;
+        advance(p, setting, &mut points);
+        whiten_all(&mut points, setting);
     }
-    Some(result)
+    let mut results = vec![None; impacts.len()];
+    for point in points {
+        results[point.place] = point.result;
+    }
+    results
+}
+
+/// An impact on its way to the estimate of its true inputs.
+struct Point<'a> {
+    /// Its index among the impacts.
+    place: usize,
+    o: &'a Observation,
+    measured: Corrected,
+    x: Inputs,
+    at_x: DVector<f64>,
+    jacobian: DMatrix<f64>,
+    result: Option<Linearised>,
+    /// Cleared when the model has no answer at the next estimate.
+    moves: bool,
 }
 
 /// The measured numbers of an impact with what its session shares taken out.
@@ -176,23 +200,67 @@ struct Corrected {
     outputs: DVector<f64>,
 }
 
-/// The estimate of the true inputs one step on, and the prediction there.
-fn moved(
-    p: &dyn Prediction,
-    o: &Observation,
-    setting: &Setting,
-    measured: &Corrected,
-    jacobian: &DMatrix<f64>,
-    result: &Linearised,
-    x: &Inputs,
-) -> Option<(Inputs, DVector<f64>)> {
-    let pull = jacobian.tr_mul(&result.whitener.tr_mul(&result.z));
-    let next: Inputs = std::array::from_fn(|j| {
-        let sd = o.input_sd_at(j, &setting.observations.input_noise[j], x[j]);
-        measured.inputs[j] + sd * sd * pull[j]
-    });
-    let value = predict_measured(p, o, &next)?;
-    Some((next, value))
+/// The impacts at their start, or at their measured inputs where the model has no answer there; without those that have
+/// none at either.
+fn begin<'a>(p: &dyn Prediction, impacts: &[&'a Observation], setting: &Setting, start: &[Inputs]) -> Vec<Point<'a>> {
+    let measured: Vec<Corrected> = impacts
+        .iter()
+        .map(|o| {
+            let shift = &setting.shifts[o.session];
+            Corrected { inputs: shift.inputs_of(o, &setting.observations.gear[o.gear]), outputs: shift.outputs_of(o) }
+        })
+        .collect();
+    let asked: Vec<(&Observation, Inputs)> = impacts.iter().copied().zip(start.iter().copied()).collect();
+    let mut at: Vec<(Inputs, Option<DVector<f64>>)> = start.iter().copied().zip(predict_measured(p, &asked)).collect();
+    let lost: Vec<usize> = (0..at.len()).filter(|&i| at[i].1.is_none()).collect();
+    let again: Vec<(&Observation, Inputs)> = lost.iter().map(|&i| (impacts[i], measured[i].inputs)).collect();
+    for (i, value) in lost.into_iter().zip(predict_measured(p, &again)) {
+        at[i] = (measured[i].inputs, value);
+    }
+    let point = |(place, ((o, measured), (x, value))): (usize, ((&&'a Observation, Corrected), (Inputs, Option<DVector<f64>>)))| {
+        Some(Point { place, o: *o, measured, x, at_x: value?, jacobian: DMatrix::zeros(0, 0), result: None, moves: true })
+    };
+    impacts.iter().zip(measured).zip(at).enumerate().filter_map(point).collect()
+}
+
+fn differentiate(p: &dyn Prediction, points: &mut [Point], widest: f64) {
+    let moving: Vec<&Point> = points.iter().filter(|point| point.moves).collect();
+    let jacobians = input_jacobians(p, &moving, widest);
+    for (point, jacobian) in points.iter_mut().filter(|point| point.moves).zip(jacobians) {
+        point.jacobian = jacobian;
+    }
+}
+
+fn whiten_all(points: &mut [Point], setting: &Setting) {
+    for point in points.iter_mut().filter(|point| point.moves) {
+        point.result = whiten(point.o, setting, &point.x, &point.at_x, &point.jacobian, &point.measured);
+        point.moves = point.result.is_some();
+    }
+}
+
+/// The estimates of the true inputs one step on, and the predictions there.
+fn advance(p: &dyn Prediction, setting: &Setting, points: &mut [Point]) {
+    let next: Vec<(usize, Inputs)> = points
+        .iter()
+        .enumerate()
+        .filter(|(_, point)| point.moves)
+        .filter_map(|(i, point)| {
+            let result = point.result.as_ref()?;
+            let pull = point.jacobian.tr_mul(&result.whitener.tr_mul(&result.z));
+            let estimate = |j: usize| {
+                let sd = point.o.input_sd_at(j, &setting.observations.input_noise[j], point.x[j]);
+                point.measured.inputs[j] + sd * sd * pull[j]
+            };
+            Some((i, std::array::from_fn(estimate)))
+        })
+        .collect();
+    let asked: Vec<(&Observation, Inputs)> = next.iter().map(|(i, x)| (points[*i].o, *x)).collect();
+    for ((i, x), value) in next.into_iter().zip(predict_measured(p, &asked)) {
+        match value {
+            Some(value) => (points[i].x, points[i].at_x) = (x, value),
+            None => points[i].moves = false,
+        }
+    }
 }
 
 fn whiten(o: &Observation, setting: &Setting, x: &Inputs, at_x: &DVector<f64>, jacobian: &DMatrix<f64>, measured: &Corrected) -> Option<Linearised> {

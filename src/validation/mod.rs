@@ -26,6 +26,7 @@ pub mod noise;
 pub mod observation;
 pub mod place;
 pub mod polynomial;
+pub mod predicted;
 pub mod project;
 pub mod rank;
 pub mod refits;

@@ -1,9 +1,9 @@
 //! A model file's model, as the statistics see it: [`Forward`] over its free parameters, [`Library`] over the catalogue.
 
 use super::error::ValidationError;
-use super::forward::{EffectOutline, Forward, FreeParameter, Inputs, Library, Outputs, OwnEffect, Prediction, Strength};
+use super::forward::{Asked, EffectOutline, Forward, FreeParameter, Library, Outputs, OwnEffect, Prediction, Strength};
 use super::observation::Gear;
-use crate::impact::{Base, EffectKind, ImpactInput, Model, ModelError, Parameter, PreparedModel, Role, catalogue};
+use crate::impact::{Base, EffectKind, ImpactInput, ImpactOutput, Model, ModelError, Parameter, PreparedModel, Role, catalogue};
 
 /// Width of the prior on a strength, in typical sizes (missing-physics.md, section 5).
 const STRENGTH_PRIOR: f64 = 1.5;
@@ -61,10 +61,29 @@ impl ModelForward {
 
 struct Ready(Vec<PreparedModel>);
 
+fn input_of(asked: &Asked) -> ImpactInput {
+    ImpactInput::from_columns(&asked.inputs, asked.order)
+}
+
+fn columns_of(output: &ImpactOutput) -> Outputs {
+    output.as_columns().map(|v| v.unwrap_or(f64::NAN))
+}
+
 impl Prediction for Ready {
-    fn predict(&self, gear: usize, order: f64, inputs: &Inputs) -> Option<Outputs> {
-        let output = self.0.get(gear)?.predict(&ImpactInput::from_columns(inputs, order)).ok()?;
-        Some(output.as_columns().map(|v| v.unwrap_or(f64::NAN)))
+    fn predict(&self, asked: &Asked) -> Option<Outputs> {
+        self.0.get(asked.gear)?.predict(&input_of(asked)).ok().map(|o| columns_of(&o))
+    }
+
+    fn predict_many(&self, asked: &[Asked]) -> Vec<Option<Outputs>> {
+        let mut outputs = vec![None; asked.len()];
+        for (gear, model) in self.0.iter().enumerate() {
+            let places: Vec<usize> = (0..asked.len()).filter(|&i| asked[i].gear == gear).collect();
+            let inputs: Vec<ImpactInput> = places.iter().map(|&i| input_of(&asked[i])).collect();
+            for (place, output) in places.into_iter().zip(model.predict_piece(&inputs)) {
+                outputs[place] = output.ok().map(|o| columns_of(&o));
+            }
+        }
+        outputs
     }
 }
 

@@ -14,8 +14,10 @@
 use super::error::ValidationError;
 use super::fit::{Column, Fit, FitOptions, Start, fit};
 use super::forward::{EffectOutline, Forward, Library, Strength};
-use super::linearise::predict_measured;
+use super::heldout::linearise_held_out;
+use super::linearise::Linearised;
 use super::observation::{Observation, Observations};
+use super::predicted::difference;
 use super::project::Nuisance;
 use super::screen::{Screening, screen_beyond};
 use super::structure::{StructureTest, chi2_tail, form_features, structure_test};
@@ -32,6 +34,8 @@ pub struct Refit {
     pub effects: Vec<String>,
     pub fit: Fit,
     pub structure: StructureTest,
+    /// The impacts that the fit did not see.
+    pub held_out: Vec<Linearised>,
     /// Strengths, as differences from `absent`, in typical sizes.
     pub strengths: Vec<f64>,
     one_sided: usize,
@@ -151,6 +155,9 @@ impl Reference<'_> {
     }
 
     /// Refits the current model with `effects`, from the screening's strengths.
+    ///
+    /// # Errors
+    /// [`ValidationError::NoPrediction`] when the refitted model has no answer for an impact, held out or not.
     pub fn refit(&self, effects: &[&str], strengths: &[f64]) -> Result<Refit, ValidationError> {
         let forward = self.library.with(effects)?;
         let shared = self.base.values.len();
@@ -166,6 +173,7 @@ impl Reference<'_> {
         let begin = Start { fit: self.base, keep_jacobians: forward.costly() };
         let fitted = fit(forward.as_ref(), self.observations, self.impacts, &options, Some(begin))?;
         let structure = structure_test(&fitted, self.observations, self.impacts, self.seed);
+        let held_out = linearise_held_out(forward.as_ref(), &fitted, self.observations, &self.observations.side(true))?;
         let mut refit = Refit {
             effects: effects.iter().map(|s| (*s).to_owned()).collect(),
             strengths: places.iter().map(|(at, s)| (fitted.values[*at] - s.absent) / s.typical).collect(),
@@ -179,6 +187,7 @@ impl Reference<'_> {
                 .collect(),
             fit: fitted,
             structure,
+            held_out,
             log_evidence: 0.0,
             gain: 0.0,
             p_value: 1.0,
@@ -210,25 +219,24 @@ pub fn flexible_nuisance(
     let features = form_features(fit, observations, impacts);
     let with = forward.prepare(&fit.values)?;
     // One contribution per strength: what the model loses when this strength alone is absent.
-    let absent = places
+    let contributions = places
         .iter()
         .map(|(at, s)| {
             let mut values = fit.values.clone();
             values[*at] = s.absent;
-            forward.prepare(&values)
+            let without = forward.prepare(&values)?;
+            Ok(difference(with.as_ref(), without.as_ref(), impacts, &fit.impacts))
         })
-        .collect::<Result<Vec<_>, _>>()?;
+        .collect::<Result<Vec<_>, ValidationError>>()?;
     let width = features.ncols();
-    let blocks: Vec<DMatrix<f64>> = impacts
+    let blocks: Vec<DMatrix<f64>> = fit
+        .impacts
         .iter()
-        .zip(&fit.impacts)
         .enumerate()
-        .map(|(i, (o, l))| {
-            let mut block = DMatrix::zeros(l.z.len(), width * absent.len());
-            let Some(full) = predict_measured(with.as_ref(), o, &l.true_inputs) else { return block };
-            for (s, without) in absent.iter().enumerate() {
-                let Some(bare) = predict_measured(without.as_ref(), o, &l.true_inputs) else { continue };
-                let contribution = &l.whitener * (&full - bare);
+        .map(|(i, l)| {
+            let mut block = DMatrix::zeros(l.z.len(), width * contributions.len());
+            for (s, contribution) in contributions.iter().enumerate() {
+                let contribution = &l.whitener * &contribution[i];
                 for f in 0..width {
                     block.set_column(s * width + f, &(&contribution * features[(i, f)]));
                 }

@@ -10,7 +10,8 @@ use super::diagnosis::{CandidateReport, Estimate, NextExperiment, Verdict};
 use super::error::ValidationError;
 use super::experiments::{Rival, next_experiment};
 use super::forward::Library;
-use super::heldout::{held_out_error, linearise_held_out};
+use super::heldout::error_of;
+use super::linearise::Linearised;
 use super::rank::{Reference, Refit, added_parameters};
 use super::screen::{Screened, Screening, screen_pairs};
 use super::structure::StructureTest;
@@ -76,9 +77,6 @@ pub struct Pair {
     p_value: f64,
     /// Each imitates the other, by their cards or by their signatures here.
     aliases: bool,
-    /// Chi-square and log determinant of every held-out impact, for the pair and for each alone.
-    held_out: Vec<(f64, f64)>,
-    held_out_halves: [Vec<(f64, f64)>; 2],
 }
 
 /// Everything refitted.
@@ -167,13 +165,6 @@ impl Refits {
         more.dedup();
         let made: Vec<Refit> = more.par_iter().filter_map(|n| reference.refit(&[n], &[]).ok()).collect();
         self.singles.extend(made);
-        let losses = |r: &Refit| -> Option<Vec<(f64, f64)>> {
-            let forward = library.with(&r.effects.iter().map(String::as_str).collect::<Vec<_>>()).ok()?;
-            let held = linearise_held_out(forward.as_ref(), &r.fit, reference.observations, &reference.observations.side(true)).ok()?;
-            Some(held.iter().map(|l| (l.z.norm_squared(), l.log_det)).collect())
-        };
-        let in_pairs: Vec<usize> = (0..self.singles.len()).filter(|&i| wanted.iter().flatten().any(|n| *n == self.singles[i].effects[0])).collect();
-        let of_single: BTreeMap<usize, Vec<(f64, f64)>> = in_pairs.par_iter().filter_map(|&i| Some((i, losses(&self.singles[i])?))).collect();
         let singles = &self.singles;
         let tested = self.tested as f64;
         let pairs: Vec<Option<Pair>> = wanted
@@ -191,15 +182,7 @@ impl Refits {
                     let s = beyond.effects.first()?;
                     least = (least.0.min(s.gain), least.1.max((s.p_value * tested).min(1.0)));
                 }
-                Some(Pair {
-                    held_out: losses(&refit)?,
-                    held_out_halves: [of_single.get(&halves[0])?.clone(), of_single.get(&halves[1])?.clone()],
-                    aliases: imitate_each_other(library, screening, pair[0], pair[1]),
-                    refit,
-                    halves,
-                    beyond_form: least.0,
-                    p_value: least.1,
-                })
+                Some(Pair { aliases: imitate_each_other(library, screening, pair[0], pair[1]), refit, halves, beyond_form: least.0, p_value: least.1 })
             })
             .collect();
         self.pairs = pairs.into_iter().flatten().collect();
@@ -246,8 +229,9 @@ impl Refits {
         if left - both < SECOND_SHARE * (left - chance).max(0.0) || left - both < SMALLEST_SHARE * base {
             return Some(format!("the second takes only {:.0} % of what {} leaves", 100.0 * share_removed(left, both), better.effects[0]));
         }
-        for alone in &pair.held_out_halves {
-            let gains: Vec<f64> = alone.iter().zip(&pair.held_out).map(|(a, p)| (a.0 - p.0) / self.c + a.1 - p.1).collect();
+        for alone in pair.halves.map(|i| &self.singles[i].held_out) {
+            let gain = |(a, p): (&Linearised, &Linearised)| (a.z.norm_squared() - p.z.norm_squared()) / self.c + a.log_det - p.log_det;
+            let gains: Vec<f64> = alone.iter().zip(&pair.refit.held_out).map(gain).collect();
             let (sum, spread) = (gains.iter().sum::<f64>(), gains.iter().map(|g| g * g).sum::<f64>().sqrt());
             if !(sum > spread) {
                 return Some("together they do not lower the error on held-out impacts by more than chance".to_owned());
@@ -382,7 +366,7 @@ impl Refits {
                 Ok(CandidateReport {
                     probability,
                     heldout_error_before: before,
-                    heldout_error_after: held_out_error(forward.as_ref(), &s.fit, reference.observations)?,
+                    heldout_error_after: error_of(&s.held_out),
                     parameters: estimates(&added_parameters(forward.as_ref(), &s.fit, reference.base.values.len(), reference.c)),
                     aliases: Vec::new(),
                     kind: outline.map_or("physics", |o| o.kind).to_owned(),

@@ -8,8 +8,8 @@
 use super::error::ValidationError;
 use super::fit::Fit;
 use super::forward::{EffectOutline, Library};
-use super::linearise::predict_measured;
 use super::observation::Observation;
+use super::predicted::difference;
 use super::project::{Nuisance, Projected, project_out};
 use super::structure::{chi2_tail, normal_tail};
 use nalgebra::{DMatrix, DVector};
@@ -80,15 +80,10 @@ fn signatures(library: &dyn Library, fit: &Fit, impacts: &[&Observation], which:
                     down[base + s] = (strength.absent - h).max(limits.min);
                     let width = up[base + s] - down[base + s];
                     let (above, below) = (forward.prepare(&up)?, forward.prepare(&down)?);
-                    Ok(impacts
-                        .par_iter()
-                        .zip(&fit.impacts)
-                        .map(|(o, l)| match (predict_measured(above.as_ref(), o, &l.true_inputs), predict_measured(below.as_ref(), o, &l.true_inputs)) {
-                            // In units of the typical strength, so that all columns are of like size.
-                            (Some(a), Some(b)) if width > 0.0 => &l.whitener * (a - b) * (strength.typical / width),
-                            _ => DVector::zeros(l.z.len()),
-                        })
-                        .collect())
+                    // In units of the typical strength, so that all columns are of like size.
+                    let unit = if width > 0.0 { strength.typical / width } else { 0.0 };
+                    let moved = difference(above.as_ref(), below.as_ref(), impacts, &fit.impacts);
+                    Ok(moved.into_iter().zip(&fit.impacts).map(|(d, l)| &l.whitener * d * unit).collect())
                 })
                 .collect::<Result<Vec<_>, ValidationError>>()
         })

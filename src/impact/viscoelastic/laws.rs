@@ -111,8 +111,11 @@ laws! {
     torsion_rate,
 }
 
-/// Values of the base's 14 parameters, in the order of [`crate::impact::Base::parameters`], and the body.
+/// N s/m: a twentieth of the seed value.
+const LEAST_STRING_DAMPING: f64 = 0.1;
+
 impl Laws {
+    /// Values of the base's 14 parameters, in the order of [`crate::impact::Base::parameters`], and the body.
     pub(crate) fn new(p: &[f64], body: &Body, stiffness_from_tension: bool, laws: &ContactLaws) -> Self {
         Laws {
             ball_mass: body.ball_mass,
@@ -165,6 +168,16 @@ impl Laws {
     /// True when stiffening and damping grow with squares: no powers to take.
     pub(super) fn has_square_powers(&self) -> bool {
         self.alpha == 2.0 && self.beta_c == 2.0
+    }
+
+    /// The massless strings need a damper at first touch, or their velocity is undefined: where the ball's own grows in from
+    /// nothing, at least [`LEAST_STRING_DAMPING`] acts. Effects cannot take more damping away than there is.
+    pub(crate) fn keep_strings_damped(&mut self) {
+        let least = if self.onset > 0.0 || self.c_b0 <= 0.0 { LEAST_STRING_DAMPING } else { 0.0 };
+        // Not `max`: that would turn NaN into a number.
+        if self.c_s < least {
+            self.c_s = least;
+        }
     }
 
     /// True when the short kernel describes the impact: no effect beyond the plain base, powers of 2.

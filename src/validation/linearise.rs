@@ -218,7 +218,7 @@ fn begin<'a>(p: &dyn Prediction, impacts: &[&'a Observation], setting: &Setting,
         at[i] = (measured[i].inputs, value);
     }
     let point = |(place, ((o, measured), (x, value))): (usize, ((&&'a Observation, Corrected), (Inputs, Option<DVector<f64>>)))| {
-        Some(Point { place, o: *o, measured, x, at_x: value?, jacobian: DMatrix::zeros(0, 0), result: None, moves: true })
+        Some(Point { place, o, measured, x, at_x: value?, jacobian: DMatrix::zeros(0, 0), result: None, moves: true })
     };
     impacts.iter().zip(measured).zip(at).enumerate().filter_map(point).collect()
 }

@@ -1,7 +1,7 @@
 //! One impact to be stepped: its start, the impulse that ends a slip, its outcome.
 
 use super::kernel::{ATTITUDE, LEDGER, PLAIN, POSITION, RATE, SPIN, STRINGS, VELOCITY, WHOLE};
-use super::laws::Laws;
+use super::laws::{Constants, Laws};
 use crate::impact::input::ImpactOutput;
 use crate::impact::rigid::Contact;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
@@ -10,6 +10,7 @@ use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 #[derive(Clone)]
 pub(super) struct Job<const S: usize> {
     pub laws: Laws,
+    pub constants: Constants,
     pub state: [f64; S],
     pub side: f64,
     /// Total linear momentum at first touch, N s.
@@ -48,7 +49,7 @@ impl<const S: usize> Job<S> {
         let stiffness = 1.0 / (1.0 / laws.k_b0 + 1.0 / laws.k_s0);
         let period = std::f64::consts::PI / (stiffness * at.normal_compliance).sqrt();
         let momentum = laws.ball_mass * i.ball_velocity + laws.racket_mass * i.racket_velocity;
-        Job { laws: *laws, state, side: at.side, momentum, step: period / steps }
+        Job { laws: *laws, constants: laws.constants(), state, side: at.side, momentum, step: period / steps }
     }
 
     /// Slip velocity per unit of tangential impulse at first touch, 1/kg.

@@ -1,12 +1,13 @@
 //! One lane's bookkeeping: how far a step may go, whether it has crossed a kink, what comes next.
 
 use super::kernel::{CREEP, Mode, ONSET, SLIDE, STICK, Signs};
+use super::number::{Number, side_by_side};
 use crate::impact::error::ModelError;
 
 /// Contact longer than this is an error of the model, s.
 pub(super) const LONGEST_S: f64 = 20e-3;
 /// Steps after which a contact is given up: only parameters at the edge of their range come near.
-pub(super) const MOST_STEPS: usize = 20_000;
+pub(super) const MOST_STEPS: f64 = 20_000.0;
 /// Share of the time in which ball and strings settle that one step may take (explicit stability ends at 2.8).
 const SETTLING_SHARE: f64 = 1.0;
 /// Steps never get shorter than this share of the longest.
@@ -30,36 +31,44 @@ const CREEP_SHARE: f64 = 0.25;
 /// Share of the slip while it grows and its direction follows: stability ends at 2.8.
 const GROWING_SHARE: f64 = 1.5;
 
-/// One lane's bookkeeping.
+side_by_side! {
+    /// How far one impact has come, and what its steps depend on.
+    pub(super) struct Pace {
+        /// s.
+        time,
+        steps,
+        most_steps,
+        /// s.
+        longest,
+        step,
+        /// Of the ball, m: no ball is squeezed further.
+        radius,
+        /// Slip at the last step, m/s, and whether (1) it has fallen since the one before.
+        slip_before,
+        falling,
+        /// How fast the force grew over the last step, N/s; 0 while it falls.
+        rise,
+        /// Slip velocity per unit of tangential impulse, 1/kg; coefficient of friction.
+        slip_compliance,
+        mu,
+        /// 1: friction acts through sideways springs: no stick, no slip of its own.
+        springs,
+        /// 1: the contact ends by displacement, not by force.
+        by_displacement,
+        /// Greatest force (N), compression and deflection (m).
+        peak_force,
+        peak_compression,
+        peak_deflection,
+    }
+}
+
+/// One impact on its way, or several side by side.
 #[derive(Clone, Copy)]
-pub(super) struct Lane {
-    /// Which job; `None`: idle.
-    pub job: Option<usize>,
-    pub time: f64,
-    pub steps: usize,
-    pub longest: f64,
-    pub most_steps: usize,
-    /// Of the ball, m: no ball is squeezed further.
-    pub radius: f64,
-    pub step: f64,
-    pub start: Signs,
-    pub mode: Mode,
-    pub hunt: Option<Hunt>,
-    /// Slip at the last step, m/s, and whether it has fallen since the one before.
-    pub slip_before: f64,
-    pub falling: bool,
-    /// How fast the force grew over the last step, N/s; 0 while it falls.
-    pub rise: f64,
-    /// Slip velocity per unit of tangential impulse, 1/kg; coefficient of friction.
-    pub slip_compliance: f64,
-    pub mu: f64,
-    /// Friction acts through sideways springs: no stick, no slip of its own.
-    pub springs: bool,
-    /// The contact ends by displacement, not by force.
-    pub by_displacement: bool,
-    pub landing: &'static Landing,
-    /// Greatest force (N), compression and deflection (m).
-    pub peak: [f64; 3],
+pub(super) struct Lane<T = f64> {
+    pub pace: Pace<T>,
+    /// At the start of the step.
+    pub start: Signs<T>,
+    pub mode: Mode<T>,
 }
 
 /// A step being shortened until it ends at a kink.
@@ -74,25 +83,30 @@ pub(super) struct Hunt {
 }
 
 /// The watched quantity of kind `kind` over a step: at its start, at its end, and whether it has a kink in between.
-fn watch(kind: usize, lane: &Lane, end: &Signs) -> (f64, f64, bool) {
+fn watch(kind: usize, lane: &Lane, end: &Signs, landing: &Landing) -> (f64, f64, bool) {
     let start = &lane.start;
-    let changes = |a: f64, b: f64| a.abs() > lane.landing[kind] && a * b < 0.0;
+    let (springs, by_displacement) = (lane.pace.springs > 0.0, lane.pace.by_displacement > 0.0);
+    let changes = |a: f64, b: f64| a.abs() > landing[kind] && a * b < 0.0;
     match kind {
-        0 if lane.by_displacement => (BACK_IN_PLACE * start.approach, BACK_IN_PLACE * end.approach, end.approach <= 0.0),
+        0 if by_displacement => (BACK_IN_PLACE * start.approach, BACK_IN_PLACE * end.approach, end.approach <= 0.0),
         0 => (start.force, end.force, end.force <= 0.0),
         1 => (start.onset, end.onset, changes(start.onset, end.onset)),
         2 => (start.compressing, end.compressing, changes(start.compressing, end.compressing)),
-        4 if lane.springs => (start.grip_left, end.grip_left, changes(start.grip_left, end.grip_left)),
-        3 if lane.mode.stick == SLIDE && !lane.springs => {
-            let size = start.slip[0].hypot(start.slip[1]);
-            let d = lane.mode.direction;
-            let after = end.slip[0] * d[0] + end.slip[1] * d[1];
-            (size, after, size > lane.landing[3] && after <= 0.0)
+        4 if springs => (start.grip_left, end.grip_left, changes(start.grip_left, end.grip_left)),
+        3 if lane.mode.stick == SLIDE && !springs => {
+            let size = start.slip();
+            let after = end.slip_x * lane.mode.direction_x + end.slip_y * lane.mode.direction_y;
+            (size, after, size > landing[3] && after <= 0.0)
         }
         4 if lane.mode.stick == STICK => (start.grip_left, end.grip_left, start.grip_left > 0.0 && end.grip_left < 0.0),
-        5 if lane.by_displacement => (start.force, end.force, changes(start.force, end.force)),
+        5 if by_displacement => (start.force, end.force, changes(start.force, end.force)),
         _ => (1.0, 1.0, false),
     }
+}
+
+#[inline(always)]
+fn changes<T: Number>(a: T, b: T, landing: f64) -> T::Mask {
+    a.same(landing).less(a.size()) & (a * b).less(a.same(0.0))
 }
 
 /// What a lane does after a step.
@@ -105,59 +119,159 @@ pub(super) enum Verdict {
     Done(Result<(), ModelError>),
 }
 
+impl<T: Number> Lane<T> {
+    #[inline(always)]
+    pub fn same(like: T, one: &Lane) -> Self {
+        Lane { pace: Pace::same(like, &one.pace), start: Signs::same(like, &one.start), mode: Mode::same(like, &one.mode) }
+    }
+
+    #[inline(always)]
+    pub fn lane(&self, i: usize) -> Lane {
+        Lane { pace: self.pace.lane(i), start: self.start.lane(i), mode: self.mode.lane(i) }
+    }
+
+    #[inline(always)]
+    pub fn set_lane(&mut self, i: usize, one: &Lane) {
+        self.pace.set_lane(i, &one.pace);
+        self.start.set_lane(i, &one.start);
+        self.mode.set_lane(i, &one.mode);
+    }
+
+    /// Accepts the step where the mask holds.
+    #[inline(always)]
+    pub fn accept_where(&mut self, mask: T::Mask, end: &Signs<T>, deflection: T) {
+        let mut next = *self;
+        next.accept(end, deflection);
+        self.pace.replace(mask, &next.pace);
+        self.start.replace(mask, &next.start);
+        self.mode.replace(mask, &next.mode);
+    }
+
+    /// 0 where the step can be accepted as it is, 1 where [`Lane::judge`] must look: a kink, a change of mode, an end.
+    #[inline(always)]
+    pub fn busy(&self, end: &Signs<T>, finite: T::Mask, landing: &Landing) -> T {
+        let (pace, start) = (&self.pace, &self.start);
+        let (zero, half, one) = (end.force.same(0.0), end.force.same(0.5), end.force.same(1.0));
+        let by_displacement = half.less(pace.by_displacement);
+        let springs = half.less(pace.springs);
+        let free = pace.springs.less(half);
+        let (sliding, creeping) = (self.mode.stick.less(half) & free, self.mode.stick.same(1.5).less(self.mode.stick));
+        let slip = (end.slip_x * end.slip_x + end.slip_y * end.slip_y).sqrt();
+        let before = (start.slip_x * start.slip_x + start.slip_y * start.slip_y).sqrt();
+        let after = end.slip_x * self.mode.direction_x + end.slip_y * self.mode.direction_y;
+        let nil = zero.same(f64::MIN_POSITIVE);
+        let spent = sliding & zero.same(landing[3]).less(before) & after.less(nil);
+        let stops = sliding & slip.less(pace.slip_before) & slip.less(zero.same(STICK_SLIP)) & (-nil).less(end.grip_left);
+        let gives = half.less(self.mode.stick) & free & zero.less(start.grip_left) & end.grip_left.less(zero);
+        let kink = changes(start.onset, end.onset, landing[1])
+            | changes(start.compressing, end.compressing, landing[2])
+            | spent
+            | stops
+            | (springs & changes(start.grip_left, end.grip_left, landing[4]))
+            | gives
+            | creeping
+            | (by_displacement & changes(start.force, end.force, landing[5]));
+        let lasts = zero.less(T::choose(by_displacement, end.approach, end.force))
+            & pace.steps.less(pace.most_steps)
+            & pace.time.less(zero.same(LONGEST_S))
+            & end.onset.less(pace.radius - ONSET)
+            & finite;
+        T::choose(lasts, T::choose(kink, one, zero), one)
+    }
+
+    #[inline(always)]
+    fn accept(&mut self, end: &Signs<T>, deflection: T) {
+        let (pace, mode) = (&mut self.pace, &mut self.mode);
+        pace.time = pace.time + pace.step;
+        pace.rise = ((end.force - self.start.force) / pace.step).positive_part();
+        self.start = *end;
+        let (zero, half, one) = (end.force.same(0.0), end.force.same(0.5), end.force.same(1.0));
+        let slip = (end.slip_x * end.slip_x + end.slip_y * end.slip_y).sqrt();
+        let turns = mode.stick.less(half) & pace.springs.less(half) & zero.same(1e-6).less(slip);
+        mode.direction_x = T::choose(turns, end.slip_x / slip, mode.direction_x);
+        mode.direction_y = T::choose(turns, end.slip_y / slip, mode.direction_y);
+        pace.falling = T::choose(slip.less(pace.slip_before), one, zero);
+        pace.slip_before = slip;
+        pace.peak_force = pace.peak_force.larger(end.force);
+        pace.peak_compression = pace.peak_compression.larger(end.onset + ONSET);
+        pace.peak_deflection = pace.peak_deflection.larger(deflection);
+        self.set_step();
+    }
+
+    /// Sets the length of the next step.
+    #[inline(always)]
+    pub fn set_step(&mut self) {
+        let (pace, start, stick) = (&mut self.pace, &self.start, self.mode.stick);
+        let half = stick.same(0.5);
+        let step = pace.longest.smaller((start.settling * SETTLING_SHARE).larger(pace.longest * SHORTEST_SHARE));
+        let slip = (start.slip_x * start.slip_x + start.slip_y * start.slip_y).sqrt();
+        let force = start.force + pace.rise * step * 0.5;
+        let used = pace.slip_compliance * pace.mu * force * step;
+        let share = T::choose(half.less(pace.falling), slip.same(SLIP_SHARE), slip.same(GROWING_SHARE)) * slip;
+        let shortens = stick.less(half) & pace.springs.less(half) & share.less(used);
+        let factor = T::choose(shortens, (share / used).larger(slip.same(1.0 / 4096.0)), slip.same(1.0));
+        let creeping = stick.same(1.5).less(stick);
+        pace.step = step * T::choose(creeping, slip.same(CREEP_SHARE), factor);
+    }
+}
+
 impl Lane {
-    pub fn judge(&mut self, end: &Signs, finite: bool) -> Verdict {
-        self.steps += 1;
+    /// What becomes of a step that is not an ordinary one; `hunt` is the search for its kink.
+    pub fn judge(&mut self, hunt: &mut Option<Hunt>, end: &Signs, deflection: f64, finite: bool, landing: &Landing) -> Verdict {
         if !finite {
             return Verdict::Done(Err(ModelError::NotFinite));
         }
         // A ball squeezed beyond its radius is outside the equations; its contact counts as one that does not end.
-        if self.steps > self.most_steps || self.time > LONGEST_S || end.onset + ONSET > self.radius {
-            return Verdict::Done(Err(ModelError::NoRelease { elapsed_s: self.time, force_n: end.force }));
+        if self.pace.steps > self.pace.most_steps || self.pace.time > LONGEST_S || end.onset + ONSET > self.pace.radius {
+            return Verdict::Done(Err(ModelError::NoRelease { elapsed_s: self.pace.time, force_n: end.force }));
         }
-        if let Some(hunt) = self.hunt {
-            let (_, value, _) = watch(hunt.kind, self, end);
-            if value.abs() <= self.landing[hunt.kind] || hunt.tries >= 60 || hunt.high.0 - hunt.low.0 < 1e-15 {
-                return self.land(hunt.kind, end);
+        if let Some(now) = *hunt {
+            let (_, value, _) = watch(now.kind, self, end, landing);
+            if value.abs() <= landing[now.kind] || now.tries >= 60 || now.high.0 - now.low.0 < 1e-15 {
+                *hunt = None;
+                return self.land(now.kind, end, deflection);
             }
-            let mut next = Hunt { tries: hunt.tries + 1, ..hunt };
-            match self.first_kink(end) {
+            let mut next = Hunt { tries: now.tries + 1, ..now };
+            let step = self.pace.step;
+            match self.first_kink(end, landing) {
                 // A kink of another kind hides in the shorter step; it comes first.
-                Some((kind, before, after)) if kind != hunt.kind => {
-                    next = Hunt { kind, low: (0.0, before), high: (self.step, after), moved: 0, tries: next.tries }
-                }
+                Some((kind, before, after)) if kind != now.kind => next = Hunt { kind, low: (0.0, before), high: (step, after), moved: 0, tries: next.tries },
                 // The watched value's sign tells on which side of the kink this try has landed. Illinois: an end that stays
                 // twice running counts half, so that both ends move.
-                _ if value * hunt.high.1 > 0.0 => {
-                    next.high = (self.step, value);
-                    next.low.1 *= if hunt.moved > 0 { 0.5 } else { 1.0 };
+                _ if value * now.high.1 > 0.0 => {
+                    next.high = (step, value);
+                    next.low.1 *= if now.moved > 0 { 0.5 } else { 1.0 };
                     next.moved = 1;
                 }
                 _ => {
-                    next.low = (self.step, value);
-                    next.high.1 *= if hunt.moved < 0 { 0.5 } else { 1.0 };
+                    next.low = (step, value);
+                    next.high.1 *= if now.moved < 0 { 0.5 } else { 1.0 };
                     next.moved = -1;
                 }
             }
-            self.hunt = Some(next);
-            return self.aim();
+            self.pace.step = next.aim();
+            *hunt = Some(next);
+            return Verdict::Again;
         }
-        if let Some((kind, before, after)) = self.first_kink(end) {
-            if after.abs() <= self.landing[kind] {
-                return self.land(kind, end);
+        if let Some((kind, before, after)) = self.first_kink(end, landing) {
+            if after.abs() <= landing[kind] {
+                return self.land(kind, end, deflection);
             }
-            self.hunt = Some(Hunt { kind, low: (0.0, before), high: (self.step, after), moved: 0, tries: 0 });
-            return self.aim();
+            let first = Hunt { kind, low: (0.0, before), high: (self.pace.step, after), moved: 0, tries: 0 };
+            self.pace.step = first.aim();
+            *hunt = Some(first);
+            return Verdict::Again;
         }
         let before = self.mode.stick;
-        self.accept(end);
+        self.change_mode(end);
+        self.accept(end, deflection);
         Verdict::Accept(self.mode.stick != before)
     }
 
-    fn first_kink(&self, end: &Signs) -> Option<(usize, f64, f64)> {
+    fn first_kink(&self, end: &Signs, landing: &Landing) -> Option<(usize, f64, f64)> {
         let mut first: Option<(usize, f64, f64, f64)> = None;
-        for kind in 0..self.landing.len() {
-            let (before, after, kink) = watch(kind, self, end);
+        for kind in 0..landing.len() {
+            let (before, after, kink) = watch(kind, self, end, landing);
             if kink {
                 let share = before / (before - after);
                 if first.is_none_or(|f| share < f.3) {
@@ -168,47 +282,33 @@ impl Lane {
         first.map(|(kind, before, after, _)| (kind, before, after))
     }
 
-    /// Sets the step to where the watched quantity should vanish.
-    fn aim(&mut self) -> Verdict {
-        if let Some(h) = &self.hunt {
-            let ((a, ga), (b, gb)) = (h.low, h.high);
-            let share = if ga == gb { 0.5 } else { (ga / (ga - gb)).clamp(0.01, 0.99) };
-            // After many tries halve: an odd function must not hold the stepper.
-            self.step = if h.tries > 20 { 0.5 * (a + b) } else { a + share * (b - a) };
-        }
-        Verdict::Again
-    }
-
     /// Ends the step at a kink.
-    fn land(&mut self, kind: usize, end: &Signs) -> Verdict {
-        self.hunt = None;
+    fn land(&mut self, kind: usize, end: &Signs, deflection: f64) -> Verdict {
         if kind == 0 {
-            self.time += self.step;
+            self.pace.time += self.pace.step;
+            self.pace.peak_deflection = self.pace.peak_deflection.max(deflection);
             return Verdict::Done(Ok(()));
         }
         let before = self.mode.stick;
-        self.accept(end);
+        self.change_mode(end);
+        self.accept(end, deflection);
         // Slip that is used up without a hold, and a hold that gives way: both creep first.
-        if ((kind == 3 && self.mode.stick == SLIDE) || kind == 4) && !self.springs {
+        if ((kind == 3 && self.mode.stick == SLIDE) || kind == 4) && self.pace.springs == 0.0 {
             self.mode.stick = if kind == 3 && end.grip_left >= 0.0 { STICK } else { CREEP };
-            self.slip_before = 0.0;
+            self.pace.slip_before = 0.0;
         }
-        self.pace();
+        self.set_step();
         Verdict::Accept(self.mode.stick != before)
     }
 
-    fn accept(&mut self, end: &Signs) {
-        self.time += self.step;
-        self.rise = ((end.force - self.start.force) / self.step).max(0.0);
-        self.start = *end;
-        let slip = end.slip[0].hypot(end.slip[1]);
-        if self.springs {
-            // The springs' own deflection says how friction acts.
-        } else if self.mode.stick == SLIDE {
-            if slip > 1e-6 {
-                self.mode.direction = [end.slip[0] / slip, end.slip[1] / slip];
-            }
-            if slip < self.slip_before && slip <= STICK_SLIP && end.grip_left >= 0.0 {
+    /// Slide to stick, and what becomes of a creep. Where springs act, their own deflection says how friction does.
+    fn change_mode(&mut self, end: &Signs) {
+        if self.pace.springs > 0.0 {
+            return;
+        }
+        let slip = end.slip();
+        if self.mode.stick == SLIDE {
+            if slip < self.pace.slip_before && slip <= STICK_SLIP && end.grip_left >= 0.0 {
                 self.mode.stick = STICK;
             }
         } else if self.mode.stick == CREEP {
@@ -216,49 +316,17 @@ impl Lane {
                 self.mode.stick = STICK;
             } else if slip > STICK_SLIP {
                 self.mode.stick = SLIDE;
-                self.mode.direction = [end.slip[0] / slip, end.slip[1] / slip];
             }
-        }
-        self.falling = slip < self.slip_before;
-        self.slip_before = slip;
-        self.pace();
-        self.peak[0] = self.peak[0].max(end.force);
-        self.peak[1] = self.peak[1].max(end.onset + ONSET);
-    }
-
-    pub fn pace(&mut self) {
-        self.step = self.longest.min((SETTLING_SHARE * self.start.settling).max(SHORTEST_SHARE * self.longest));
-        let slip = self.start.slip[0].hypot(self.start.slip[1]);
-        let force = self.start.force + 0.5 * self.rise * self.step;
-        let used = self.slip_compliance * self.mu * force * self.step;
-        if self.mode.stick == CREEP {
-            self.step *= CREEP_SHARE;
-        }
-        let share = if self.falling { SLIP_SHARE } else { GROWING_SHARE };
-        if self.mode.stick == SLIDE && !self.springs && used > share * slip {
-            self.step *= (share * slip / used).max(1.0 / 4096.0);
         }
     }
 }
 
-pub(super) const IDLE: Lane = Lane {
-    job: None,
-    time: 0.0,
-    steps: 0,
-    longest: 0.0,
-    most_steps: MOST_STEPS,
-    radius: 0.0,
-    step: 0.0,
-    start: Signs { force: 0.0, onset: 0.0, compressing: 0.0, slip: [0.0; 2], grip_left: 0.0, stick: [0.0; 2], settling: 0.0, approach: 0.0 },
-    mode: Mode { side: 1.0, stick: SLIDE, direction: [1.0, 0.0] },
-    hunt: None,
-    slip_before: 0.0,
-    falling: true,
-    rise: 0.0,
-    slip_compliance: 0.0,
-    mu: 0.0,
-    springs: false,
-    by_displacement: false,
-    landing: &EXACT,
-    peak: [0.0; 3],
-};
+impl Hunt {
+    /// The step at which the watched quantity should vanish.
+    fn aim(&self) -> f64 {
+        let ((a, ga), (b, gb)) = (self.low, self.high);
+        let share = if ga == gb { 0.5 } else { (ga / (ga - gb)).clamp(0.01, 0.99) };
+        // After many tries halve: an odd function must not hold the stepper.
+        if self.tries > 20 { 0.5 * (a + b) } else { a + share * (b - a) }
+    }
+}

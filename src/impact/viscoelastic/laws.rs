@@ -1,114 +1,114 @@
 //! The numbers of one visco-elastic impact, singly and side by side.
 
 use super::contact_laws::{BallLaw, ContactLaws, FrictionDirection, NormalForce, Release};
+use super::kernel::DEEPEST;
+use super::number::side_by_side;
 use crate::impact::body::Body;
 
-macro_rules! laws {
-    ($($(#[$meta:meta])* $field:ident),* $(,)?) => {
-        /// Bodies and contact laws of one impact. Effects change it before the impact is stepped.
-        #[derive(Debug, Clone, Copy, PartialEq)]
-        pub struct Laws {
-            $($(#[$meta])* pub $field: f64,)*
-        }
-
-        /// The same for `W` impacts, field by field, so that one instruction serves several impacts.
-        #[derive(Clone)]
-        pub(super) struct LawsLanes<const W: usize> {
-            $($field: [f64; W],)*
-        }
-
-        impl<const W: usize> LawsLanes<W> {
-            pub fn new(laws: &Laws) -> Self {
-                LawsLanes { $($field: [laws.$field; W],)* }
-            }
-
-            pub fn put(&mut self, lane: usize, laws: &Laws) {
-                $(self.$field[lane] = laws.$field;)*
-            }
-
-            #[inline(always)]
-            pub fn get(&self, lane: usize) -> Laws {
-                Laws { $($field: self.$field[lane],)* }
-            }
-        }
-    };
+side_by_side! {
+    /// Bodies and contact laws of one impact. Effects change it before the impact is stepped.
+    pub struct Laws {
+        /// kg.
+        ball_mass,
+        /// m.
+        ball_radius,
+        /// Undeformed, kg m².
+        ball_inertia,
+        /// kg.
+        racket_mass,
+        /// kg m².
+        inertia_x,
+        /// kg m².
+        inertia_y,
+        /// kg m².
+        inertia_z,
+        /// N/m.
+        k_b0,
+        /// N/m^(1+alpha).
+        a_k,
+        alpha,
+        /// N s/m³.
+        a_c,
+        beta_c,
+        /// N s/m.
+        c_b0,
+        /// 1: the constant damping grows in over the first millimetre; 0: it acts in full from first touch (Kelvin-Voigt).
+        onset,
+        /// 1: the contact ends when ball and strings are back in place, whatever the force; 0: when the force is nil.
+        by_displacement,
+        /// Factor on the momentum-flux force.
+        flux,
+        /// Factor on the moment of the momentum flux of a spinning ball (Haake 2005).
+        flux_offset,
+        /// N/m.
+        k_s0,
+        /// N/m³.
+        k_s2,
+        /// N s/m.
+        c_s,
+        mu,
+        /// 1: sliding friction points along the impulse that would stop the slip; 0: against the slip itself (Coulomb).
+        projected,
+        lambda_r,
+        /// 1/m.
+        kappa_i,
+        /// Relative growth of the stringbed's stiffness with x² and y² from the centre, 1/m².
+        edge_x,
+        edge_y,
+        /// Local position of the centre of mass, m.
+        com_x,
+        /// Sideways stiffness and damping of the strings, N/m and N s/m; 0: rigid sideways.
+        k_tx,
+        k_ty,
+        c_t,
+        /// Normal force behind the centre, m.
+        normal_offset,
+        /// Lean of the pocket per metre of deflection and metre from the centre, 1/m.
+        tilt_x,
+        tilt_y,
+        /// Largest torque of the mount about x, N m.
+        grip,
+        /// Rate about x at first touch, rad/s.
+        twist_start,
+        /// Force (along z) and torque (about y) of the player, N and N m.
+        drive_force,
+        drive_torque,
+        /// Bending mode: shape at the impact point, modal mass (kg), frequency (rad/s), damping ratio; a mass of 0: no mode.
+        mode_shape,
+        mode_mass,
+        mode_rate,
+        mode_damping,
+        /// Torsional mode: shape at the impact point (m), modal inertia (kg m²), frequency (rad/s); an inertia of 0: none.
+        torsion_shape,
+        torsion_inertia,
+        torsion_rate,
+    }
 }
 
-laws! {
-    /// kg.
-    ball_mass,
-    /// m.
-    ball_radius,
-    /// Undeformed, kg m².
-    ball_inertia,
-    /// kg.
-    racket_mass,
-    /// kg m².
-    inertia_x,
-    /// kg m².
-    inertia_y,
-    /// kg m².
-    inertia_z,
-    /// N/m.
-    k_b0,
-    /// N/m^(1+alpha).
-    a_k,
-    alpha,
-    /// N s/m³.
-    a_c,
-    beta_c,
-    /// N s/m.
-    c_b0,
-    /// 1: the constant damping grows in over the first millimetre; 0: it acts in full from first touch (Kelvin-Voigt).
-    onset,
-    /// 1: the contact ends when ball and strings are back in place, whatever the force; 0: when the force is nil.
-    by_displacement,
-    /// Factor on the momentum-flux force.
-    flux,
-    /// Factor on the moment of the momentum flux of a spinning ball (Haake 2005).
-    flux_offset,
-    /// N/m.
-    k_s0,
-    /// N/m³.
-    k_s2,
-    /// N s/m.
-    c_s,
-    mu,
-    /// 1: sliding friction points along the impulse that would stop the slip; 0: against the slip itself (Coulomb).
-    projected,
-    lambda_r,
-    /// 1/m.
-    kappa_i,
-    /// Relative growth of the stringbed's stiffness with x² and y² from the centre, 1/m².
-    edge_x,
-    edge_y,
-    /// Local position of the centre of mass, m.
-    com_x,
-    /// Sideways stiffness and damping of the strings, N/m and N s/m; 0: rigid sideways.
-    k_tx,
-    k_ty,
-    c_t,
-    /// Normal force behind the centre, m.
-    normal_offset,
-    /// Lean of the pocket per metre of deflection and metre from the centre, 1/m.
-    tilt_x,
-    tilt_y,
-    /// Largest torque of the mount about x, N m.
-    grip,
-    /// Rate about x at first touch, rad/s.
-    twist_start,
-    /// Force (along z) and torque (about y) of the player, N and N m.
-    drive_force,
-    drive_torque,
-    /// Bending mode: shape at the impact point, modal mass (kg), frequency (rad/s), damping ratio; a mass of 0: no mode.
-    mode_shape,
-    mode_mass,
-    mode_rate,
-    mode_damping,
-    /// Torsional mode: shape at the impact point (m), modal inertia (kg m²), frequency (rad/s); an inertia of 0: none.
-    torsion_shape,
-    torsion_inertia,
-    torsion_rate,
+side_by_side! {
+    /// What the rates need of the laws again and again.
+    pub(super) struct Constants {
+        /// Compression beyond which the ball's geometry no longer follows, m.
+        deepest,
+        /// Mass at rest on the strings per contact area (over pi), kg/m².
+        resting_per_area,
+        /// Fall of the ball's inertia per compression, kg m.
+        inertia_fall,
+        /// Inverse masses and inertias: of the racket, of both bodies together, about x, y, z.
+        per_racket_mass,
+        per_mass,
+        per_inertia_x,
+        per_inertia_y,
+        per_inertia_z,
+        /// Differences of the racket's inertias.
+        gyro_x,
+        gyro_y,
+        gyro_z,
+        /// Inverse of the sideways strings' damping and of the modes' masses; 0 where there are none.
+        per_side_damping,
+        per_mode_mass,
+        per_torsion_inertia,
+    }
 }
 
 /// N s/m: a twentieth of the seed value.
@@ -162,6 +162,26 @@ impl Laws {
             torsion_shape: 0.0,
             torsion_inertia: 0.0,
             torsion_rate: 0.0,
+        }
+    }
+
+    pub(super) fn constants(&self) -> Constants {
+        let inverse = |x: f64| if x > 0.0 { 1.0 / x } else { 0.0 };
+        Constants {
+            deepest: DEEPEST * self.ball_radius,
+            resting_per_area: self.ball_mass / (4.0 * self.ball_radius * self.ball_radius),
+            inertia_fall: self.ball_inertia * self.kappa_i,
+            per_racket_mass: 1.0 / self.racket_mass,
+            per_mass: 1.0 / self.ball_mass + 1.0 / self.racket_mass,
+            per_inertia_x: 1.0 / self.inertia_x,
+            per_inertia_y: 1.0 / self.inertia_y,
+            per_inertia_z: 1.0 / self.inertia_z,
+            gyro_x: self.inertia_z - self.inertia_y,
+            gyro_y: self.inertia_x - self.inertia_z,
+            gyro_z: self.inertia_y - self.inertia_x,
+            per_side_damping: inverse(self.c_t),
+            per_mode_mass: inverse(self.mode_mass),
+            per_torsion_inertia: inverse(self.torsion_inertia),
         }
     }
 

@@ -16,6 +16,7 @@ mod kernel;
 mod lane;
 mod lanes;
 mod laws;
+mod number;
 mod run;
 mod tableau;
 

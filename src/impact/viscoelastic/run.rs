@@ -90,9 +90,9 @@ pub(crate) fn run(ready: &Ready, steps: f64) -> Result<Run, ModelError> {
     let mut observe = |time: f64, s: &[f64; WHOLE], signs: &super::kernel::Signs| {
         let now = inertia * (1.0 - kappa * (signs.approach - s[STRINGS]).clamp(0.0, radius));
         let spin = [s[SPIN] / now, s[SPIN + 1] / now];
-        course.push(Moment { time, force: signs.force, approach: signs.approach, deflection: s[STRINGS], slip: signs.slip, spin });
+        course.push(Moment { time, force: signs.force, approach: signs.approach, deflection: s[STRINGS], slip: [signs.slip_x, signs.slip_y], spin });
     };
-    let end = step_all::<WHOLE, 1, true>(std::slice::from_ref(&job), &mut observe).pop().unwrap_or(Err(ModelError::NotFinite))?;
+    let end = step_all::<f64, WHOLE, true>(0.0, std::slice::from_ref(&job), &mut observe).pop().unwrap_or(Err(ModelError::NotFinite))?;
     let output = job.output(&end);
     let (k, s, side) = (&job.laws, &end.state, job.side);
     let inertia = Vector3::new(k.inertia_x, k.inertia_y, k.inertia_z);

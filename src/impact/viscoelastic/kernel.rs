@@ -197,15 +197,15 @@ pub(super) fn rates<T: Number, const S: usize>(s: &[T; S], k: &Laws<T>, c: &Cons
         // Haake: shell lands at the contact's rim with u + g.p (p: place on the rim, g: gradient by the spin relative to the
         // face) at the rate rho (u (r - x) + r g.p); its moment, to first order in g, is pi rho a^2 u (2 r - x) g.
         rim = k.flux_offset * area * u.positive_part() * (r0 * 2.0 - x) * c.resting_per_area;
-        moment = [
-            qy * pressed[2] - rim * (spin[0] - o[0]),
-            -(qx * pressed[2]) - rim * (spin[1] - o[1]),
-            qx * pressed[1] - qy * pressed[0],
-        ];
+        moment = [qy * pressed[2] - rim * (spin[0] - o[0]), -(qx * pressed[2]) - rim * (spin[1] - o[1]), qx * pressed[1] - qy * pressed[0]];
     }
     // Racket and ball turned by the normal force alone; body axes turn: subtract Omega x L.
     let gyro = [o[1] * o[2] * gyro[0], o[2] * o[0] * gyro[1], o[0] * o[1] * gyro[2]];
-    let turning = if full { minus(minus(torque, moment), plus(cross(place, pressed), gyro)) } else { [-(place[1] * pressed[2]) - gyro[0], place[0] * pressed[2] - gyro[1], -gyro[2]] };
+    let turning = if full {
+        minus(minus(torque, moment), plus(cross(place, pressed), gyro))
+    } else {
+        [-(place[1] * pressed[2]) - gyro[0], place[0] * pressed[2] - gyro[1], -gyro[2]]
+    };
     let turned = each(turning, per_inertia);
     let carried = cross(o, l);
     let spun = if full { plus(cross(foot, pressed), minus(moment, carried)) } else { [-carried[0], -carried[1], -carried[2]] };

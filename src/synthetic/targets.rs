@@ -37,6 +37,8 @@ pub struct Board {
     pub fault: Option<BoardFault>,
     /// Camera that suffers from `PartlyOut` or `Missing`.
     pub faulty_camera: usize,
+    /// How far the middle stands out of the plane of the edges, m: no board is quite flat.
+    pub bow_m: f64,
 }
 
 impl Board {
@@ -73,7 +75,7 @@ impl Board {
             let facing = Rotation3::from_matrix_unchecked(nalgebra::Matrix3::from_columns(&[-Vector3::z(), -Vector3::y(), -Vector3::x()]));
             let turned = facing * Rotation3::from_euler_angles(pitch, yaw, roll);
             let pose = Isometry3::from_parts(Translation3::from(centre.coords), UnitQuaternion::from_rotation_matrix(&turned));
-            let board = Board { pose, fault, faulty_camera };
+            let board = Board { pose, fault, faulty_camera, bow_m: 0.0 };
             let inside = [0, 1].map(|c| board.corners_in(&views[c]).iter().flatten().count());
             let whole = COLUMNS * ROWS;
             let margin = |view: &View| {
@@ -144,7 +146,12 @@ impl Board {
         draw_region(view, &points, 2.5, look, light, |direction, instant| {
             let d = turns[instant] * direction;
             let depth = -eyes[instant].z / d.z;
-            let p = eyes[instant] + d * depth;
+            let mut p = eyes[instant] + d * depth;
+            if self.bow_m != 0.0 {
+                // The bow is a few tenths of a millimetre: where the ray meets the plane is where it is high enough.
+                let height = self.bow_m * (1.0 - 0.5 * ((p.x / half.x).powi(2) + (p.y / half.y).powi(2)));
+                p += d * (height / d.z);
+            }
             if depth > 0.0 { colour(p.x, p.y) } else { None }
         });
     }

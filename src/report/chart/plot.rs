@@ -221,7 +221,7 @@ impl Chart {
     fn slant_drop(&self) -> f64 {
         let widest = self.x.categories.iter().map(|c| text_width(c, TEXT)).fold(0.0, f64::max);
         let room = (self.width - 70.0) / self.x.categories.len().max(1) as f64;
-        if self.x.hidden || widest <= room { 0.0 } else { 0.62 * widest.min(SLANTED_WIDTH) - TEXT }
+        if self.x.hidden || widest <= room { 0.0 } else { 0.62 * widest.min(SLANTED_WIDTH) }
     }
 
     fn draw_axes(&self, svg: &mut Svg, p: &Plane) {

@@ -246,6 +246,10 @@ fn law_mirror_and_turned_scene() {
             let first = model.effect_parameters(card.name).start;
             model.set_at(first + k, 0.5 * p.typical).unwrap();
         }
+        if card.name == "air-flight" {
+            // Gravity is mirrored with the rest of the scene.
+            model.set("air-flight.gravity_y", 0.0).unwrap();
+        }
         for (a, b) in predict(&model, &inputs).iter().zip(predict(&model, &mirrored)) {
             let back = ImpactOutput {
                 ball_velocity: mirror(&b.ball_velocity),

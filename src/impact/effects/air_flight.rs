@@ -1,4 +1,4 @@
-//! `air-flight`: drag and lift between the measured frames and the impact.
+//! `air-flight`: drag, lift and gravity between the measured frames and the impact.
 
 use super::Effect;
 use crate::impact::body::Body;
@@ -9,16 +9,19 @@ use nalgebra::Vector3;
 pub(super) static CARD: EffectCard = EffectCard {
     name: "air-flight",
     kind: EffectKind::Physics,
-    physics: "The ball is seen over a window of frames before and after the impact, and drag and Magnus lift change its velocity \
+    physics: "The ball is seen over a window of frames before and after the impact, and drag, Magnus lift and gravity change its velocity \
               between the window's middle and the contact. The measured velocities are therefore not those at the contact.",
-    equation: "dv/dt = -(rho A/2m) C_D |v| v + (rho A/2m) C_L |v|^2 (w/|w| x v/|v|), over delay_s; C_D 0.507, C_L = 1/(2.202 + 0.981 |v|/(r |w|))",
+    equation: "dv/dt = -(rho A/2m) C_D |v| v + (rho A/2m) C_L |v|^2 (w/|w| x v/|v|) + g, over delay_s; C_D 0.507, C_L = 1/(2.202 + 0.981 |v|/(r |w|))",
     parameters: &[
         ParameterCard::strength("delay_s", "s", "from the window's middle to the contact, before and after", 5e-3, (-0.1, 0.1), 5e-3),
         ParameterCard::shape("drag", "", "drag coefficient", 0.507, (0.0, 2.0), 0.05),
+        ParameterCard::shape("gravity_x", "m/s^2", "gravity along the racket, toward the handle", 0.0, (-9.9, 9.9), 2.0),
+        ParameterCard::shape("gravity_y", "m/s^2", "across the face (default: face upright, handle level, as in a forehand)", -9.81, (-9.9, 9.9), 2.0),
+        ParameterCard::shape("gravity_z", "m/s^2", "along the face's normal", 0.0, (-9.9, 9.9), 2.0),
     ],
     source: "Cross and Lindsey (free flight, C_D 0.507 +/- 0.024); Stepanek 1988 (lift)",
-    signature: "Rebound (and approach) speeds low by 0.3 % in proportion to speed squared; heavy spin deflects; gravity is left out (the \
-                face's attitude is not in the table).",
+    signature: "Rebound (and approach) speeds low by 0.3 % in proportion to speed squared; heavy spin deflects; gravity adds 0.05 m/s in 5 ms to \
+                every ball alike (the face's attitude is not in the table: say where down is).",
     confused_with: &["ball-damping", "time-base-error", "scale-error"],
     separated_by: "fit the flight itself instead of a straight line",
     bases: Bases { rigid: "acts on the observation", viscoelastic: "acts on the observation" },
@@ -28,8 +31,13 @@ pub(super) static CARD: EffectCard = EffectCard {
 /// Density of air, kg/m³.
 const AIR: f64 = 1.2;
 
-/// Acceleration of the ball by the air, m/s².
-fn flight(body: &Body, v: &Vector3<f64>, spin: &Vector3<f64>, drag: f64) -> Vector3<f64> {
+/// Change of the ball's velocity over the delay, m/s; `p` as on the card.
+fn flown(p: &[f64], body: &Body, v: &Vector3<f64>, spin: &Vector3<f64>) -> Vector3<f64> {
+    (acceleration_by_air(body, v, spin, p[1]) + Vector3::new(p[2], p[3], p[4])) * p[0]
+}
+
+/// m/s².
+fn acceleration_by_air(body: &Body, v: &Vector3<f64>, spin: &Vector3<f64>, drag: f64) -> Vector3<f64> {
     let (speed, rate) = (v.norm(), spin.norm());
     let per_speed_squared = AIR * std::f64::consts::PI * body.ball_radius * body.ball_radius / (2.0 * body.ball_mass);
     let mut a = -per_speed_squared * drag * speed * v;
@@ -45,10 +53,28 @@ struct AirFlight;
 
 impl Effect for AirFlight {
     fn true_input(&self, p: &[f64], body: &Body, input: &mut ImpactInput) {
-        input.ball_velocity += flight(body, &input.ball_velocity, &input.ball_spin, p[1]) * p[0];
+        input.ball_velocity += flown(p, body, &input.ball_velocity, &input.ball_spin);
     }
 
     fn observed_output(&self, p: &[f64], body: &Body, _: &ImpactInput, output: &mut ImpactOutput) {
-        output.ball_velocity += flight(body, &output.ball_velocity, &output.ball_spin, p[1]) * p[0];
+        output.ball_velocity += flown(p, body, &output.ball_velocity, &output.ball_spin);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::impact::rigid::tests::reference_equipment;
+
+    /// Physics reference, D.17: at 33 m/s drag is 19.8 m/s², at 1125 rpm Magnus lift 3.7 m/s²; gravity is itself.
+    #[test]
+    fn truth_published_accelerations() {
+        let (racket, ball) = reference_equipment();
+        let body = Body::new(&racket, &ball).expect("valid");
+        let v = Vector3::new(0.0, 0.0, 33.0);
+        let at = |spin: f64, gravity: f64| flown(&[1.0, 0.507, 0.0, gravity, 0.0], &body, &v, &Vector3::new(spin, 0.0, 0.0));
+        assert!((at(0.0, 0.0).z + 19.8).abs() < 0.3, "{}", at(0.0, 0.0));
+        assert!((at(117.8, 0.0).y + 3.7).abs() < 0.2, "{}", at(117.8, 0.0));
+        assert!((at(0.0, -9.81).y + 9.81).abs() < 1e-12);
     }
 }

@@ -135,3 +135,64 @@ fn agrees_output_sd_with_monte_carlo() {
         }
     }
 }
+
+/// What `compare`, `fit` and `diagnose` gain from differences over one deviation of each input: the variance that inputs carry
+/// into an outcome, against the scatter of 4000 draws, where the scatter crosses from sticking to sliding and where it does not.
+#[test]
+fn agrees_with_scatter_across_the_edge_of_sticking() {
+    use rand::SeedableRng;
+    use rand_distr::{Distribution, StandardNormal};
+    const SD: [f64; INPUTS.len()] = [0.1, 0.1, 0.1, 8.0, 8.0, 8.0, 0.08, 0.08, 0.08, 0.6, 0.6, 0.6, 0.0015, 0.0015, 0.0];
+    let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(5);
+    // Sum of ln(variance told / variance seen) and of its square, and how many, by derivative and by difference.
+    let mut tally = [[[0.0f64; 3]; 2]; 2];
+    for share in [0.9, 0.97, 1.0, 1.03, 1.1, 2.0] {
+        for k in 0..20 {
+            let input = oblique(f64::from(k) - 20.5);
+            // `share` of the friction with which this impact just sticks.
+            let gripping = sensitivity(&rigid(5.0)).centre.predict(&input).expect("contact");
+            let change = gripping.ball_velocity - input.ball_velocity;
+            let friction = share * change.xy().norm() / change.z;
+            let s = sensitivity(&rigid(friction));
+            let columns = input.as_columns();
+            let moved = |by: &dyn Fn(usize) -> f64| {
+                let c: [f64; INPUTS.len()] = std::array::from_fn(|j| columns[j] + by(j));
+                s.centre.predict(&ImpactInput::from_columns(&c, 0.0)).expect("contact").as_vector()
+            };
+            let told = [
+                s.at(&input).expect("contact").output_sd(&SD).map(|sd| sd * sd),
+                (0..INPUTS.len()).fold([0.0; OUTPUTS.len()], |sum, j| {
+                    let (up, down) = (moved(&|i| if i == j { SD[j] } else { 0.0 }), moved(&|i| if i == j { -SD[j] } else { 0.0 }));
+                    std::array::from_fn(|n| sum[n] + if n < 12 { (0.5 * (up[n] - down[n])).powi(2) } else { 0.0 })
+                }),
+            ];
+            // The ball's spin across the flight is what tells sticking from sliding.
+            let column = 3;
+            let mut draws = Vec::new();
+            let mut stuck = 0;
+            for _ in 0..4000 {
+                let by: [f64; INPUTS.len()] = std::array::from_fn(|j| { let z: f64 = StandardNormal.sample(&mut rng); z * SD[j] });
+                let out = moved(&|j| by[j]);
+                let c: [f64; INPUTS.len()] = std::array::from_fn(|j| columns[j] + by[j]);
+                let at = crate::impact::rigid::Contact::new(s.centre.body(), &ImpactInput::from_columns(&c, 0.0)).expect("contact");
+                let body = s.centre.body();
+                let laws = crate::impact::rigid::Laws::new(0.8, friction, Sliding::FirstTouch, body.ball_radius, body.ball_inertia);
+                stuck += usize::from(crate::impact::rigid::collide(&at, &laws, &|_, _, _| {}).0.regime == crate::impact::rigid::Regime::Stick);
+                draws.push(out[column]);
+            }
+            let mean = draws.iter().sum::<f64>() / 4000.0;
+            let seen = draws.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / 3999.0;
+            let edge = usize::from((400..3600).contains(&stuck));
+            for (method, t) in told.iter().enumerate() {
+                let ratio = (t[column] / seen).ln();
+                let sum = &mut tally[edge][method];
+                *sum = [sum[0] + ratio, sum[1] + ratio * ratio, sum[2] + 1.0];
+            }
+        }
+    }
+    for (edge, name) in ["away from the edge", "across the edge"].into_iter().enumerate() {
+        let [a, b] = tally[edge].map(|t| ((t[0] / t[2]).exp(), (t[1] / t[2]).sqrt(), t[2]));
+        println!("{name}: {} impacts; told over seen variance, mean and scatter: derivative {:.3}, {:.3}; difference {:.3}, {:.3}", a.2, a.0, a.1, b.0, b.1);
+        assert!(a.2 > 30.0 && (b.0 - 1.0).abs() < 0.08 && b.1 < if edge == 0 { 0.1 } else { 0.6 * a.1 }, "{name}: {a:?} {b:?}");
+    }
+}

@@ -67,6 +67,12 @@ impl ImpactInput {
 }
 
 impl ImpactOutput {
+    /// From the 13 columns of [`crate::impact_table::OUTPUTS`], with a contact time.
+    pub fn from_columns(c: &[f64; 13]) -> Self {
+        let v = |i: usize| Vector3::new(c[i], c[i + 1], c[i + 2]);
+        ImpactOutput { ball_velocity: v(0), ball_spin: v(3), racket_velocity: v(6), racket_rate: v(9), contact_time: Some(c[12]) }
+    }
+
     /// The 13 outputs in the order of [`crate::impact_table::OUTPUTS`]; the contact time is `None` for the rigid base.
     pub fn as_columns(&self) -> [Option<f64>; 13] {
         let mut c = [None; 13];

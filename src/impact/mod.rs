@@ -19,6 +19,7 @@ pub mod beam;
 pub mod body;
 pub mod card;
 pub mod closed_form;
+mod dual;
 pub mod effects;
 mod error;
 pub mod expression;

@@ -41,6 +41,15 @@ fn check_input(input: &ImpactInput) -> Result<(), ModelError> {
     Ok(())
 }
 
+/// A visco-elastic impact between its two observations: the true input, the bodies, the contact's input at the true centre of
+/// mass, its laws.
+pub(crate) struct Staged {
+    truth: ImpactInput,
+    body: Body,
+    pub contact: ImpactInput,
+    pub laws: viscoelastic::Laws,
+}
+
 /// A model with everything that does not depend on the single impact computed once.
 #[derive(Debug, Clone)]
 pub struct PreparedModel {
@@ -222,6 +231,26 @@ impl PreparedModel {
         let truth = self.true_input(input)?;
         let body = if self.body_varies { self.body_at(&truth)? } else { self.body.clone() };
         viscoelastic::run(&self.ready(contact(&body, truth)?), steps.clamp(16.0, 1e5))
+    }
+
+    /// All that happens before a visco-elastic contact is stepped.
+    pub(crate) fn stage(&self, input: &ImpactInput) -> Result<Staged, ModelError> {
+        let truth = self.true_input(input)?;
+        let body = if self.body_varies { self.body_at(&truth)? } else { self.body.clone() };
+        let ready = self.ready(contact(&body, truth)?);
+        let (contact, laws) = (ready.at.input, ready.laws);
+        Ok(Staged { truth, body, contact, laws })
+    }
+
+    /// The contact's outcome and its derivatives along `slopes`.
+    pub(crate) fn differentiate(&self, staged: &Staged, slopes: &[viscoelastic::Slope]) -> Result<(ImpactOutput, Vec<[f64; 13]>), ModelError> {
+        let ready = Ready { at: Contact::new(&staged.body, &staged.contact)?, laws: staged.laws };
+        viscoelastic::differentiate(&ready, self.steps.max(viscoelastic::DERIVATIVE_STEPS), slopes)
+    }
+
+    /// All that happens after the contact.
+    pub(crate) fn conclude(&self, staged: &Staged, output: ImpactOutput) -> Result<ImpactOutput, ModelError> {
+        self.finish(&staged.truth, self.after_contact(&Contact::new(&staged.body, &staged.contact)?, output))
     }
 
     /// [`PreparedModel::run`] with as many steps as close the ledger to 1e-9 J.

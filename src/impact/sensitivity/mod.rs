@@ -1,12 +1,12 @@
 //! Derivatives of the outcome by inputs and parameters, and the uncertainty that inputs carry into a prediction.
 //!
-//! The rigid base alone is differentiated exactly, in dual numbers. With effects, and in the visco-elastic base, central
-//! differences at three steps are extrapolated (Romberg); the last correction bounds their error. Where that error does not
-//! fall with the step the outcome has an edge there (stick against slide), which is reported instead of a number nobody can
-//! trust.
+//! The rigid base alone and every visco-elastic contact are differentiated exactly, in dual numbers. In the rigid base with
+//! effects central differences at three steps are extrapolated (Romberg); the last correction bounds their error. Where that
+//! error does not fall with the step the outcome has an edge there (stick against slide), which is reported instead of a number
+//! nobody can trust.
 
-mod dual;
 mod rigid;
+mod viscoelastic;
 
 use super::body::Body;
 use super::error::ModelError;
@@ -41,7 +41,7 @@ pub struct Sensitivities {
     pub by_parameter: Vec<Column>,
     /// Inputs and parameters across which the outcome has an edge here; their rows hold the mean slope over the edge.
     pub edges: Vec<String>,
-    /// Whether the derivatives are exact (dual numbers).
+    /// Whether all derivatives but those at edges come from dual numbers.
     pub exact: bool,
 }
 
@@ -75,7 +75,13 @@ impl SensitivityModel {
     /// # Errors
     /// As [`PreparedModel::predict`].
     pub fn at(&self, input: &ImpactInput) -> Result<Sensitivities, ModelError> {
-        if self.exact { self.exactly(input) } else { self.numerically(input) }
+        if self.exact {
+            self.exactly(input)
+        } else if self.model.base() == Base::Viscoelastic {
+            self.through_contact(input)
+        } else {
+            self.numerically(input)
+        }
     }
 
     fn exactly(&self, input: &ImpactInput) -> Result<Sensitivities, ModelError> {

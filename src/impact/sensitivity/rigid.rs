@@ -1,7 +1,7 @@
 //! The rigid base (contract, section 7) once more, in dual numbers: outcome with its exact derivatives.
 
-use super::dual::{Dual, Vector, cross, minus, plus};
 use crate::impact::body::Body;
+use crate::impact::dual::{Dual, Vector, cross, minus, plus};
 use crate::impact::error::ModelError;
 use crate::impact::input::ImpactInput;
 use crate::impact::rigid::Contact;

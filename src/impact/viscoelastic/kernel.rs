@@ -126,8 +126,7 @@ pub(super) fn rates<T: Number, const S: usize>(s: &[T; S], k: &Laws<T>, c: &Cons
     let relative = contact * (1.0 / REFERENCE_AREA);
     let (mut growth, mut stiffening) = (relative * relative, x * x);
     if whole {
-        growth = T::choose(k.beta_c.less(k.beta_c.same(2.0)) | k.beta_c.same(2.0).less(k.beta_c), relative.power(k.beta_c), growth);
-        stiffening = T::choose(k.alpha.less(k.alpha.same(2.0)) | k.alpha.same(2.0).less(k.alpha), x.power(k.alpha), stiffening);
+        (growth, stiffening) = (relative.power(k.beta_c), x.power(k.alpha));
     }
     let mut onset = (x * (1.0 / ONSET)).smaller(one);
     if full {

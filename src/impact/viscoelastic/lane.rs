@@ -104,6 +104,18 @@ fn watch(kind: usize, lane: &Lane, end: &Signs, landing: &Landing) -> (f64, f64,
     }
 }
 
+/// What vanishes at a kink of kind `kind`, for a contact that runs through modes `mode`.
+pub(super) fn vanishing<T: Number>(kind: usize, by_displacement: bool, mode: &Mode, end: &Signs<T>) -> T {
+    match kind {
+        0 if by_displacement => end.approach,
+        1 => end.onset,
+        2 => end.compressing,
+        3 => end.slip_x * mode.direction_x + end.slip_y * mode.direction_y,
+        4 => end.grip_left,
+        _ => end.force,
+    }
+}
+
 #[inline(always)]
 fn changes<T: Number>(a: T, b: T, landing: f64) -> T::Mask {
     a.same(landing).less(a.size()) & (a * b).less(a.same(0.0))
@@ -111,8 +123,9 @@ fn changes<T: Number>(a: T, b: T, landing: f64) -> T::Mask {
 
 /// What a lane does after a step.
 pub(super) enum Verdict {
-    /// Take the step; `true`: the mode has changed, the rates at its end must be computed anew.
-    Accept(bool),
+    /// Take the step; whether the mode has changed, so that the rates at its end must be computed anew; which kind of kink it
+    /// has ended at.
+    Accept(bool, Option<usize>),
     /// Do it again with the lane's new step.
     Again,
     /// Last contact, or an error.
@@ -265,7 +278,7 @@ impl Lane {
         let before = self.mode.stick;
         self.change_mode(end);
         self.accept(end, deflection);
-        Verdict::Accept(self.mode.stick != before)
+        Verdict::Accept(self.mode.stick != before, None)
     }
 
     fn first_kink(&self, end: &Signs, landing: &Landing) -> Option<(usize, f64, f64)> {
@@ -298,7 +311,7 @@ impl Lane {
             self.pace.slip_before = 0.0;
         }
         self.set_step();
-        Verdict::Accept(self.mode.stick != before)
+        Verdict::Accept(self.mode.stick != before, Some(kind))
     }
 
     /// Slide to stick, and what becomes of a creep. Where springs act, their own deflection says how friction does.

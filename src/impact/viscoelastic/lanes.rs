@@ -25,13 +25,31 @@ struct Task {
     hunt: Option<Hunt>,
 }
 
-/// Steps all jobs to their ends, as many side by side as `like` has lanes; `HIGH`: with order 8, one at a time, showing every
-/// step taken to `observe`.
+/// A step that a single lane has taken.
+pub(super) struct Taken<'a, const S: usize> {
+    /// At its end.
+    pub time: f64,
+    pub state: &'a [f64; S],
+    pub signs: &'a Signs,
+    pub step: f64,
+    /// During it.
+    pub mode: Mode,
+    /// At its end the rest of the slip is taken away.
+    pub stops: bool,
+    /// Which kind of kink it has ended at.
+    pub kink: Option<usize>,
+}
+
+/// Who watches a single lane.
+type Watch<'a, const S: usize> = Option<&'a mut dyn FnMut(&Taken<S>)>;
+
+/// Steps all jobs to their ends, as many side by side as `like` has lanes; `HIGH`: with order 8. A single lane shows every step
+/// it takes, and its start, to `watch`.
 #[inline(always)]
 pub(super) fn step_all<T: Number, const S: usize, const HIGH: bool>(
     like: T,
     jobs: &[Job<S>],
-    observe: &mut dyn FnMut(f64, &[f64; S], &Signs),
+    mut watch: Watch<S>,
 ) -> Vec<Result<End<S>, ModelError>> {
     let mut ends: Vec<Result<End<S>, ModelError>> = vec![Err(ModelError::NotFinite); jobs.len()];
     let Some(first) = jobs.first() else { return ends };
@@ -56,8 +74,8 @@ pub(super) fn step_all<T: Number, const S: usize, const HIGH: bool>(
             *task = Task { job: Some(next), hunt: None };
             next += 1;
             let (start, rate, begun) = begin(job);
-            if HIGH {
-                observe(0.0, &start, &begun.start);
+            if let Some(watch) = &mut watch {
+                watch(&Taken { time: 0.0, state: &start, signs: &begun.start, step: 0.0, mode: begun.mode, stops: false, kink: None });
             }
             lanes.set_lane(i, &begun);
             laws.set_lane(i, &job.laws);
@@ -96,8 +114,12 @@ pub(super) fn step_all<T: Number, const S: usize, const HIGH: bool>(
             }
         }
         let ordinary = looks.less(half);
-        if HIGH && looks.lane(0) < 0.5 {
-            observe(lanes.pace.time.lane(0) + step.lane(0), &end.map(|x| x.lane(0)), &seen.lane(0));
+        if let Some(watch) = &mut watch {
+            if looks.lane(0) < 0.5 {
+                let (time, step) = (lanes.pace.time.lane(0), step.lane(0));
+                let (state, signs) = (end.map(|x| x.lane(0)), seen.lane(0));
+                watch(&Taken { time: time + step, state: &state, signs: &signs, step, mode: lanes.mode.lane(0), stops: false, kink: None });
+            }
         }
         lanes.accept_where(ordinary, &seen, end[STRINGS]);
         for j in 0..S {
@@ -110,16 +132,18 @@ pub(super) fn step_all<T: Number, const S: usize, const HIGH: bool>(
                 continue;
             }
             let (mut lane, signs) = (lanes.lane(i), seen.lane(i));
+            let mode = lane.mode;
             let verdict = lane.judge(&mut task.hunt, &signs, end[STRINGS].lane(i), sum.lane(i).is_finite(), landing);
             lanes.set_lane(i, &lane);
-            let changed = match verdict {
+            let (changed, kink) = match verdict {
                 Verdict::Again => continue,
-                Verdict::Accept(changed) => changed,
-                Verdict::Done(_) => false,
+                Verdict::Accept(changed, kink) => (changed, kink),
+                Verdict::Done(_) => (false, Some(0)),
             };
             let mut now: [f64; S] = end.map(|x| x.lane(i));
-            if HIGH {
-                observe(lane.pace.time, &now, &signs);
+            if let Some(watch) = &mut watch {
+                let stops = changed && lane.mode.stick == STICK;
+                watch(&Taken { time: lane.pace.time, state: &now, signs: &signs, step: step.lane(i), mode, stops, kink });
             }
             if let Verdict::Done(result) = verdict {
                 ends[job] = result.map(|()| End {
@@ -177,7 +201,7 @@ fn begin<const S: usize>(job: &Job<S>) -> ([f64; S], [f64; S], Lane) {
         slip_before: slip,
         falling: 1.0,
         rise: 0.0,
-        slip_compliance: job.slip_compliance(),
+        slip_compliance: job.laws.slip_compliance(),
         mu: job.laws.mu,
         springs: flag(S > PLAIN && job.laws.k_tx > 0.0),
         by_displacement: flag(job.laws.by_displacement > 0.0),
@@ -251,7 +275,7 @@ pub(crate) fn collide_all(contacts: &[Ready], steps: f64) -> Vec<Result<ImpactOu
 fn collide_some<const S: usize>(contacts: &[Ready], which: &[usize], steps: f64, out: &mut [Result<ImpactOutput, ModelError>]) {
     let jobs: Vec<Job<S>> = which.iter().map(|&i| Job::new(&contacts[i].at, &contacts[i].laws, steps)).collect();
     // A single impact is not worth seven idle lanes.
-    let ends = if jobs.len() == 1 { step_all::<f64, S, false>(0.0, &jobs, &mut |_, _, _| {}) } else { pulp::Arch::new().dispatch(SideBySide(&jobs)) };
+    let ends = if jobs.len() == 1 { step_all::<f64, S, false>(0.0, &jobs, None) } else { pulp::Arch::new().dispatch(SideBySide(&jobs)) };
     for ((&i, job), end) in which.iter().zip(&jobs).zip(ends) {
         out[i] = end.map(|e| job.output(&e));
     }
@@ -265,6 +289,6 @@ impl<const S: usize> pulp::WithSimd for SideBySide<'_, S> {
     type Output = Vec<Result<End<S>, ModelError>>;
     #[inline(always)]
     fn with_simd<R: pulp::Simd>(self, simd: R) -> Self::Output {
-        step_all::<Wide<R>, S, false>(Wide::zero(simd), self.0, &mut |_, _, _| {})
+        step_all::<Wide<R>, S, false>(Wide::zero(simd), self.0, None)
     }
 }

@@ -2,7 +2,7 @@
 
 use super::contact_laws::{BallLaw, ContactLaws, FrictionDirection, NormalForce, Release};
 use super::kernel::DEEPEST;
-use super::number::side_by_side;
+use super::number::{Number, side_by_side};
 use crate::impact::body::Body;
 
 side_by_side! {
@@ -111,6 +111,35 @@ side_by_side! {
     }
 }
 
+impl<T: Number> Laws<T> {
+    pub(super) fn constants(&self) -> Constants<T> {
+        let (zero, one) = (self.ball_mass.same(0.0), self.ball_mass.same(1.0));
+        let inverse = |x: T| T::choose(zero.less(x), one / x, zero);
+        Constants {
+            deepest: self.ball_radius * DEEPEST,
+            resting_per_area: self.ball_mass / (self.ball_radius * self.ball_radius * 4.0),
+            inertia_fall: self.ball_inertia * self.kappa_i,
+            per_racket_mass: one / self.racket_mass,
+            per_mass: one / self.ball_mass + one / self.racket_mass,
+            per_inertia_x: one / self.inertia_x,
+            per_inertia_y: one / self.inertia_y,
+            per_inertia_z: one / self.inertia_z,
+            gyro_x: self.inertia_z - self.inertia_y,
+            gyro_y: self.inertia_x - self.inertia_z,
+            gyro_z: self.inertia_y - self.inertia_x,
+            per_side_damping: inverse(self.c_t),
+            per_mode_mass: inverse(self.mode_mass),
+            per_torsion_inertia: inverse(self.torsion_inertia),
+        }
+    }
+
+    /// Slip velocity per unit of tangential impulse at first touch, 1/kg.
+    pub(super) fn slip_compliance(&self) -> T {
+        let one = self.ball_mass.same(1.0);
+        one / self.ball_mass + one / self.racket_mass + self.ball_radius * self.ball_radius / self.ball_inertia
+    }
+}
+
 /// N s/m: a twentieth of the seed value.
 const LEAST_STRING_DAMPING: f64 = 0.1;
 
@@ -165,24 +194,10 @@ impl Laws {
         }
     }
 
-    pub(super) fn constants(&self) -> Constants {
-        let inverse = |x: f64| if x > 0.0 { 1.0 / x } else { 0.0 };
-        Constants {
-            deepest: DEEPEST * self.ball_radius,
-            resting_per_area: self.ball_mass / (4.0 * self.ball_radius * self.ball_radius),
-            inertia_fall: self.ball_inertia * self.kappa_i,
-            per_racket_mass: 1.0 / self.racket_mass,
-            per_mass: 1.0 / self.ball_mass + 1.0 / self.racket_mass,
-            per_inertia_x: 1.0 / self.inertia_x,
-            per_inertia_y: 1.0 / self.inertia_y,
-            per_inertia_z: 1.0 / self.inertia_z,
-            gyro_x: self.inertia_z - self.inertia_y,
-            gyro_y: self.inertia_x - self.inertia_z,
-            gyro_z: self.inertia_y - self.inertia_x,
-            per_side_damping: inverse(self.c_t),
-            per_mode_mass: inverse(self.mode_mass),
-            per_torsion_inertia: inverse(self.torsion_inertia),
-        }
+    /// Whether both have the same parts: sideways springs, frame modes.
+    pub(crate) fn has_parts_of(&self, other: &Laws) -> bool {
+        let parts = |l: &Laws| [l.k_tx > 0.0, l.k_ty > 0.0, l.mode_mass > 0.0, l.torsion_inertia > 0.0];
+        parts(self) == parts(other)
     }
 
     /// True when stiffening and damping grow with squares: no powers to take.

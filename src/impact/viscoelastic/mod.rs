@@ -19,6 +19,7 @@ mod laws;
 mod number;
 mod run;
 mod tableau;
+mod tangent;
 
 #[cfg(test)]
 mod tests;
@@ -29,3 +30,4 @@ pub use run::{Ledger, Moment, Run};
 
 pub(crate) use lanes::{DEFAULT_STEPS, Ready, collide_all};
 pub(crate) use run::{RUN_STEPS, run};
+pub(crate) use tangent::{DERIVATIVE_STEPS, Slope, differentiate};

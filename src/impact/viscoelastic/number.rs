@@ -3,6 +3,7 @@
 //! Written out for registers, because compilers find the lanes in code of this size only by luck. No operation is fused or
 //! reordered, so every kind of register gives the same bits.
 
+use crate::impact::dual::Dual;
 use pulp::Simd;
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Sub};
 
@@ -197,6 +198,33 @@ impl<R: Simd> Number for Wide<R> {
     }
 }
 
+impl<const N: usize> Number for Dual<N> {
+    type Mask = bool;
+    const LANES: usize = 1;
+
+    fn same(self, value: f64) -> Self {
+        Dual::constant(value)
+    }
+    fn sqrt(self) -> Self {
+        Dual::sqrt(self)
+    }
+    fn power(self, exponent: Self) -> Self {
+        Dual::power(self, exponent)
+    }
+    fn less(self, other: Self) -> bool {
+        self.value < other.value
+    }
+    fn choose(mask: bool, a: Self, b: Self) -> Self {
+        if mask { a } else { b }
+    }
+    fn lane(&self, _: usize) -> f64 {
+        self.value
+    }
+    fn set_lane(&mut self, _: usize, value: f64) {
+        *self = Dual::constant(value);
+    }
+}
+
 /// A record of numbers of one impact, and the same of several side by side, field by field.
 macro_rules! side_by_side {
     ($(#[$meta:meta])* $vis:vis struct $name:ident { $($(#[$field_meta:meta])* $field:ident),* $(,)? }) => {
@@ -222,6 +250,21 @@ macro_rules! side_by_side {
             #[inline(always)]
             pub(super) fn set_lane(&mut self, i: usize, one: &$name) {
                 $(self.$field.set_lane(i, one.$field);)*
+            }
+
+            /// One impact's record with its derivatives in up to `N` directions.
+            pub(super) fn with_slopes<const N: usize>(one: &$name, slopes: &[$name]) -> $name<$crate::impact::dual::Dual<N>> {
+                $name {
+                    $($field: $crate::impact::dual::Dual {
+                        value: one.$field,
+                        slope: std::array::from_fn(|k| slopes.get(k).map_or(0.0, |s| s.$field)),
+                    },)*
+                }
+            }
+
+            /// Two impacts' records, number by number.
+            pub(crate) fn combine(a: &$name, b: &$name, with: impl Fn(f64, f64) -> f64) -> $name {
+                $name { $($field: with(a.$field, b.$field),)* }
             }
 
             /// The other's numbers where the mask holds.

@@ -1,8 +1,8 @@
 //! One impact with its ledger: where momentum and energy went.
 
-use super::job::{Job, mode_push};
+use super::job::Job;
 use super::kernel::{LEDGER, MODE, POSITION, RATE, SIDEWAYS, SPIN, STRINGS, TORSION, WHOLE};
-use super::lanes::{Ready, step_all};
+use super::lanes::{Ready, Taken, step_all};
 use crate::impact::error::ModelError;
 use crate::impact::input::ImpactOutput;
 use nalgebra::Vector3;
@@ -87,12 +87,13 @@ pub(crate) fn run(ready: &Ready, steps: f64) -> Result<Run, ModelError> {
     let job = Job::<WHOLE>::new(&ready.at, &ready.laws, steps);
     let mut course = Vec::new();
     let (radius, inertia, kappa) = (ready.laws.ball_radius, ready.laws.ball_inertia, ready.laws.kappa_i);
-    let mut observe = |time: f64, s: &[f64; WHOLE], signs: &super::kernel::Signs| {
+    let mut observe = |taken: &Taken<WHOLE>| {
+        let (time, s, signs) = (taken.time, taken.state, taken.signs);
         let now = inertia * (1.0 - kappa * (signs.approach - s[STRINGS]).clamp(0.0, radius));
         let spin = [s[SPIN] / now, s[SPIN + 1] / now];
         course.push(Moment { time, force: signs.force, approach: signs.approach, deflection: s[STRINGS], slip: [signs.slip_x, signs.slip_y], spin });
     };
-    let end = step_all::<f64, WHOLE, true>(0.0, std::slice::from_ref(&job), &mut observe).pop().unwrap_or(Err(ModelError::NotFinite))?;
+    let end = step_all::<f64, WHOLE, true>(0.0, std::slice::from_ref(&job), Some(&mut observe)).pop().unwrap_or(Err(ModelError::NotFinite))?;
     let output = job.output(&end);
     let (k, s, side) = (&job.laws, &end.state, job.side);
     let inertia = Vector3::new(k.inertia_x, k.inertia_y, k.inertia_z);
@@ -102,7 +103,7 @@ pub(crate) fn run(ready: &Ready, steps: f64) -> Result<Run, ModelError> {
     let kinetic = |vb: &Vector3<f64>, l: &Vector3<f64>, ib: f64, vr: &Vector3<f64>, rate: &Vector3<f64>| {
         0.5 * (m * vb.norm_squared() + l.norm_squared() / ib + mass * vr.norm_squared() + rate.component_mul(&inertia).dot(rate))
     };
-    let approach = k.ball_radius - side * s[POSITION + 2] + mode_push(s, k, side);
+    let approach = k.ball_radius - side * s[POSITION + 2] + job.mode_push(s);
     let x = approach - s[STRINGS];
     let ball_inertia = k.ball_inertia * (1.0 - k.kappa_i * x.max(0.0));
     let xs = s[STRINGS];
@@ -122,7 +123,7 @@ pub(crate) fn run(ready: &Ready, steps: f64) -> Result<Run, ModelError> {
     let turn = turn_of(s);
     let com_start = Vector3::new(k.com_x, 0.0, 0.0);
     let centre_start = com_start + m / total * v(&job.state, POSITION);
-    let centre = centre_start + job.momentum / total * end.time + 0.5 * push / total * end.time * end.time;
+    let centre = centre_start + Vector3::from(job.momentum) / total * end.time + 0.5 * push / total * end.time * end.time;
     let racket_end = centre - m / total * (turn * v(s, POSITION));
     let ball_end = racket_end + turn * v(s, POSITION);
     let ball_start = com_start + v(&job.state, POSITION);

@@ -25,9 +25,16 @@ impl<const N: usize> Dual<N> {
         Dual { value, slope: self.slope.map(|s| derivative * s) }
     }
 
+    /// At 0, where there is no slope, with none.
     pub fn sqrt(self) -> Self {
         let root = self.value.sqrt();
-        self.chain(root, 0.5 / root)
+        self.chain(root, if root > 0.0 { 0.5 / root } else { 0.0 })
+    }
+
+    /// A number that is not negative to a power; at 0, where there may be no slope, with none.
+    pub fn power(self, exponent: Self) -> Self {
+        let value = self.value.powf(exponent.value);
+        if self.value > 0.0 { self.with(exponent, value, exponent.value * value / self.value, value * self.value.ln()) } else { Self::constant(value) }
     }
 
     pub fn recip(self) -> Self {
@@ -83,6 +90,13 @@ impl<const N: usize> Mul<f64> for Dual<N> {
     }
 }
 
+impl<const N: usize> Sub<f64> for Dual<N> {
+    type Output = Self;
+    fn sub(self, o: f64) -> Self {
+        self.chain(self.value - o, 1.0)
+    }
+}
+
 impl<const N: usize> Add<f64> for Dual<N> {
     type Output = Self;
     fn add(self, o: f64) -> Self {
@@ -112,8 +126,8 @@ mod tests {
     #[test]
     fn agrees_with_calculus() {
         let (x, y) = (Dual::<2>::variable(1.7, 0), Dual::<2>::variable(-0.6, 1));
-        let f = (x * x + y * 3.0).sqrt() / (y - x) + x.recip() * -2.0 + -y * (x + 0.25);
-        let value = |x: f64, y: f64| (x * x + 3.0 * y).sqrt() / (y - x) - 2.0 / x - y * (x + 0.25);
+        let f = (x * x + y * 3.0).sqrt() / (y - x) + x.recip() * -2.0 + -y * (x + 0.25) + x.power(y - 1.0);
+        let value = |x: f64, y: f64| (x * x + 3.0 * y).sqrt() / (y - x) - 2.0 / x - y * (x + 0.25) + x.powf(y - 1.0);
         let h = 1e-6;
         assert!((f.value - value(1.7, -0.6)).abs() < 1e-15);
         assert!((f.slope[0] - (value(1.7 + h, -0.6) - value(1.7 - h, -0.6)) / (2.0 * h)).abs() < 1e-8);

@@ -173,7 +173,10 @@ fn agrees_with_scatter_across_the_edge_of_sticking() {
             let mut draws = Vec::new();
             let mut stuck = 0;
             for _ in 0..4000 {
-                let by: [f64; INPUTS.len()] = std::array::from_fn(|j| { let z: f64 = StandardNormal.sample(&mut rng); z * SD[j] });
+                let by: [f64; INPUTS.len()] = std::array::from_fn(|j| {
+                    let z: f64 = StandardNormal.sample(&mut rng);
+                    z * SD[j]
+                });
                 let out = moved(&|j| by[j]);
                 let c: [f64; INPUTS.len()] = std::array::from_fn(|j| columns[j] + by[j]);
                 let at = crate::impact::rigid::Contact::new(s.centre.body(), &ImpactInput::from_columns(&c, 0.0)).expect("contact");

@@ -46,11 +46,7 @@ type Watch<'a, const S: usize> = Option<&'a mut dyn FnMut(&Taken<S>)>;
 /// Steps all jobs to their ends, as many side by side as `like` has lanes; `HIGH`: with order 8. A single lane shows every step
 /// it takes, and its start, to `watch`.
 #[inline(always)]
-pub(super) fn step_all<T: Number, const S: usize, const HIGH: bool>(
-    like: T,
-    jobs: &[Job<S>],
-    mut watch: Watch<S>,
-) -> Vec<Result<End<S>, ModelError>> {
+pub(super) fn step_all<T: Number, const S: usize, const HIGH: bool>(like: T, jobs: &[Job<S>], mut watch: Watch<S>) -> Vec<Result<End<S>, ModelError>> {
     let mut ends: Vec<Result<End<S>, ModelError>> = vec![Err(ModelError::NotFinite); jobs.len()];
     let Some(first) = jobs.first() else { return ends };
     let landing = if HIGH { &EXACT } else { &CLOSE };

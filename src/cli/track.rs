@@ -166,12 +166,15 @@ fn one(arguments: &Arguments, session: &Session, shot: &ShotFolder, rig: (&Stere
         // An earlier run's spin does not belong to these tracks.
         let _ = std::fs::remove_file(folder.join(SPIN_FILE));
     }
-    // track.json last: it says that the others are whole.
     let spin = spin.map(|s| (SPIN_FILE, spin_to_json(&s)));
-    let texts = [("points.csv", points_to_csv(&tracked.points)), ("tracks.csv", tracked.tracks.to_csv()), (TRACK_FILE, json)];
-    for (name, text) in spin.into_iter().chain(texts) {
-        shell.write(&folder.join(name), text.as_bytes()).map_err(Failure::All)?;
-    }
+    let write = |name: &str, text: &str| shell.write(&folder.join(name), text.as_bytes()).map_err(Failure::All);
+    let (points, tracks) = rayon::join(
+        || write("points.csv", &points_to_csv(&tracked.points)),
+        || write("tracks.csv", &tracked.tracks.to_csv()).and_then(|()| spin.map_or(Ok(()), |(name, text)| write(name, &text))),
+    );
+    points.and(tracks)?;
+    // track.json last: it says that the others are whole.
+    write(TRACK_FILE, &json)?;
     Ok(record.summary)
 }
 

@@ -78,8 +78,8 @@ impl BallShading {
 /// What a camera records across the outline: share of the surroundings, and of the ball, by distance from the outline.
 #[derive(Debug, Clone)]
 pub struct LimbProfile {
-    disc: Vec<f64>,
-    ball: Vec<[f64; SECTORS]>,
+    /// By place and sector, at the lower end of each step, with the slope over the step.
+    places: Vec<[Limb; SECTORS]>,
 }
 
 /// The profile at one place and its slope outward, 1/px.
@@ -124,21 +124,29 @@ impl LimbProfile {
             }
             ball.push(sum);
         }
-        LimbProfile { disc, ball }
+        let slope = |a: f64, b: f64| (b - a) / SPACING_PX;
+        let place = |i: usize| {
+            std::array::from_fn(|k| Limb {
+                disc: disc[i],
+                disc_slope: slope(disc[i], disc[i + 1]),
+                ball: ball[i][k],
+                ball_slope: slope(ball[i][k], ball[i + 1][k]),
+            })
+        };
+        LimbProfile { places: (0..n - 1).map(place).collect() }
     }
 
     /// At `x` px outside the outline (negative inside), in a sector; `None` beyond the profile's range.
     #[inline]
     pub fn at(&self, x: f64, sector: usize) -> Option<Limb> {
-        let f = (x - FROM_PX) / SPACING_PX;
+        let f = (x - FROM_PX) * (1.0 / SPACING_PX);
         if f < 0.0 {
             return None;
         }
         let i = f as usize;
-        let part = f - i as f64;
-        let (d0, d1) = (*self.disc.get(i)?, *self.disc.get(i + 1)?);
-        let (b0, b1) = (self.ball.get(i)?[sector], self.ball.get(i + 1)?[sector]);
-        Some(Limb { disc: d0 + part * (d1 - d0), disc_slope: (d1 - d0) / SPACING_PX, ball: b0 + part * (b1 - b0), ball_slope: (b1 - b0) / SPACING_PX })
+        let limb = self.places.get(i)?.get(sector)?;
+        let beyond = (f - i as f64) * SPACING_PX;
+        Some(Limb { disc: limb.disc + beyond * limb.disc_slope, ball: limb.ball + beyond * limb.ball_slope, ..*limb })
     }
 }
 

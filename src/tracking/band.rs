@@ -68,9 +68,14 @@ impl BandView {
         (px_per_m > 1e-6 && centre.norm().is_finite()).then_some(BandView { centre, along, px_per_m, radius_px, bow_px, bend })
     }
 
+    /// Unit vector across the tube in the image.
+    fn across(&self) -> Vector2<f64> {
+        Vector2::new(-self.along.y, self.along.x)
+    }
+
     /// Image position of a place on the band: `t` px along the tube, `s` px across.
     pub fn place(&self, t: f64, s: f64) -> Vector2<f64> {
-        self.centre + self.along * t + Vector2::new(-self.along.y, self.along.x) * (s + self.bend * t * t)
+        self.centre + self.along * t + self.across() * (s + self.bend * t * t)
     }
 
     /// White less black, grey levels, with the band moved by (`t`, `s`) px: the mean of a few places on the white band less
@@ -79,7 +84,7 @@ impl BandView {
         let white = shape.white_half_m * self.px_per_m;
         let black = white + 0.5 * shape.black_m * self.px_per_m;
         let side = 0.45 * self.radius_px;
-        let shift = self.along * t + Vector2::new(-self.along.y, self.along.x) * s;
+        let shift = self.along * t + self.across() * s;
         let mean = |places: &[(f64, f64)]| -> Option<f64> {
             let mut sum = 0.0;
             for (a, b) in places {
@@ -126,6 +131,10 @@ pub struct BandFit {
 /// Residuals up to this share of the contrast are the model's own (tape not evenly white, pixels of finite size).
 const MISFIT: f64 = 0.1;
 const ROUNDS: usize = 8;
+/// A last step below this ends a fit, px.
+const SETTLED_PX: f64 = 0.005;
+/// A band this far from where its pixels were gathered is looked at anew, px.
+const LOOK_AGAIN_PX: f64 = 0.5;
 
 /// Fits the band's place, starting `start` px (along, across) from the expected one. `None` when the band leaves the
 /// picture, runs away by more than its own size, or the picture does not determine the place.
@@ -143,86 +152,95 @@ fn fit_in(pixels: &mut BandPixels, image: &GreyView, band: &BandView, shape: &Ba
     }
     let black_end = white_half + (0.8 * shape.black_m * band.px_per_m).max(1.5);
     let side = band.radius_px + 2.5;
-    let across = Vector2::new(-band.along.y, band.along.x);
-    let blur = 1.0 / (shape.blur_px * std::f64::consts::SQRT_2);
-    let (mut t0, mut s0) = start;
-    let mut levels: Option<SVector<f64, LEVELS>> = None;
-    let mut scale = f64::INFINITY;
-    let mut out = None;
-    let corner = band.place(start.0, start.1);
-    let reach = black_end.hypot(side) + 1.0;
-    let (x0, x1) = ((corner.x - reach).floor() as i64, (corner.x + reach).ceil() as i64);
-    let (y0, y1) = ((corner.y - reach).floor() as i64, (corner.y + reach).ceil() as i64);
-    // How far the tube's own bend carries the band's ends across.
-    let bowed = band.bend.abs() * black_end * black_end;
+    let mut model = BandModel {
+        middle: start,
+        bend: band.bend,
+        white_half,
+        radius: band.radius_px,
+        bow: band.bow_px,
+        blur: 1.0 / (shape.blur_px * std::f64::consts::SQRT_2),
+        black_end,
+        levels: None,
+        scale: f64::INFINITY,
+    };
+    let mut looked_at = start;
+    gather(pixels, image, band, start, (black_end, side))?;
     for round in 0..ROUNDS {
-        pixels.clear();
-        for y in y0..=y1 {
-            let row = usize::try_from(y).ok().and_then(|y| image.row(y));
-            let (from, to) = reached(y as f64 - band.centre.y, (t0, black_end), (s0, side + bowed), band);
-            for x in from.max(x0)..=to.min(x1) {
-                let d = Vector2::new(x as f64, y as f64) - band.centre;
-                let t = d.dot(&band.along) - t0;
-                let s = d.dot(&across) - s0 - band.bend * t * t;
-                if t.abs() > black_end || s.abs() > side {
-                    continue;
-                }
-                pixels.push(t, s, *row?.get(usize::try_from(x).ok()?)?);
-            }
+        let (t0, s0) = model.middle;
+        if (t0 - looked_at.0).abs().max((s0 - looked_at.1).abs()) > LOOK_AGAIN_PX {
+            looked_at = model.middle;
+            gather(pixels, image, band, looked_at, (black_end, side))?;
         }
-        let model = BandModel { white_half, radius: band.radius_px, bow: band.bow_px, blur, black_end, levels: levels.map(Into::into), scale };
         let BandSums { jtj, jtr, weight, chi } = pixels.sums(&model);
         // Symmetric: rows may stand for columns.
         let (jtj, jtr) = (SMatrix::<f64, UNKNOWNS, UNKNOWNS>::from(jtj), SVector::<f64, UNKNOWNS>::from(jtr));
         if weight < 12.0 {
             return None;
         }
-        match &mut levels {
-            None => {
-                let mut h = jtj.fixed_view::<LEVELS, LEVELS>(2, 2).into_owned();
-                for i in 0..LEVELS {
-                    h[(i, i)] += 1e-3;
-                }
-                levels = Some(h.cholesky()?.solve(&jtr.fixed_rows::<LEVELS>(2).into_owned()));
+        let Some(levels) = &mut model.levels else {
+            let mut h = jtj.fixed_view::<LEVELS, LEVELS>(2, 2).into_owned();
+            for i in 0..LEVELS {
+                h[(i, i)] += 1e-3;
             }
-            Some(l) => {
-                let mut h = jtj;
-                for i in 0..UNKNOWNS {
-                    h[(i, i)] += 1e-3;
-                }
-                let step = h.cholesky()?.solve(&jtr);
-                let (dt, ds) = (step[0].clamp(-1.0, 1.0), step[1].clamp(-1.0, 1.0));
-                t0 += dt;
-                s0 += ds;
-                *l += step.fixed_rows::<LEVELS>(2);
-                // Huber's weights: 1.5 robust deviations (median / 0.6745) keep strings and edges behind from pulling.
-                let mid = pixels.residuals.len() / 2;
-                let median = *pixels.residuals.select_nth_unstable_by(mid, f64::total_cmp).1;
-                // On a dark curtain most pixels are black and the median is camera noise alone, so the limit also follows
-                // the contrast, with which the model's own misfit grows.
-                scale = (1.5 * median / 0.6745).max(MISFIT * (l[0] - l[1])).max(1.0);
-                let variance = chi / (weight - UNKNOWNS as f64).max(1.0);
-                if (t0 - start.0).abs() > white_half + 2.0 || (s0 - start.1).abs() > band.radius_px + 1.5 {
-                    return None;
-                }
-                let settled = dt.abs().max(ds.abs()) < 0.005;
-                if settled || round + 1 == ROUNDS {
-                    let shifts = SMatrix::<f64, UNKNOWNS, 2>::identity();
-                    let c = jtj.cholesky()?.solve(&shifts).fixed_view::<2, 2>(0, 0).into_owned() * variance;
-                    let turn = Matrix2::from_columns(&[band.along, across]);
-                    let covariance = turn * c * turn.transpose();
-                    if !(covariance[(0, 0)] > 0.0 && covariance[(1, 1)] > 0.0 && covariance.norm().is_finite()) {
-                        return None;
-                    }
-                    out = Some(BandFit { uv: band.place(t0, s0), covariance, white: l[0], black: l[1] });
-                    if settled {
-                        break;
-                    }
-                }
+            model.levels = Some(h.cholesky()?.solve(&jtr.fixed_rows::<LEVELS>(2).into_owned()).into());
+            continue;
+        };
+        let mut h = jtj;
+        for i in 0..UNKNOWNS {
+            h[(i, i)] += 1e-3;
+        }
+        let step = h.cholesky()?.solve(&jtr);
+        let (dt, ds) = (step[0].clamp(-1.0, 1.0), step[1].clamp(-1.0, 1.0));
+        let (t0, s0) = (t0 + dt, s0 + ds);
+        model.middle = (t0, s0);
+        for (level, change) in levels.iter_mut().zip(step.iter().skip(2)) {
+            *level += change;
+        }
+        let [white, black, ..] = *levels;
+        if (t0 - start.0).abs() > white_half + 2.0 || (s0 - start.1).abs() > band.radius_px + 1.5 {
+            return None;
+        }
+        if dt.abs().max(ds.abs()) < SETTLED_PX || round + 1 == ROUNDS {
+            let variance = chi / (weight - UNKNOWNS as f64).max(1.0);
+            let shifts = SMatrix::<f64, UNKNOWNS, 2>::identity();
+            let c = jtj.cholesky()?.solve(&shifts).fixed_view::<2, 2>(0, 0).into_owned() * variance;
+            let turn = Matrix2::from_columns(&[band.along, band.across()]);
+            let covariance = turn * c * turn.transpose();
+            let sound = covariance[(0, 0)] > 0.0 && covariance[(1, 1)] > 0.0 && covariance.norm().is_finite();
+            return sound.then_some(BandFit { uv: band.centre + band.along * t0 + band.across() * s0, covariance, white, black });
+        }
+        // Huber's weights: 1.5 robust deviations (median / 0.6745) keep strings and edges behind from pulling. On a dark
+        // curtain most pixels are black and the median is camera noise alone, so the limit also follows the contrast, with
+        // which the model's own misfit grows.
+        model.scale = (1.5 * pixels.median_residual() / 0.6745).max(MISFIT * (white - black)).max(1.0);
+    }
+    None
+}
+
+/// The pixels of a band whose middle is at `middle` (along, across), up to `reach` from it; `None` where it leaves the picture.
+fn gather(pixels: &mut BandPixels, image: &GreyView, band: &BandView, middle: (f64, f64), reach: (f64, f64)) -> Option<()> {
+    pixels.clear();
+    let across = band.across();
+    // How far the tube's own bend carries the band's ends across.
+    let bowed = band.bend.abs() * reach.0 * reach.0;
+    let corner = band.place(middle.0, middle.1);
+    let half = reach.0.hypot(reach.1) + 1.0;
+    let (x0, x1) = ((corner.x - half).floor() as i64, (corner.x + half).ceil() as i64);
+    for y in (corner.y - half).floor() as i64..=(corner.y + half).ceil() as i64 {
+        let row = usize::try_from(y).ok().and_then(|y| image.row(y));
+        let (from, to) = reached(y as f64 - band.centre.y, (middle.0, reach.0), (middle.1, reach.1 + bowed), band);
+        for x in from.max(x0)..=to.min(x1) {
+            let d = Vector2::new(x as f64, y as f64) - band.centre;
+            let (t, s) = (d.dot(&band.along), d.dot(&across));
+            let from_middle = t - middle.0;
+            if from_middle.abs() > reach.0 || (s - middle.1 - band.bend * from_middle * from_middle).abs() > reach.1 {
+                continue;
             }
+            pixels.push(t, s, *row?.get(usize::try_from(x).ok()?)?);
         }
     }
-    out
+    pixels.complete();
+    Some(())
 }
 
 /// Columns of one row that may lie on the band: |t - t0| and |s - s0| within their limits, for a row `dy` below the centre.

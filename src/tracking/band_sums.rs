@@ -1,7 +1,8 @@
 //! The sums of one round of a band's fit, taken over many pixels at a time.
 //!
 //! The model of [`super::band`] needs four error functions and four bells per pixel; here they are computed side by side in
-//! the widest registers the processor has. Sums run in eight fixed lanes, so that every processor gives the same bits.
+//! the widest registers the processor has, in single precision: a picture has eight bits. Sums run in eight fixed lanes, so
+//! that every processor gives the same bits.
 
 use super::racket_figure::VISIBLE_DEPTH;
 
@@ -13,10 +14,17 @@ pub const LEVELS: usize = 8;
 pub const UNKNOWNS: usize = 2 + LEVELS;
 const LANES: usize = 8;
 /// Arrays of one value per pixel: the columns of the design, the columns times their weight, and what leads to them.
-const ARRAYS: usize = 2 * UNKNOWNS + 5 + 12;
+const ARRAYS: usize = 2 * UNKNOWNS + 7 + 12;
+/// Residuals are ranked to this, grey levels.
+const RANK_STEP: f32 = 0.25;
+const RANKS: usize = 256;
 
-/// The band's model in one round.
+/// The band's model in one round. Lengths in px.
 pub struct BandModel {
+    /// The band's middle, along and across the tube, from where the pixels' places are counted.
+    pub middle: (f64, f64),
+    /// The tube's bend: across by this times the square of the way along it, 1/px.
+    pub bend: f64,
     pub white_half: f64,
     pub radius: f64,
     pub bow: f64,
@@ -37,15 +45,16 @@ pub struct BandSums {
     pub chi: f64,
 }
 
-/// Pixels of one round: place along and across the tube from the band's middle, px, and grey level. Memory is used again.
+/// The pixels of a band: place along and across the straight tube, px, and grey level. Memory is used again.
 #[derive(Default)]
 pub struct BandPixels {
-    t: Vec<f64>,
-    s: Vec<f64>,
-    grey: Vec<f64>,
-    work: Vec<f64>,
-    /// |residual| of every pixel after [`Self::sums`] with levels.
-    pub residuals: Vec<f64>,
+    t: Vec<f32>,
+    s: Vec<f32>,
+    grey: Vec<f32>,
+    /// How many there are; the arrays are filled up to whole lanes.
+    count: usize,
+    work: Vec<f32>,
+    residual: Vec<f32>,
 }
 
 impl BandPixels {
@@ -57,13 +66,42 @@ impl BandPixels {
 
     #[inline]
     pub fn push(&mut self, t: f64, s: f64, grey: u8) {
-        self.t.push(t);
-        self.s.push(s);
-        self.grey.push(f64::from(grey));
+        self.t.push(t as f32);
+        self.s.push(s as f32);
+        self.grey.push(f32::from(grey));
+    }
+
+    /// After the last [`Self::push`], before the first [`Self::sums`].
+    pub fn complete(&mut self) {
+        self.count = self.t.len();
+        let n = self.count.next_multiple_of(LANES);
+        for v in [&mut self.t, &mut self.s, &mut self.grey] {
+            v.resize(n, 0.0);
+        }
+        self.residual.resize(n, 0.0);
+        if self.work.len() < ARRAYS * n {
+            self.work.resize(ARRAYS * n, 0.0);
+        }
     }
 
     pub fn sums(&mut self, model: &BandModel) -> BandSums {
         pulp::Arch::new().dispatch(Round { pixels: self, model })
+    }
+
+    /// Median of the residuals of the last [`Self::sums`], without their signs, to an eighth of a grey level.
+    pub fn median_residual(&self) -> f64 {
+        let mut ranks = [0u16; RANKS];
+        for r in &self.residual[..self.count] {
+            ranks[((r.abs() / RANK_STEP) as usize).min(RANKS - 1)] += 1;
+        }
+        let mut below = 0;
+        for (k, n) in ranks.iter().enumerate() {
+            below += usize::from(*n);
+            if 2 * below >= self.count {
+                return f64::from(RANK_STEP) * (k as f64 + 0.5);
+            }
+        }
+        0.0
     }
 }
 
@@ -84,46 +122,43 @@ impl pulp::NullaryFnOnce for Round<'_> {
 #[inline(always)]
 fn round(p: &mut BandPixels, m: &BandModel) -> BandSums {
     let mut sums = BandSums { jtj: [[0.0; UNKNOWNS]; UNKNOWNS], jtr: [0.0; UNKNOWNS], weight: 0.0, chi: 0.0 };
-    let real = p.t.len();
-    if real == 0 {
+    let n = p.t.len();
+    if n == 0 {
         return sums;
     }
-    let n = real.next_multiple_of(LANES);
-    for v in [&mut p.t, &mut p.s, &mut p.grey] {
-        v.resize(n, 0.0);
-    }
-    if p.work.len() < ARRAYS * n {
-        p.work.resize(ARRAYS * n, 0.0);
-    }
-    let (t, s, grey) = (&p.t[..n], &p.s[..n], &p.grey[..n]);
+    let (places_t, places_s, grey, residual) = (&p.t[..n], &p.s[..n], &p.grey[..n], &mut p.residual[..n]);
     let (columns, rest) = p.work.split_at_mut(UNKNOWNS * n);
     let (weighted, rest) = rest.split_at_mut(UNKNOWNS * n);
     let (z, rest) = rest.split_at_mut(4 * n);
     let (erf, rest) = rest.split_at_mut(4 * n);
     let (bell, rest) = rest.split_at_mut(4 * n);
+    let (t, rest) = rest.split_at_mut(n);
+    let (s, rest) = rest.split_at_mut(n);
     let (q, rest) = rest.split_at_mut(n);
     let (depth, rest) = rest.split_at_mut(n);
-    let (residual, rest) = rest.split_at_mut(n);
-    let (weight, _) = rest.split_at_mut(n);
+    let (weight, rest) = rest.split_at_mut(n);
+    let (pull, _) = rest.split_at_mut(n);
 
-    // Place across the tube in radii, height of the tube's surface there.
-    let across = 1.0 / m.radius;
-    for ((q, d), s) in q.iter_mut().zip(depth.iter_mut()).zip(s) {
-        *q = (s * across).clamp(-1.0, 1.0);
-        *d = (1.0 - *q * *q).sqrt();
+    let [t0, s0, bend, radius, blur, bow, white_half, mean_depth] =
+        [m.middle.0, m.middle.1, m.bend, m.radius, m.blur, m.bow, m.white_half, VISIBLE_DEPTH].map(|v| v as f32);
+    // Place along and across the bent tube, across in radii, height of the tube's surface there.
+    let across = 1.0 / radius;
+    for i in 0..n {
+        t[i] = places_t[i] - t0;
+        s[i] = places_s[i] - s0 - bend * t[i] * t[i];
+        q[i] = (s[i] * across).clamp(-1.0, 1.0);
+        depth[i] = (1.0 - q[i] * q[i]).sqrt();
     }
     // Distances from the band's two ends and the tube's two sides, in blurs.
     let (ends, sides) = z.split_at_mut(2 * n);
     let (end_a, end_b) = ends.split_at_mut(n);
-    for (((a, b), t), d) in end_a.iter_mut().zip(end_b).zip(t).zip(&*depth) {
-        let along = t - m.bow * (d - VISIBLE_DEPTH);
-        *a = (along + m.white_half) * m.blur;
-        *b = (along - m.white_half) * m.blur;
-    }
     let (side_c, side_e) = sides.split_at_mut(n);
-    for ((c, e), s) in side_c.iter_mut().zip(side_e).zip(s) {
-        *c = (s + m.radius) * m.blur;
-        *e = (s - m.radius) * m.blur;
+    for i in 0..n {
+        let along = t[i] - bow * (depth[i] - mean_depth);
+        end_a[i] = (along + white_half) * blur;
+        end_b[i] = (along - white_half) * blur;
+        side_c[i] = (s[i] + radius) * blur;
+        side_e[i] = (s[i] - radius) * blur;
     }
     erf_and_bell(z, erf, bell);
 
@@ -133,12 +168,12 @@ fn round(p: &mut BandPixels, m: &BandModel) -> BandSums {
     let mut of_levels = of_levels.chunks_exact_mut(n);
     let mut next = || of_levels.next().unwrap_or_default();
     let [white, black, plus, plus_slope, minus, minus_slope, lit, raised] = [next(), next(), next(), next(), next(), next(), next(), next()];
+    let slope = 1.0 / m.black_end as f32;
     for i in 0..n {
         let (along, tube) = (0.5 * (erf_a[i] - erf_b[i]), 0.5 * (erf_c[i] - erf_e[i]));
         white[i] = tube * along;
         black[i] = tube * (1.0 - along);
     }
-    let slope = 1.0 / m.black_end;
     for i in 0..n {
         plus[i] = 0.5 * (1.0 + erf_e[i]);
         plus_slope[i] = plus[i] * (t[i] * slope);
@@ -149,35 +184,37 @@ fn round(p: &mut BandPixels, m: &BandModel) -> BandSums {
     }
     for i in 0..n {
         lit[i] = white[i] * q[i];
-        raised[i] = white[i] * (depth[i] - VISIBLE_DEPTH);
+        raised[i] = white[i] * (depth[i] - mean_depth);
     }
-    match &m.levels {
+    let first = match m.levels {
         None => {
-            shifts.fill(0.0);
             residual.copy_from_slice(grey);
             weight.fill(1.0);
+            2
         }
         Some(l) => {
+            let l = l.map(|v| v as f32);
             for i in 0..n {
                 residual[i] = grey[i] - (l[0] * white[i] + l[1] * black[i] + l[6] * lit[i] + l[7] * raised[i]);
             }
             for i in 0..n {
                 residual[i] -= l[2] * plus[i] + l[3] * plus_slope[i] + l[4] * minus[i] + l[5] * minus_slope[i];
             }
-            for (w, r) in weight.iter_mut().zip(&*residual) {
-                *w = (m.scale / r.abs().max(1e-300)).min(1.0);
+            let scale = m.scale as f32;
+            for i in 0..n {
+                weight[i] = (scale / residual[i].abs().max(1e-30)).min(1.0);
             }
-            let unit = m.blur / std::f64::consts::PI.sqrt();
+            let unit = blur / std::f32::consts::PI.sqrt();
             // Derivatives by a shift of the band: along, the white ends move; across, the tube's sides move.
             let (along_shift, across_shift) = shifts.split_at_mut(n);
             for i in 0..n {
                 let tube = 0.5 * (erf_c[i] - erf_e[i]);
-                let level = l[0] + l[6] * q[i] + l[7] * (depth[i] - VISIBLE_DEPTH);
+                let level = l[0] + l[6] * q[i] + l[7] * (depth[i] - mean_depth);
                 along_shift[i] = tube * (bell_b[i] - bell_a[i]) * unit * (level - l[1]);
             }
             for i in 0..n {
                 let along = 0.5 * (erf_a[i] - erf_b[i]);
-                let level = l[0] + l[6] * q[i] + l[7] * (depth[i] - VISIBLE_DEPTH);
+                let level = l[0] + l[6] * q[i] + l[7] * (depth[i] - mean_depth);
                 let inside = level * along + l[1] * (1.0 - along);
                 across_shift[i] = inside * (bell_e[i] - bell_c[i]) * unit;
             }
@@ -189,47 +226,53 @@ fn round(p: &mut BandPixels, m: &BandModel) -> BandSums {
                 let on_tube = if q[i].abs() < 1.0 { 1.0 } else { 0.0 };
                 across_shift[i] += on_tube * (l[7] * q[i] / depth[i].max(0.3) - l[6]) * across * white[i];
             }
+            0
         }
+    };
+    weight[p.count..].fill(0.0);
+    for i in 0..n {
+        pull[i] = residual[i] * weight[i];
     }
-    weight[real..].fill(0.0);
-    p.residuals.clear();
-    p.residuals.extend(residual[..real].iter().map(|r| r.abs()));
-    for (out, column) in weighted.chunks_exact_mut(n).zip(columns.chunks_exact(n)) {
+    for (out, column) in weighted.chunks_exact_mut(n).zip(columns.chunks_exact(n)).skip(first) {
         for i in 0..n {
             out[i] = column[i] * weight[i];
         }
     }
-    for i in 0..UNKNOWNS {
-        let left = &weighted[i * n..(i + 1) * n];
-        // The column itself and those after it, four at a time, and the residual.
-        let mut j = i;
-        while j < UNKNOWNS {
-            let at = |k: usize| if j + k < UNKNOWNS { &columns[(j + k) * n..(j + k + 1) * n] } else { &residual[..n] };
-            let four = dots(left, [at(0), at(1), at(2), at(3)]);
-            for (k, v) in four.into_iter().enumerate() {
+    let column = |k: usize| &columns[k.min(UNKNOWNS - 1) * n..][..n];
+    for i in first..UNKNOWNS {
+        let left = &weighted[i * n..][..n];
+        // The column itself and those after it, four at a time.
+        for j in (i..UNKNOWNS).step_by(4) {
+            for (k, v) in dots(left, [column(j), column(j + 1), column(j + 2), column(j + 3)]).into_iter().enumerate() {
                 if j + k < UNKNOWNS {
                     (sums.jtj[i][j + k], sums.jtj[j + k][i]) = (v, v);
-                } else {
-                    sums.jtr[i] = v;
                 }
             }
-            j += 4;
-        }
-        if (UNKNOWNS - i).is_multiple_of(4) {
-            sums.jtr[i] = dots(left, [&residual[..n]; 1])[0];
         }
     }
-    for (w, r) in weight[..real].iter().zip(&*residual) {
-        sums.weight += w;
-        sums.chi += w * r * r;
+    let right = |k: usize| if k < UNKNOWNS { column(k) } else { &*residual };
+    for i in (first..=UNKNOWNS).step_by(4) {
+        for (k, v) in dots(pull, [right(i), right(i + 1), right(i + 2), right(i + 3)]).into_iter().enumerate() {
+            match sums.jtr.get_mut(i + k) {
+                Some(sum) => *sum = v,
+                None => sums.chi = v,
+            }
+        }
     }
+    let mut lanes = [0.0f32; LANES];
+    for w in weight.as_chunks::<LANES>().0 {
+        for l in 0..LANES {
+            lanes[l] += w[l];
+        }
+    }
+    sums.weight = total(&lanes);
     sums
 }
 
 /// Sums of products of one array with several, in eight lanes; all lengths are multiples of that.
 #[inline(always)]
-fn dots<const K: usize>(a: &[f64], b: [&[f64]; K]) -> [f64; K] {
-    let mut lanes = [[0.0; LANES]; K];
+fn dots<const K: usize>(a: &[f32], b: [&[f32]; K]) -> [f64; K] {
+    let mut lanes = [[0.0f32; LANES]; K];
     for i in (0..a.len()).step_by(LANES) {
         let Some(x) = a.get(i..i + LANES) else { break };
         for k in 0..K {
@@ -239,35 +282,42 @@ fn dots<const K: usize>(a: &[f64], b: [&[f64]; K]) -> [f64; K] {
             }
         }
     }
-    lanes.map(|l| l.iter().sum())
+    lanes.map(|l| total(&l))
 }
 
-/// Error function (Abramowitz and Stegun 7.1.26, absolute error below 1.5e-7, far below a grey level) and exp(-z²).
 #[inline(always)]
-fn erf_and_bell(z: &[f64], erf: &mut [f64], bell: &mut [f64]) {
+fn total(lanes: &[f32; LANES]) -> f64 {
+    let [a, b, c, d, e, f, g, h] = *lanes;
+    f64::from(((a + e) + (c + g)) + ((b + f) + (d + h)))
+}
+
+/// Error function (Abramowitz and Stegun 7.1.26, absolute error below 3e-7 in single precision, far below a grey level) and
+/// exp(-z²).
+#[inline(always)]
+fn erf_and_bell(z: &[f32], erf: &mut [f32], bell: &mut [f32]) {
     for ((z, f), b) in z.iter().zip(erf).zip(bell) {
         let size = z.abs();
-        let g = exp_below_zero(-(size * size).min(40.0));
+        let g = exp_below_zero(-(size * size).min(80.0));
         let t = 1.0 / (1.0 + 0.327_591_1 * size);
-        let p = t * (0.254_829_592 + t * (-0.284_496_736 + t * (1.421_413_741 + t * (-1.453_152_027 + t * 1.061_405_429))));
+        let p = t * (0.254_829_6 + t * (-0.284_496_72 + t * (1.421_413_7 + t * (-1.453_152 + t * 1.061_405_4))));
         *f = (1.0 - p * g).copysign(*z);
         *b = g;
     }
 }
 
-/// exp(x) for x from -700 to 0, relative error below 1e-11: powers of two times a polynomial, without branches.
+/// exp(x) for x from -87 to 0, relative error below 1e-6: powers of two times a polynomial, without branches.
 #[inline(always)]
-fn exp_below_zero(x: f64) -> f64 {
+fn exp_below_zero(x: f32) -> f32 {
     // Added to a number it leaves the nearest integer in the lowest bits.
-    const ROUND: f64 = 6_755_399_441_055_744.0;
-    let shifted = x * std::f64::consts::LOG2_E + ROUND;
-    let r = x - (shifted - ROUND) * std::f64::consts::LN_2;
-    // Taylor's series to the ninth power; |r| is below 0.35.
-    let mut p = 1.0 / 362_880.0;
-    for factorial in [40_320.0, 5_040.0, 720.0, 120.0, 24.0, 6.0, 2.0, 1.0, 1.0] {
+    const ROUND: f32 = 12_582_912.0;
+    let shifted = x * std::f32::consts::LOG2_E + ROUND;
+    let r = x - (shifted - ROUND) * std::f32::consts::LN_2;
+    // Taylor's series to the sixth power; |r| is below 0.35.
+    let mut p = 1.0 / 720.0;
+    for factorial in [120.0, 24.0, 6.0, 2.0, 1.0, 1.0] {
         p = p * r + 1.0 / factorial;
     }
-    p * f64::from_bits(shifted.to_bits().wrapping_add(1023) << 52)
+    p * f32::from_bits(shifted.to_bits().wrapping_add(127) << 23)
 }
 
 #[cfg(test)]
@@ -276,12 +326,13 @@ mod tests {
 
     #[test]
     fn agrees_with_the_plain_functions() {
-        let z: Vec<f64> = (-640..640).map(|i| i as f64 * 0.01).collect();
+        let z: Vec<f32> = (-640..640).map(|i| i as f32 * 0.01).collect();
         let (mut f, mut g) = (vec![0.0; z.len()], vec![0.0; z.len()]);
         erf_and_bell(&z, &mut f, &mut g);
         for (k, z) in z.iter().enumerate() {
-            assert!((g[k] - (-z * z).exp()).abs() < 1e-11, "{z}");
-            assert!((f[k] - super::super::band::erf(*z)).abs() < 2e-8, "{z}: {}", f[k]);
+            let z = f64::from(*z);
+            assert!((f64::from(g[k]) - (-z * z).exp()).abs() < 1e-6, "{z}");
+            assert!((f64::from(f[k]) - super::super::band::erf(z)).abs() < 5e-7, "{z}: {}", f[k]);
         }
     }
 
@@ -292,18 +343,21 @@ mod tests {
         let places: Vec<(f64, f64)> = (-7..=7).flat_map(|i| (-5..=5).map(move |k| (i as f64 + 0.2, k as f64 - 0.3))).collect();
         // Without bow and slopes of the background, whose small shares the derivatives leave out.
         let levels = [190.0, 30.0, 80.0, 0.0, 70.0, 0.0, 12.0, 20.0];
+        let band =
+            BandModel { middle: (0.4, -0.2), bend: 0.01, white_half: 2.8, radius: 2.4, bow: 0.0, blur: 1.1, black_end: 7.5, levels: Some(levels), scale: 1e9 };
         let model = |t: f64, s: f64| {
             let mut one = BandPixels::default();
             one.push(t, s, 0);
+            one.complete();
             // One pixel of grey 0: the sum of its squared residual is the model's square.
-            let sums = one.sums(&BandModel { white_half: 2.8, radius: 2.4, bow: 0.0, blur: 1.1, black_end: 7.5, levels: Some(levels), scale: 1e9 });
-            sums.chi.sqrt()
+            one.sums(&band).chi.sqrt()
         };
         for (t, s) in &places {
             pixels.push(*t, *s, grey(*t, *s));
         }
-        let sums = pixels.sums(&BandModel { white_half: 2.8, radius: 2.4, bow: 0.0, blur: 1.1, black_end: 7.5, levels: Some(levels), scale: 1e9 });
-        let (mut tt, mut ss, mut tr, h) = (0.0, 0.0, 0.0, 1e-5);
+        pixels.complete();
+        let sums = pixels.sums(&band);
+        let (mut tt, mut ss, mut tr, h) = (0.0, 0.0, 0.0, 0.02);
         for (t, s) in &places {
             // A shift of the band along the tube is a shift of the pixel against it.
             let jt = (model(t - h, *s) - model(t + h, *s)) / (2.0 * h);

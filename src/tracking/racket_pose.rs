@@ -149,6 +149,9 @@ pub fn fit_pose_in(view: &View, figure: &RacketFigure, observations: &[MarkerObs
     settle(view, figure, observations, start)
 }
 
+/// Largest condition number of the normal matrix of a pose.
+const MOST_CONDITION: f64 = 1e8;
+
 struct Normal {
     jtj: Matrix6<f64>,
     jtr: Vector6<f64>,
@@ -216,14 +219,21 @@ fn settle(view: &View, figure: &RacketFigure, observations: &[MarkerObservation]
         return Err(PoseError::NotConverged { chi2: now.chi2, dof });
     }
     // Judge the condition with angles times the racket's size, so that all six numbers are lengths.
-    let scale = Vector6::new(0.2, 0.2, 0.2, 1.0, 1.0, 1.0);
-    let scaled = Matrix6::from_fn(|i, j| now.jtj[(i, j)] / (scale[i] * scale[j]));
-    let eigen = scaled.symmetric_eigenvalues();
-    let condition = eigen.max() / eigen.min().max(f64::MIN_POSITIVE);
-    if eigen.min() <= 0.0 || condition > 1e8 {
-        return Err(PoseError::Undetermined { condition });
+    let scale: Vector6<f64> = Vector6::new(0.2, 0.2, 0.2, 1.0, 1.0, 1.0);
+    let undetermined = |condition: f64| PoseError::Undetermined { condition };
+    let covariance = now.jtj.cholesky().ok_or(undetermined(f64::INFINITY))?.inverse();
+    // The traces bound the condition number from above; only where they leave it open are the eigenvalues needed.
+    let trace = |f: &dyn Fn(usize) -> f64| (0..6).map(f).sum::<f64>();
+    let squared = scale.component_mul(&scale);
+    let bound = trace(&|i| now.jtj[(i, i)] / squared[i]) * trace(&|i| covariance[(i, i)] * squared[i]);
+    if !(bound < MOST_CONDITION) {
+        let scaled = Matrix6::from_fn(|i, j| now.jtj[(i, j)] / (scale[i] * scale[j]));
+        let eigen = scaled.symmetric_eigenvalues();
+        let condition = eigen.max() / eigen.min().max(f64::MIN_POSITIVE);
+        if eigen.min() <= 0.0 || condition > MOST_CONDITION {
+            return Err(undetermined(condition));
+        }
     }
-    let covariance = now.jtj.cholesky().ok_or(PoseError::Undetermined { condition })?.inverse();
     let mut global_from_racket = pose;
     global_from_racket.rotation.renormalize();
     Ok(RacketPose { global_from_racket, covariance, chi2: now.chi2, dof })

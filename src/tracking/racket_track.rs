@@ -6,7 +6,8 @@ use super::racket_pose::{MarkerObservation, RacketPose, View, fit_pose_in};
 use super::track_file::ImagePoint;
 use crate::calibration::CameraId;
 use crate::footage::GreyView;
-use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector2, Vector3};
+use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector2, Vector3};
+use rayon::prelude::*;
 
 /// Least deviation of a marker's image point, px: what the model of the tape itself is good to.
 const FLOOR_SD_PX: f64 = 0.03;
@@ -15,6 +16,8 @@ const OUTLIER: f64 = 4.0;
 /// What a good point may miss the pose by, px, beyond its own deviation (tape put on by hand, tube of another shape).
 const MODEL_TOLERANCE_PX: f64 = 0.25;
 
+/// A pose this near to the predicted one, px at every marker, was predicted well: the bands looked as expected there.
+const CONFIRMED_PX: f64 = 1.0;
 /// Misses of the pose, in deviations, beyond which a single point is doubtful.
 const DOUBTFUL: f64 = 3.0;
 /// How far a pose from one camera may be from the predicted one: m (depth from the racket's size: 0.1 px of 80 is 15 mm at
@@ -60,6 +63,32 @@ pub struct RacketScene<'a> {
     pub shape: &'a BandShape,
 }
 
+impl RacketScene<'_> {
+    /// The rows (first, count) of a picture that [`measure`] looks at; `None` when a marker may be anywhere.
+    pub fn rows(&self, camera: CameraId, predicted: &Isometry3<f64>, reach_px: i32) -> Option<(usize, usize)> {
+        let (mut top, mut bottom, mut size) = (f64::INFINITY, f64::NEG_INFINITY, 0.0f64);
+        for marker in 0..self.figure.points.len() {
+            let at = predicted * self.figure.points[marker];
+            let (uv, by_place) = self.view.project_with_jacobian(camera, &at)?;
+            (top, bottom) = (top.min(uv.y), bottom.max(uv.y));
+            size = size.max(by_place.norm());
+        }
+        // The search, a move by as much in the fit, and once more from there; half a band in any direction.
+        let band_m = self.shape.white_half_m + self.shape.black_m + 2.0 * self.figure.tube_radius_m;
+        let margin = size * band_m + 3.0 * f64::from(reach_px) + 8.0;
+        let row = |v: f64| v.clamp(0.0, self.view.rig.image_size[1] as f64) as usize;
+        let first = row((top - margin).floor());
+        Some((first, row((bottom + margin).ceil()) - first))
+    }
+
+    /// Largest distance between a marker's images at two poses, px; infinite where one is behind a camera.
+    fn apart_px(&self, a: &Isometry3<f64>, b: &Isometry3<f64>) -> f64 {
+        let far = |camera: CameraId, marker: &Point3<f64>| Some((self.view.project(camera, &(a * marker))? - self.view.project(camera, &(b * marker))?).norm());
+        let all = CameraId::BOTH.into_iter().flat_map(|camera| self.figure.points.iter().map(move |marker| (camera, marker)));
+        all.map(|(camera, marker)| far(camera, marker).unwrap_or(f64::INFINITY)).fold(0.0, f64::max)
+    }
+}
+
 /// Measures every marker near a predicted pose. `reach_px` is how far the prediction may be off; `least_contrast` the
 /// contrast a band must have, by camera. `None` when fewer than three markers or five image points agree on one pose; with
 /// one camera alone, fewer than four, or a pose far from the predicted one (one camera hardly tells depth).
@@ -70,30 +99,30 @@ pub fn measure(
     reach_px: i32,
     least_contrast: &[f64; 2],
 ) -> Option<RacketFrame> {
-    let mut fits: Vec<(CameraId, usize, BandFit)> = Vec::with_capacity(10);
-    for camera in CameraId::BOTH {
-        let Some(image) = &images[camera.index()] else { continue };
-        for marker in 0..5 {
-            if let Some(f) = find(scene, image, predicted, camera, marker, reach_px, least_contrast[camera.index()]) {
-                fits.push((camera, marker, f));
+    let bands = |pose: &Isometry3<f64>, reach_px: i32| {
+        let mut fits: Vec<(CameraId, usize, BandFit)> = Vec::with_capacity(10);
+        for camera in CameraId::BOTH {
+            let Some(image) = &images[camera.index()] else { continue };
+            for marker in 0..5 {
+                if let Some(f) = find(scene, image, pose, camera, marker, reach_px, least_contrast[camera.index()]) {
+                    fits.push((camera, marker, f));
+                }
             }
         }
-    }
-    let mut pose = agree(scene, &mut fits, predicted)?;
-    // Once more where the pose now says: bands that were dropped or not found get a second chance close by.
-    let rough = pose.global_from_racket;
-    let mut again: Vec<(CameraId, usize, BandFit)> = Vec::with_capacity(10);
-    for camera in CameraId::BOTH {
-        let Some(image) = &images[camera.index()] else { continue };
-        for marker in 0..5 {
-            if let Some(f) = find(scene, image, &rough, camera, marker, 1, least_contrast[camera.index()]) {
-                again.push((camera, marker, f));
-            }
+        let seen = fits.len();
+        let pose = agree(scene, &mut fits, pose)?;
+        Some(Agreed { pose, dropped: seen - fits.len(), fits })
+    };
+    // A prediction that all bands confirm needs no second look.
+    let close = bands(predicted, 1).filter(|a| a.dropped == 0 && scene.apart_px(&a.pose.global_from_racket, predicted) < CONFIRMED_PX);
+    let Agreed { pose, fits, .. } = match close {
+        Some(agreed) => agreed,
+        None => {
+            let rough = bands(predicted, reach_px)?;
+            // Once more where the pose now says: bands that were dropped or not found get a second chance close by.
+            bands(&rough.pose.global_from_racket, 1).unwrap_or(rough)
         }
-    }
-    if let Some(better) = agree(scene, &mut again, &rough) {
-        (pose, fits) = (better, again);
-    }
+    };
     let one_camera = fits.iter().all(|f| f.0 == fits[0].0);
     if one_camera {
         let (p, q) = (&pose.global_from_racket, predicted);
@@ -106,6 +135,13 @@ pub fn measure(
         points[camera.index()][*marker] = Some(image_point(f));
     }
     Some(RacketFrame { pose, points })
+}
+
+/// The bands that share a pose, and how many did not.
+struct Agreed {
+    pose: RacketPose,
+    fits: Vec<(CameraId, usize, BandFit)>,
+    dropped: usize,
 }
 
 /// One band near its expected place.
@@ -182,7 +218,7 @@ pub fn settle_deviations(view: &View, figure: &RacketFigure, frames: &mut [Optio
                 *sum = (sum.0 + z2.min(DOUBTFUL * DOUBTFUL) / left, sum.1 + 1.0);
             }
         }
-        for frame in frames.iter_mut().flatten() {
+        frames.par_iter_mut().flatten().for_each(|frame| {
             for (points, sums) in frame.points.iter_mut().zip(&sums) {
                 for (point, sum) in points.iter_mut().zip(sums) {
                     if let Some(p) = point.as_mut().filter(|_| sum.1 >= 5.0) {
@@ -191,9 +227,9 @@ pub fn settle_deviations(view: &View, figure: &RacketFigure, frames: &mut [Optio
                 }
             }
             refit(frame);
-        }
+        });
     }
-    for frame in frames.iter_mut().flatten() {
+    frames.par_iter_mut().flatten().for_each(|frame| {
         for _ in 0..2 {
             let worst = misses(frame).into_iter().max_by(|a, b| a.2.total_cmp(&b.2));
             let Some((camera, marker, z2)) = worst.filter(|w| w.2 > DOUBTFUL * DOUBTFUL) else { break };
@@ -202,7 +238,7 @@ pub fn settle_deviations(view: &View, figure: &RacketFigure, frames: &mut [Optio
             }
             refit(frame);
         }
-    }
+    });
 }
 
 /// Constant velocity and constant spin over one more frame; from one pose alone, the same pose.

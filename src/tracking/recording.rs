@@ -4,25 +4,35 @@ use crate::footage::{FrameSource, GreyView};
 
 /// Every this many rows count for the fingerprint: noise makes any two pictures differ within a few rows.
 const ROW_STEP: usize = 4;
+/// Fewest rows that two pictures must share to be called equal.
+const LEAST_ROWS: usize = 4;
 /// A picture is dark (or washed out) when its mean grey is below (above) the clip's median by this factor.
 const FACTOR: f64 = 3.0;
+/// Rows whose mean is off by this factor are reason to look at the whole picture.
+const SUSPECT: f64 = 1.7;
 /// A picture with a higher mean grey is white nearly everywhere.
 const WHITE: f64 = 250.0;
 
-/// What tells two pictures apart.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// What tells two pictures apart, of the rows that were read.
+#[derive(Debug, Clone, PartialEq)]
 pub struct Fingerprint {
-    hash: u64,
+    /// Number of the first row, in steps.
+    first: usize,
+    /// One value per row.
+    rows: Vec<u64>,
+    /// Mean grey of these rows.
     mean: f64,
 }
 
 impl Fingerprint {
     /// Of every fourth row: FNV-1a over eight bytes at a time, in four lanes so that none waits for the other.
     pub fn of(view: &GreyView) -> Self {
-        let mut lanes = [0xcbf2_9ce4_8422_2325u64, 0x9ae1_6a3b_2f90_404f, 0xc949_d7c7_509e_6557, 0xff51_afd7_ed55_8ccd];
-        let (mut sum, mut n) = (0u64, 0u64);
-        for y in (view.first_row..view.first_row + view.rows).step_by(ROW_STEP) {
+        let first = view.first_row.div_ceil(ROW_STEP);
+        let mut rows = Vec::with_capacity(view.rows / ROW_STEP + 1);
+        let mut sum = 0u64;
+        for y in (first * ROW_STEP..view.first_row + view.rows).step_by(ROW_STEP) {
             let row = view.row(y).unwrap_or_default();
+            let mut lanes = [0xcbf2_9ce4_8422_2325u64, 0x9ae1_6a3b_2f90_404f, 0xc949_d7c7_509e_6557, 0xff51_afd7_ed55_8ccd];
             let (words, rest) = row.as_chunks::<8>();
             for four in words.chunks(4) {
                 for (lane, word) in lanes.iter_mut().zip(four) {
@@ -32,23 +42,74 @@ impl Fingerprint {
             for byte in rest {
                 lanes[0] = (lanes[0] ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3).rotate_left(23);
             }
-            sum += row.iter().map(|b| u32::from(*b)).sum::<u32>() as u64;
-            n += row.len() as u64;
+            rows.push(lanes.iter().fold(0u64, |h, lane| (h ^ lane).wrapping_mul(0x0100_0000_01b3).rotate_left(23)));
+            sum += u64::from(row.iter().map(|b| u32::from(*b)).sum::<u32>());
         }
-        let hash = lanes.iter().fold(0u64, |h, lane| (h ^ lane).wrapping_mul(0x0100_0000_01b3).rotate_left(23));
-        Fingerprint { hash, mean: sum as f64 / n.max(1) as f64 }
+        let mean = sum as f64 / (rows.len() * view.width).max(1) as f64;
+        Fingerprint { first, rows, mean }
+    }
+
+    /// Mean grey of the rows that were read.
+    pub fn mean(&self) -> f64 {
+        self.mean
+    }
+
+    /// Whether two pictures are equal in all rows that both show.
+    fn equals(&self, other: &Self) -> bool {
+        let from = self.first.max(other.first);
+        let shared = |p: &Self| p.rows.iter().skip(from - p.first).copied().collect::<Vec<_>>();
+        let (a, b) = (shared(self), shared(other));
+        let n = a.len().min(b.len());
+        n >= LEAST_ROWS && a[..n] == b[..n]
     }
 }
+
+/// Every picture's fingerprint, by frame index and camera.
+pub type Fingerprints = Vec<[Option<Fingerprint>; 2]>;
 
 /// Pictures that are exactly the one before in the same camera, by frame index and camera. A camera's noise never repeats;
 /// the later of two equal pictures is the stale one.
 pub fn repeated(prints: &[[Option<Fingerprint>; 2]]) -> Vec<[bool; 2]> {
-    (0..prints.len()).map(|i| [0, 1].map(|c| i > 0 && prints[i][c].is_some() && prints[i][c].map(|p| p.hash) == prints[i - 1][c].map(|p| p.hash))).collect()
+    let equal = |i: usize, c: usize| prints[i][c].as_ref().zip(prints[i - 1][c].as_ref()).is_some_and(|(a, b)| a.equals(b));
+    (0..prints.len()).map(|i| [0, 1].map(|c| i > 0 && equal(i, c))).collect()
+}
+
+/// Mean grey of every picture: of the rows that were read, or, where these look unusual, what `whole` finds in the whole
+/// picture. With it the camera's usual mean grey.
+pub fn mean_greys(prints: &[[Option<Fingerprint>; 2]], whole: impl Fn(usize, usize) -> Option<f64>) -> [MeanGreys; 2] {
+    [0, 1].map(|camera| {
+        let of_rows: Vec<Option<f64>> = prints.iter().map(|p| Some(p[camera].as_ref()?.mean)).collect();
+        let usual = median(of_rows.iter().flatten().copied());
+        let suspect = |m: f64| m * SUSPECT < usual || m > usual * SUSPECT || m > WHITE;
+        if !of_rows.iter().flatten().any(|m| suspect(*m)) {
+            return MeanGreys { by_frame: of_rows, usual };
+        }
+        // Rows of the racket's surroundings may be darker or brighter than others of the same picture.
+        let samples = (0..SAMPLES).filter_map(|k| whole((prints.len() - 1) * k / (SAMPLES - 1), camera));
+        let usual = median(samples);
+        let by_frame = of_rows.iter().enumerate().map(|(i, m)| m.and_then(|m| if suspect(m) { whole(i, camera) } else { Some(usual) })).collect();
+        MeanGreys { by_frame, usual }
+    })
+}
+
+/// Whole pictures that say how bright the clip usually is.
+const SAMPLES: usize = 9;
+
+/// How bright one camera's pictures are.
+pub struct MeanGreys {
+    by_frame: Vec<Option<f64>>,
+    usual: f64,
+}
+
+fn median(values: impl Iterator<Item = f64>) -> f64 {
+    let mut sorted: Vec<f64> = values.collect();
+    sorted.sort_by(f64::total_cmp);
+    sorted.get(sorted.len() / 2).map_or(1.0, |m| m.max(1.0))
 }
 
 /// Pictures that are washed out: white nearly everywhere, so that nothing in them can be measured. By index and camera.
-pub fn washed_out(prints: &[[Option<Fingerprint>; 2]]) -> Vec<[bool; 2]> {
-    prints.iter().map(|p| p.map(|p| p.is_some_and(|p| p.mean > WHITE))).collect()
+pub fn washed_out(means: &[MeanGreys; 2], index: usize) -> [bool; 2] {
+    means.each_ref().map(|m| m.by_frame[index].is_some_and(|mean| mean > WHITE))
 }
 
 /// What the user should know about stale pictures.
@@ -63,14 +124,12 @@ pub fn notes(source: &impl FrameSource, stale: &[[bool; 2]]) -> Vec<String> {
 }
 
 /// Frames whose picture is much darker or brighter than the clip's usual one, with what it is.
-pub fn dark_or_bright(source: &impl FrameSource, prints: &[[Option<Fingerprint>; 2]]) -> Vec<String> {
+pub fn dark_or_bright(source: &impl FrameSource, means: &[MeanGreys; 2]) -> Vec<String> {
     let mut out = Vec::new();
-    for (camera, name) in ["left", "right"].iter().enumerate() {
-        let mut means: Vec<f64> = prints.iter().filter_map(|p| Some(p[camera]?.mean)).collect();
-        means.sort_by(f64::total_cmp);
-        let Some(usual) = means.get(means.len() / 2).map(|m| m.max(1.0)) else { continue };
-        for (i, print) in prints.iter().enumerate() {
-            let Some(mean) = print[camera].map(|p| p.mean) else { continue };
+    for (means, name) in means.iter().zip(["left", "right"]) {
+        let usual = means.usual;
+        for (i, mean) in means.by_frame.iter().enumerate() {
+            let Some(mean) = *mean else { continue };
             let what = if mean * FACTOR < usual {
                 "dark"
             } else if mean > usual * FACTOR || mean > WHITE {
@@ -92,8 +151,14 @@ mod tests {
 
     #[test]
     fn truth_the_later_of_two_equal_pictures_is_stale() {
-        let picture = |k: u8| GreyImage { width: 20, height: 12, pixels: (0..240u32).map(|i| (i as u8).wrapping_mul(7).wrapping_add(k)).collect() };
+        let picture = |k: u8| GreyImage { width: 20, height: 40, pixels: (0..800u32).map(|i| (i as u8).wrapping_mul(7).wrapping_add(k)).collect() };
         let print = |k| Some(Fingerprint::of(&GreyView::of(&picture(k))));
+        let band = |k, first| {
+            let p = picture(k);
+            Fingerprint::of(&GreyView::band(&p.pixels[20 * first..], 20, false, (20, 40), first, 40 - first).expect("fits"))
+        };
+        assert!(band(3, 0).equals(&band(3, 13)) && !band(3, 0).equals(&band(4, 13)));
+        assert!(!band(3, 0).equals(&band(3, 35)), "one row in common is not enough");
         let prints = vec![[print(1), print(2)], [print(3), print(4)], [print(3), print(5)], [None, print(6)], [print(3), print(6)]];
         let stale = repeated(&prints);
         assert_eq!(stale, [[false, false], [false, false], [true, false], [false, false], [false, true]]);

@@ -5,13 +5,13 @@ use super::ball_search;
 use super::ball_shading::{BallShading, LimbProfile};
 use super::ball_track::{BallFrame, BallScene, MeanDisc};
 use super::band::{BandShape, BandView};
-use super::band_search;
+use super::band_search::{self, BandCandidate};
 use super::face;
 use super::racket_figure::RacketFigure;
 use super::racket_pose::View;
 use super::racket_search;
 use super::racket_track::{self, RacketFrame, RacketScene};
-use super::recording::{self, Fingerprint};
+use super::recording::{self, Fingerprint, Fingerprints};
 use super::space_points;
 use super::track_file::{PointState, SpacePoint, Target, TrackPoint, Tracks};
 use crate::calibration::{CameraId, StereoRig};
@@ -76,6 +76,8 @@ pub struct ShotSetup<'a> {
 const BALL_BLUR_PX: f64 = 0.55;
 /// Frames over which a lost racket or ball is still expected where it was going.
 const PATIENCE: usize = 6;
+/// A ball in play comes this much nearer to the racket (or goes away by it) while it is seen, m: 10 m/s over six frames.
+const LEAST_APPROACH_M: f64 = 0.06;
 /// Longest gap in the ball's track that is looked into again, frames.
 const FILLED: f64 = 6.0;
 /// Least share of the usual contrast that still counts as tape.
@@ -95,12 +97,14 @@ pub fn track_shot(source: &impl FrameSource, setup: &ShotSetup, cancel: &AtomicB
     let (mut racket, prints) = shot.follow_racket(&start)?;
     shot.stale = recording::repeated(&prints);
     let mut notes = recording::notes(source, &shot.stale);
-    for (stale, washed_out) in shot.stale.iter_mut().zip(recording::washed_out(&prints)) {
+    let means = recording::mean_greys(&prints, |index, camera| shot.mean_grey(index, camera));
+    for (index, stale) in shot.stale.iter_mut().enumerate() {
+        let washed_out = recording::washed_out(&means, index);
         *stale = [stale[0] || washed_out[0], stale[1] || washed_out[1]];
     }
     shot.remeasure_stale(&start, &mut racket)?;
     racket_track::settle_deviations(&view, &figure, &mut racket);
-    notes.extend(recording::dark_or_bright(source, &prints));
+    notes.extend(recording::dark_or_bright(source, &means));
     let ball = shot.find_and_follow_ball(&racket)?;
     face::settle(&mut racket, &ball, &figure);
     let contact_frame = space_points::first_contact(source, &racket, &ball, setup.ball.radius_m());
@@ -186,6 +190,11 @@ impl<S: FrameSource> Shot<'_, S> {
         Ok(view)
     }
 
+    /// Mean grey of a whole picture; `None` where it is missing.
+    fn mean_grey(&self, index: usize, camera: usize) -> Option<f64> {
+        Some(Fingerprint::of(&self.read_one(index, camera, None, &mut FrameBuffer::default()).ok()??).mean())
+    }
+
     /// The rows of each picture that measuring the ball near a place looks at: its outline may be found `reach_px` away, and
     /// the fit may move by most of a radius from there.
     fn ball_rows(&self, scene: &BallScene, at: &Point3<f64>, reach_px: i32) -> [Option<(usize, usize)>; 2] {
@@ -211,7 +220,7 @@ impl<S: FrameSource> Shot<'_, S> {
             let images = self.read(index, &mut buffers)?;
             let [Some(l), Some(r)] = &images else { continue };
             searched += 1;
-            let candidates = [(l, CameraId::Left), (r, CameraId::Right)].map(|(v, c)| band_search::candidates(v, self.px_per_m(c), self.shape.white_half_m));
+            let candidates = self.band_candidates(l, r);
             for c in 0..2 {
                 most[c] = most[c].max(candidates[c].len());
             }
@@ -221,6 +230,13 @@ impl<S: FrameSource> Shot<'_, S> {
             }
         }
         Err(TrackingError::NoRacket { searched, left: most[0], right: most[1] })
+    }
+
+    /// What may be tape in either picture.
+    fn band_candidates(&self, left: &GreyView, right: &GreyView) -> [Vec<BandCandidate>; 2] {
+        let of = |view: &GreyView, camera: CameraId| band_search::candidates(view, self.px_per_m(camera), self.shape.white_half_m);
+        let (left, right) = rayon::join(|| of(left, CameraId::Left), || of(right, CameraId::Right));
+        [left, right]
     }
 
     /// A racket is believed when the bands themselves, not only candidate places, agree on one pose.
@@ -244,12 +260,12 @@ impl<S: FrameSource> Shot<'_, S> {
     }
 
     /// Follows the racket from the frame where it was found to both ends of the clip.
-    fn follow_racket(&self, start: &RacketStart) -> Result<(Vec<Option<RacketFrame>>, Vec<[Option<Fingerprint>; 2]>), TrackingError> {
+    fn follow_racket(&self, start: &RacketStart) -> Result<(Vec<Option<RacketFrame>>, Fingerprints), TrackingError> {
         let n = self.source.len();
         let (back, forth) = rayon::join(|| self.follow_racket_one_way(start, (0..start.index).rev()), || self.follow_racket_one_way(start, start.index + 1..n));
         let mut all = vec![None; n];
         all[start.index] = Some(start.frame.clone());
-        let mut prints = vec![[None; 2]; n];
+        let mut prints = vec![[None, None]; n];
         let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
         prints[start.index] = self.read(start.index, &mut buffers)?.map(|v| v.map(|v| Fingerprint::of(&v)));
         for (frames, seen) in [back?, forth?] {
@@ -288,25 +304,27 @@ impl<S: FrameSource> Shot<'_, S> {
         let mut lost = 0;
         for index in indices {
             (self.progress)(1);
-            let images = self.read(index, &mut buffers)?;
+            let now = self.source.number(index) as f64;
+            let mut found = None;
+            let predicted = racket_track::predict(previous.as_ref().map(|p| &p.1), &last.1, previous.map_or(1.0, |p| last.0 - p.0), now - last.0);
+            let reach = if previous.is_none() { 5 } else { (3 + 2 * lost as i32).min(7) };
+            let expected = lost <= PATIENCE;
+            let rows = if expected { CameraId::BOTH.map(|c| scene.rows(c, &predicted, reach)) } else { [None; 2] };
+            let images = self.read_rows(index, rows, &mut buffers)?;
             if images.iter().all(Option::is_none) {
                 continue;
             }
             prints.push((index, images.map(|v| v.map(|v| Fingerprint::of(&v)))));
-            let now = self.source.number(index) as f64;
-            let mut found = None;
-            if lost <= PATIENCE {
-                let predicted = racket_track::predict(previous.as_ref().map(|p| &p.1), &last.1, previous.map_or(1.0, |p| last.0 - p.0), now - last.0);
-                let reach = if previous.is_none() { 5 } else { (3 + 2 * lost as i32).min(7) };
+            if expected {
                 found = racket_track::measure(&scene, &images, &predicted, reach, &start.least_contrast);
             }
             if found.is_none()
                 && lost >= 2
+                && let images = self.read(index, &mut buffers)?
                 && let [Some(l), Some(r)] = &images
             {
                 // Lost: search the whole pictures again.
-                let candidates =
-                    [(l, CameraId::Left), (r, CameraId::Right)].map(|(v, c)| band_search::candidates(v, self.px_per_m(c), self.shape.white_half_m));
+                let candidates = self.band_candidates(l, r);
                 found = racket_search::search(self.view, self.figure, &candidates)
                     .and_then(|p| racket_track::measure(&scene, &images, &p.global_from_racket, 2, &start.least_contrast))
                     .filter(|f| f.count() >= 6)
@@ -350,10 +368,12 @@ impl<S: FrameSource> Shot<'_, S> {
             let mut frames: [Vec<BallFrame>; 3] = Default::default();
             for (k, found) in frames.iter_mut().enumerate() {
                 let images = self.read(first + k, &mut buffers)?;
-                let candidates = CameraId::BOTH.map(|c| match (&images[c.index()], &backgrounds[c.index()], scene.radius_px(c, &self.focus)) {
+                let of = |c: CameraId| match (&images[c.index()], &backgrounds[c.index()], scene.radius_px(c, &self.focus)) {
                     (Some(v), Some(b), Some(r)) => ball_search::candidates(v, b, r),
                     _ => Vec::new(),
-                });
+                };
+                let (left, right) = rayon::join(|| of(CameraId::Left), || of(CameraId::Right));
+                let candidates = [left, right];
                 *found = scene.space_candidates(&images, &candidates, &self.focus);
                 if found.is_empty() {
                     break;
@@ -367,13 +387,14 @@ impl<S: FrameSource> Shot<'_, S> {
                 let track = self.follow_ball(&scene, first, &flight)?;
                 let count = track.iter().flatten().count();
                 if count >= 6 {
-                    // Distance from the stringbed's centre at the nearest, m; longer tracks win a draw.
-                    let near = track
+                    // Distances from the stringbed's centre, m. What stays at its own is fastened to the racket or the arm.
+                    let distances = track
                         .iter()
                         .zip(racket)
-                        .filter_map(|(b, r)| Some((b.as_ref()?.position.coords - r.as_ref()?.pose.global_from_racket.translation.vector).norm()))
-                        .fold(f64::INFINITY, f64::min);
-                    let score = near.max(0.15) - 1e-4 * count as f64;
+                        .filter_map(|(b, r)| Some((b.as_ref()?.position.coords - r.as_ref()?.pose.global_from_racket.translation.vector).norm()));
+                    let (near, far) = distances.fold((f64::INFINITY, 0.0f64), |(near, far), d| (near.min(d), far.max(d)));
+                    // The nearest counts; longer tracks win a draw.
+                    let score = if far - near < LEAST_APPROACH_M { f64::INFINITY } else { near.max(0.15) - 1e-4 * count as f64 };
                     if score < best.0 {
                         best = (score, track.clone());
                     }

@@ -113,6 +113,15 @@ impl Racket {
                 ),
             });
         }
+        // A racket is long: about its long axis it turns most easily, by far.
+        if principal.x > 0.5 * principal.y {
+            return Err(EquipmentError::Value {
+                path: path.into(),
+                key: "twistweight_kgm2".into(),
+                seen: self.twistweight_kgm2,
+                allowed: format!("below half the inertia across the face about the centre of mass, {:.5} (a tenth of it is usual)", principal.y),
+            });
+        }
         // No body has a principal inertia above the sum of the other two; 5 % leaves room for measuring error.
         let (a, b, c) = (principal.x, principal.y, principal.z);
         if a > 1.05 * (b + c) || b > 1.05 * (a + c) || c > 1.05 * (a + b) {

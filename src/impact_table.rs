@@ -42,17 +42,20 @@ pub const OUTPUTS: [&str; 13] = [
     "contact_time",
 ];
 
-/// Error of the racket face's own axes that all impacts of a session share, as the columns `face_turn_x_sd` ... state it: turn
-/// of the axes (rad), shift of the stringbed centre (m). Tape is seen off its middle by the same fraction of a pixel in every
-/// shot: not noise of a single impact, and not physics either.
-pub const FACE_POSE: [&str; 6] = ["face_turn_x", "face_turn_y", "face_turn_z", "face_shift_x", "face_shift_y", "face_shift_z"];
+/// Errors that all impacts of a session share, as the columns `face_turn_x_sd` ... state them: turn of the face's axes (rad) and
+/// shift of the stringbed centre (m), because tape is seen off its middle by the same fraction of a pixel in every shot; shift
+/// of the stated balance point along x (m); and of the contact time (s), whose end the pictures do not show. Not noise of a
+/// single impact, and not physics either.
+pub const SHARED: [&str; 8] =
+    ["face_turn_x", "face_turn_y", "face_turn_z", "face_shift_x", "face_shift_y", "face_shift_z", "balance_shift", "contact_time_shift"];
 
-/// Unit of a column of [`INPUTS`], [`OUTPUTS`] or [`FACE_POSE`].
+/// Unit of a column of [`INPUTS`], [`OUTPUTS`] or [`SHARED`].
 pub fn unit(column: &str) -> &'static str {
     match column {
         "impact_x" | "impact_y" => "m",
         c if c.starts_with("face_turn") => "rad",
-        c if c.starts_with("face_shift") => "m",
+        c if c.starts_with("face_shift") || c == "balance_shift" => "m",
+        "contact_time_shift" => "s",
         "grip_torque" => "N m",
         "contact_time" => "s",
         c if c.contains("_w") => "rad/s",
@@ -94,8 +97,8 @@ pub struct ImpactRow {
     pub inputs: [Option<Measured>; INPUTS.len()],
     /// In the order of [`OUTPUTS`].
     pub outputs: [Option<Measured>; OUTPUTS.len()],
-    /// Deviations of the session's shared face pose, in the order of [`FACE_POSE`].
-    pub face_pose_sd: [Option<f64>; FACE_POSE.len()],
+    /// Deviations of what the session's impacts share, in the order of [`SHARED`].
+    pub shared_sd: [Option<f64>; SHARED.len()],
     /// Unknown columns: player, sex, session, ...
     pub groups: BTreeMap<String, String>,
 }
@@ -109,7 +112,7 @@ impl ImpactRow {
             sequence: 0.0,
             inputs: [None; INPUTS.len()],
             outputs: [None; OUTPUTS.len()],
-            face_pose_sd: [None; FACE_POSE.len()],
+            shared_sd: [None; SHARED.len()],
             groups: BTreeMap::new(),
         }
     }
@@ -149,7 +152,7 @@ enum Column {
     Ball,
     Sequence,
     Value { output: bool, index: usize, sd: bool },
-    FacePoseSd(usize),
+    SharedSd(usize),
     Group(String),
 }
 
@@ -166,8 +169,8 @@ fn column(name: &str) -> Column {
         Column::Value { output: false, index, sd }
     } else if let Some(index) = OUTPUTS.iter().position(|c| *c == base) {
         Column::Value { output: true, index, sd }
-    } else if let Some(index) = FACE_POSE.iter().position(|c| *c == base).filter(|_| sd) {
-        Column::FacePoseSd(index)
+    } else if let Some(index) = SHARED.iter().position(|c| *c == base).filter(|_| sd) {
+        Column::SharedSd(index)
     } else {
         Column::Group(name.to_owned())
     }
@@ -231,9 +234,9 @@ impl ImpactTable {
                             sds.push((*output, *index, sd));
                         }
                     }
-                    Column::FacePoseSd(index) => {
-                        row.face_pose_sd[*index] = number()?;
-                        if row.face_pose_sd[*index].is_some_and(|sd| sd < 0.0) {
+                    Column::SharedSd(index) => {
+                        row.shared_sd[*index] = number()?;
+                        if row.shared_sd[*index].is_some_and(|sd| sd < 0.0) {
                             return Err(bad(positive));
                         }
                     }
@@ -277,7 +280,7 @@ impl ImpactTable {
                 cells.extend((0..names.len()).filter(|&i| !sd || has(output, i, true)).map(|i| (output, i, sd)));
             }
         }
-        let poses: Vec<usize> = (0..FACE_POSE.len()).filter(|&i| self.rows.iter().any(|r| r.face_pose_sd[i].is_some())).collect();
+        let shared: Vec<usize> = (0..SHARED.len()).filter(|&i| self.rows.iter().any(|r| r.shared_sd[i].is_some())).collect();
         let groups: BTreeSet<&str> = self.rows.iter().flat_map(|r| r.groups.keys().map(String::as_str)).collect();
         let name = |&(output, i, sd): &(bool, usize, bool)| format!("{}{}", if output { OUTPUTS[i] } else { INPUTS[i] }, if sd { "_sd" } else { "" });
         let mut csv = csv::Writer::from_writer(Vec::new());
@@ -285,7 +288,7 @@ impl ImpactTable {
             .iter()
             .map(|s| (*s).to_owned())
             .chain(cells.iter().map(name))
-            .chain(poses.iter().map(|&i| format!("{}_sd", FACE_POSE[i])))
+            .chain(shared.iter().map(|&i| format!("{}_sd", SHARED[i])))
             .chain(groups.iter().map(|g| (*g).to_owned()));
         let mut write = |fields: Vec<String>| csv.write_record(&fields).unwrap_or_else(|e| unreachable!("writing to memory: {e}"));
         write(header.collect());
@@ -295,7 +298,7 @@ impl ImpactTable {
                 let m = if output { r.outputs[i] } else { r.inputs[i] };
                 fields.push(m.and_then(|m| if sd { m.sd } else { Some(m.value) }).map_or_else(String::new, |v| v.to_string()));
             }
-            fields.extend(poses.iter().map(|&i| r.face_pose_sd[i].map_or_else(String::new, |v| v.to_string())));
+            fields.extend(shared.iter().map(|&i| r.shared_sd[i].map_or_else(String::new, |v| v.to_string())));
             fields.extend(groups.iter().map(|g| r.groups.get(*g).cloned().unwrap_or_default()));
             write(fields);
         }
@@ -313,8 +316,9 @@ mod tests {
 
     #[test]
     fn law_a_table_survives_writing_and_reading() {
-        let t = read("player,ball_out_vz_sd,id,ball_in_vz,ball_out_vz,face_turn_y_sd\nA,0.1,a,-20.5,,\nB,0.25,b,,11.125,0.002\n").expect("valid");
-        assert_eq!((t.rows[0].face_pose_sd[1], t.rows[1].face_pose_sd[1]), (None, Some(0.002)));
+        let t = read("player,ball_out_vz_sd,id,ball_in_vz,ball_out_vz,face_turn_y_sd,balance_shift_sd\nA,0.1,a,-20.5,,,\nB,0.25,b,,11.125,0.002,0.001\n")
+            .expect("valid");
+        assert_eq!((t.rows[0].shared_sd[1], t.rows[1].shared_sd[1], t.rows[1].shared_sd[6]), (None, Some(0.002), Some(0.001)));
         assert_eq!(t.rows[1].get("ball_out_vz"), Some(Measured { value: 11.125, sd: Some(0.25) }));
         assert_eq!(t.rows[0].get("ball_out_vz"), None);
         assert_eq!(read(&t.to_csv()).expect("own output"), t);

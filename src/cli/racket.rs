@@ -123,7 +123,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
         return Err(CliError::input("nothing was measured").hint("give a racket.toml to check, or measurements; see `sweetspot racket --help`"));
     }
     let number = |v: f64| format!("{v:.5}");
-    let uncertain = |u: Uncertain| format!("{:.5}    # ± {:.5}", u.value, u.sd);
+    let uncertain = |u: Uncertain| format!("{:.6}    # ± {:.6}", u.value, u.sd);
     for (key, text) in [
         ("mass_kg", bench.mass_kg.map(number)),
         ("balance_m", bench.balance_m.map(number)),

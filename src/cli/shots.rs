@@ -9,7 +9,7 @@ use crate::kinematics::{
     season_statistics, season_to_csv,
 };
 use crate::provenance::Provenance;
-use crate::report::season_figures;
+use crate::report::{histograms_to_csv, season_figures};
 use crate::session::{Session, ShotFolder};
 use crate::tracking::spin::{SPIN_FILE, SpinEstimate, read_spin};
 use crate::tracking::{Tracks, points_to_csv};
@@ -96,14 +96,19 @@ struct Season {
     rise: Vec<RiseInterval>,
 }
 
-/// The session as a whole: `season.csv`, `season.json`, and the figures of chapter 5 as `season/*.svg`.
+/// The session as a whole: `season.csv`, `season.json`, the figures of chapter 5 as `season/*.svg`, and what their histograms
+/// count as `season/histograms.csv`.
 fn write_season(session: &Session, records: &[ShotRecord], results: &Path, shell: &Shell) -> Result<(), CliError> {
     let shots: Vec<&Shot> = records.iter().map(|r| &r.shot).collect();
     let season = Season { statistics: season_statistics(&shots), rise: rise_table(&shots) };
     shell.write(&results.join("season.csv"), season_to_csv(&season.statistics).as_bytes())?;
     let json = serde_json::to_string_pretty(&season).map_err(CliError::output)? + "\n";
     shell.write(&results.join("season.json"), json.as_bytes())?;
-    for figure in season_figures(&shots, Some(&session.racket)) {
+    let figures = season_figures(&shots, Some(&session.racket));
+    if !figures.is_empty() {
+        shell.write(&results.join("season").join("histograms.csv"), histograms_to_csv(&figures).as_bytes())?;
+    }
+    for figure in figures {
         shell.write(&results.join("season").join(format!("{}.svg", figure.name)), figure.svg.as_bytes())?;
     }
     Ok(())

@@ -2,8 +2,11 @@
 //!
 //! Drag −k |v| v with k = ρ C_D A / 2m, and a lift acceleration across the path that stays constant over the window.
 //! Sources: physics.md E.6 (C_D 0.507 ± 0.024 in free flight, 0.55-0.7 in tunnels; lift below half the drag).
+//!
+//! How long a window these laws hold over is asked of the points: [`bending_p`] tests them against a path whose acceleration
+//! changes freely. A bounce, a net cord, a barrel or a wrongly tracked stretch within the window bends it.
 
-use super::least_squares::{Problem, Solution, SolveError, solve};
+use super::least_squares::{Problem, Solution, SolveError, chi2_tail_3, solve};
 use super::sighting::{CommonError, Sighting, deviations, persistence, whiten};
 use crate::calibration::{CameraId, StereoRig};
 use crate::equipment::Ball;
@@ -23,11 +26,26 @@ pub enum FlightLaw {
     Gravity,
     /// Gravity, drag and lift.
     Air,
+    /// These, and a rate of change of acceleration that no flight has: what the others are tested against.
+    Bending,
 }
 
 impl FlightLaw {
+    /// The laws that a ball may follow.
     pub const ALL: [FlightLaw; 2] = [FlightLaw::Gravity, FlightLaw::Air];
+
+    /// Word of shot.json.
+    pub fn word(self) -> &'static str {
+        match self {
+            FlightLaw::Gravity => "gravity",
+            FlightLaw::Air => "air",
+            FlightLaw::Bending => "bending",
+        }
+    }
 }
+
+/// Spread of the rate of change of acceleration, m/s³: 6 cm aside after 15 ms, more than any window needs.
+const BENDING: f64 = 1e5;
 
 /// Ball at the reference time, global axes, SI.
 #[derive(Debug, Clone, PartialEq)]
@@ -37,11 +55,13 @@ pub struct FlightState {
     pub drag_coefficient: f64,
     /// m/s², global axes.
     pub lift: Vector3<f64>,
+    /// m/s³, global axes; zero but for [`FlightLaw::Bending`].
+    pub bending: Vector3<f64>,
 }
 
 impl FlightState {
     pub fn new(position: Point3<f64>, velocity: Vector3<f64>) -> Self {
-        FlightState { position, velocity, drag_coefficient: 0.0, lift: Vector3::zeros() }
+        FlightState { position, velocity, drag_coefficient: 0.0, lift: Vector3::zeros(), bending: Vector3::zeros() }
     }
 }
 
@@ -67,7 +87,7 @@ impl FlightView<'_> {
         let speed = s.velocity.norm();
         let acceleration = self.acceleration(s);
         let jerk = if speed > 0.0 { -(acceleration * speed + s.velocity * (s.velocity.dot(&acceleration) / speed)) * k } else { Vector3::zeros() };
-        s.position + s.velocity * dt + acceleration * (dt * dt / 2.0) + jerk * (dt * dt * dt / 6.0)
+        s.position + s.velocity * dt + acceleration * (dt * dt / 2.0) + (jerk + s.bending) * (dt * dt * dt / 6.0)
     }
 
     pub fn acceleration(&self, s: &FlightState) -> Vector3<f64> {
@@ -101,8 +121,11 @@ impl Problem for FlightFit<'_> {
 
     fn scales(&self) -> Vec<f64> {
         let mut s = vec![1e-3, 1e-3, 1e-3, 0.1, 0.1, 0.1];
-        if self.law == FlightLaw::Air {
+        if self.law != FlightLaw::Gravity {
             s.extend([DRAG.1, self.lift_sd, self.lift_sd, self.lift_sd]);
+        }
+        if self.law == FlightLaw::Bending {
+            s.extend([BENDING; 3]);
         }
         s
     }
@@ -111,9 +134,12 @@ impl Problem for FlightFit<'_> {
         let mut next = s.clone();
         next.position += Vector3::new(d[0], d[1], d[2]);
         next.velocity += Vector3::new(d[3], d[4], d[5]);
-        if self.law == FlightLaw::Air {
+        if self.law != FlightLaw::Gravity {
             next.drag_coefficient += d[6];
             next.lift += Vector3::new(d[7], d[8], d[9]);
+        }
+        if self.law == FlightLaw::Bending {
+            next.bending += Vector3::new(d[10], d[11], d[12]);
         }
         next
     }
@@ -121,9 +147,12 @@ impl Problem for FlightFit<'_> {
     fn residuals(&self, s: &FlightState) -> Option<DVector<f64>> {
         let seen = whiten(self.view.sightings, &self.misfits(s)?, self.view.common, self.view.noise_scale);
         let mut all: Vec<f64> = seen.iter().copied().collect();
-        if self.law == FlightLaw::Air {
+        if self.law != FlightLaw::Gravity {
             all.push((s.drag_coefficient - DRAG.0) / DRAG.1);
             all.extend((s.lift / self.lift_sd).iter());
+        }
+        if self.law == FlightLaw::Bending {
+            all.extend((s.bending / BENDING).iter());
         }
         Some(DVector::from_vec(all))
     }
@@ -136,7 +165,9 @@ pub struct FlightResult {
     /// Of position and velocity.
     pub covariance: Matrix6<f64>,
     pub ln_evidence: f64,
+    /// χ² of the points, and with what the priors add.
     pub chi2: f64,
+    pub cost: f64,
 }
 
 pub(crate) fn fit_flight(view: &FlightView<'_>, law: FlightLaw, start: &FlightState) -> Result<FlightResult, SolveError> {
@@ -144,10 +175,15 @@ pub(crate) fn fit_flight(view: &FlightView<'_>, law: FlightLaw, start: &FlightSt
     let drag = DRAG.0 * view.drag_per_m() * speed * speed;
     let problem = FlightFit { view, law, cameras: CameraId::BOTH.map(|c| view.rig.camera_from_global(c)), lift_sd: (LIFT_SHARE * drag).max(0.05) };
     let mut start = start.clone();
-    start.drag_coefficient = if law == FlightLaw::Air { DRAG.0 } else { 0.0 };
-    start.lift = Vector3::zeros();
+    start.drag_coefficient = if law == FlightLaw::Gravity { 0.0 } else { DRAG.0 };
+    (start.lift, start.bending) = (Vector3::zeros(), Vector3::zeros());
     let Solution { state, covariance, cost, ln_det_information } = solve(&problem, start)?;
-    let ln_prior = if law == FlightLaw::Air { -DRAG.1.ln() - 3.0 * problem.lift_sd.ln() } else { 0.0 };
+    let air = -DRAG.1.ln() - 3.0 * problem.lift_sd.ln();
+    let ln_prior = match law {
+        FlightLaw::Gravity => 0.0,
+        FlightLaw::Air => air,
+        FlightLaw::Bending => air - 3.0 * BENDING.ln(),
+    };
     let chi2 = problem.misfits(&state).map_or(f64::INFINITY, |m| whiten(view.sightings, &m, view.common, view.noise_scale).norm_squared());
     Ok(FlightResult {
         law,
@@ -155,7 +191,19 @@ pub(crate) fn fit_flight(view: &FlightView<'_>, law: FlightLaw, start: &FlightSt
         covariance: covariance.fixed_view::<6, 6>(0, 0).into_owned(),
         ln_evidence: -0.5 * cost - 0.5 * ln_det_information + ln_prior,
         chi2,
+        cost,
     })
+}
+
+/// Probability of points that bend as much beyond gravity, drag and lift, if these were all: χ² with three degrees of freedom,
+/// the gain of a free rate of change of acceleration. `scale` gives the factor on the deviations that the residuals of a fit
+/// ask for; it is taken from the freer fit, which a bend does not spoil. `None` when the points do not tell.
+pub(crate) fn bending_p(view: &FlightView<'_>, start: &FlightState, scale: impl Fn(&FlightView<'_>, &FlightResult) -> f64) -> Option<f64> {
+    let free = fit_flight(view, FlightLaw::Bending, start).ok()?;
+    let scaled = FlightView { noise_scale: scale(view, &free), ..*view };
+    let free = fit_flight(&scaled, FlightLaw::Bending, start).ok()?;
+    let bound = fit_flight(&scaled, FlightLaw::Air, start).ok()?;
+    Some(chi2_tail_3(bound.cost - free.cost))
 }
 
 pub(crate) fn flight_deviations(view: &FlightView<'_>, result: &FlightResult) -> Vec<f64> {
@@ -183,6 +231,12 @@ pub struct FlightEstimate {
     pub noise_scale: f64,
     pub frames: usize,
     pub rejected: usize,
+    /// From the reference time to the farthest frame, s.
+    pub length_s: f64,
+    /// See [`bending_p`].
+    pub bending_p: Option<f64>,
+    /// Whether farther points were left out because the whole path bends more than the laws.
+    pub shortened: bool,
 }
 
 /// Averages the laws; `air_odds` is the session's prior odds of air against none (1 when nothing is known).
@@ -223,5 +277,8 @@ pub(crate) fn average_flight(view: &FlightView<'_>, mut results: Vec<FlightResul
         noise_scale: 1.0,
         frames: 0,
         rejected: 0,
+        length_s: 0.0,
+        bending_p: None,
+        shortened: false,
     })
 }

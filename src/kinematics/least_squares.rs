@@ -31,6 +31,12 @@ pub(crate) enum SolveError {
     Singular,
 }
 
+/// P(χ²₃ > x) = erfc(√(x/2)) + √(2x/π) e^(−x/2).
+pub(crate) fn chi2_tail_3(x: f64) -> f64 {
+    let x = x.max(0.0);
+    statrs::function::erf::erfc((0.5 * x).sqrt()) + (2.0 * x / std::f64::consts::PI).sqrt() * (-0.5 * x).exp()
+}
+
 const MOST_STEPS: usize = 60;
 
 /// Minimises; derivatives are central differences of 1e-4 of the natural size (the projection is smooth: the error of

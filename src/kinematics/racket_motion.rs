@@ -327,6 +327,8 @@ pub struct MotionEstimate {
     pub noise_scale: f64,
     pub frames: usize,
     pub rejected: usize,
+    /// From the reference time to the farthest frame, s.
+    pub length_s: f64,
 }
 
 /// Averages results by evidence; the spread between them joins the covariance.
@@ -363,5 +365,17 @@ pub(crate) fn average(racket: &MovingRacket, mut results: Vec<LawResult>, refere
         ..best.state.clone()
     };
     let laws = results.iter().zip(&weights).map(|(r, w)| (r.law, *w)).collect();
-    Some(MotionEstimate { reference_t, state, acceleration, rate_dot_body: rate_dot, covariance, laws, best, noise_scale: 1.0, frames: 0, rejected: 0 })
+    Some(MotionEstimate {
+        reference_t,
+        state,
+        acceleration,
+        rate_dot_body: rate_dot,
+        covariance,
+        laws,
+        best,
+        noise_scale: 1.0,
+        frames: 0,
+        rejected: 0,
+        length_s: 0.0,
+    })
 }

@@ -1,14 +1,14 @@
 //! One shot measured: motions, contact, every characteristic with its uncertainty, and its row of the impacts table.
 
 use super::KinematicsError;
-use super::ball_flight::FlightLaw;
 use super::calibration_share::CalibrationShare;
 use super::characteristics::{ShotEquipment, characteristics};
 use super::contact::BodyMotion;
 use super::face_pose::face_pose_sd;
+use super::least_squares::chi2_tail_3;
 use super::marker_distance::{MarkerDistance, marker_distances, mismatch_remark};
-use super::shot_motion::{MeasureSettings, ShotMotion, measure_motion};
-use super::shot_state::{SpinVector, UncertainShot};
+use super::shot_motion::{BENDS_P, MeasureSettings, ShotMotion, measure_motion};
+use super::shot_state::{BALANCE_SD_M, LEAVING_FLAT_SD_S, SpinVector, UncertainShot};
 use super::space_points::{on_rigid_racket, space_points};
 use super::thesis_path::{ThesisShot, thesis_shot};
 use crate::calibration::StereoRig;
@@ -64,9 +64,19 @@ impl<'de> Deserialize<'de> for Quantities {
 }
 
 /// How a window was fitted.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct WindowReport {
     pub frames: usize,
+    /// From the contact to the farthest frame used, s.
+    #[serde(default)]
+    pub length_s: f64,
+    /// Probability of a path that bends as much beyond the laws of flight, if it obeyed them: the test by which the ball's
+    /// window is shortened. A racket's laws hold three orders of bending themselves.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bending_p: Option<f64>,
+    /// Whether farther points were left out because with them the path bends more than the laws.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub shortened: bool,
     /// Image points left out as outliers.
     pub rejected_points: usize,
     /// Factor by which the residuals exceed the tracks' own deviations.
@@ -241,6 +251,14 @@ pub fn measure_shot(input: &ShotInput<'_>, settings: &MeasureSettings) -> Result
     // near as the whole figure allows.
     let points = on_rigid_racket(input.rig, input.tracks, &motion, &points);
     remarks.extend(mismatch_remark(&marker_distances));
+    let windows = windows(&motion);
+    for (when, window) in [("before", Some(&windows.ball_in)), ("after", windows.ball_out.as_ref())] {
+        let Some((w, p)) = window.and_then(|w| Some((w, w.bending_p?))).filter(|(_, p)| *p < BENDS_P) else { continue };
+        remarks.push(format!(
+            "the ball's path {when} contact bends more than gravity and air explain, even over {} frames (p = {p:.1e}): look at its track",
+            w.frames
+        ));
+    }
     let face = BodyMotion::from(&motion.racket_in).pose(&motion.moving.com_local);
     let shot = Shot {
         id: input.id.to_owned(),
@@ -252,7 +270,7 @@ pub fn measure_shot(input: &ShotInput<'_>, settings: &MeasureSettings) -> Result
         impact_timing,
         swing_timing,
         momentum,
-        windows: windows(&motion),
+        windows,
         face_pose_sd: face_pose_sd(input.rig, &motion.moving.figure, &face, settings.tape.shared_px),
         thesis,
         marker_distances,
@@ -264,12 +282,18 @@ pub fn measure_shot(input: &ShotInput<'_>, settings: &MeasureSettings) -> Result
 fn windows(m: &ShotMotion) -> Windows {
     let flight = |f: &super::FlightEstimate| WindowReport {
         frames: f.frames,
+        length_s: f.length_s,
+        bending_p: f.bending_p,
+        shortened: f.shortened,
         rejected_points: f.rejected,
         noise_scale: f.noise_scale,
-        laws: f.laws.iter().map(|(l, p)| (flight_word(*l).to_owned(), *p)).collect(),
+        laws: f.laws.iter().map(|(l, p)| (l.word().to_owned(), *p)).collect(),
     };
     let motion = |f: &super::MotionEstimate| WindowReport {
         frames: f.frames,
+        length_s: f.length_s,
+        bending_p: None,
+        shortened: false,
         rejected_points: f.rejected,
         noise_scale: f.noise_scale,
         laws: f.laws.iter().map(|(l, p)| (l.word(), *p)).collect(),
@@ -282,18 +306,6 @@ fn windows(m: &ShotMotion) -> Windows {
     }
 }
 
-fn flight_word(l: FlightLaw) -> &'static str {
-    match l {
-        FlightLaw::Gravity => "gravity",
-        FlightLaw::Air => "air",
-    }
-}
-
-/// P(χ²₃ > x) = erfc(√(x/2)) + √(2x/π) e^(−x/2).
-fn chi2_tail_3(x: f64) -> f64 {
-    statrs::function::erf::erfc((0.5 * x).sqrt()) + (2.0 * x / std::f64::consts::PI).sqrt() * (-0.5 * x).exp()
-}
-
 impl Shot {
     /// The shot's row of the impacts table (contract section 4).
     pub fn impact_row(&self, sequence: f64) -> ImpactRow {
@@ -302,8 +314,9 @@ impl Shot {
         for name in INPUTS.iter().chain(OUTPUTS.iter()) {
             row.set(name, self.quantities.get(name).map(|q| Measured { value: q.value, sd: Some(q.sd) }));
         }
-        if let Some(sd) = self.face_pose_sd {
-            row.face_pose_sd = sd.map(Some);
+        let shared = self.face_pose_sd.iter().flatten().chain(&[BALANCE_SD_M, LEAVING_FLAT_SD_S]);
+        if self.face_pose_sd.is_some() {
+            row.shared_sd.iter_mut().zip(shared).for_each(|(cell, sd)| *cell = Some(*sd));
         }
         row.groups = self.groups.iter().cloned().collect();
         row

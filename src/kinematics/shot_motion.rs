@@ -3,7 +3,9 @@
 //! The windows never reach across the contact: which frames belong to which side follows from the fits' own first and
 //! last contact, until it no longer changes.
 
-use super::ball_flight::{FlightEstimate, FlightLaw, FlightResult, FlightState, FlightView, average_flight, fit_flight, flight_deviations, flight_persistence};
+use super::ball_flight::{
+    FlightEstimate, FlightLaw, FlightResult, FlightState, FlightView, average_flight, bending_p, fit_flight, flight_deviations, flight_persistence,
+};
 use super::contact::{PointMotion, body_at, crossing};
 use super::least_squares::SolveError;
 use super::motion_law::{MotionLaw, Pace};
@@ -33,7 +35,8 @@ pub struct MeasureSettings {
     pub frame_period_s: f64,
     pub exposure_s: f64,
     /// Longest window on either side of the contact, s. The thesis takes 0.010 s because it fits lines; laws of motion
-    /// with an arc and angular acceleration hold longer.
+    /// with an arc and angular acceleration hold longer. Where the ball's path bends more than its laws allow, its window
+    /// is shortened.
     pub window_s: f64,
     /// Global V points up. When the session has no axes pictures gravity is taken along the left camera's downward axis.
     pub axes_known: bool,
@@ -115,6 +118,13 @@ const USUAL_CONTACT_S: f64 = 0.005;
 /// Deviations (in scaled standard deviations over both axes) beyond which a point is an outlier. Among 500 good points
 /// one is beyond 4.2 in every ten shots (Rayleigh).
 const OUTLIER: f64 = 4.2;
+/// A window of the ball is shortened while a path that obeys its laws would bend as much in fewer than one shot of a thousand
+/// (half a window knows the velocity three times worse: shortening must be worth it),
+pub(crate) const BENDS_P: f64 = 0.001;
+/// by a tenth at a time,
+const SHORTENED: f64 = 0.9;
+/// but not below the thesis's ten frames: fewer tell no bend from noise.
+const FEWEST_UNBENT: usize = 10;
 
 struct Bench<'a> {
     rig: &'a StereoRig,
@@ -353,7 +363,26 @@ impl Bench<'_> {
         (a / self.clock.period_s).floor() == (b / self.clock.period_s).floor()
     }
 
+    /// The ball over the longest window in which its laws hold, from the contact outward.
     fn flight(&self, frames: &BTreeMap<u64, FrameView>, when: When, from: f64, to: f64, reference_t: f64) -> Result<FlightEstimate, KinematicsError> {
+        let mut estimate = self.flight_within(frames, when, from, to, reference_t)?;
+        while estimate.bending_p.is_some_and(|p| p < BENDS_P) && estimate.frames > FEWEST_UNBENT {
+            let length = SHORTENED * estimate.length_s;
+            let (from, to) = match when {
+                When::Before => (reference_t - length, to),
+                When::After => (from, reference_t + length),
+            };
+            match self.flight_within(frames, when, from, to, reference_t) {
+                Ok(shorter) if shorter.frames >= FEWEST_UNBENT && shorter.length_s < estimate.length_s => {
+                    estimate = FlightEstimate { shortened: true, ..shorter }
+                }
+                _ => break,
+            }
+        }
+        Ok(estimate)
+    }
+
+    fn flight_within(&self, frames: &BTreeMap<u64, FrameView>, when: When, from: f64, to: f64, reference_t: f64) -> Result<FlightEstimate, KinematicsError> {
         let mut seen = sightings(self.tracks, self.clock, &[Target::Ball], from, to);
         let known: Vec<(f64, Point3<f64>)> = frames.values().filter(|f| (from..=to).contains(&f.t)).filter_map(|f| Some((f.t, f.ball?.position))).collect();
         // A frame that one camera alone shows still counts in the fit, once the others have fixed where the ball is.
@@ -376,13 +405,17 @@ impl Bench<'_> {
                 break;
             }
         }
-        let results = fit(&seen, 1.0)?;
-        let scale = noise_scale(results.last().map_or(0.0, |r| r.chi2), 2 * seen.len(), 8);
-        let scale = scale * results.last().map_or(1.0, |r| flight_persistence(&self.flight_view(&seen, reference_t, 1.0), r));
+        let asked = |parameters: usize| {
+            let n = 2 * seen.len();
+            move |view: &FlightView<'_>, r: &FlightResult| noise_scale(r.chi2, n, parameters) * flight_persistence(view, r)
+        };
+        let plain = self.flight_view(&seen, reference_t, 1.0);
+        let scale = fit(&seen, 1.0)?.last().map_or(1.0, |r| asked(8)(&plain, r));
         let results = fit(&seen, scale)?;
         let view = self.flight_view(&seen, reference_t, scale);
         let mut estimate = average_flight(&view, results, self.settings.air_odds).ok_or(KinematicsError::NoPoints)?;
         (estimate.noise_scale, estimate.frames, estimate.rejected) = (scale, frames_in(&seen), total - seen.len());
+        (estimate.length_s, estimate.bending_p) = (reach(&seen, reference_t), bending_p(&plain, &start, asked(11)));
         Ok(estimate)
     }
 
@@ -421,6 +454,7 @@ impl Bench<'_> {
         let results: Vec<_> = laws.iter().filter_map(|law| fit_law(&view, *law, &richest.state).ok()).collect();
         let mut estimate = average(&self.moving, results, reference_t).ok_or(KinematicsError::NoPoints)?;
         (estimate.noise_scale, estimate.frames, estimate.rejected) = (scale, frames_in(&seen), total - seen.len());
+        estimate.length_s = reach(&seen, reference_t);
         Ok(estimate)
     }
 
@@ -514,6 +548,11 @@ fn noise_scale(chi2: f64, residuals: usize, parameters: usize) -> f64 {
     const OWN_WORD: f64 = 10.0;
     let freedom = residuals.saturating_sub(parameters) as f64;
     ((chi2 + OWN_WORD) / (freedom + OWN_WORD)).sqrt().max(0.05)
+}
+
+/// Longest time between a sighting and the reference time, s.
+fn reach(seen: &[Sighting], reference_t: f64) -> f64 {
+    seen.iter().map(|s| (s.t - reference_t).abs()).fold(0.0, f64::max)
 }
 
 fn frames_in(seen: &[Sighting]) -> usize {

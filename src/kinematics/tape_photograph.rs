@@ -1,8 +1,9 @@
 //! Marker positions from a photograph of the racket lying on a ruled sheet (thesis 5.3.3).
 //!
 //! Each tape is found near a place that the user points at: light tape parts the dark tube in two, and its middle lies
-//! halfway between the two ends, on the tube's middle line; dark tape on a light tube is a dark patch of its own. The
-//! tube lies above the sheet, so what the sheet's squares say is corrected for the camera's place (similar triangles).
+//! halfway between the two ends, on the tube's middle line; dark tape on a lighter tube is a dark patch of its own. What is
+//! dark is asked at up to three levels, each splitting the darker part of the one before: a grey tube is dark beside a white
+//! sheet and light beside its tape, and a shadow lies between sheet and tube. The tube lies above the sheet, so what the sheet's squares say is corrected for the camera's place (similar triangles).
 
 use super::grid_photograph::GridPhotograph;
 use crate::equipment::{Markers, Racket};
@@ -24,6 +25,14 @@ const HEIGHT_SD_M: f64 = 0.003;
 const POINTING_M: f64 = 0.012;
 /// How well an end of a tape can be told from its picture, m: tape is cut and laid by hand.
 const END_SD_M: f64 = 0.0002;
+/// Levels of grey between light and dark that are tried, and how far apart two classes must be to be two, grey values.
+const LEVELS: usize = 3;
+const CONTRAST: f64 = 20.0;
+/// Length of a tape along the tube, m; how far what is seen may be from the tube's stated width, and the share of the
+/// difference by which its middle may be off (a shadow widens one side, a wrong radius both).
+const TAPE_LENGTH_M: std::ops::Range<f64> = 0.003..0.035;
+const WIDTH_SLACK: f64 = 0.35;
+const ONE_SIDED: f64 = 0.25;
 
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum TapeError {
@@ -65,7 +74,7 @@ pub fn tape_places(
         let lifted = radius / height_m;
         let higher = VISIBLE_DEPTH * radius / height_m;
         let place = found.apparent + toward * lifted + along * (toward.dot(&along) * higher);
-        let sd = found.sd_m.hypot(toward.norm() * HEIGHT_SD_M / height_m).hypot(sheet.rms_px / sheet.px_per_m);
+        let sd = END_SD_M.hypot(ONE_SIDED * found.misfit_m(radius)).hypot(toward.norm() * HEIGHT_SD_M / height_m).hypot(sheet.rms_px / sheet.px_per_m);
         places.push((sheet.to_pixel(&found.apparent), place, sd));
     }
     let [_, (_, m2, sd2), (_, m3, sd3), _, _] = &places[..] else { unreachable!("five tapes") };
@@ -104,7 +113,15 @@ struct Found {
     /// Where the sheet's squares place it, m, and the tube's direction there.
     apparent: Vector2<f64>,
     along: Vector2<f64>,
-    sd_m: f64,
+    /// Of the tube or the dark tape, m.
+    width_m: f64,
+}
+
+impl Found {
+    /// How far the width is from the tube's, m.
+    fn misfit_m(&self, radius: f64) -> f64 {
+        (self.width_m - 2.0 * radius).abs()
+    }
 }
 
 /// A window of the sheet about a place, sampled evenly in sheet coordinates.
@@ -127,18 +144,29 @@ impl Window {
 
 fn find_tape(image: &GreyImage, sheet: &GridPhotograph, pointed: &Vector2<f64>, radius: f64) -> Result<Found, &'static str> {
     let window = sample(image, sheet, pointed)?;
-    let mut dark = opened(&window);
-    let parts = parts(&window, &mut dark);
+    let mut best = Err("nothing dark is near it");
+    let mut darker = window.grey.clone();
+    for level in 0..LEVELS {
+        let Some(threshold) = two_classes(&darker) else { break };
+        // The level at which what is seen is as wide as the tube.
+        match (tape_at(&window, threshold, radius), &best) {
+            (Ok(found), Ok(earlier)) if found.misfit_m(radius) >= Found::misfit_m(earlier, radius) => {}
+            (Ok(found), _) => best = Ok(found),
+            (Err(why), _) if level == 0 => best = Err(why),
+            (Err(_), _) => {}
+        }
+        darker.retain(|g| *g < threshold);
+    }
+    best
+}
+
+/// The tape when everything below `threshold` is dark.
+fn tape_at(window: &Window, threshold: f64, radius: f64) -> Result<Found, &'static str> {
+    let mut dark = opened(window, threshold);
+    let parts = parts(window, &mut dark);
     let middle = window.grey.len() / 2;
     if let Some(own) = parts.iter().find(|p| p.contains(&middle)) {
-        // Dark tape on a lighter tube: a patch that does not leave the window.
-        let (mean, moments) = moments(&window, own);
-        let eigen = moments.symmetric_eigen();
-        if own.iter().any(|k| window.offset(*k).amax() > REACH_M - 2.0 * STEP_M) {
-            return Err("the place is on the dark tube, not on the tape");
-        }
-        let along = eigen.eigenvectors.column(if eigen.eigenvalues[0] < eigen.eigenvalues[1] { 0 } else { 1 }).into_owned();
-        return Ok(Found { apparent: window.centre + mean, along, sd_m: END_SD_M });
+        return dark_tape(window, own, radius);
     }
     let nearest = |p: &Vec<usize>| p.iter().map(|k| window.offset(*k).norm()).fold(f64::INFINITY, f64::min);
     let mut ends: Vec<(f64, &Vec<usize>)> = parts.iter().map(|p| (nearest(p), p)).collect();
@@ -147,11 +175,31 @@ fn find_tape(image: &GreyImage, sheet: &GridPhotograph, pointed: &Vector2<f64>, 
     if *near > 0.02 || *far > 0.025 {
         return Err("the dark ends of the tube are too far from it");
     }
-    let found = between(&window, a, b, radius).ok_or("the tube's ends do not face each other")?;
+    let found = between(window, a, b, radius).ok_or("the tube's ends do not face each other")?;
     if (found.apparent - window.centre).norm() > POINTING_M {
         return Err("the nearest tape is too far from it");
     }
     Ok(found)
+}
+
+/// Dark tape on a lighter tube: a patch as wide as the tube that does not leave the window.
+fn dark_tape(window: &Window, patch: &[usize], radius: f64) -> Result<Found, &'static str> {
+    if patch.iter().any(|k| window.offset(*k).amax() > REACH_M - 2.0 * STEP_M) {
+        return Err("the place is on the dark tube, not on the tape");
+    }
+    let (mean, moments) = moments(window, patch);
+    let eigen = moments.symmetric_eigen();
+    // A uniform stripe of width w has the variance w²/12.
+    let extent = eigen.eigenvalues.map(|v| (12.0 * v.max(0.0)).sqrt());
+    let found = |across: usize| {
+        let along = eigen.eigenvectors.column(1 - across).into_owned();
+        Found { apparent: window.centre + mean, along, width_m: extent[across] }
+    };
+    let across = if found(0).misfit_m(radius) < found(1).misfit_m(radius) { 0 } else { 1 };
+    if found(across).misfit_m(radius) > WIDTH_SLACK * 2.0 * radius || !TAPE_LENGTH_M.contains(&extent[1 - across]) {
+        return Err("the dark patch there is not as wide as the tube");
+    }
+    Ok(found(across))
 }
 
 /// Middle of the gap between the two ends of a tube of this radius. Other dark things, such as the head's tube beside the
@@ -166,7 +214,7 @@ fn between(window: &Window, a: &[usize], b: &[usize], radius: f64) -> Option<Fou
     let (end_a, end_b) = (centre_of(a), centre_of(b));
     let middle = 0.5 * (end_a + end_b);
     let mut along = (end_b - end_a).try_normalize(1e-6)?;
-    let (mut edges, mut line) = ([0.0; 2], Vector3::zeros());
+    let (mut edges, mut line, mut width_m) = ([0.0; 2], Vector3::zeros(), 0.0);
     for _ in 0..4 {
         let across = Vector2::new(-along.y, along.x);
         let bins = (2.0 * REACH_M / STEP_M) as usize;
@@ -186,6 +234,7 @@ fn between(window: &Window, a: &[usize], b: &[usize], radius: f64) -> Option<Fou
             widths.sort_by(f64::total_cmp);
             *widths.get(widths.len() / 4)?
         };
+        width_m = full * STEP_M;
         // From the middle outward to half the width, on each side.
         let place = |bin: f64| (bin + 0.5) * STEP_M - REACH_M;
         let start = (0..bins).filter(|k| width[*k].0 < 0.5 * full).min_by_key(|k| k.abs_diff(bins / 2))?;
@@ -221,10 +270,11 @@ fn between(window: &Window, a: &[usize], b: &[usize], radius: f64) -> Option<Fou
     let across = Vector2::new(-along.y, along.x);
     let s = 0.5 * (edges[0] + edges[1]);
     let gap = edges[1] - edges[0];
-    if !(0.003..0.035).contains(&gap) {
+    if !TAPE_LENGTH_M.contains(&gap) {
         return None;
     }
-    Some(Found { apparent: window.centre + along * s + across * (line[0] + line[1] * s + line[2] * s * s), along, sd_m: END_SD_M })
+    let found = Found { apparent: window.centre + along * s + across * (line[0] + line[1] * s + line[2] * s * s), along, width_m };
+    (found.misfit_m(radius) < WIDTH_SLACK * 2.0 * radius).then_some(found)
 }
 
 fn sample(image: &GreyImage, sheet: &GridPhotograph, pointed: &Vector2<f64>) -> Result<Window, &'static str> {
@@ -246,23 +296,29 @@ fn sample(image: &GreyImage, sheet: &GridPhotograph, pointed: &Vector2<f64>) -> 
     Ok(window)
 }
 
-/// Dark places (below Otsu's threshold) without what is thinner than [`THIN_M`].
-fn opened(window: &Window) -> Vec<bool> {
+/// Otsu's threshold between the two classes of these grey values; `None` when there are no two.
+fn two_classes(grey: &[f64]) -> Option<f64> {
     let mut counts = [0.0f64; 256];
-    window.grey.iter().for_each(|g| counts[g.round().clamp(0.0, 255.0) as usize] += 1.0);
+    grey.iter().for_each(|g| counts[g.round().clamp(0.0, 255.0) as usize] += 1.0);
     let (total, sum): (f64, f64) = counts.iter().enumerate().fold((0.0, 0.0), |(n, s), (g, c)| (n + c, s + c * g as f64));
-    let (mut below, mut part, mut best) = (0.0, 0.0, (0.0, 128.0));
+    let (mut below, mut part, mut best) = (0.0, 0.0, (0.0, None));
     for (g, c) in counts.iter().enumerate() {
         below += c;
         part += c * g as f64;
         if below > 0.0 && below < total {
-            let between = below * (total - below) * (part / below - (sum - part) / (total - below)).powi(2);
+            let apart = (sum - part) / (total - below) - part / below;
+            let between = below * (total - below) * apart * apart;
             if between > best.0 {
-                best = (between, g as f64 + 0.5);
+                best = (between, (apart > CONTRAST).then_some(g as f64 + 0.5));
             }
         }
     }
-    let dark: Vec<bool> = window.grey.iter().map(|g| *g < best.1).collect();
+    best.1
+}
+
+/// Dark places without what is thinner than [`THIN_M`].
+fn opened(window: &Window, threshold: f64) -> Vec<bool> {
+    let dark: Vec<bool> = window.grey.iter().map(|g| *g < threshold).collect();
     let reach = (0.5 * THIN_M / STEP_M) as i64;
     dilated(window, &dilated(window, &dark, reach, false), reach, true)
 }

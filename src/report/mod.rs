@@ -21,6 +21,6 @@ pub use markup::escape;
 pub use model_reports::{comparison_report, diagnosis_report};
 pub use page::{Layout, Report, Section, Table, Tone};
 pub use results_file::read_session_results;
-pub use sections::{SeasonFigure, season_figures};
+pub use sections::{HistogramBin, SeasonFigure, histograms_to_csv, season_figures};
 pub use session_report::session_report;
 pub use session_results::{FramePicture, PredictedShot, SessionResults, ShotResults};

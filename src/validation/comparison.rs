@@ -9,7 +9,7 @@ use super::observation::{Observation, Observations};
 use super::polynomial::{PolynomialFit, polynomial_fits};
 use super::smooth::{FaceCell, SmoothCurve, face_map, smooth};
 use super::structure::{StructureTest, chi2_tail, structure_test};
-use crate::impact_table::{FACE_POSE, INPUTS, OUTPUTS, unit};
+use crate::impact_table::{INPUTS, OUTPUTS, SHARED, unit};
 use crate::provenance::Provenance;
 use serde::{Deserialize, Serialize};
 
@@ -350,7 +350,7 @@ pub fn session_offsets(observations: &Observations, fit: &Fit, c: f64) -> Vec<Se
         .filter_map(|(i, column)| {
             let (session, name) = match *column {
                 Column::Offset { session, input } => (session, INPUTS[input]),
-                Column::FacePose { session, component } => (session, FACE_POSE[component]),
+                Column::Shared { session, component } => (session, SHARED[component]),
                 Column::Parameter(_) => return None,
             };
             Some(SessionOffset {

@@ -11,7 +11,7 @@ use super::linearise::{Linearised, Setting, Spread, linearise};
 use super::observation::{Observation, Observations};
 use super::predicted::{PIECE, difference};
 use super::project::add_cross;
-use super::session_shift::{SessionShift, face_inputs, face_outputs};
+use super::session_shift::{SessionShift, shared_inputs, shared_outputs};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
@@ -34,12 +34,12 @@ impl Default for FitOptions {
     }
 }
 
-/// A column of the design: a free parameter, an offset, or a component of the face's pose (order of `FACE_POSE`).
+/// A column of the design: a free parameter, an offset, or an error that a session shares (order of `SHARED`).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Column {
     Parameter(usize),
     Offset { session: usize, input: usize },
-    FacePose { session: usize, component: usize },
+    Shared { session: usize, component: usize },
 }
 
 /// The model at its best, on the impacts it was fitted to.
@@ -139,7 +139,7 @@ pub fn fit(
         columns_at[i] = match *column {
             Column::Parameter(p) => values[p],
             Column::Offset { session, input } => start.map_or(0.0, |s| s.fit.shifts[session].offsets[input]),
-            Column::FacePose { session, component } => start.map_or(0.0, |s| s.fit.shifts[session].face[component]),
+            Column::Shared { session, component } => start.map_or(0.0, |s| s.fit.shifts[session].shared[component]),
         };
     }
     let keep = start.filter(|s| s.keep_jacobians && s.fit.impacts.len() == impacts.len()).map(|s| s.fit.impacts.as_slice());
@@ -239,8 +239,8 @@ impl<'a> Work<'a> {
                     mean.push(0.0);
                 }
             }
-            for (component, sd) in observations.face_pose_sd(session).iter().enumerate().filter(|(_, sd)| **sd > 0.0) {
-                columns.push(Column::FacePose { session, component });
+            for (component, sd) in observations.shared_sd(session).iter().enumerate().filter(|(_, sd)| **sd > 0.0) {
+                columns.push(Column::Shared { session, component });
                 precision.push(sd.powi(-2));
                 mean.push(0.0);
             }
@@ -255,7 +255,7 @@ impl<'a> Work<'a> {
             match *column {
                 Column::Parameter(p) => values[p] = *value,
                 Column::Offset { session, input } => shifts[session].offsets[input] = *value,
-                Column::FacePose { session, component } => shifts[session].face[component] = *value,
+                Column::Shared { session, component } => shifts[session].shared[component] = *value,
             }
         }
         (values, shifts)
@@ -301,8 +301,8 @@ impl<'a> Work<'a> {
             .map(|(i, (l, o))| {
                 let mut a = DMatrix::zeros(l.z.len(), self.columns.len());
                 let mut parameter = 0;
-                let turned = self.columns.iter().any(|c| matches!(c, Column::FacePose { session, .. } if *session == o.session));
-                let face = turned.then(|| (face_inputs(o, &self.observations.gear[o.gear]), face_outputs(o)));
+                let turned = self.columns.iter().any(|c| matches!(c, Column::Shared { session, .. } if *session == o.session));
+                let face = turned.then(|| (shared_inputs(o, &self.observations.gear[o.gear]), shared_outputs(o)));
                 for (c, column) in self.columns.iter().enumerate() {
                     match *column {
                         Column::Parameter(_) => {
@@ -312,12 +312,12 @@ impl<'a> Work<'a> {
                         Column::Offset { session, input } if session == o.session && o.input_sd[input] > 0.0 => {
                             a.set_column(c, &(-l.jacobian.column(input)));
                         }
-                        Column::FacePose { session, component } if session == o.session => {
+                        Column::Shared { session, component } if session == o.session => {
                             if let Some((inputs, outputs)) = &face {
                                 a.set_column(c, &(&outputs[component] - &l.jacobian * DVector::from_column_slice(&inputs[component])));
                             }
                         }
-                        Column::Offset { .. } | Column::FacePose { .. } => {}
+                        Column::Offset { .. } | Column::Shared { .. } => {}
                     }
                 }
                 &l.whitener * a

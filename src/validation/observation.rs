@@ -6,7 +6,7 @@ use super::forward::Inputs;
 use super::holdout::{hash_fraction, is_held_out};
 use super::noise::ColumnNoise;
 use crate::equipment::{Ball, Racket};
-use crate::impact_table::{FACE_POSE, INPUTS, ImpactRow, ImpactTable, OUTPUTS};
+use crate::impact_table::{INPUTS, ImpactRow, ImpactTable, OUTPUTS, SHARED};
 use std::collections::BTreeMap;
 
 /// A model with two base parameters and an offset per input needs more than this to say anything.
@@ -39,8 +39,8 @@ pub struct Observation {
     pub outputs: Vec<f64>,
     /// Deviations as written in the table, same order.
     pub output_sd: Vec<f64>,
-    /// Deviations of the face's pose that its session shares, order of [`FACE_POSE`]; 0 where none is stated.
-    pub face_pose_sd: [f64; FACE_POSE.len()],
+    /// Deviations of the errors that its session shares, order of [`SHARED`]; 0 where none is stated.
+    pub shared_sd: [f64; SHARED.len()],
     pub groups: BTreeMap<String, String>,
 }
 
@@ -162,7 +162,7 @@ impl Observations {
             measured: Vec::new(),
             outputs: Vec::new(),
             output_sd: Vec::new(),
-            face_pose_sd: row.face_pose_sd.map(|sd| sd.unwrap_or(0.0)),
+            shared_sd: row.shared_sd.map(|sd| sd.unwrap_or(0.0)),
             groups: row.groups.clone(),
         };
         for (k, name) in OUTPUTS.iter().enumerate() {
@@ -286,9 +286,9 @@ impl Observations {
         std::array::from_fn(|j| self.median(session, |o| Some(o.input_sd[j]).filter(|_| !o.missing[j])))
     }
 
-    /// Median stated deviation of the face's pose in a session, order of [`FACE_POSE`].
-    pub fn face_pose_sd(&self, session: usize) -> [f64; FACE_POSE.len()] {
-        std::array::from_fn(|k| self.median(session, |o| Some(o.face_pose_sd[k])))
+    /// Median stated deviation of what a session shares, order of [`SHARED`].
+    pub fn shared_sd(&self, session: usize) -> [f64; SHARED.len()] {
+        std::array::from_fn(|k| self.median(session, |o| Some(o.shared_sd[k])))
     }
 
     fn median(&self, session: usize, of: impl Fn(&Observation) -> Option<f64>) -> f64 {

@@ -1,4 +1,5 @@
-//! What all impacts of a session share: an offset of each measured input, and the error of the racket face's own axes.
+//! What all impacts of a session share: an offset of each measured input, the error of the racket face's own axes, of its
+//! balance point and of the contact's end.
 //!
 //! Every vector of the impacts table is resolved along axes that come from tape on the frame. Where the tape's middle lies
 //! a fraction of a pixel from its image's, those axes are turned and shifted, by the same amount in every shot of a session
@@ -10,36 +11,44 @@
 //! To first order in the error, with θ the turn of vectors as seen and s the shift of the stringbed centre: v → v + θ × v,
 //! impact position p → p + θ × p + (s_x, s_y) + h u_t/u_z. The last part: the plane is taken to lie h = s_z − (θ × p)_z above
 //! the strings, so that the ball of relative velocity u is believed to touch h/u_z later.
+//!
+//! A balance point stated s too far along x is not the centre of mass: its velocity is V + s Ω × x, and an impact at
+//! impact_x lies s farther from the centre of mass than believed, which is the same as an impact_x smaller by s. The contact's
+//! end is inferred, not seen: its error adds to every contact time (kinematics.md).
 
 use super::forward::Inputs;
 use super::observation::{Gear, Observation};
-use crate::impact_table::{FACE_POSE, INPUTS, OUTPUTS};
+use crate::impact_table::{INPUTS, OUTPUTS, SHARED};
 use nalgebra::{DVector, Vector3};
 
 /// Approach speed below which the instant of contact cannot be moved, m/s.
 const SLOWEST: f64 = 0.5;
 /// Where the impact position stands in [`INPUTS`].
 const POSITION: usize = 12;
+/// Components of the face's pose come first in [`SHARED`]; then the balance point and the contact time.
+const FACE: usize = 6;
+const BALANCE: usize = 6;
+const CONTACT_TIME: usize = 7;
 
 /// The shared errors of one session.
 #[derive(Debug, Clone, Default)]
 pub struct SessionShift {
     /// Order of [`INPUTS`].
     pub offsets: Inputs,
-    /// Order of [`FACE_POSE`]: rad, m.
-    pub face: [f64; FACE_POSE.len()],
+    /// Order of [`SHARED`]: rad, m.
+    pub shared: [f64; SHARED.len()],
 }
 
 impl SessionShift {
-    fn turned(&self) -> bool {
-        self.face.iter().any(|v| *v != 0.0)
+    fn any_shared(&self) -> bool {
+        self.shared.iter().any(|v| *v != 0.0)
     }
 
     /// The measured inputs with what the session shares taken out.
     pub fn inputs_of(&self, o: &Observation, gear: &Gear) -> Inputs {
         let mut inputs: Inputs = std::array::from_fn(|j| o.inputs[j] - self.offsets[j]);
-        if self.turned() {
-            for (by, moved) in self.face.iter().zip(face_inputs(o, gear)) {
+        if self.any_shared() {
+            for (by, moved) in self.shared.iter().zip(shared_inputs(o, gear)) {
                 inputs.iter_mut().zip(moved).for_each(|(x, m)| *x -= by * m);
             }
         }
@@ -49,8 +58,8 @@ impl SessionShift {
     /// The measured outputs with what the session shares taken out; order of `o.measured`.
     pub fn outputs_of(&self, o: &Observation) -> DVector<f64> {
         let mut outputs = DVector::from_column_slice(&o.outputs);
-        if self.turned() {
-            for (by, moved) in self.face.iter().zip(face_outputs(o)) {
+        if self.any_shared() {
+            for (by, moved) in self.shared.iter().zip(shared_outputs(o)) {
                 outputs.axpy(-by, &moved, 1.0);
             }
         }
@@ -58,8 +67,8 @@ impl SessionShift {
     }
 }
 
-/// Derivative of the measured inputs with respect to each component of the face's pose.
-pub fn face_inputs(o: &Observation, gear: &Gear) -> [Inputs; FACE_POSE.len()] {
+/// Derivative of the measured inputs with respect to each shared error.
+pub fn shared_inputs(o: &Observation, gear: &Gear) -> [Inputs; SHARED.len()] {
     let x = &o.inputs;
     let vector = |at: usize| Vector3::new(x[at], x[at + 1], x[at + 2]);
     let position = Vector3::new(x[POSITION], x[POSITION + 1], 0.0);
@@ -69,6 +78,13 @@ pub fn face_inputs(o: &Observation, gear: &Gear) -> [Inputs; FACE_POSE.len()] {
     let along = if u.z.abs() > SLOWEST { u / u.z } else { Vector3::zeros() };
     std::array::from_fn(|k| {
         let mut moved = [0.0; INPUTS.len()];
+        if k >= FACE {
+            if k == BALANCE {
+                moved[6..9].copy_from_slice(vector(9).cross(&Vector3::x()).as_slice());
+                moved[POSITION] = -1.0;
+            }
+            return moved;
+        }
         let mut axis = Vector3::zeros();
         axis[k % 3] = 1.0;
         let (shift, height) = if k < 3 {
@@ -87,23 +103,39 @@ pub fn face_inputs(o: &Observation, gear: &Gear) -> [Inputs; FACE_POSE.len()] {
     })
 }
 
-/// Derivative of the measured outputs with respect to each component of the face's pose; order of `o.measured`. A vector of
-/// which a component is missing turns as if that were zero.
-pub fn face_outputs(o: &Observation) -> [DVector<f64>; FACE_POSE.len()] {
+/// Derivative of the measured outputs with respect to each shared error; order of `o.measured`. A vector of which a component
+/// is missing turns as if that were zero.
+pub fn shared_outputs(o: &Observation) -> [DVector<f64>; SHARED.len()] {
     let mut all = [0.0; OUTPUTS.len()];
     for (&k, value) in o.measured.iter().zip(&o.outputs) {
         all[k] = *value;
     }
     std::array::from_fn(|k| {
         let mut moved = [0.0; OUTPUTS.len()];
+        let vector = |at: usize| Vector3::new(all[at], all[at + 1], all[at + 2]);
         if k < 3 {
             let mut axis = Vector3::zeros();
             axis[k] = 1.0;
             for at in [0, 3, 6, 9] {
-                let turned = axis.cross(&Vector3::new(all[at], all[at + 1], all[at + 2]));
-                moved[at..at + 3].copy_from_slice(turned.as_slice());
+                moved[at..at + 3].copy_from_slice(axis.cross(&vector(at)).as_slice());
             }
+        } else if k == BALANCE {
+            moved[6..9].copy_from_slice(vector(9).cross(&Vector3::x()).as_slice());
+        } else if k == CONTACT_TIME {
+            moved[OUTPUTS.len() - 1] = 1.0;
         }
         DVector::from_iterator(o.measured.len(), o.measured.iter().map(|&k| moved[k]))
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn truth_the_layout_of_the_shared_errors_is_that_of_the_table() {
+        assert_eq!((SHARED[FACE - 1], SHARED[BALANCE], SHARED[CONTACT_TIME]), ("face_shift_z", "balance_shift", "contact_time_shift"));
+        assert_eq!((INPUTS[POSITION], OUTPUTS[OUTPUTS.len() - 1]), ("impact_x", "contact_time"));
+        assert_eq!((INPUTS[6], INPUTS[9], OUTPUTS[6], OUTPUTS[9]), ("racket_in_vx", "racket_in_wx", "racket_out_vx", "racket_out_wx"));
+    }
 }

@@ -104,7 +104,7 @@ fn method(name: &str) -> MethodError {
 fn shot(name: &str, k: u32) -> Shot {
     let quantity = |n: &str, value: f64, sd: f64, unit: &str| (n.to_owned(), Quantity::new(value, sd, unit));
     let v = f64::from(k);
-    let window = WindowReport { frames: 10, rejected_points: 0, noise_scale: 1.0, laws: vec![(name.to_owned(), 0.9)] };
+    let window = WindowReport { frames: 10, noise_scale: 1.0, laws: vec![(name.to_owned(), 0.9)], ..WindowReport::default() };
     let mut all = vec![
         quantity("ball_in_speed", 12.0 + v, 0.1, "m/s"),
         quantity("ball_out_speed", 33.0 + v, 0.1, "m/s"),

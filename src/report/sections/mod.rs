@@ -44,7 +44,7 @@ pub use places::places;
 pub use polynomials::polynomials;
 pub use provenance::provenance;
 pub use residuals::residuals;
-pub use season::{SeasonFigure, season, season_figures};
+pub use season::{HistogramBin, SeasonFigure, histograms_to_csv, season, season_figures};
 pub use session_verdict::session_verdict;
 pub use shots::shots;
 pub use tracks::tracks;

@@ -23,6 +23,39 @@ pub struct SeasonFigure {
     pub name: String,
     pub svg: String,
     pub caption: String,
+    /// A histogram's counts; empty for other figures.
+    pub bins: Vec<HistogramBin>,
+}
+
+impl SeasonFigure {
+    fn counted(mut self, change: impl Fn(&mut HistogramBin)) -> Self {
+        self.bins.iter_mut().for_each(change);
+        self
+    }
+}
+
+/// Shots of one group and series (a component, where the histogram shows several) between two values.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HistogramBin {
+    pub group: String,
+    pub series: String,
+    pub unit: String,
+    pub from: f64,
+    pub to: f64,
+    pub shots: usize,
+}
+
+/// The histograms as a table: figure, group, series, unit, from, to, shots.
+pub fn histograms_to_csv(figures: &[SeasonFigure]) -> String {
+    let mut csv = csv::Writer::from_writer(Vec::new());
+    let mut write = |fields: [&str; 7]| csv.write_record(fields).unwrap_or_else(|e| unreachable!("writing to memory: {e}"));
+    write(["figure", "group", "series", "unit", "from", "to", "shots"]);
+    for (figure, b) in figures.iter().flat_map(|f| f.bins.iter().map(move |b| (&f.name, b))) {
+        // Edges are round numbers; ten digits keep 0.3 from being written as 0.30000000000000004.
+        let edge = |v: f64| ((v * 1e9).round() / 1e9).to_string();
+        write([figure, &b.group, &b.series, &b.unit, &edge(b.from), &edge(b.to), &b.shots.to_string()]);
+    }
+    String::from_utf8(csv.into_inner().unwrap_or_default()).unwrap_or_default()
 }
 
 /// Shots of one group (all, or those with one value of the grouping column).
@@ -68,16 +101,19 @@ pub fn season(results: &SessionResults) -> Option<Section> {
     Some(Section::new("season", "All shots together").figures(Layout::Normal, &figures).table(against_thesis(&shots)))
 }
 
-/// Means over the shots beside tables 5.27 and 5.28.
+/// Means over the shots, and over each group's where there are groups, beside tables 5.27 and 5.28.
 fn against_thesis(shots: &[&Shot]) -> Table {
     let mut table = Table::new("These shots beside the thesis's players (tables 5.27 and 5.28): mean ± standard deviation between shots")
         .column("quantity")
         .numbers("shots")
         .numbers("here")
-        .numbers("of it measuring error")
-        .numbers("thesis, men")
-        .numbers("thesis, women")
-        .column("unit");
+        .numbers("of it measuring error");
+    let groups = groups(shots);
+    let own: Vec<_> = groups.iter().filter(|_| groups.len() > 1).map(|g| (&g.name, season_statistics(&g.shots))).collect();
+    for (name, _) in &own {
+        table = table.numbers(&format!("here, {name}"));
+    }
+    table = table.numbers("thesis, men").numbers("thesis, women").column("unit");
     for s in season_statistics(shots).iter().filter(|s| s.column == "all") {
         let (Some(men), Some(women)) = (s.thesis_men, s.thesis_women) else { continue };
         let w = quantity_words(&s.quantity);
@@ -85,15 +121,13 @@ fn against_thesis(shots: &[&Shot]) -> Table {
             let decimals = if w.unit == "rpm" { 0 } else { 2 };
             sd.map_or_else(|| fixed(w.factor * mean, decimals), |sd| format!("{} ± {}", fixed(w.factor * mean, decimals), fixed(w.factor * sd, decimals)))
         };
-        table = table.row(&[
-            w.words.clone(),
-            s.n.to_string(),
-            spread(s.mean, s.sd),
-            spread(s.measuring_sd, None),
-            spread(men[0], Some(men[1])),
-            spread(women[0], Some(women[1])),
-            if w.unit.is_empty() { s.unit.clone() } else { w.unit.to_owned() },
-        ]);
+        let mut cells = vec![w.words.clone(), s.n.to_string(), spread(s.mean, s.sd), spread(s.measuring_sd, None)];
+        for (_, statistics) in &own {
+            let group = statistics.iter().find(|g| g.column == "all" && g.quantity == s.quantity);
+            cells.push(group.map_or_else(String::new, |g| spread(g.mean, g.sd)));
+        }
+        cells.extend([spread(men[0], Some(men[1])), spread(women[0], Some(women[1])), if w.unit.is_empty() { s.unit.clone() } else { w.unit.to_owned() }]);
+        table = table.row(&cells);
     }
     table
 }
@@ -124,7 +158,8 @@ pub fn season_figures(shots: &[&Shot], racket: Option<&Racket>) -> Vec<SeasonFig
             let title = if groups.len() > 1 { format!("{title}: {}", group.name) } else { title.to_owned() };
             let all = group.values(resultant);
             let resultant = if all.is_empty() { String::new() } else { format!("; resultant {}", mean_sd(&all)) };
-            figures.extend(frequency(&name, &title, "", unit, &series, &format!("{resultant} {unit} (as thesis figures {thesis})")));
+            let figure = frequency(&name, &title, "", unit, &series, &format!("{resultant} {unit} (as thesis figures {thesis})"));
+            figures.extend(figure.map(|f| f.counted(|b| b.group.clone_from(&group.name))));
         }
     }
     for (name, quantity, thesis) in [
@@ -135,7 +170,9 @@ pub fn season_figures(shots: &[&Shot], racket: Option<&Racket>) -> Vec<SeasonFig
     ] {
         let w = quantity_words(quantity);
         let series: Vec<(String, Vec<f64>)> = groups.iter().map(|g| (g.legend(groups.len()).to_owned(), g.values(quantity))).collect();
-        figures.extend(frequency(name, &capital(&w.words), &w.words, w.unit, &series, &format!(" {} (as thesis figure {thesis})", w.unit)));
+        let figure = frequency(name, &capital(&w.words), &w.words, w.unit, &series, &format!(" {} (as thesis figure {thesis})", w.unit));
+        // Here each group is a series.
+        figures.extend(figure.map(|f| f.counted(|b| (b.group, b.series) = (std::mem::take(&mut b.series), String::new()))));
     }
     if let Some(racket) = racket {
         figures.push(effective_mass_map(racket));
@@ -178,7 +215,7 @@ fn frequency(name: &str, title: &str, label: &str, unit: &str, series: &[(String
     }
     let label = if label.is_empty() { if unit == "m/s" { "velocity" } else { "angular velocity" } } else { label };
     let mut chart = Chart::new(title).x(label, unit).y("shots", "");
-    let mut told = Vec::new();
+    let (mut told, mut bins) = (Vec::new(), Vec::new());
     // Series stand side by side within a bin: bars drawn over each other cannot be read.
     let n = series.len() as f64;
     for (k, (group, values)) in series.iter().enumerate().filter(|(_, (_, v))| !v.is_empty()) {
@@ -186,12 +223,22 @@ fn frequency(name: &str, title: &str, label: &str, unit: &str, series: &[(String
             let share = |s: f64| from + (to - from) * s / n;
             (share(k as f64), share(k as f64 + 1.0), count)
         };
-        let bars: Vec<(f64, f64, f64)> = histogram(values, &edges).into_iter().map(own).collect();
+        let counts = histogram(values, &edges);
+        let bin = |&(from, to, count): &(f64, f64, f64)| HistogramBin {
+            group: String::new(),
+            series: group.clone(),
+            unit: unit.to_owned(),
+            from,
+            to,
+            shots: count as usize,
+        };
+        bins.extend(counts.iter().map(bin));
+        let bars: Vec<(f64, f64, f64)> = counts.into_iter().map(own).collect();
         chart = chart.add(Bars::new(&bars).name(group).colour(SERIES[k % SERIES.len()]));
         told.push(format!("{group} {}", mean_sd(values)).trim_start().to_owned());
     }
     let caption = format!("Mean ± sd over the shots: {}{tail}.", told.join(", "));
-    Some(SeasonFigure { name: name.to_owned(), svg: chart.describe(&caption).to_svg(), caption })
+    Some(SeasonFigure { name: name.to_owned(), svg: chart.describe(&caption).to_svg(), caption, bins })
 }
 
 /// Thesis figure 5.18: effective mass of every point of the face.
@@ -206,6 +253,7 @@ fn effective_mass_map(racket: &Racket) -> SeasonFigure {
         name: "effective-mass".to_owned(),
         svg: face::outline(chart, racket).to_svg(),
         caption: format!("Effective mass of each point of {} (as thesis figure 5.18).", racket.name),
+        bins: Vec::new(),
     }
 }
 
@@ -223,7 +271,7 @@ fn impact_positions(racket: &Racket, groups: &[Group<'_>]) -> Option<SeasonFigur
     }
     let chart = face::spots(chart, &sweet_spots(racket, &shots));
     let caption = format!("Impacts on {} and the mean sweet spots of these shots, as far as they lie on the head (as thesis figure 5.20).", racket.name);
-    any.then(|| SeasonFigure { name: "impact-positions".to_owned(), svg: chart.describe(&caption).to_svg(), caption })
+    any.then(|| SeasonFigure { name: "impact-positions".to_owned(), svg: chart.describe(&caption).to_svg(), caption, bins: Vec::new() })
 }
 
 /// Mean sweet spots of shots with one racket; a dead spot beyond the tip exists on paper only.
@@ -273,7 +321,7 @@ fn trend(name: &str, groups: &[Group<'_>], x: &str, y: &str, thesis: &str) -> Op
     for (k, g) in groups.iter().enumerate() {
         chart = chart.add(Points::new(&pairs(g, x, y)).name(g.legend(groups.len())).symbol(Symbol::SERIES[k % 6]).colour(SERIES[k % SERIES.len()]));
     }
-    Some(SeasonFigure { name: name.to_owned(), svg: chart.describe(&caption).to_svg(), caption })
+    Some(SeasonFigure { name: name.to_owned(), svg: chart.describe(&caption).to_svg(), caption, bins: Vec::new() })
 }
 
 /// Thesis figure 5.23: how the impact point moved in the plane of the face.
@@ -294,7 +342,7 @@ fn movement(groups: &[Group<'_>]) -> Option<SeasonFigure> {
         chart = chart.add(Arrows::new(&vec![(0.0, 0.0); by.len()], &by, 1.0).name(g.legend(groups.len())).colour(SERIES[k % SERIES.len()]));
     }
     let caption = "Each arrow is one shot (as thesis figure 5.23).".to_owned();
-    any.then(|| SeasonFigure { name: "local-movement".to_owned(), svg: chart.describe(&caption).to_svg(), caption })
+    any.then(|| SeasonFigure { name: "local-movement".to_owned(), svg: chart.describe(&caption).to_svg(), caption, bins: Vec::new() })
 }
 
 /// Thesis figure 5.24.
@@ -311,5 +359,6 @@ fn success(groups: &[Group<'_>]) -> Option<SeasonFigure> {
         name: "success-efficiency".to_owned(),
         svg: chart.add(Rule::vertical(1.0).name("ideal point")).describe(&caption).to_svg(),
         caption,
+        bins: Vec::new(),
     })
 }

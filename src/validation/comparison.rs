@@ -350,6 +350,7 @@ pub fn session_offsets(observations: &Observations, fit: &Fit, c: f64) -> Vec<Se
         .filter_map(|(i, column)| {
             let (session, name) = match *column {
                 Column::Offset { session, input } => (session, INPUTS[input]),
+                Column::OutputOffset { session, output } => (session, OUTPUTS[output]),
                 Column::Shared { session, component } => (session, SHARED[component]),
                 Column::Parameter(_) => return None,
             };

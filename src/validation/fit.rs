@@ -2,7 +2,8 @@
 //!
 //! Every measured input may carry one offset shared by a whole session (a tilted face, a shifted origin): the largest
 //! source of false alarms (missing-physics.md, section 4). Offsets are nuisance with a normal prior of
-//! [`FitOptions::offset_share`] of the single-impact deviation. Where the table states how well the face's own axes are
+//! [`FitOptions::offset_share`] of the single-impact deviation; measured outputs of a session of footage likewise, whose
+//! calibration all shots share. Where the table states how well the face's own axes are
 //! known, their shared error is nuisance too ([`super::session_shift`]).
 
 use super::error::ValidationError;
@@ -39,6 +40,7 @@ impl Default for FitOptions {
 pub enum Column {
     Parameter(usize),
     Offset { session: usize, input: usize },
+    OutputOffset { session: usize, output: usize },
     Shared { session: usize, component: usize },
 }
 
@@ -139,6 +141,7 @@ pub fn fit(
         columns_at[i] = match *column {
             Column::Parameter(p) => values[p],
             Column::Offset { session, input } => start.map_or(0.0, |s| s.fit.shifts[session].offsets[input]),
+            Column::OutputOffset { session, output } => start.map_or(0.0, |s| s.fit.shifts[session].output_offsets[output]),
             Column::Shared { session, component } => start.map_or(0.0, |s| s.fit.shifts[session].shared[component]),
         };
     }
@@ -239,6 +242,13 @@ impl<'a> Work<'a> {
                     mean.push(0.0);
                 }
             }
+            for (output, sd) in observations.shared_output_sd(session).iter().enumerate() {
+                if options.offset_share > 0.0 && *sd > 0.0 {
+                    columns.push(Column::OutputOffset { session, output });
+                    precision.push((options.offset_share * sd).powi(-2));
+                    mean.push(0.0);
+                }
+            }
             for (component, sd) in observations.shared_sd(session).iter().enumerate().filter(|(_, sd)| **sd > 0.0) {
                 columns.push(Column::Shared { session, component });
                 precision.push(sd.powi(-2));
@@ -255,6 +265,7 @@ impl<'a> Work<'a> {
             match *column {
                 Column::Parameter(p) => values[p] = *value,
                 Column::Offset { session, input } => shifts[session].offsets[input] = *value,
+                Column::OutputOffset { session, output } => shifts[session].output_offsets[output] = *value,
                 Column::Shared { session, component } => shifts[session].shared[component] = *value,
             }
         }
@@ -302,7 +313,8 @@ impl<'a> Work<'a> {
                 let mut a = DMatrix::zeros(l.z.len(), self.columns.len());
                 let mut parameter = 0;
                 let turned = self.columns.iter().any(|c| matches!(c, Column::Shared { session, .. } if *session == o.session));
-                let face = turned.then(|| (shared_inputs(o, &self.observations.gear[o.gear]), shared_outputs(o)));
+                let gear = &self.observations.gear[o.gear];
+                let face = turned.then(|| (shared_inputs(o, gear), shared_outputs(o, gear)));
                 for (c, column) in self.columns.iter().enumerate() {
                     match *column {
                         Column::Parameter(_) => {
@@ -312,12 +324,17 @@ impl<'a> Work<'a> {
                         Column::Offset { session, input } if session == o.session && o.input_sd[input] > 0.0 => {
                             a.set_column(c, &(-l.jacobian.column(input)));
                         }
+                        Column::OutputOffset { session, output } if session == o.session => {
+                            if let Some(row) = o.measured.iter().position(|k| *k == output) {
+                                a[(row, c)] = 1.0;
+                            }
+                        }
                         Column::Shared { session, component } if session == o.session => {
                             if let Some((inputs, outputs)) = &face {
                                 a.set_column(c, &(&outputs[component] - &l.jacobian * DVector::from_column_slice(&inputs[component])));
                             }
                         }
-                        Column::Offset { .. } | Column::Shared { .. } => {}
+                        Column::Offset { .. } | Column::OutputOffset { .. } | Column::Shared { .. } => {}
                     }
                 }
                 &l.whitener * a

@@ -206,8 +206,8 @@ fn begin<'a>(p: &dyn Prediction, impacts: &[&'a Observation], setting: &Setting,
     let measured: Vec<Corrected> = impacts
         .iter()
         .map(|o| {
-            let shift = &setting.shifts[o.session];
-            Corrected { inputs: shift.inputs_of(o, &setting.observations.gear[o.gear]), outputs: shift.outputs_of(o) }
+            let (shift, gear) = (&setting.shifts[o.session], &setting.observations.gear[o.gear]);
+            Corrected { inputs: shift.inputs_of(o, gear), outputs: shift.outputs_of(o, gear) }
         })
         .collect();
     let asked: Vec<(&Observation, Inputs)> = impacts.iter().copied().zip(start.iter().copied()).collect();

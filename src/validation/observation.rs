@@ -2,7 +2,7 @@
 //! the held-out split.
 
 use super::error::ValidationError;
-use super::forward::Inputs;
+use super::forward::{Inputs, Outputs};
 use super::holdout::{hash_fraction, is_held_out};
 use super::noise::ColumnNoise;
 use crate::equipment::{Ball, Racket};
@@ -284,6 +284,15 @@ impl Observations {
     /// Median stated deviation of every input in a session; sets the size of its shared offset.
     pub fn typical_input_sd(&self, session: usize) -> Inputs {
         std::array::from_fn(|j| self.median(session, |o| Some(o.input_sd[j]).filter(|_| !o.missing[j])))
+    }
+
+    /// Median stated deviation of every output in a session whose shots share a calibration (its table states what else they
+    /// share), 0 in any other; sets the size of the output's shared offset.
+    pub fn shared_output_sd(&self, session: usize) -> Outputs {
+        if self.shared_sd(session).iter().all(|sd| *sd <= 0.0) {
+            return [0.0; OUTPUTS.len()];
+        }
+        std::array::from_fn(|k| self.median(session, |o| o.measured.iter().position(|m| *m == k).map(|row| o.output_sd[row])))
     }
 
     /// Median stated deviation of what a session shares, order of [`SHARED`].

@@ -1,5 +1,5 @@
-//! What all impacts of a session share: an offset of each measured input, the error of the racket face's own axes, of its
-//! balance point and of the contact's end.
+//! What all impacts of a session share: an offset of each measured input (of footage: of each output too), the error of the
+//! racket face's own axes, of its balance point and of the contact's end.
 //!
 //! Every vector of the impacts table is resolved along axes that come from tape on the frame. Where the tape's middle lies
 //! a fraction of a pixel from its image's, those axes are turned and shifted, by the same amount in every shot of a session
@@ -10,13 +10,14 @@
 //!
 //! To first order in the error, with θ the turn of vectors as seen and s the shift of the stringbed centre: v → v + θ × v,
 //! impact position p → p + θ × p + (s_x, s_y) + h u_t/u_z. The last part: the plane is taken to lie h = s_z − (θ × p)_z above
-//! the strings, so that the ball of relative velocity u is believed to touch h/u_z later.
+//! the strings, so that the ball of relative velocity u is believed to touch h/u_z later. The centre of mass c is taken
+//! where the axes put it, which is a point −(θ × c + s) away: the velocity given for it is Ω × that too high.
 //!
 //! A balance point stated s too far along x is not the centre of mass: its velocity is V + s Ω × x, and an impact at
 //! impact_x lies s farther from the centre of mass than believed, which is the same as an impact_x smaller by s. The contact's
 //! end is inferred, not seen: its error adds to every contact time (kinematics.md).
 
-use super::forward::Inputs;
+use super::forward::{Inputs, Outputs};
 use super::observation::{Gear, Observation};
 use crate::impact_table::{INPUTS, OUTPUTS, SHARED};
 use nalgebra::{DVector, Vector3};
@@ -35,6 +36,8 @@ const CONTACT_TIME: usize = 7;
 pub struct SessionShift {
     /// Order of [`INPUTS`].
     pub offsets: Inputs,
+    /// Order of [`OUTPUTS`].
+    pub output_offsets: Outputs,
     /// Order of [`SHARED`]: rad, m.
     pub shared: [f64; SHARED.len()],
 }
@@ -56,10 +59,10 @@ impl SessionShift {
     }
 
     /// The measured outputs with what the session shares taken out; order of `o.measured`.
-    pub fn outputs_of(&self, o: &Observation) -> DVector<f64> {
-        let mut outputs = DVector::from_column_slice(&o.outputs);
+    pub fn outputs_of(&self, o: &Observation, gear: &Gear) -> DVector<f64> {
+        let mut outputs = DVector::from_iterator(o.measured.len(), o.outputs.iter().zip(&o.measured).map(|(y, &k)| y - self.output_offsets[k]));
         if self.any_shared() {
-            for (by, moved) in self.shared.iter().zip(shared_outputs(o)) {
+            for (by, moved) in self.shared.iter().zip(shared_outputs(o, gear)) {
                 outputs.axpy(-by, &moved, 1.0);
             }
         }
@@ -72,7 +75,8 @@ pub fn shared_inputs(o: &Observation, gear: &Gear) -> [Inputs; SHARED.len()] {
     let x = &o.inputs;
     let vector = |at: usize| Vector3::new(x[at], x[at + 1], x[at + 2]);
     let position = Vector3::new(x[POSITION], x[POSITION + 1], 0.0);
-    let strings = vector(6) + vector(9).cross(&(position - gear.racket.com_local().coords));
+    let centre = gear.racket.com_local().coords;
+    let strings = vector(6) + vector(9).cross(&(position - centre));
     let u = vector(0) - strings;
     // How far along the face the position moves when contact is placed 1 m too high.
     let along = if u.z.abs() > SLOWEST { u / u.z } else { Vector3::zeros() };
@@ -97,15 +101,22 @@ pub fn shared_inputs(o: &Observation, gear: &Gear) -> [Inputs; SHARED.len()] {
         } else {
             (axis, axis.z)
         };
+        let point = other_point(k, &axis, &vector(9), &centre);
+        moved[6..9].iter_mut().zip(&point).for_each(|(m, p)| *m += p);
         moved[POSITION] = shift.x + height * along.x;
         moved[POSITION + 1] = shift.y + height * along.y;
         moved
     })
 }
 
+/// Derivative of the velocity given for the centre of mass `c`, because it is another point's, by component `k` of the pose.
+fn other_point(k: usize, axis: &Vector3<f64>, rate: &Vector3<f64>, c: &Vector3<f64>) -> Vector3<f64> {
+    -rate.cross(&if k < 3 { axis.cross(c) } else { *axis })
+}
+
 /// Derivative of the measured outputs with respect to each shared error; order of `o.measured`. A vector of which a component
 /// is missing turns as if that were zero.
-pub fn shared_outputs(o: &Observation) -> [DVector<f64>; SHARED.len()] {
+pub fn shared_outputs(o: &Observation, gear: &Gear) -> [DVector<f64>; SHARED.len()] {
     let mut all = [0.0; OUTPUTS.len()];
     for (&k, value) in o.measured.iter().zip(&o.outputs) {
         all[k] = *value;
@@ -113,12 +124,16 @@ pub fn shared_outputs(o: &Observation) -> [DVector<f64>; SHARED.len()] {
     std::array::from_fn(|k| {
         let mut moved = [0.0; OUTPUTS.len()];
         let vector = |at: usize| Vector3::new(all[at], all[at + 1], all[at + 2]);
-        if k < 3 {
+        if k < FACE {
             let mut axis = Vector3::zeros();
-            axis[k] = 1.0;
-            for at in [0, 3, 6, 9] {
-                moved[at..at + 3].copy_from_slice(axis.cross(&vector(at)).as_slice());
+            axis[k % 3] = 1.0;
+            if k < 3 {
+                for at in [0, 3, 6, 9] {
+                    moved[at..at + 3].copy_from_slice(axis.cross(&vector(at)).as_slice());
+                }
             }
+            let point = other_point(k, &axis, &vector(9), &gear.racket.com_local().coords);
+            moved[6..9].iter_mut().zip(&point).for_each(|(m, p)| *m += p);
         } else if k == BALANCE {
             moved[6..9].copy_from_slice(vector(9).cross(&Vector3::x()).as_slice());
         } else if k == CONTACT_TIME {

@@ -5,7 +5,7 @@ use super::error::CliError;
 use super::impacts_input::ImpactsInput;
 use crate::impact::model_file::with_values;
 use crate::validation::comparison::parameter_values;
-use crate::validation::diagnose::fit_current;
+use crate::validation::fit::{FitOptions, fit};
 use crate::validation::forward::Library;
 use crate::validation::heldout::held_out_error;
 use crate::validation::structure::structure_test;
@@ -20,7 +20,13 @@ pub struct Arguments {
     /// Where the new model goes
     #[arg(short = 'o', long = "output", value_name = "F2")]
     pub output: PathBuf,
+    /// Outlying numbers keep their full weight (default: they lose most of it)
+    #[arg(long)]
+    pub no_robust: bool,
 }
+
+/// Correlation beyond which two parameters are named: the impacts hardly tell them apart.
+const TIED: f64 = 0.9;
 
 pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let input = &arguments.input;
@@ -29,8 +35,9 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     if current.parameters().is_empty() {
         return Err(CliError::input(format!("{}: no parameter is free", input.files.model.display())).hint("write fit = true beside the parameters that may move"));
     }
-    let fitted = fit_current(&loaded.library, &loaded.observations)?;
     let seen = loaded.observations.side(false);
+    let options = FitOptions { robust: !arguments.no_robust, ..FitOptions::default() };
+    let fitted = fit(current, &loaded.observations, &seen, &options, None)?;
     let structure = structure_test(&fitted, &loaded.observations, &seen, input.seed);
     let parameters = parameter_values(current, &fitted, structure.noise_scale);
     let error = held_out_error(current, &fitted, &loaded.observations)?;
@@ -40,6 +47,15 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     for (p, old) in parameters.iter().zip(current.parameters()) {
         let limit = if p.at_limit { "  at its limit: the data want more than the file allows" } else { "" };
         shell.say(format_args!("  {:<40} {:>10} -> {} ± {}{limit}", p.name, short(old.value), short(p.value), short(p.sd)));
+    }
+    let covariance = fitted.parameter_covariance(structure.noise_scale);
+    for (a, row) in covariance.iter().enumerate() {
+        for b in 0..a {
+            let correlation = row[b] / (row[a] * covariance[b][b]).sqrt();
+            if correlation.abs() > TIED {
+                shell.say(format_args!("  {} and {} are hardly told apart: correlation {correlation:.2}", parameters[b].name, parameters[a].name));
+            }
+        }
     }
     shell.say(format_args!(
         "fitted to {} impacts; error on the {} held-out ones: {error:.3} (noise floor {:.3})",
@@ -51,6 +67,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     shell.print_json(&serde_json::json!({
         "model": arguments.output,
         "parameters": parameters,
+        "covariance": covariance,
         "heldout_error": error,
         "noise_floor": structure.noise_scale.sqrt(),
         "n_fitted": seen.len(),

@@ -85,6 +85,13 @@ impl Fit {
         self.columns.iter().position(|col| *col == Column::Parameter(parameter)).map_or(0.0, |i| (self.covariance[(i, i)] * c).max(0.0).sqrt())
     }
 
+    /// Covariance of the free parameters at noise scale `c`, row by row in their order; 0 where one did not move.
+    pub fn parameter_covariance(&self, c: f64) -> Vec<Vec<f64>> {
+        let places: Vec<Option<usize>> = (0..self.names.len()).map(|p| self.columns.iter().position(|col| *col == Column::Parameter(p))).collect();
+        let entry = |a: Option<usize>, b: Option<usize>| a.zip(b).map_or(0.0, |(a, b)| self.covariance[(a, b)] * c);
+        places.iter().map(|a| places.iter().map(|b| entry(*a, *b)).collect()).collect()
+    }
+
     /// Whether the impacts say anything about a free parameter.
     pub fn is_informed(&self, parameter: usize) -> bool {
         self.columns.iter().position(|col| *col == Column::Parameter(parameter)).is_some_and(|i| self.information[(i, i)] > 1.01 * self.prior_precision[i])

@@ -102,20 +102,19 @@ pub(super) fn step_all<T: Number, const S: usize, const HIGH: bool>(like: T, job
         lanes.pace.steps = lanes.pace.steps + one;
         let sum = end[POSITION] + end[SPIN] + end[RATE] + seen.force;
         let finite = sum.size().less(like.same(f64::MAX));
-        let busy = lanes.busy(&seen, finite, landing);
-        let mut looks = busy;
+        let mut looks = lanes.busy(&seen, finite, landing);
         for (i, task) in tasks.iter().enumerate() {
             if task.hunt.is_some() {
                 looks.set_lane(i, 1.0);
             }
         }
         let ordinary = looks.less(half);
-        if let Some(watch) = &mut watch {
-            if looks.lane(0) < 0.5 {
-                let (time, step) = (lanes.pace.time.lane(0), step.lane(0));
-                let (state, signs) = (end.map(|x| x.lane(0)), seen.lane(0));
-                watch(&Taken { time: time + step, state: &state, signs: &signs, step, mode: lanes.mode.lane(0), stops: false, kink: None });
-            }
+        if let Some(watch) = &mut watch
+            && looks.lane(0) < 0.5
+        {
+            let (time, step) = (lanes.pace.time.lane(0), step.lane(0));
+            let (state, signs) = (end.map(|x| x.lane(0)), seen.lane(0));
+            watch(&Taken { time: time + step, state: &state, signs: &signs, step, mode: lanes.mode.lane(0), stops: false, kink: None });
         }
         lanes.accept_where(ordinary, &seen, end[STRINGS]);
         for j in 0..S {

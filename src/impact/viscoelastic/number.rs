@@ -234,6 +234,7 @@ macro_rules! side_by_side {
             $($(#[$field_meta])* pub $field: T,)*
         }
 
+        // Not every record needs every method.
         #[allow(dead_code)]
         impl<T: $crate::impact::viscoelastic::number::Number> $name<T> {
             /// One impact's record in every lane.

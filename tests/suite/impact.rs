@@ -306,6 +306,30 @@ fn law_random_models_and_inputs_never_panic_or_return_nan() {
     assert!(answered > 50_000, "only {answered} of 100000 answered");
 }
 
+/// Restitution that falls toward the rim, as a programmer writes it.
+#[derive(Debug)]
+struct RimLoss;
+
+impl sweetspot::impact::Effect for RimLoss {
+    fn change_laws(&self, p: &[f64], at: &sweetspot::impact::rigid::Contact, laws: &mut sweetspot::impact::rigid::Laws) {
+        laws.restitution *= 1.0 - p[0] * (at.input.position.y / 0.13).powi(2);
+    }
+}
+
+#[test]
+fn agrees_an_effect_of_the_trait_with_the_same_expression() {
+    let mut own = rigid(0.85, 0.45).with_own_effect("rim-loss", std::sync::Arc::new(RimLoss), vec![sweetspot::impact::Parameter::own("rim-loss.k", 0.3)]).unwrap();
+    let text = "base = \"rigid\"\n[parameters]\nrestitution = 0.85\nfriction = 0.45\n[effects.rim-loss]\nreplaces = \"restitution\"\n\
+                expression = \"restitution * (1 - k * (impact_y / 0.13)^2)\"\nk = 0.3\n";
+    let expression = Model::parse(text, Path::new("m.toml")).unwrap();
+    let inputs = impacts(200, 12);
+    for (a, b) in predict(&own, &inputs).iter().zip(predict(&expression, &inputs)) {
+        assert!(difference(a, &b) < 1e-12);
+    }
+    own.set("rim-loss.k", 0.0).unwrap();
+    assert_eq!(predict(&own, &inputs), predict(&rigid(0.85, 0.45), &inputs));
+}
+
 #[test]
 fn fails_inputs_that_are_no_impact() {
     let prepared = rigid(0.8, 0.3).prepare(&racket(), &ball()).unwrap();

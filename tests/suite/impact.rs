@@ -318,7 +318,8 @@ impl sweetspot::impact::Effect for RimLoss {
 
 #[test]
 fn agrees_an_effect_of_the_trait_with_the_same_expression() {
-    let mut own = rigid(0.85, 0.45).with_own_effect("rim-loss", std::sync::Arc::new(RimLoss), vec![sweetspot::impact::Parameter::own("rim-loss.k", 0.3)]).unwrap();
+    let mut own =
+        rigid(0.85, 0.45).with_own_effect("rim-loss", std::sync::Arc::new(RimLoss), vec![sweetspot::impact::Parameter::own("rim-loss.k", 0.3)]).unwrap();
     let text = "base = \"rigid\"\n[parameters]\nrestitution = 0.85\nfriction = 0.45\n[effects.rim-loss]\nreplaces = \"restitution\"\n\
                 expression = \"restitution * (1 - k * (impact_y / 0.13)^2)\"\nk = 0.3\n";
     let expression = Model::parse(text, Path::new("m.toml")).unwrap();

@@ -314,10 +314,9 @@ impl Shot {
         for name in INPUTS.iter().chain(OUTPUTS.iter()) {
             row.set(name, self.quantities.get(name).map(|q| Measured { value: q.value, sd: Some(q.sd) }));
         }
-        let shared = self.face_pose_sd.iter().flatten().chain(&[BALANCE_SD_M, LEAVING_FLAT_SD_S]);
-        if self.face_pose_sd.is_some() {
-            row.shared_sd.iter_mut().zip(shared).for_each(|(cell, sd)| *cell = Some(*sd));
-        }
+        let pose = self.face_pose_sd.map_or([None; 6], |sd| sd.map(Some));
+        let shared = pose.into_iter().chain([Some(BALANCE_SD_M), Some(LEAVING_FLAT_SD_S)]);
+        row.shared_sd.iter_mut().zip(shared).for_each(|(cell, sd)| *cell = sd);
         row.groups = self.groups.iter().cloned().collect();
         row
     }

@@ -3,7 +3,9 @@
 //! Each tape is found near a place that the user points at: light tape parts the dark tube in two, and its middle lies
 //! halfway between the two ends, on the tube's middle line; dark tape on a lighter tube is a dark patch of its own. What is
 //! dark is asked at up to three levels, each splitting the darker part of the one before: a grey tube is dark beside a white
-//! sheet and light beside its tape, and a shadow lies between sheet and tube. The tube lies above the sheet, so what the sheet's squares say is corrected for the camera's place (similar triangles).
+//! sheet and light beside its tape, and a shadow lies between sheet and tube; the level at which tube or tape is as wide as
+//! the tube counts. The tube lies above the sheet, so what the sheet's squares say is corrected for the camera's place
+//! (similar triangles).
 
 use super::grid_photograph::GridPhotograph;
 use crate::equipment::{Markers, Racket};

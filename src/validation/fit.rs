@@ -319,9 +319,9 @@ impl<'a> Work<'a> {
             .map(|(i, (l, o))| {
                 let mut a = DMatrix::zeros(l.z.len(), self.columns.len());
                 let mut parameter = 0;
-                let turned = self.columns.iter().any(|c| matches!(c, Column::Shared { session, .. } if *session == o.session));
+                let any_shared = self.columns.iter().any(|c| matches!(c, Column::Shared { session, .. } if *session == o.session));
                 let gear = &self.observations.gear[o.gear];
-                let face = turned.then(|| (shared_inputs(o, gear), shared_outputs(o, gear)));
+                let shared = any_shared.then(|| (shared_inputs(o, gear), shared_outputs(o, gear)));
                 for (c, column) in self.columns.iter().enumerate() {
                     match *column {
                         Column::Parameter(_) => {
@@ -337,7 +337,7 @@ impl<'a> Work<'a> {
                             }
                         }
                         Column::Shared { session, component } if session == o.session => {
-                            if let Some((inputs, outputs)) = &face {
+                            if let Some((inputs, outputs)) = &shared {
                                 a.set_column(c, &(&outputs[component] - &l.jacobian * DVector::from_column_slice(&inputs[component])));
                             }
                         }

@@ -51,7 +51,7 @@ pub fn histograms_to_csv(figures: &[SeasonFigure]) -> String {
     let mut write = |fields: [&str; 7]| csv.write_record(fields).unwrap_or_else(|e| unreachable!("writing to memory: {e}"));
     write(["figure", "group", "series", "unit", "from", "to", "shots"]);
     for (figure, b) in figures.iter().flat_map(|f| f.bins.iter().map(move |b| (&f.name, b))) {
-        // Edges are round numbers; ten digits keep 0.3 from being written as 0.30000000000000004.
+        // Edges are round numbers: 0.3, not 0.30000000000000004.
         let edge = |v: f64| ((v * 1e9).round() / 1e9).to_string();
         write([figure, &b.group, &b.series, &b.unit, &edge(b.from), &edge(b.to), &b.shots.to_string()]);
     }

@@ -3,7 +3,7 @@
 //! Drag −k |v| v with k = ρ C_D A / 2m, and a lift acceleration across the path that stays constant over the window.
 //! Sources: physics.md E.6 (C_D 0.507 ± 0.024 in free flight, 0.55-0.7 in tunnels; lift below half the drag).
 //!
-//! How long a window these laws hold over is asked of the points: [`bending_p`] tests them against a path whose acceleration
+//! How long a window these laws hold over is asked of the points: `bending_p` tests them against a path whose acceleration
 //! changes freely. A bounce, a net cord, a barrel or a wrongly tracked stretch within the window bends it.
 
 use super::least_squares::{Problem, Solution, SolveError, chi2_tail_3, solve};
@@ -233,7 +233,7 @@ pub struct FlightEstimate {
     pub rejected: usize,
     /// From the reference time to the farthest frame, s.
     pub length_s: f64,
-    /// See [`bending_p`].
+    /// Probability of points that bend as much if gravity, drag and lift were all; `None` when the points do not tell.
     pub bending_p: Option<f64>,
     /// Whether farther points were left out because the whole path bends more than the laws.
     pub shortened: bool,

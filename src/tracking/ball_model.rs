@@ -18,8 +18,6 @@ const INSIDE: f64 = 0.72;
 const CLEAR_PX: f64 = 1.3;
 /// A pixel with less of the ball than this shows the surroundings, up to so far outside.
 const SURROUNDINGS: (f64, f64) = (0.015, 4.5);
-/// Reach of the mean that continues the surroundings inward, px, one standard deviation.
-const CONTINUED_PX: f64 = 1.2;
 /// What the model itself is good to, as a share of the ball's brightness (cover not evenly bright, light not quite so).
 const MODEL: f64 = 0.05;
 /// Tukey's limit, in deviations: 95 % efficient for normal residuals.
@@ -110,59 +108,53 @@ impl BallPicture {
 
     /// The ball's share of a pixel at `d` px from the centre, and its brightness times that share, for gain 1.
     #[inline]
-    fn expected(&self, d: &Vector2<f64>, light: &BallLight, texture: &BallTexture, blur_px: f64) -> (f64, f64) {
+    fn expected(&self, d: &Vector2<f64>, light: &BallLight, texture: &BallTexture, rim: &Rim) -> (f64, f64) {
         let rho = d.norm();
-        let x = (rho - self.radius_px) / blur_px;
-        if x > 4.0 {
-            return (0.0, 0.0);
-        }
-        let (share, [near, middle, far]) = if x < -4.0 {
-            (1.0, [rho; 3])
-        } else {
-            let share = 0.5 * (1.0 - erf(x * std::f64::consts::FRAC_1_SQRT_2));
-            // Of a blurred pixel astride the outline only the part on the ball counts: mean and variance of a normal
-            // distribution cut off at the outline.
-            let hazard = (-0.5 * x * x).exp() / (std::f64::consts::TAU.sqrt() * share.max(1e-12));
-            let mean = rho - blur_px * hazard;
-            let sd = blur_px * (1.0 + x * hazard - hazard * hazard).max(1e-4).sqrt();
-            (share, [mean - sd, mean, (mean + sd).min(self.radius_px)])
-        };
+        let from_outline = rho - self.radius_px;
         let out = if rho > 1e-6 { d / rho } else { Vector2::x() };
         let normal = |rho: f64| {
             let q = (rho / self.radius_px).clamp(-1.0, 1.0);
             Vector3::new(out.x * q, out.y * q, -(1.0 - q * q).sqrt())
         };
-        let brightness = if near == far { light.at(&normal(middle)) } else { 0.5 * (light.at(&normal(near)) + light.at(&normal(far))) };
-        (share, share * brightness * texture.at(&(self.ball_from_camera * normal(middle))))
+        let on_ball = |n: &Vector3<f64>| texture.at(&(self.ball_from_camera * n));
+        if from_outline <= -rim.reach_px {
+            let n = normal(rho);
+            return (1.0, light.at(&n) * on_ball(&n));
+        }
+        let Some(RimShare { share, mean, sd }) = rim.at(from_outline) else { return (0.0, 0.0) };
+        let (middle, brightness) = (normal(rho - mean), |rho: f64| light.at(&normal(rho)));
+        let lit = 0.5 * (brightness(rho - mean - sd) + brightness((rho - mean + sd).min(self.radius_px)));
+        (share, share * lit * on_ball(&middle))
     }
 
     /// The centre nearest to `self.centre` at which picture and model agree best. `tilted` leaves the light free to be a
     /// little brighter on one side. `None` when the picture does not determine it.
-    pub fn fit(&self, light: &BallLight, texture: &BallTexture, blur_px: f64, noise: f64, tilted: bool) -> Option<ModelFit> {
+    pub fn fit(&self, light: &BallLight, texture: &BallTexture, rim: &Rim, noise: f64, tilted: bool) -> Option<ModelFit> {
         const STEP: f64 = 0.05;
         let (mut centre, mut gain) = (self.centre - self.origin, self.gain);
         let unknowns = if tilted { 5 } else { 3 };
+        let mut rows: Vec<(SVector<f64, 5>, f64, f64, Vector2<f64>)> = Vec::with_capacity(400);
         for round in 0..ROUNDS {
-            let around = Surroundings::of(self, &centre, blur_px);
-            let mut rows: Vec<(SVector<f64, 5>, f64, f64, usize)> = Vec::with_capacity(320);
+            let around = Surroundings::of(self, &centre, rim);
+            rows.clear();
             for (i, grey) in self.pixels.iter().enumerate() {
                 let d = Vector2::new((i % self.side) as f64, (i / self.side) as f64) - centre;
                 let rho = d.norm() - self.radius_px;
                 if rho < -INSIDE * self.radius_px || rho > 3.0 {
                     continue;
                 }
-                let at = |dx: f64, dy: f64| self.expected(&(d - Vector2::new(dx, dy)), light, texture, blur_px);
+                let at = |dx: f64, dy: f64| self.expected(&(d - Vector2::new(dx, dy)), light, texture, rim);
                 let (share, ball) = at(0.0, 0.0);
                 if share < 0.03 {
                     continue;
                 }
-                let (behind, spread) = if share > 0.999 { (0.0, 0.0) } else { around.behind(&d)? };
+                let (behind, spread) = if share > 0.999 { (0.0, 0.0) } else { around.behind(i)? };
                 let slope = |p: (f64, f64), m: (f64, f64)| (gain * (p.1 - m.1) - (p.0 - m.0) * behind) / (2.0 * STEP);
                 let (jx, jy) = (slope(at(STEP, 0.0), at(-STEP, 0.0)), slope(at(0.0, STEP), at(0.0, -STEP)));
                 let residual = grey - gain * ball - (1.0 - share) * behind;
                 let variance = noise * noise + (MODEL * gain * ball).powi(2) + (1.0 - share).powi(2) * spread;
                 let (tx, ty) = if tilted { (ball * d.x / self.radius_px, ball * d.y / self.radius_px) } else { (0.0, 0.0) };
-                rows.push((SVector::<f64, 5>::from([jx, jy, ball, tx, ty]), residual, variance, sector_of(&d)));
+                rows.push((SVector::<f64, 5>::from([jx, jy, ball, tx, ty]), residual, variance, d));
             }
             if rows.len() < 40 {
                 return None;
@@ -172,17 +164,21 @@ impl BallPicture {
             let scale = (*sizes.select_nth_unstable_by(mid, f64::total_cmp).1 / 0.6745).max(1.0);
             let mut h = SMatrix::<f64, 5, 5>::zeros();
             let mut g = SVector::<f64, 5>::zeros();
-            let mut pulls = [SVector::<f64, 5>::zeros(); SECTORS];
-            let mut agreeing = 0;
-            for (j, r, variance, sector) in &rows {
+            // Huber first, so that a start half a pixel off is not taken for an outlier all around.
+            let weigh = |r: f64, variance: f64| {
                 let z = r.abs() / (variance.sqrt() * scale);
-                agreeing += usize::from(z < 2.5);
-                // Huber first, so that a start half a pixel off is not taken for an outlier all around.
-                let w = if round < 2 { 1.0 / z.max(1.5) * 1.5 } else { (1.0 - (z / TUKEY).powi(2)).max(0.0).powi(2) } / variance;
-                h += j * j.transpose() * w;
-                g += j * (r * w);
-                pulls[*sector] += j * (r * w);
+                (z, if round < 2 { 1.0 / z.max(1.5) * 1.5 } else { (1.0 - (z / TUKEY).powi(2)).max(0.0).powi(2) } / variance)
+            };
+            for (j, r, variance, _) in &rows {
+                let (_, w) = weigh(*r, *variance);
+                for a in 0..unknowns {
+                    g[a] += j[a] * r * w;
+                    for b in a..unknowns {
+                        h[(a, b)] += j[a] * j[b] * w;
+                    }
+                }
             }
+            h.fill_lower_triangle_with_upper_triangle();
             for k in 3..5 {
                 h[(k, k)] += if tilted { 1.0 / (TILT * gain).powi(2) } else { 1.0 };
             }
@@ -194,6 +190,13 @@ impl BallPicture {
                 return None;
             }
             if round >= 3 && step.fixed_rows::<2>(0).norm() < 0.003 || round + 1 == ROUNDS {
+                let mut pulls = [SVector::<f64, 5>::zeros(); SECTORS];
+                let mut agreeing = 0;
+                for (j, r, variance, d) in &rows {
+                    let (z, w) = weigh(*r, *variance);
+                    agreeing += usize::from(z < 2.5);
+                    pulls[sector_of(d)] += j * (r * w);
+                }
                 let scatter: SMatrix<f64, 5, 5> = pulls.iter().map(|p| p * p.transpose()).sum();
                 let freedom = SECTORS as f64 / (SECTORS - unknowns) as f64;
                 let covariance = (inverse * scatter * inverse).fixed_view::<2, 2>(0, 0) * freedom + inverse.fixed_view::<2, 2>(0, 0);
@@ -210,35 +213,90 @@ fn sector_of(d: &Vector2<f64>) -> usize {
     ((turn * SECTORS as f64) as usize).min(SECTORS - 1)
 }
 
-/// The surroundings just outside the outline of one picture.
-struct Surroundings {
-    /// Place relative to the centre, grey level.
-    outside: Vec<(Vector2<f64>, f64)>,
+/// What a blurred pixel shows of the ball by its distance from the outline: computed once for a blur.
+#[derive(Debug, Clone)]
+pub struct Rim {
+    /// Beyond this distance inward a pixel shows nothing but the ball, and outward nothing of it.
+    reach_px: f64,
+    /// Distance at which less of the ball shows than [`SURROUNDINGS`] allows.
+    clear_px: f64,
+    table: Vec<RimShare>,
 }
 
-impl Surroundings {
-    fn of(picture: &BallPicture, centre: &Vector2<f64>, blur_px: f64) -> Self {
-        let mut outside = Vec::with_capacity(256);
-        for (i, grey) in picture.pixels.iter().enumerate() {
-            let d = Vector2::new((i % picture.side) as f64, (i / picture.side) as f64) - centre;
-            let rho = d.norm() - picture.radius_px;
-            if rho < SURROUNDINGS.1 && 0.5 * (1.0 - erf(rho / blur_px * std::f64::consts::FRAC_1_SQRT_2)) < SURROUNDINGS.0 {
-                outside.push((d, *grey));
-            }
-        }
-        Surroundings { outside }
+/// Share of the ball, and the part of the ball that is seen: how far inside of the pixel its mean lies, and its deviation, px.
+#[derive(Debug, Clone, Copy)]
+struct RimShare {
+    share: f64,
+    mean: f64,
+    sd: f64,
+}
+
+impl Rim {
+    const SPACING_PX: f64 = 0.01;
+
+    pub fn new(blur_px: f64) -> Self {
+        let reach_px = 4.0 * blur_px;
+        let count = (2.0 * reach_px / Self::SPACING_PX).ceil() as usize + 2;
+        let at = |i: usize| {
+            let x = (i as f64 * Self::SPACING_PX - reach_px) / blur_px;
+            let share = 0.5 * (1.0 - erf(x * std::f64::consts::FRAC_1_SQRT_2));
+            // Of a blurred pixel astride the outline only the part on the ball counts: mean and variance of a normal
+            // distribution cut off at the outline.
+            let hazard = (-0.5 * x * x).exp() / (std::f64::consts::TAU.sqrt() * share.max(1e-12));
+            RimShare { share, mean: blur_px * hazard, sd: blur_px * (1.0 + x * hazard - hazard * hazard).max(1e-4).sqrt() }
+        };
+        let table: Vec<RimShare> = (0..count).map(at).collect();
+        let clear = table.iter().position(|r| r.share < SURROUNDINGS.0).unwrap_or(count);
+        Rim { reach_px, clear_px: clear as f64 * Self::SPACING_PX - reach_px, table }
     }
 
-    /// What lies behind the ball at a place, with its variance; `None` when nothing outside is near.
-    fn behind(&self, d: &Vector2<f64>) -> Option<(f64, f64)> {
+    #[inline]
+    fn at(&self, from_outline_px: f64) -> Option<RimShare> {
+        let x = (from_outline_px + self.reach_px) / Self::SPACING_PX;
+        let i = x as usize;
+        let (a, b) = (self.table.get(i)?, self.table.get(i + 1)?);
+        let p = x - i as f64;
+        Some(RimShare { share: a.share + p * (b.share - a.share), mean: a.mean + p * (b.mean - a.mean), sd: a.sd + p * (b.sd - a.sd) })
+    }
+}
+
+/// The surroundings just outside the outline of one picture.
+struct Surroundings<'a> {
+    picture: &'a BallPicture,
+    /// Whether a pixel shows them.
+    outside: Vec<bool>,
+}
+
+/// Reach of the mean that continues the surroundings inward, px, and the weights of pixels 0 to 4 columns or rows away: a
+/// normal curve of 1.2 px.
+const NEAR: usize = 4;
+const FALLING: [f64; NEAR + 1] = [1.0, 0.706_648, 0.249_352, 0.043_937, 0.003_866];
+
+impl<'a> Surroundings<'a> {
+    fn of(picture: &'a BallPicture, centre: &Vector2<f64>, rim: &Rim) -> Self {
+        let seen = |i: usize| {
+            let d = Vector2::new((i % picture.side) as f64, (i / picture.side) as f64) - centre;
+            let rho = d.norm() - picture.radius_px;
+            rho < SURROUNDINGS.1 && rho >= rim.clear_px
+        };
+        Surroundings { picture, outside: (0..picture.pixels.len()).map(seen).collect() }
+    }
+
+    /// What lies behind the ball at a pixel, with its variance; `None` when nothing outside is near.
+    fn behind(&self, pixel: usize) -> Option<(f64, f64)> {
+        let side = self.picture.side;
+        let (column, row) = (pixel % side, pixel / side);
         let (mut weight, mut sum, mut square) = (1e-12, 0.0, 0.0);
-        for (p, grey) in &self.outside {
-            let far = (p - d).norm_squared() / (CONTINUED_PX * CONTINUED_PX);
-            if far < 14.0 {
-                let w = (-0.5 * far).exp();
-                weight += w;
-                sum += w * grey;
-                square += w * grey * grey;
+        for y in row.saturating_sub(NEAR)..(row + NEAR + 1).min(side) {
+            for x in column.saturating_sub(NEAR)..(column + NEAR + 1).min(side) {
+                let at = y * side + x;
+                if self.outside[at] {
+                    let w = FALLING[x.abs_diff(column)] * FALLING[y.abs_diff(row)];
+                    let grey = self.picture.pixels[at];
+                    weight += w;
+                    sum += w * grey;
+                    square += w * grey * grey;
+                }
             }
         }
         let mean = sum / weight;
@@ -252,7 +310,9 @@ pub fn learn(stretches: &mut [Vec<&mut BallPicture>], textures: &mut [BallTextur
     let pixels: Vec<Vec<Vec<(Vector3<f64>, f64)>>> =
         stretches.iter().map(|s| s.iter().map(|p| if p.teaches { p.clear() } else { Vec::new() }).collect()).collect();
     let mut residuals: Vec<f64> = Vec::new();
-    for round in 0..6 {
+    // A light that is known already settles sooner.
+    let rounds = if light.is_some() { 3 } else { 6 };
+    for round in 0..rounds {
         // The light, given cover and gains.
         let mut data: Vec<(Vector3<f64>, f64, f64, f64)> = Vec::new();
         for (k, stretch) in stretches.iter().enumerate() {
@@ -298,7 +358,7 @@ pub fn learn(stretches: &mut [Vec<&mut BallPicture>], textures: &mut [BallTextur
         let now = BallLight { ambient: now.ambient * mean, light: now.light * mean };
         *light = Some(now);
         // The cover; not in the last round, so that light and gains belong to it.
-        if round == 5 {
+        if round + 1 == rounds {
             break;
         }
         let usual = (now.ambient + 0.5 * now.light.norm()).max(1.0);
@@ -405,7 +465,7 @@ mod tests {
         for _ in 0..2 {
             let noise = learn(&mut [pictures.iter_mut().collect()], &mut textures, &mut light, &[true]).expect("learnt");
             for p in &mut pictures {
-                let fit = p.fit(&light.expect("light"), &textures[0], 0.62, noise, false).expect("fitted");
+                let fit = p.fit(&light.expect("light"), &textures[0], &Rim::new(0.62), noise, false).expect("fitted");
                 (p.centre, p.gain) = (fit.centre, fit.gain);
             }
         }

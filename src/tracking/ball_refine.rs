@@ -5,7 +5,7 @@
 //! picture can be predicted ([`super::ball_model`]). Each centre is still measured in its own picture: nothing is smoothed
 //! along the flight. Pictures of the contact keep the centre of their outline.
 
-use super::ball_model::{BallLight, BallPicture, MARGIN_PX, ModelFit, learn};
+use super::ball_model::{BallLight, BallPicture, MARGIN_PX, ModelFit, Rim, learn};
 use super::ball_texture::BallTexture;
 use super::ball_track::{BallFrame, outline_radius_px};
 use super::racket_figure::RacketFigure;
@@ -17,6 +17,7 @@ use super::track_file::{ImagePoint, Target};
 use crate::calibration::CameraId;
 use crate::footage::{FrameBuffer, FrameSource};
 use nalgebra::{Matrix3, Rotation3, Vector2, Vector3};
+use rayon::prelude::*;
 
 /// The strings hold the ball at least this long; until then its outline is no circle.
 const SHORTEST_CONTACT_S: f64 = 4.0e-3;
@@ -35,6 +36,8 @@ const MOST_SD_PX: f64 = 0.35;
 /// How far the centres of a whole stretch move together between defensible models of the light (Lambert's law for each camera,
 /// for both, spherical harmonics): 0.05 px per axis. It is part of every deviation, since no single picture shows it.
 const LIGHT_PX: f64 = 0.05;
+/// Frames next to the contact from which the ball is learnt: as many as the spin is measured from; more teach little.
+const MOST_TEACHING: f64 = 30.0;
 /// Fewest pictures of one camera from which a ball is learnt.
 const FEWEST: usize = 4;
 
@@ -59,12 +62,10 @@ pub fn refine_ball(source: &impl FrameSource, setup: &ShotSetup, shot: &mut Shot
         _ => None,
     });
     let mut sights = sights(source, setup, &view, shot, contact, &turning)?;
-    for camera in CameraId::BOTH {
-        let mut own: Vec<&mut Sight> = sights.iter_mut().filter(|s| s.camera == camera).collect();
-        if own.iter().filter(|s| s.picture.teaches).count() >= FEWEST {
-            measure(&mut own, &turning.map(|t| t.is_some_and(|t| t.1)));
-        }
-    }
+    let textured = turning.map(|t| t.is_some_and(|t| t.1));
+    let rim = Rim::new(BLUR_PX);
+    let (mut left, mut right): (Vec<&mut Sight>, Vec<&mut Sight>) = sights.iter_mut().partition(|s| s.camera == CameraId::Left);
+    rayon::join(|| measure(&mut left, &textured, &rim), || measure(&mut right, &textured, &rim));
     for sight in &sights {
         let Some(ball) = shot.ball.get_mut(sight.index).and_then(Option::as_mut) else { continue };
         if let (Some(point), Some(old)) = (believed(sight), ball.points[sight.camera.index()])
@@ -111,10 +112,11 @@ fn sights(
     for index in 0..source.len() {
         let Some(ball) = &shot.ball[index] else { continue };
         let t = (source.number(index) as f64 - contact) / setup.frame_rate_hz;
+        let taught = MOST_TEACHING / setup.frame_rate_hz;
         let (stretch, teaches) = if t < 0.0 {
-            (0, true)
+            (0, t > -taught)
         } else if t > SHORTEST_CONTACT_S {
-            (1, t > LONGEST_CONTACT_S)
+            (1, (LONGEST_CONTACT_S..LONGEST_CONTACT_S + taught).contains(&t))
         } else {
             continue;
         };
@@ -172,7 +174,10 @@ fn local_axes(setup: &ShotSetup, view: &View, camera: CameraId, ball: &BallFrame
 }
 
 /// Learns the ball from one camera's pictures and fits every centre, in turns.
-fn measure(own: &mut [&mut Sight], textured: &[bool; 2]) {
+fn measure(own: &mut [&mut Sight], textured: &[bool; 2], rim: &Rim) {
+    if own.iter().filter(|s| s.picture.teaches).count() < FEWEST {
+        return;
+    }
     let mut textures = [BallTexture::bare(), BallTexture::bare()];
     let mut light: Option<BallLight> = None;
     for pass in 0..PASSES {
@@ -181,17 +186,17 @@ fn measure(own: &mut [&mut Sight], textured: &[bool; 2]) {
             stretches[s.stretch].push(&mut s.picture);
         }
         let (Some(noise), Some(now)) = (learn(&mut stretches, &mut textures, &mut light, textured), light) else { return };
-        for sight in own.iter_mut() {
-            let (picture, texture) = (&sight.picture, &textures[sight.stretch]);
-            sight.fit = picture.fit(&now, texture, BLUR_PX, noise, false).and_then(|f| {
-                let tilted = if pass + 1 == PASSES { picture.fit(&now, texture, BLUR_PX, noise, true)? } else { f };
-                Some((f, tilted))
-            });
-            if let Some((f, _)) = sight.fit.filter(|f| (f.0.centre - sight.picture.centre).norm() < FARTHEST_PX) {
+        let last = pass + 1 == PASSES;
+        // Before the last pass only what is learnt from needs better centres.
+        own.par_iter_mut().filter(|s| last || s.picture.teaches).for_each(|sight| {
+            let texture = &textures[sight.stretch];
+            let fit = sight.picture.fit(&now, texture, rim, noise, false);
+            if let Some(f) = fit.filter(|f| (f.centre - sight.picture.centre).norm() < FARTHEST_PX) {
                 sight.picture.centre = f.centre;
                 sight.picture.gain = f.gain;
             }
-        }
+            sight.fit = fit.and_then(|f| Some((f, if last { sight.picture.fit(&now, texture, rim, noise, true)? } else { f })));
+        });
     }
 }
 

@@ -4,6 +4,7 @@
 //! its disc in other pictures, so once its spin is known they can be collected here and expected where they are.
 
 use nalgebra::Vector3;
+use std::sync::OnceLock;
 
 /// Cells over latitude and longitude: 3.75 degrees, half a pixel on a ball of 16 px.
 const ROWS: usize = 48;
@@ -14,16 +15,21 @@ const CUT_OFF: f64 = 2.8;
 /// Weight of "a bare ball" against the pixels of one picture (a pixel of usual brightness has weight 1).
 const PRIOR: f64 = 0.3;
 
+/// Cells along the edge of a cube's face, and corners, of the table that is looked up: 3.75 degrees at a face's middle.
+const EDGE: usize = 32;
+const CORNERS: usize = EDGE + 1;
+
 /// Brightness relative to a bare ball, in axes that turn with the ball.
 #[derive(Debug, Clone)]
 pub struct BallTexture {
-    cells: Vec<f64>,
+    /// At the corners of the cells on six faces of a cube.
+    corners: Vec<f32>,
 }
 
 impl BallTexture {
     /// A bare ball.
     pub fn bare() -> Self {
-        BallTexture { cells: vec![1.0; ROWS * COLUMNS] }
+        BallTexture { corners: vec![1.0; 6 * CORNERS * CORNERS] }
     }
 
     /// The weighted mean around every direction of (direction on the ball, relative brightness, weight).
@@ -34,40 +40,98 @@ impl BallTexture {
             let cell = &mut sums[(row.round() as usize).min(ROWS - 1) * COLUMNS + (column.round() as usize) % COLUMNS];
             *cell = (cell.0 + weight * value, cell.1 + weight);
         }
-        let centres: Vec<Vector3<f64>> = (0..ROWS * COLUMNS).map(|i| direction(i / COLUMNS, i % COLUMNS)).collect();
-        let rows = (CUT_OFF * KERNEL_RAD / std::f64::consts::PI * ROWS as f64).ceil() as usize;
+        let lattice = LATTICE.get_or_init(Lattice::new);
         let mut cells = Vec::with_capacity(ROWS * COLUMNS);
-        for (i, centre) in centres.iter().enumerate() {
-            let (row, column) = (i / COLUMNS, i % COLUMNS);
-            let (mut sum, mut weight) = (PRIOR, PRIOR);
-            for r in row.saturating_sub(rows)..=(row + rows).min(ROWS - 1) {
-                let narrowest = (std::f64::consts::PI * (r as f64 + 0.5) / ROWS as f64).sin();
-                let reach = (CUT_OFF * KERNEL_RAD / narrowest / std::f64::consts::TAU * COLUMNS as f64).ceil().min((COLUMNS / 2) as f64) as usize;
-                for k in 0..(2 * reach + 1).min(COLUMNS) {
-                    let j = r * COLUMNS + (column + COLUMNS + k - reach) % COLUMNS;
-                    if sums[j].1 > 0.0 {
-                        let share = ((centre.dot(&centres[j]) - 1.0) / (KERNEL_RAD * KERNEL_RAD)).exp();
-                        sum += share * sums[j].0;
-                        weight += share * sums[j].1;
+        for kernel in &lattice.kernels {
+            for column in 0..COLUMNS {
+                let (mut sum, mut weight) = (PRIOR, PRIOR);
+                for (row, shares) in kernel {
+                    let reach = shares.len() / 2;
+                    let line = &sums[row * COLUMNS..(row + 1) * COLUMNS];
+                    // Columns wrap around.
+                    let first = (column + COLUMNS - reach) % COLUMNS;
+                    for (share, cell) in shares.iter().zip(line[first..].iter().chain(line)) {
+                        sum += share * cell.0;
+                        weight += share * cell.1;
                     }
                 }
+                cells.push(sum / weight);
             }
-            cells.push(sum / weight);
         }
-        BallTexture { cells }
+        let corner = |(at, shares): &([usize; 4], [f64; 4])| at.iter().zip(shares).map(|(i, share)| cells[*i] * share).sum::<f64>() as f32;
+        BallTexture { corners: lattice.corners.iter().map(corner).collect() }
     }
 
-    /// Relative brightness in a direction (unit vector in the ball's axes), bilinear.
+    /// Relative brightness in a direction (in the ball's axes, of any length), bilinear.
     #[inline]
     pub fn at(&self, n: &Vector3<f64>) -> f64 {
-        let (row, column) = place(n);
-        let row = row.clamp(0.0, (ROWS - 1) as f64);
-        let (i, j) = (row as usize, column as usize);
-        let (p, q) = (row - i as f64, column - j as f64);
-        let (i1, j, j1) = ((i + 1).min(ROWS - 1), j % COLUMNS, (j + 1) % COLUMNS);
-        let line = |i: usize| self.cells[i * COLUMNS + j] * (1.0 - q) + self.cells[i * COLUMNS + j1] * q;
-        line(i) * (1.0 - p) + line(i1) * p
+        let n = [n.x as f32, n.y as f32, n.z as f32];
+        let size = n.map(f32::abs);
+        let axis = if size[0] >= size[1] && size[0] >= size[2] {
+            0
+        } else if size[1] >= size[2] {
+            1
+        } else {
+            2
+        };
+        let scale = 0.5 * EDGE as f32 / size[axis].max(1e-12);
+        let place = |v: f32| {
+            let x = v * scale + 0.5 * EDGE as f32;
+            let i = (x.max(0.0) as usize).min(EDGE - 1);
+            (i, f64::from(x - i as f32))
+        };
+        let ((i, p), (j, q)) = (place(n[(axis + 1) % 3]), place(n[(axis + 2) % 3]));
+        let at = ((2 * axis + usize::from(n[axis] < 0.0)) * CORNERS + i) * CORNERS + j;
+        let Some(c) = self.corners.get(at..at + CORNERS + 2) else { return 1.0 };
+        let c = [c[0], c[1], c[CORNERS], c[CORNERS + 1]].map(f64::from);
+        (c[0] * (1.0 - q) + c[1] * q) * (1.0 - p) + (c[2] * (1.0 - q) + c[3] * q) * p
     }
+}
+
+/// What does not depend on the ball: shares of the smoothing, and where the cube's corners lie on the grid.
+struct Lattice {
+    /// By row of the smoothed cell: rows in reach with the shares of their cells, from the farthest column on one side to the
+    /// farthest on the other.
+    kernels: Vec<Vec<(usize, Vec<f64>)>>,
+    /// Four cells around each of the cube's corners, with their shares.
+    corners: Vec<([usize; 4], [f64; 4])>,
+}
+
+static LATTICE: OnceLock<Lattice> = OnceLock::new();
+
+impl Lattice {
+    fn new() -> Self {
+        let rows = (CUT_OFF * KERNEL_RAD / std::f64::consts::PI * ROWS as f64).ceil() as usize;
+        let kernel = |row: usize| {
+            let line = |r: usize| {
+                let narrowest = (std::f64::consts::PI * (r as f64 + 0.5) / ROWS as f64).sin();
+                let reach = (CUT_OFF * KERNEL_RAD / narrowest / std::f64::consts::TAU * COLUMNS as f64).ceil().min((COLUMNS / 2 - 1) as f64) as usize;
+                let share = |k: usize| ((direction(row, reach).dot(&direction(r, k)) - 1.0) / (KERNEL_RAD * KERNEL_RAD)).exp();
+                (r, (0..=2 * reach).map(share).collect())
+            };
+            (row.saturating_sub(rows)..=(row + rows).min(ROWS - 1)).map(line).collect()
+        };
+        let corner = |i: usize| {
+            let (face, a, b) = (i / (CORNERS * CORNERS), i / CORNERS % CORNERS, i % CORNERS);
+            let side = |k: usize| 2.0 * k as f64 / EDGE as f64 - 1.0;
+            let (axis, main) = (face / 2, if face % 2 == 0 { 1.0 } else { -1.0 });
+            let mut n = Vector3::zeros();
+            (n[axis], n[(axis + 1) % 3], n[(axis + 2) % 3]) = (main, side(a), side(b));
+            between(&n.normalize())
+        };
+        Lattice { kernels: (0..ROWS).map(kernel).collect(), corners: (0..6 * CORNERS * CORNERS).map(corner).collect() }
+    }
+}
+
+/// The four cells around a direction with their shares, bilinear.
+fn between(n: &Vector3<f64>) -> ([usize; 4], [f64; 4]) {
+    let (row, column) = place(n);
+    let row = row.clamp(0.0, (ROWS - 1) as f64);
+    let (i, j) = (row as usize, column as usize);
+    let (p, q) = (row - i as f64, column - j as f64);
+    let (i1, j, j1) = ((i + 1).min(ROWS - 1), j % COLUMNS, (j + 1) % COLUMNS);
+    let at = [(i, j), (i, j1), (i1, j), (i1, j1)].map(|(i, j)| i * COLUMNS + j);
+    (at, [(1.0 - p) * (1.0 - q), (1.0 - p) * q, p * (1.0 - q), p * q])
 }
 
 /// Fractional row and column of a direction; cell centres are whole numbers, columns wrap around.

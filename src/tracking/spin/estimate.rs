@@ -37,6 +37,8 @@ pub enum SpinRefusal {
     Ambiguous { first: [f64; 3], second: [f64; 3] },
     #[error("the registration did not settle (last step {step_rad_s:.1} rad/s); the markings hold the spin too loosely")]
     Unsettled { step_rad_s: f64 },
+    #[error("the best spin leaves {share:.1} times as much unexplained as it explains; draw larger markings or film more frames")]
+    Unexplained { share: f64 },
     #[error("no component of the spin is measured to better than {sd_rad_s:.0} rad/s")]
     TooUncertain { sd_rad_s: f64 },
     #[error("the best spin, {rate_rad_s:.0} rad/s, lies at the limit of {limit_rad_s:.0} rad/s where lines alias; film faster")]
@@ -111,6 +113,9 @@ const LEAST_LEAD: f64 = 0.2;
 const LEAST_FAR_LEAD: f64 = 0.06;
 /// Rise of the cost on the way to a rival that makes it one of its own.
 const BARRIER: f64 = 0.015;
+/// Most that may be left over beyond the noise, in units of what the markings explain: right spins of rendered balls leave
+/// 0.03 to 1.2 (poor pictures most), wrong ones 1.8 and more.
+const MOST_UNEXPLAINED: f64 = 1.5;
 /// Least contrast of the markings (root mean square over the ball); a bare ball shows 0.007 of shading left over.
 const LEAST_CONTRAST: f64 = 0.015;
 /// Blur of the recording, standard deviation in px: lens and pixel together. Between 0.45 and 0.75 px the rate
@@ -123,15 +128,20 @@ const NOISE_SHARE: f64 = 8.0;
 /// drift with the background, and 0.06 px covers them (docs/spin.md, "Uncertainty").
 const SYSTEMATIC_PX: f64 = 0.06;
 const SYSTEMATIC_RATE: f64 = 0.003;
+/// Axes about which a ball that seems to stand still is turned: one in 0.25 rad, twice the width of a blurred line.
+const PROBES: u32 = 100;
 /// Candidates that are registered.
 const CONTESTANTS: usize = 4;
 /// Frames over which residuals stay correlated.
 const MEMORY_FRAMES: f64 = 6.0;
+/// Cells along an edge of the map: for choosing among candidates (7 degrees), and for the answer (4.5 degrees, 0.6 px).
+const COARSE_EDGE: usize = 12;
+const FINE_EDGE: usize = 20;
 /// Which candidate: a coarse map without blur.
-const COARSE: Effort = Effort { steps: 4, last_step_rad_s: 0.5, rounds: 12, covariance: false, memory_s: 0.0 };
+const COARSE: Effort = Effort { steps: 4, last_step_rad_s: 0.5, light: false, memory_s: 0.0 };
 /// Fine map with blur, before the shading is fitted again.
-const FIRST: Effort = Effort { steps: 2, last_step_rad_s: 0.3, rounds: 15, covariance: false, memory_s: 0.0 };
-const FINAL: Effort = Effort { steps: 3, last_step_rad_s: 0.1, rounds: 20, covariance: true, memory_s: 0.0 };
+const FIRST: Effort = Effort { steps: 4, last_step_rad_s: 0.3, light: true, memory_s: 0.0 };
+const FINAL: Effort = Effort { steps: 14, last_step_rad_s: 0.02, light: true, memory_s: 0.0 };
 
 /// Measures one constant spin vector over the free flight shown by `views`.
 pub fn estimate_spin(views: &[BallView], rig: &StereoRig, radius_m: f64, settings: &SpinSettings) -> SpinEstimate {
@@ -141,22 +151,21 @@ pub fn estimate_spin(views: &[BallView], rig: &StereoRig, radius_m: f64, setting
         return SpinEstimate::Refused { reason: SpinRefusal::TooFewFrames { seen: frames, needed: LEAST_FRAMES } };
     }
     let (shading, marks) = divide_out(&infos, &samples, None);
-    let search = Search::new(&infos, &marks);
-    let candidates = search.candidates(1.0 / settings.frame_rate_hz, settings.limit_rad_s);
+    let candidates = Search::new(&infos, &marks, 1.0 / settings.frame_rate_hz).candidates(settings.limit_rad_s);
     // Which candidate: a coarse map, every second pixel, no blur.
-    let coarse_map = SphereMap::new(600);
+    let coarse_map = SphereMap::new(COARSE_EDGE);
     let few: Vec<Mark> = marks.iter().copied().step_by(2).collect();
     let coarse = Registrar::new(&coarse_map, &infos, &few, &shading, 0.0);
     let contest = contest(&coarse, &candidates, span_s(&infos));
     let Some(contest) = contest else {
         return SpinEstimate::Refused { reason: SpinRefusal::TooFewFrames { seen: frames, needed: LEAST_FRAMES } };
     };
-    let map = SphereMap::new(1400);
+    let map = SphereMap::new(FINE_EDGE);
     let first = Registrar::new(&map, &infos, &marks, &shading, BLUR_PX).refine(contest.omega, &FIRST);
     // The lines darken the first estimate of the shading where they pass most often; once they are known, again.
     let (shading, marks) = divide_out(&infos, &samples, Some(&first.markings));
-    let best =
-        Registrar::new(&map, &infos, &marks, &shading, BLUR_PX).refine(first.omega, &Effort { memory_s: MEMORY_FRAMES / settings.frame_rate_hz, ..FINAL });
+    let registrar = Registrar::new(&map, &infos, &marks, &shading, BLUR_PX);
+    let best = registrar.refine(first.omega, &Effort { memory_s: MEMORY_FRAMES / settings.frame_rate_hz, ..FINAL });
     let quality =
         SpinQuality { views: infos.len(), pixels: marks.len(), noise: best.noise, markings: best.texture, outliers: best.outliers, margin: contest.margin };
     if best.texture < f64::max(LEAST_CONTRAST, 0.4 * best.noise) {
@@ -171,8 +180,13 @@ pub fn estimate_spin(views: &[BallView], rig: &StereoRig, radius_m: f64, setting
     if best.last_step_rad_s > 1.0 {
         return SpinEstimate::Refused { reason: SpinRefusal::Unsettled { step_rad_s: best.last_step_rad_s } };
     }
+    let share = unexplained(&best);
+    if share > MOST_UNEXPLAINED {
+        return SpinEstimate::Refused { reason: SpinRefusal::Unexplained { share } };
+    }
+    let model_covariance = widened(&registrar, &best);
     let covariance =
-        larger(&best.model_covariance, &best.scatter_covariance) * (1.0 + NOISE_SHARE * (best.noise / best.texture).powi(2)) + systematic(&best.omega, &infos);
+        larger(&model_covariance, &best.scatter_covariance) * (1.0 + NOISE_SHARE * (best.noise / best.texture).powi(2)) + systematic(&best.omega, &infos);
     let eigen = covariance.symmetric_eigen();
     let worst = eigen.eigenvalues.max().sqrt();
     if worst <= LARGEST_SD {
@@ -194,6 +208,26 @@ pub fn estimate_spin(views: &[BallView], rig: &StereoRig, radius_m: f64, setting
         };
     }
     SpinEstimate::Refused { reason: SpinRefusal::TooUncertain { sd_rad_s: sd } }
+}
+
+/// What the best spin leaves over beyond the noise of most pixels, in units of the markings it explains. At a wrong spin the
+/// markings themselves are what most pixels do not share.
+fn unexplained(best: &Registration) -> f64 {
+    let left = best.residuals.iter().map(|r| f64::from(r * r)).sum::<f64>() / best.residuals.len().max(1) as f64;
+    (left - best.noise.powi(2)).max(0.0) / best.texture.powi(2).max(1e-12)
+}
+
+/// The covariance, wider along its longest axis where the cost itself rises more slowly than its curvature says: two
+/// deviations to either side the log-likelihood should have fallen by two.
+fn widened(registrar: &Registrar, best: &Registration) -> Matrix3<f64> {
+    let eigen = best.model_covariance.symmetric_eigen();
+    let k = eigen.eigenvalues.imax();
+    let (axis, variance) = (eigen.eigenvectors.column(k), eigen.eigenvalues[k]);
+    let reach = axis * (2.0 * variance.max(0.0).sqrt());
+    let cost = |omega: &Vector3<f64>| registrar.cost_at(omega, best.noise, &FINAL);
+    let rise = 0.5 * (cost(&(best.omega + reach)) + cost(&(best.omega - reach))) - cost(&best.omega);
+    let factor = (2.0 / rise.max(0.05)).clamp(1.0, 40.0);
+    best.model_covariance + axis * axis.transpose() * (variance * (factor - 1.0))
 }
 
 /// What frames of the same flight have in common and no scatter shows: steps of the shading, the blur's true shape, the
@@ -226,7 +260,7 @@ fn contest(coarse: &Registrar, candidates: &[Candidate], span_s: f64) -> Option<
     let noise = fits.iter().map(|(_, f)| f.noise).min_by(f64::total_cmp)?;
     let cost = |f: &Registration| coarse.cost(&f.residuals, noise);
     let explained = |f: &Registration| {
-        let bare: Vec<f64> = f.residuals.iter().zip(&f.markings).map(|(r, m)| r + m).collect();
+        let bare: Vec<f32> = f.residuals.iter().zip(&f.markings).map(|(r, m)| r + m).collect();
         coarse.cost(&bare, noise) - cost(f)
     };
     let mut fits: Vec<Registration> = fits.into_iter().map(|(_, f)| f).collect();
@@ -238,7 +272,7 @@ fn contest(coarse: &Registrar, candidates: &[Candidate], span_s: f64) -> Option<
     }
     fits.sort_by(|a, b| cost(a).total_cmp(&cost(b)));
     let best = fits.first()?;
-    let at_best = coarse.cost_at(&best.omega, noise, COARSE.rounds);
+    let at_best = coarse.cost_at(&best.omega, noise, &COARSE);
     let gain = explained(best).max(1.0);
     // A solution that hardly moves the markings is favoured by everything that stands still: shading, strings, dirt.
     let still = best.omega.norm() * span_s < 0.3;
@@ -246,7 +280,7 @@ fn contest(coarse: &Registrar, candidates: &[Candidate], span_s: f64) -> Option<
     for f in fits.iter().skip(1).filter(|f| apart(&best.omega, &f.omega)) {
         let lead = (cost(f) - cost(best)) / gain;
         let way = f.omega - best.omega;
-        let level = |share: f64| (coarse.cost_at(&(best.omega + way * share), noise, COARSE.rounds) - at_best) / gain;
+        let level = |share: f64| (coarse.cost_at(&(best.omega + way * share), noise, &COARSE) - at_best) / gain;
         let far = way.norm() > f64::max(best.omega.norm() / 3.0, 1.0 / span_s.max(1e-6));
         let needed = if still {
             2.0 * LEAST_LEAD
@@ -261,6 +295,18 @@ fn contest(coarse: &Registrar, candidates: &[Candidate], span_s: f64) -> Option<
         if strongest.is_none_or(|s| strength < s.0) {
             strongest = Some((strength, lead, f.omega));
         }
+    }
+    if still && strongest.is_none_or(|s| s.0 > 0.0) {
+        // A line that slides along itself seems to stand still, and no search finds its rate: so a turn of one radian is
+        // tried about axes all around.
+        let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
+        let turns = (0..PROBES).map(|i| {
+            let z = (f64::from(i) + 0.5) / f64::from(PROBES);
+            let ((s, c), r) = ((golden * f64::from(i)).sin_cos(), (1.0 - z * z).sqrt());
+            Vector3::new(r * c, r * s, z) / span_s.max(1e-6)
+        });
+        let slides = turns.map(|omega| ((coarse.cost_at(&omega, noise, &COARSE) - at_best) / gain, omega)).min_by(|a, b| a.0.total_cmp(&b.0));
+        strongest = slides.map(|(lead, omega)| (lead - 2.0 * LEAST_LEAD, lead, omega)).or(strongest);
     }
     let rival = strongest.filter(|s| s.0 < 0.0).map(|s| s.2);
     Some(Contest { omega: best.omega, rival, margin: strongest.map(|s| s.1) })

@@ -1,182 +1,314 @@
-//! Global search: which turning rates make the pixels of many frames agree on one set of markings.
+//! Global search: which turning rates make pictures of the ball agree with each other, some frames apart.
 //!
-//! For a candidate rate all pixels are turned back to one attitude and sorted into cells on the sphere; the variance
-//! inside the cells is the cost. Short runs of frames come first: over them the cost has wide valleys, so that a coarse
-//! grid cannot miss the right one. The rate is common to all runs, the markings are free in each. Then the runs grow.
+//! A spin turns the disc of one camera by the same rotation between any two of its frames that are as far apart. So for
+//! every time apart the squared differences between each place of the earlier disc and each place of the later one
+//! are summed over all such pairs of frames once; the cost of a rate is then a look into that table for each place, no
+//! matter how many frames there are. Short times come first: over them the cost has wide valleys, so that a coarse
+//! lattice cannot miss the right one. What is left is ranked by all pixels together: turned back to one attitude and
+//! sorted into cells on the sphere, by the variance inside the cells.
 
 use super::shading::Mark;
-use super::view::ViewInfo;
-use nalgebra::{Rotation3, Vector3};
-use std::collections::BTreeSet;
+use super::view::{USED_RADIUS, ViewInfo};
+use crate::calibration::CameraId;
+use nalgebra::{Matrix3, Vector3};
+use std::collections::{BTreeMap, BTreeSet};
 
-/// Cells per edge of the cube around the sphere. A slice of 0.22, the width of a blurred line on a ball of 16 px;
-/// single precision and no branch per pixel, because this loop is most of the search.
-const WIDE: usize = 9;
-/// Smaller cells, to rank what the search has found.
-const NARROW: usize = 14;
-/// Turn at the ends of a run that one grid step may add, rad: half a line's width.
-const STEP_RAD: f64 = 0.14;
-/// Places kept after the first lattice, and at the end.
+/// Cells per edge of the cube around the sphere for the last ranking: 0.14, the width of a blurred line on a ball of 16 px.
+const CELLS: usize = 14;
+/// Places along the used radius of the disc: 1.3 px on a ball of 16 px, the width of a blurred line.
+const PLACES: usize = 5;
+/// Side of a square of cells around the whole disc.
+const SIDE: usize = 16;
+/// Turn over the longest time apart that one lattice step may add, rad: a line's width.
+const STEP_RAD: f64 = 0.28;
+/// Frames apart at first.
+const FIRST_APART: usize = 4;
+/// Share of the places that count as unlike whatever they show: a rate that leaves hardly anything to compare is no find.
+const UNSEEN: f32 = 0.005;
+/// Places of the first lattice that are looked at more closely, kept after it, and at the end.
+const HOPEFUL: usize = 700;
 const WIDEST: usize = 120;
-const KEPT: usize = 12;
+const KEPT: usize = 40;
+/// Those that are improved before they are ranked for good.
+const RANKED: usize = 10;
 
 pub(super) struct Search<'a> {
     views: &'a [ViewInfo],
-    /// Normal, weight, weight × contrast of every pixel, by view.
-    pixels: Vec<Vec<Pixel>>,
+    frame_s: f64,
+    cameras: Vec<OneCamera>,
+    /// Largest number of frames apart.
+    longest: usize,
+    variance: f32,
+    middle_s: f64,
+    pixels: Vec<Pixel>,
 }
 
+/// Normal, weight, weight × contrast, weight × contrast² of a pixel.
 struct Pixel {
+    view: usize,
     normal: [f32; 3],
-    weight: f32,
-    weighted: f32,
-    /// Weight × contrast².
-    square: f32,
+    sums: [f32; 3],
 }
 
-/// A rate, rad/s, with the variance it leaves.
+/// The pictures of one camera on a common grid over the disc.
+struct OneCamera {
+    /// The camera's right, down and toward at the middle of the flight.
+    axes: Matrix3<f64>,
+    /// Directions of the grid's places in those axes.
+    places: Vec<[f32; 3]>,
+    /// Number of the place at each cell of the square; one beyond the last where there is none.
+    number: [u8; SIDE * SIDE],
+    /// By frame: contrast and weight at every place.
+    frames: BTreeMap<i64, Vec<[f32; 2]>>,
+}
+
+/// Sums over all pairs of frames so far apart: squared difference and weight, by earlier and later place. The last column
+/// (off the disc) is zero.
+struct Apart {
+    frames: usize,
+    camera: usize,
+    sums: Vec<[f32; 2]>,
+    weight: f32,
+}
+
+/// A rate, rad/s.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Candidate {
     pub omega: Vector3<f64>,
-    pub cost: f64,
 }
 
 impl<'a> Search<'a> {
-    pub fn new(views: &'a [ViewInfo], marks: &[Mark]) -> Self {
-        let mut pixels: Vec<Vec<Pixel>> = views.iter().map(|_| Vec::new()).collect();
-        for m in marks {
+    pub fn new(views: &'a [ViewInfo], marks: &[Mark], frame_s: f64) -> Self {
+        let cameras: Vec<OneCamera> = CameraId::BOTH.iter().filter_map(|c| OneCamera::new(*c, views, marks, frame_s)).collect();
+        let longest = cameras.iter().filter_map(|c| Some((c.frames.keys().last()? - c.frames.keys().next()?) as usize)).max().unwrap_or(0);
+        let (sum, weight) = marks.iter().fold((0.0, 1e-12), |(s, w), m| (s + m.weight * m.contrast * m.contrast, w + m.weight));
+        let middle_s = views.iter().map(|v| v.time_s).sum::<f64>() / views.len().max(1) as f64;
+        let pixel = |m: &Mark| {
             let weighted = m.weight * m.contrast;
-            let [weight, weighted, square] = [m.weight, weighted, weighted * m.contrast].map(|x| x as f32);
-            pixels[m.view].push(Pixel { normal: m.normal.map(|x| x as f32).into(), weight, weighted, square });
-        }
-        Search { views, pixels }
+            Pixel { view: m.view, normal: m.normal.map(|x| x as f32).into(), sums: [m.weight, weighted, weighted * m.contrast].map(|x| x as f32) }
+        };
+        Search { views, frame_s, cameras, longest, variance: (sum / weight) as f32, middle_s, pixels: marks.iter().map(pixel).collect() }
     }
 
-    /// Runs of views of about `length_s`, together covering the whole window.
-    fn runs(&self, length_s: f64) -> Vec<Vec<usize>> {
-        let first = self.views.iter().map(|v| v.time_s).fold(f64::INFINITY, f64::min);
-        let last = self.views.iter().map(|v| v.time_s).fold(f64::NEG_INFINITY, f64::max);
-        let count = ((last - first) / length_s).round().clamp(1.0, 1000.0) as usize;
-        let each = (last - first) / count as f64 * (1.0 + 1e-9) + 1e-12;
-        let mut runs = vec![Vec::new(); count];
-        for (i, v) in self.views.iter().enumerate() {
-            runs[(((v.time_s - first) / each) as usize).min(count - 1)].push(i);
-        }
-        runs.retain(|r| r.len() >= 2);
-        runs
+    fn apart(&self, frames: &BTreeSet<usize>) -> Vec<Apart> {
+        let one = |camera: usize, frames: usize| Apart::new(&self.cameras[camera], camera, frames);
+        frames.iter().flat_map(|f| (0..self.cameras.len()).map(move |c| one(c, *f))).filter(|a| a.weight > 0.0).collect()
     }
 
-    /// Weighted variance inside the cells, per degree of freedom, over all runs; `every` skips pixels.
-    fn cost<const CELLS: usize>(&self, omega: &Vector3<f64>, runs: &[Vec<usize>], every: usize) -> f64 {
-        let (mut squares, mut freedom) = (0.0f64, 0.0f64);
-        for run in runs {
-            let mut cells = vec![[0.0f32; 2]; CELLS * CELLS * CELLS];
-            let (mut square, mut count) = (0.0f32, 0usize);
-            let middle = run.iter().map(|&v| self.views[v].time_s).sum::<f64>() / run.len() as f64;
-            for &v in run {
-                let back = Rotation3::new(-omega * (self.views[v].time_s - middle));
-                let r: [[f32; 3]; 3] = std::array::from_fn(|i| std::array::from_fn(|j| back[(i, j)] as f32 * (0.4999 * CELLS as f32)));
-                let half = 0.5 * CELLS as f32;
-                for p in self.pixels[v].iter().step_by(every) {
-                    let place = |i: usize| (r[i][0] * p.normal[0] + r[i][1] * p.normal[1] + r[i][2] * p.normal[2] + half) as usize;
-                    let at = (place(0) * CELLS + place(1)) * CELLS + place(2);
-                    // A direction is a unit vector, so that the place is inside; `min` spares the check.
-                    let cell = &mut cells[at.min(CELLS * CELLS * CELLS - 1)];
-                    cell[0] += p.weight;
-                    cell[1] += p.weighted;
-                    square += p.square;
-                    count += 1;
-                }
+    /// Mean squared difference over all places that are seen twice, with some that are taken for unlike.
+    fn cost(&self, omega: &Vector3<f64>, tables: &[Apart]) -> f32 {
+        let (mut sum, mut weight, mut most) = (0.0f32, 0.0f32, 0.0f32);
+        for t in tables {
+            let camera = &self.cameras[t.camera];
+            // Right, down and toward the camera are left-handed: there a turn goes the other way.
+            let r = turn(&(camera.axes.tr_mul(omega) * (-(t.frames as f64) * self.frame_s)).map(|x| x as f32).into());
+            let width = camera.places.len() + 1;
+            let mut cells = [(0u8, false); SIDE * SIDE];
+            for (p, at) in camera.places.iter().zip(&mut cells) {
+                let q: [f32; 3] = std::array::from_fn(|i| r[i][0] * p[0] + r[i][1] * p[1] + r[i][2] * p[2]);
+                *at = (cell(q[0], q[1]), q[2] > 0.0);
             }
-            let (mut explained, mut occupied) = (0.0f32, 0usize);
-            for &[weight, weighted] in &cells {
-                explained += weighted * weighted / weight.max(1e-6);
-                occupied += usize::from(weight > 0.0);
+            for ((at, near), row) in cells.iter().zip(t.sums.chunks_exact(width)) {
+                let place = if *near { usize::from(camera.number[usize::from(*at)]) } else { width - 1 };
+                sum += row[place][0];
+                weight += row[place][1];
             }
-            squares += f64::from(square - explained).max(0.0);
-            freedom += (count - occupied) as f64;
+            most += t.weight;
         }
-        squares / freedom.max(1.0)
+        let unseen = UNSEEN * most;
+        (sum + unseen * 2.0 * self.variance) / (weight + unseen).max(f32::MIN_POSITIVE)
+    }
+
+    /// Variance inside the cells per degree of freedom, all pixels turned back to one attitude; `every` skips pixels.
+    fn spread(&self, omega: &Vector3<f64>, every: usize) -> f32 {
+        let mut cells = vec![[0.0f32; 2]; CELLS * CELLS * CELLS];
+        let back: Vec<[[f32; 3]; 3]> = self
+            .views
+            .iter()
+            .map(|v| turn(&(-omega * (v.time_s - self.middle_s)).map(|x| x as f32).into()).map(|row| row.map(|x| x * (0.4999 * CELLS as f32))))
+            .collect();
+        let (mut square, mut count) = (0.0f32, 0usize);
+        for p in self.pixels.iter().step_by(every) {
+            let r = &back[p.view];
+            let place = |i: usize| whole(r[i][0] * p.normal[0] + r[i][1] * p.normal[1] + r[i][2] * p.normal[2] + (0.5 * CELLS as f32 - 0.5)) as usize;
+            let at = (place(0) * CELLS + place(1)) * CELLS + place(2);
+            // A direction is a unit vector, so that the place is inside; `min` spares the check.
+            let cell = &mut cells[at.min(CELLS * CELLS * CELLS - 1)];
+            cell[0] += p.sums[0];
+            cell[1] += p.sums[1];
+            square += p.sums[2];
+            count += 1;
+        }
+        let (mut explained, mut occupied) = (0.0f32, 0usize);
+        for &[weight, weighted] in &cells {
+            explained += weighted * weighted / weight.max(1e-6);
+            occupied += usize::from(weight > 0.0);
+        }
+        (square - explained).max(0.0) / (count.saturating_sub(occupied)).max(1) as f32
     }
 
     /// The best rates below `limit_rad_s`, best first, distinct on the scale the whole window resolves.
-    ///
-    /// `frame_s` is the time between frames.
-    pub fn candidates(&self, frame_s: f64, limit_rad_s: f64) -> Vec<Candidate> {
-        let first = self.views.iter().map(|v| v.time_s).fold(f64::INFINITY, f64::min);
-        let last = self.views.iter().map(|v| v.time_s).fold(f64::NEG_INFINITY, f64::max);
-        let whole = (last - first).max(frame_s);
-        let mut length = (4.5 * frame_s).min(whole);
-        let mut step = 2.0 * STEP_RAD / length;
+    pub fn candidates(&self, limit_rad_s: f64) -> Vec<Candidate> {
+        let mut length = FIRST_APART.min(self.longest);
+        if length == 0 {
+            return Vec::new();
+        }
+        let mut step = STEP_RAD / (length as f64 * self.frame_s);
         let reach = (limit_rad_s / step).ceil() as i64;
         let rate = |at: &[i64; 3], step: f64| Vector3::new(at[0] as f64, at[1] as f64, at[2] as f64) * step;
         let cube = |reach: i64| (-reach..=reach).flat_map(move |i| (-reach..=reach).flat_map(move |j| (-reach..=reach).map(move |k| [i, j, k])));
-        let mut places: BTreeSet<[i64; 3]> = cube(reach).collect();
+        let costs = |places: Vec<[i64; 3]>, step: f64, apart: &BTreeSet<usize>| {
+            let tables = self.apart(apart);
+            let mut costs: Vec<([i64; 3], f32)> = places.iter().map(|at| (*at, self.cost(&rate(at, step), &tables))).collect();
+            costs.sort_by(|a, b| a.1.total_cmp(&b.1));
+            costs.into_iter().map(|c| c.0).collect::<Vec<_>>()
+        };
+        let mut places: Vec<[i64; 3]> = cube(reach).filter(|at| rate(at, step).norm() <= limit_rad_s).collect();
+        places = costs(places, step, &[length.div_ceil(2), length].into());
+        places.truncate(HOPEFUL);
         let mut kept = WIDEST;
         // Over a few frames a single line slides along itself, and the cost has long level valleys: so not its minima are
-        // kept but a broad beam of places, which longer runs thin out while the lattice becomes finer.
-        let found = loop {
-            let runs = self.runs(length);
-            places.retain(|at| rate(at, step).norm() <= limit_rad_s);
-            let mut costs: Vec<([i64; 3], f64)> = places.iter().map(|at| (*at, self.cost::<WIDE>(&rate(at, step), &runs, 3))).collect();
-            costs.sort_by(|a, b| a.1.total_cmp(&b.1));
-            if length >= whole {
-                break costs;
-            }
-            costs.truncate(kept);
-            kept = (kept / 2).max(KEPT);
-            let next = (2.0 * length).min(whole);
-            // Half the step, or nearly: the lattice of the last level is a part of the next one.
-            step *= 0.5;
-            length = next;
-            places = costs.iter().flat_map(|(at, _)| cube(1).map(move |d| [2 * at[0] + d[0], 2 * at[1] + d[1], 2 * at[2] + d[2]])).collect();
-        };
-        let mut distinct: Vec<Candidate> = Vec::new();
-        for (at, cost) in &found {
-            let omega = rate(at, step);
-            if distinct.iter().all(|d| (d.omega - omega).norm() > 2.5 * step) {
-                distinct.push(Candidate { omega, cost: *cost });
-            }
-            if distinct.len() >= KEPT {
+        // kept but a broad beam of places, which longer times thin out while the lattice becomes finer.
+        loop {
+            places = costs(places, step, &(1..=4).map(|k| (k * length).div_ceil(4)).collect());
+            places.truncate(kept);
+            if length >= self.longest {
                 break;
             }
+            kept = (kept / 2).max(KEPT);
+            length = (2 * length).min(self.longest);
+            // Half the step, or nearly: the lattice of the last level is a part of the next one.
+            step *= 0.5;
+            let finer: BTreeSet<[i64; 3]> = places.iter().flat_map(|at| cube(1).map(move |d| [2 * at[0] + d[0], 2 * at[1] + d[1], 2 * at[2] + d[2]])).collect();
+            places = finer.into_iter().filter(|at| rate(at, step).norm() <= limit_rad_s).collect();
         }
-        let runs = self.runs(whole);
-        let mut found: Vec<Candidate> = distinct.iter().map(|c| self.descend(*c, &runs, 0.5 * step)).collect();
-        found.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-        let apart = 2.0 * STEP_RAD / whole;
-        let mut distinct: Vec<Candidate> = Vec::new();
-        for c in found {
-            if distinct.iter().all(|d| (d.omega - c.omega).norm() > apart) {
-                distinct.push(c);
+        let mut ranked: Vec<(Vector3<f64>, f32)> = places.iter().map(|at| rate(at, step)).map(|omega| (omega, self.spread(&omega, 1))).collect();
+        ranked.sort_by(|a, b| a.1.total_cmp(&b.1));
+        let distinct = |found: Vec<(Vector3<f64>, f32)>, apart: f64, most: usize| {
+            let mut kept: Vec<(Vector3<f64>, f32)> = Vec::new();
+            for c in found {
+                if kept.len() < most && kept.iter().all(|k| (k.0 - c.0).norm() > apart) {
+                    kept.push(c);
+                }
             }
-        }
-        distinct
+            kept
+        };
+        let mut ranked: Vec<_> = distinct(ranked, 1.5 * step, RANKED).into_iter().map(|c| self.descend(c.0, 0.5 * step)).collect();
+        ranked.sort_by(|a, b| a.1.total_cmp(&b.1));
+        let apart = STEP_RAD / (self.longest as f64 * self.frame_s);
+        distinct(ranked, apart, RANKED).into_iter().map(|c| Candidate { omega: c.0 }).collect()
     }
 
     /// Moves to the best of the neighbours (faces of a cube of ±step, then ±step/2) until none is better.
-    fn descend(&self, from: Candidate, runs: &[Vec<usize>], step: f64) -> Candidate {
-        let mut best = Candidate { omega: from.omega, cost: self.cost::<NARROW>(&from.omega, runs, 1) };
+    fn descend(&self, from: Vector3<f64>, step: f64) -> (Vector3<f64>, f32) {
+        let mut best = (from, self.spread(&from, 2));
         let mut step = step;
         for _ in 0..2 {
-            for _ in 0..4 {
-                let centre = best.omega;
+            for _ in 0..3 {
+                let centre = best.0;
                 for axis in 0..3 {
                     for sign in [-1.0, 1.0] {
                         let mut omega = centre;
                         omega[axis] += sign * step;
-                        let cost = self.cost::<NARROW>(&omega, runs, 1);
-                        if cost < best.cost {
-                            best = Candidate { omega, cost };
+                        let cost = self.spread(&omega, 2);
+                        if cost < best.1 {
+                            best = (omega, cost);
                         }
                     }
                 }
-                if best.omega == centre {
+                if best.0 == centre {
                     break;
                 }
             }
             step *= 0.5;
         }
-        best
+        (best.0, self.spread(&best.0, 1))
+    }
+}
+
+/// Nearest whole number to a value between 0 and 2^22: the sum's last bits (a cast would have to look for other values).
+#[inline]
+fn whole(x: f32) -> u32 {
+    (x + 8_388_608.0).to_bits() & 0x3f_ffff
+}
+
+/// Rotation by a small or large vector (Rodrigues' formula).
+fn turn(phi: &[f32; 3]) -> [[f32; 3]; 3] {
+    let [x, y, z] = *phi;
+    let square = x * x + y * y + z * z;
+    let angle = square.sqrt();
+    let (s, c) = angle.sin_cos();
+    let (a, b) = if angle < 1e-3 { (1.0, 0.5) } else { (s / angle, (1.0 - c) / square) };
+    [
+        [c + b * x * x, b * x * y - a * z, b * x * z + a * y],
+        [b * x * y + a * z, c + b * y * y, b * y * z - a * x],
+        [b * x * z - a * y, b * y * z + a * x, c + b * z * z],
+    ]
+}
+
+/// Cell of a place on the disc in the square around it.
+#[inline]
+fn cell(x: f32, y: f32) -> u8 {
+    const SCALE: f32 = PLACES as f32 / USED_RADIUS as f32;
+    let at = |v: f32| whole(v * SCALE + 0.5 * SIDE as f32) & (SIDE as u32 - 1);
+    (at(y) * SIDE as u32 + at(x)) as u8
+}
+
+impl OneCamera {
+    fn new(camera: CameraId, views: &[ViewInfo], marks: &[Mark], frame_s: f64) -> Option<Self> {
+        let own: Vec<&ViewInfo> = views.iter().filter(|v| v.camera == camera).collect();
+        let axes = own.get(own.len() / 2)?.axes;
+        let spacing = USED_RADIUS / PLACES as f64;
+        let mut places = Vec::new();
+        let mut number = [0; SIDE * SIDE];
+        for (i, number) in number.iter_mut().enumerate() {
+            let at = |k: usize| (k as f64 - 0.5 * SIDE as f64) * spacing;
+            let (x, y) = (at(i % SIDE), at(i / SIDE));
+            let q = x * x + y * y;
+            *number = u8::MAX;
+            if q.sqrt() < USED_RADIUS {
+                *number = places.len() as u8;
+                places.push([x as f32, y as f32, (1.0 - q).sqrt() as f32]);
+            }
+        }
+        let none = places.len() as u8;
+        number.iter_mut().for_each(|n| *n = (*n).min(none));
+        let mut frames: BTreeMap<i64, Vec<[f32; 2]>> = BTreeMap::new();
+        for m in marks.iter().filter(|m| views[m.view].camera == camera) {
+            let frame = (views[m.view].time_s / frame_s).round() as i64;
+            let d = axes.transpose() * m.normal;
+            let at = usize::from(number[usize::from(cell(d.x as f32, d.y as f32))]);
+            let places = frames.entry(frame).or_insert_with(|| vec![[0.0; 2]; usize::from(none) + 1]);
+            places[at][0] += (m.weight * m.contrast) as f32;
+            places[at][1] += m.weight as f32;
+        }
+        for grid in frames.values_mut() {
+            grid.truncate(usize::from(none));
+            for [value, weight] in grid {
+                *value /= weight.max(1e-6);
+            }
+        }
+        Some(OneCamera { axes, places, number, frames })
+    }
+}
+
+impl Apart {
+    fn new(camera: &OneCamera, at: usize, frames: usize) -> Self {
+        let width = camera.places.len() + 1;
+        let mut sums = vec![[0.0f32; 2]; camera.places.len() * width];
+        for (frame, early) in &camera.frames {
+            let Some(late) = camera.frames.get(&(frame + frames as i64)) else { continue };
+            for (a, row) in early.iter().zip(sums.chunks_exact_mut(width)) {
+                for (b, sum) in late.iter().zip(row) {
+                    // Two means of many pixels are good to as little as the poorer one.
+                    let weight = a[1].min(b[1]);
+                    sum[0] += weight * (a[0] - b[0]) * (a[0] - b[0]);
+                    sum[1] += weight;
+                }
+            }
+        }
+        // As if every place were seen again.
+        let weight = sums.iter().map(|s| s[1]).sum::<f32>() / camera.places.len().max(1) as f32;
+        Apart { frames, camera: at, sums, weight }
     }
 }

@@ -64,14 +64,14 @@ impl Shading {
 /// Divides out one gain per view and one shading pattern per camera; robust against marks and things in front.
 ///
 /// `markings`: contrast of the markings at every pixel as a first registration found it, or nothing yet.
-pub(super) fn divide_out(views: &[ViewInfo], samples: &[Sample], markings: Option<&[f64]>) -> (Shading, Vec<Mark>) {
+pub(super) fn divide_out(views: &[ViewInfo], samples: &[Sample], markings: Option<&[f32]>) -> (Shading, Vec<Mark>) {
     let mut per_view: Vec<Vec<usize>> = vec![Vec::new(); views.len()];
     for (i, s) in samples.iter().enumerate() {
         per_view[s.view].push(i);
     }
     // Grey of the felt as it would be without markings.
     let felt: Vec<f64> = match markings {
-        Some(m) => samples.iter().zip(m).map(|(s, m)| s.grey / (1.0 + m).max(0.2)).collect(),
+        Some(m) => samples.iter().zip(m).map(|(s, m)| s.grey / (1.0 + f64::from(*m)).max(0.2)).collect(),
         None => samples.iter().map(|s| s.grey).collect(),
     };
     // Gain: the median over the disc.

@@ -43,7 +43,7 @@ pub(crate) fn differentiate(ready: &Ready, steps: f64, slopes: &[Slope]) -> Resu
         let at = columns(&ready.at.input);
         let start = std::array::from_fn(|i| Dual { value: at[i], slope: std::array::from_fn(|k| inputs.get(k).map_or(0.0, |c| c[i])) });
         let dual = Job::<WHOLE, Dual<TOGETHER>>::starting(&start, Laws::<f64>::with_slopes(&ready.laws, &laws), job.side, job.step);
-        let outcome = replay(&dual, &course, end.time);
+        let outcome = pulp::Arch::new().dispatch(Replay { job: &dual, course: &course, time: end.time });
         rows.extend((0..some.len()).map(|k| outcome.map(|o| o.slope[k])));
     }
     Ok((job.output(&end), rows))
@@ -59,34 +59,61 @@ struct Step {
 
 type D = Dual<TOGETHER>;
 
-fn replay(job: &Job<WHOLE, D>, course: &[Step], time: f64) -> [D; 13] {
-    let mut s = job.state;
-    let mut ends = Dual::constant(time);
-    for step in course {
-        let mode = Mode::<f64>::with_slopes(&step.mode, &[]);
-        let at = |s: &[D; WHOLE]| rates(s, &job.laws, &job.constants, &mode);
-        let moved = |d: &[D; WHOLE], by: f64| -> [D; WHOLE] { std::array::from_fn(|j| s[j] + d[j] * by) };
-        let d1 = at(&s).0;
-        let d2 = at(&moved(&d1, 0.5 * step.length)).0;
-        let d3 = at(&moved(&d2, 0.5 * step.length)).0;
-        let d4 = at(&moved(&d3, step.length)).0;
-        s = std::array::from_fn(|j| s[j] + (d1[j] + (d2[j] + d3[j]) * 2.0 + d4[j]) * (step.length / 6.0));
-        let (rate, signs) = at(&s);
-        if let Some(kind) = step.kink {
-            let later = delay(job, kind, step, &s, &rate, &signs);
-            for k in 0..TOGETHER {
-                ends.slope[k] += later[k];
+/// The steps once more; with the widest registers at hand for the slopes.
+struct Replay<'a> {
+    job: &'a Job<WHOLE, D>,
+    course: &'a [Step],
+    time: f64,
+}
+
+impl pulp::NullaryFnOnce for Replay<'_> {
+    type Output = [D; 13];
+
+    #[inline(always)]
+    fn call(self) -> Self::Output {
+        let Replay { job, course, time } = self;
+        let mut s = job.state;
+        let mut ends = Dual::constant(time);
+        for step in course {
+            let mode = Mode::<f64>::with_slopes(&step.mode, &[]);
+            // Classical Runge-Kutta: weight of each stage, and how far along its rates the next one stands.
+            let (mut sum, mut at) = ([Dual::constant(0.0); WHOLE], s);
+            for (weight, next) in [(1.0, 0.5), (2.0, 0.5), (2.0, 1.0), (1.0, 0.0)] {
+                let rate = rates(&at, &job.laws, &job.constants, &mode).0;
                 for j in 0..WHOLE {
-                    s[j].slope[k] += rate[j].value * later[k];
+                    sum[j] = sum[j] + rate[j] * weight;
+                    at[j] = s[j] + rate[j] * (next * step.length);
                 }
             }
+            for j in 0..WHOLE {
+                s[j] = s[j] + sum[j] * (step.length / 6.0);
+            }
+            if let Some(kind) = step.kink {
+                let later = shift(job, kind, step, &mode, &mut s);
+                for k in 0..TOGETHER {
+                    ends.slope[k] += later[k];
+                }
+            }
+            if step.stops {
+                let signs = rates(&s, &job.laws, &job.constants, &mode).1;
+                job.stop_slip(&mut s, [signs.slip_x, signs.slip_y]);
+            }
         }
-        if step.stops {
-            let signs = at(&s).1;
-            job.stop_slip(&mut s, [signs.slip_x, signs.slip_y]);
+        job.outcome(&s, ends)
+    }
+}
+
+/// Moves a state to where its kink is, and says how much later that comes, per unit of each direction.
+#[inline(never)]
+fn shift(job: &Job<WHOLE, D>, kind: usize, step: &Step, mode: &Mode<D>, s: &mut [D; WHOLE]) -> [f64; TOGETHER] {
+    let (rate, signs) = rates(s, &job.laws, &job.constants, mode);
+    let later = delay(job, kind, step, s, &rate, &signs);
+    for j in 0..WHOLE {
+        for k in 0..TOGETHER {
+            s[j].slope[k] += rate[j].value * later[k];
         }
     }
-    job.outcome(&s, ends)
+    later
 }
 
 /// How much later a kink comes, per unit of each direction.

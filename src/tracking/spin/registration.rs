@@ -19,7 +19,7 @@ const VALUE_PRECISION: f32 = 0.3;
 const DIFFERENCE_PRECISION: f32 = 4.0;
 /// Longest step, rad/s.
 const LONGEST_STEP: f64 = 15.0;
-/// Rounds of conjugate gradients for a map from nothing, and from the last step's map. Measured in docs/spin.md, "Rounds".
+/// Rounds of conjugate gradients for a map from nothing, and from the last step's map.
 const ROUNDS: usize = 16;
 const MORE_ROUNDS: usize = 8;
 

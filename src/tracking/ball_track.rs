@@ -63,8 +63,15 @@ impl BallScene<'_> {
         f.outline >= LEAST_SUPPORTED_OUTLINE && f.covariance[(0, 0)] + f.covariance[(1, 1)] < 0.3
     }
 
+    /// An outline: good enough when both cameras' rays meet. Strings and clutter behind the ball raise the residual, not the
+    /// doubt about the place.
+    fn outlined(f: &BallFit) -> bool {
+        f.outline >= LEAST_OUTLINE && f.edge > f.residual.max(0.7) && f.covariance[(0, 0)] + f.covariance[(1, 1)] < 0.5
+    }
+
+    /// Good enough by itself.
     fn good(f: &BallFit) -> bool {
-        f.outline >= LEAST_OUTLINE && f.edge > 2.0 * f.residual.max(0.7) && f.covariance[(0, 0)] + f.covariance[(1, 1)] < 0.5
+        Self::outlined(f) && f.edge > 2.0 * f.residual.max(0.7)
     }
 
     /// The ball near a predicted place (global, m). `reach_px` is how far the prediction may be off.
@@ -74,7 +81,7 @@ impl BallScene<'_> {
             let Some(image) = &images[camera.index()] else { continue };
             let (Some(centre), Some(radius)) = (self.view.project(camera, predicted), self.radius_px(camera, predicted)) else { continue };
             let limb = &self.limb[camera.index()];
-            let near = |f: &BallFit| Self::good(f) && (f.uv - centre).norm() < f64::from(reach_px) + 1.5;
+            let near = |f: &BallFit| Self::outlined(f) && (f.uv - centre).norm() < f64::from(reach_px) + 1.5;
             // A faint outline counts only right where the ball was expected.
             let mut found =
                 ball_fit::fit(image, centre, radius, limb).filter(|f| near(f) || self.faint && Self::fair(f) && (f.uv - centre).norm() < FAINT_SHIFT_PX);
@@ -91,11 +98,12 @@ impl BallScene<'_> {
         }
         let both = [fits[0].as_ref().map(image_point), fits[1].as_ref().map(image_point)];
         if !self.faint {
-            return self.join(both, predicted);
+            let sure = fits.iter().flatten().all(Self::good);
+            return if sure || both.iter().all(Option::is_some) { self.join(both, predicted) } else { None };
         }
         // Along the epipolar lines the two cameras agree on any depth: the place must also be near the expected one.
         if both.iter().all(Option::is_some)
-            && fits.iter().flatten().any(Self::good)
+            && fits.iter().flatten().any(Self::outlined)
             && let Some(b) = self.join(both, predicted)
             && (b.position - predicted).norm() < STEP_M * (1.0 + 0.25 * f64::from(reach_px))
         {

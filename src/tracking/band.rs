@@ -81,6 +81,11 @@ impl BandView {
     /// White less black, grey levels, with the band moved by (`t`, `s`) px: the mean of a few places on the white band less
     /// the brighter of the two black bands. `None` outside the picture.
     pub fn contrast(&self, image: &GreyView, shape: &BandShape, t: f64, s: f64) -> Option<f64> {
+        self.contrasts(image, shape, t, s).map(|[ahead, behind]| ahead.min(behind))
+    }
+
+    /// [`Self::contrast`] to either black band: ahead along the tube, and behind.
+    pub fn contrasts(&self, image: &GreyView, shape: &BandShape, t: f64, s: f64) -> Option<[f64; 2]> {
         let white = shape.white_half_m * self.px_per_m;
         let black = white + 0.5 * shape.black_m * self.px_per_m;
         let side = 0.45 * self.radius_px;
@@ -97,7 +102,7 @@ impl BandView {
         let bright = mean(&[(-w, 0.0), (0.0, -side), (0.0, side), (w, 0.0)])?;
         let d1 = mean(&[(black, -side), (black, 0.0), (black, side)])?;
         let d2 = mean(&[(-black, -side), (-black, 0.0), (-black, side)])?;
-        Some(bright - d1.max(d2))
+        Some([bright - d1, bright - d2])
     }
 
     /// The shift (t, s) within `reach_px` at which the contrast is largest, with that contrast.
@@ -136,22 +141,37 @@ const SETTLED_PX: f64 = 0.005;
 /// A band this far from where its pixels were gathered is looked at anew, px.
 const LOOK_AGAIN_PX: f64 = 0.5;
 
+/// Which part of a band is looked at.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum BandPart {
+    Whole,
+    /// The white's middle and what lies ahead of it along the tube; something covers what lies behind.
+    Ahead,
+    Behind,
+}
+
 /// Fits the band's place, starting `start` px (along, across) from the expected one. `None` when the band leaves the
 /// picture, runs away by more than its own size, or the picture does not determine the place.
-pub fn fit(image: &GreyView, band: &BandView, shape: &BandShape, start: (f64, f64)) -> Option<BandFit> {
+pub fn fit(image: &GreyView, band: &BandView, shape: &BandShape, start: (f64, f64), part: BandPart) -> Option<BandFit> {
     thread_local! {
         static PIXELS: RefCell<BandPixels> = RefCell::default();
     }
-    PIXELS.with_borrow_mut(|pixels| fit_in(pixels, image, band, shape, start))
+    PIXELS.with_borrow_mut(|pixels| fit_in(pixels, image, band, shape, start, part))
 }
 
-fn fit_in(pixels: &mut BandPixels, image: &GreyView, band: &BandView, shape: &BandShape, start: (f64, f64)) -> Option<BandFit> {
+fn fit_in(pixels: &mut BandPixels, image: &GreyView, band: &BandView, shape: &BandShape, start: (f64, f64), part: BandPart) -> Option<BandFit> {
     let white_half = shape.white_half_m * band.px_per_m;
     if white_half < 0.8 || band.radius_px < 0.8 {
         return None; // end-on: less than two pixels of tape
     }
     let black_end = white_half + (0.8 * shape.black_m * band.px_per_m).max(1.5);
     let side = band.radius_px + 2.5;
+    let inside = -0.3 * white_half;
+    let ends = match part {
+        BandPart::Whole => (-black_end, black_end),
+        BandPart::Ahead => (inside, black_end),
+        BandPart::Behind => (-black_end, -inside),
+    };
     let mut model = BandModel {
         middle: start,
         bend: band.bend,
@@ -164,12 +184,12 @@ fn fit_in(pixels: &mut BandPixels, image: &GreyView, band: &BandView, shape: &Ba
         scale: f64::INFINITY,
     };
     let mut looked_at = start;
-    gather(pixels, image, band, start, (black_end, side))?;
+    gather(pixels, image, band, start, ends, side)?;
     for round in 0..ROUNDS {
         let (t0, s0) = model.middle;
         if (t0 - looked_at.0).abs().max((s0 - looked_at.1).abs()) > LOOK_AGAIN_PX {
             looked_at = model.middle;
-            gather(pixels, image, band, looked_at, (black_end, side))?;
+            gather(pixels, image, band, looked_at, ends, side)?;
         }
         let BandSums { jtj, jtr, weight, chi } = pixels.sums(&model);
         // Symmetric: rows may stand for columns.
@@ -217,23 +237,25 @@ fn fit_in(pixels: &mut BandPixels, image: &GreyView, band: &BandView, shape: &Ba
     None
 }
 
-/// The pixels of a band whose middle is at `middle` (along, across), up to `reach` from it; `None` where it leaves the picture.
-fn gather(pixels: &mut BandPixels, image: &GreyView, band: &BandView, middle: (f64, f64), reach: (f64, f64)) -> Option<()> {
+/// The pixels of a band whose middle is at `middle` (along, across), between `ends` along and up to `side` across, px from it;
+/// `None` where it leaves the picture.
+fn gather(pixels: &mut BandPixels, image: &GreyView, band: &BandView, middle: (f64, f64), ends: (f64, f64), side: f64) -> Option<()> {
     pixels.clear();
     let across = band.across();
+    let length = ends.1.max(-ends.0);
     // How far the tube's own bend carries the band's ends across.
-    let bowed = band.bend.abs() * reach.0 * reach.0;
+    let bowed = band.bend.abs() * length * length;
     let corner = band.place(middle.0, middle.1);
-    let half = reach.0.hypot(reach.1) + 1.0;
+    let half = length.hypot(side) + 1.0;
     let (x0, x1) = ((corner.x - half).floor() as i64, (corner.x + half).ceil() as i64);
     for y in (corner.y - half).floor() as i64..=(corner.y + half).ceil() as i64 {
         let row = usize::try_from(y).ok().and_then(|y| image.row(y));
-        let (from, to) = reached(y as f64 - band.centre.y, (middle.0, reach.0), (middle.1, reach.1 + bowed), band);
+        let (from, to) = reached(y as f64 - band.centre.y, (middle.0, length), (middle.1, side + bowed), band);
         for x in from.max(x0)..=to.min(x1) {
             let d = Vector2::new(x as f64, y as f64) - band.centre;
             let (t, s) = (d.dot(&band.along), d.dot(&across));
             let from_middle = t - middle.0;
-            if from_middle.abs() > reach.0 || (s - middle.1 - band.bend * from_middle * from_middle).abs() > reach.1 {
+            if !(ends.0..=ends.1).contains(&from_middle) || (s - middle.1 - band.bend * from_middle * from_middle).abs() > side {
                 continue;
             }
             pixels.push(t, s, *row?.get(usize::try_from(x).ok()?)?);

@@ -1,6 +1,6 @@
 //! Follows the racket from frame to frame: predicted windows, band fits, one pose from both cameras, honest occlusion.
 
-use super::band::{self, BandFit, BandShape, BandView};
+use super::band::{self, BandFit, BandPart, BandShape, BandView};
 use super::racket_figure::RacketFigure;
 use super::racket_pose::{MarkerObservation, RacketPose, View, fit_pose_in};
 use super::track_file::ImagePoint;
@@ -18,6 +18,10 @@ const MODEL_TOLERANCE_PX: f64 = 0.25;
 
 /// A pose this near to the predicted one, px at every marker, was predicted well: the bands looked as expected there.
 const CONFIRMED_PX: f64 = 1.0;
+/// A band of which one half is covered must show this many times the least contrast: nearly that of the others.
+const HALF_SEEN_CONTRAST: f64 = 1.6;
+/// It must be this near to where the others say it is, px.
+const HALF_SEEN_SHIFT_PX: f64 = 1.5;
 /// Misses of the pose, in deviations, beyond which a single point is doubtful.
 const DOUBTFUL: f64 = 3.0;
 /// How far a pose from one camera may be from the predicted one: m (depth from the racket's size: 0.1 px of 80 is 15 mm at
@@ -148,11 +152,22 @@ struct Agreed {
 fn find(scene: &RacketScene, image: &GreyView, pose: &Isometry3<f64>, camera: CameraId, marker: usize, reach_px: i32, least_contrast: f64) -> Option<BandFit> {
     let band = BandView::at(scene.view, scene.figure, pose, camera, marker)?;
     let (t, s, contrast) = band.search(image, scene.shape, reach_px)?;
+    if contrast >= least_contrast {
+        let f = band::fit(image, &band, scene.shape, (t, s), BandPart::Whole)?;
+        return (f.white - f.black > least_contrast).then_some(f);
+    }
+    // The ball or the arm may cover one of the black bands: the other and the white still tell the place, where the pose is known.
+    if reach_px > 1 {
+        return None;
+    }
+    let [ahead, behind] = band.contrasts(image, scene.shape, 0.0, 0.0)?;
+    let (part, contrast) = if ahead > behind { (BandPart::Ahead, ahead) } else { (BandPart::Behind, behind) };
+    let least_contrast = HALF_SEEN_CONTRAST * least_contrast;
     if contrast < least_contrast {
         return None;
     }
-    let f = band::fit(image, &band, scene.shape, (t, s))?;
-    (f.white - f.black > least_contrast).then_some(f)
+    let f = band::fit(image, &band, scene.shape, (0.0, 0.0), part)?;
+    (f.white - f.black > least_contrast && (f.uv - band.centre).norm() < HALF_SEEN_SHIFT_PX).then_some(f)
 }
 
 fn image_point(f: &BandFit) -> ImagePoint {

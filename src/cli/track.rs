@@ -9,7 +9,7 @@ use crate::provenance::{Provenance, sha256_file, sha256_hex};
 use crate::session::{Session, ShotFolder};
 use crate::tracking::spin::{SPIN_FILE, spin_to_json};
 use crate::tracking::{
-    InStep, Overlay, PointState, ShotSetup, SyncMode, TrackExport, TrackingError, Tracks, c3d_bytes, dltdv_tables, points_to_csv, read_points,
+    InStep, Overlay, PointState, ShotSetup, SyncMode, TrackExport, TrackingError, Tracks, c3d_bytes, contact_frames, dltdv_tables, points_to_csv, read_points,
     refine_ball, spin_of_shot, track_in_step,
 };
 use serde::{Deserialize, Serialize};
@@ -61,6 +61,9 @@ struct ShotSummary {
     measured: usize,
     occluded: usize,
     contact_frame: Option<f64>,
+    /// Frames in which the ball is nearer to the string plane than one radius.
+    #[serde(default)]
+    contact_frames: Vec<u64>,
     /// Frame n pairs the left picture n with the right picture n + this.
     #[serde(default)]
     right_shift: i64,
@@ -155,7 +158,7 @@ fn one(arguments: &Arguments, session: &Session, shot: &ShotFolder, rig: (&Stere
         refine_ball(&made.clip, &setup, &mut made.tracked, spin)?;
     }
     let tracked = &made.tracked;
-    let summary = summary(&shot.id, &made, clip.gap_notes());
+    let summary = summary(&shot.id, &setup, &made, clip.gap_notes());
     shell.say(format!("{}: {} points measured, {} occluded, in {} frames", shot.id, summary.measured, summary.occluded, summary.frames));
     for note in &summary.notes {
         shell.say(format!("{}: {note}", shot.id));
@@ -263,7 +266,7 @@ fn still_holds(record: &TrackRecord, arguments: &Arguments, folder: &Path, prove
     whole && settled && record.provenance == *provenance && !clip.pairs.iter().flat_map(|p| p.files.iter().flatten()).any(younger)
 }
 
-fn summary(id: &str, made: &InStep, gaps: Vec<String>) -> ShotSummary {
+fn summary(id: &str, setup: &ShotSetup, made: &InStep, gaps: Vec<String>) -> ShotSummary {
     let tracked = &made.tracked;
     let measured = tracked.tracks.points.iter().filter(|p| p.state == PointState::Measured).count();
     ShotSummary {
@@ -272,6 +275,7 @@ fn summary(id: &str, made: &InStep, gaps: Vec<String>) -> ShotSummary {
         measured,
         occluded: tracked.tracks.points.len() - measured,
         contact_frame: tracked.contact_frame,
+        contact_frames: contact_frames(&made.clip, setup, tracked),
         right_shift: made.right_shift,
         out_of_step: made.out_of_step,
         notes: gaps.into_iter().chain(tracked.notes.iter().cloned()).collect(),

@@ -393,6 +393,24 @@ pub(crate) mod tests {
     }
 
     #[test]
+    fn law_a_mirrored_figure_is_never_fitted() {
+        // A plane figure seen in a mirror is the figure from behind; with a marker off the plane it is another figure.
+        let (rig, mut f) = (rig(), figure());
+        f.points[0].z += 0.03;
+        let mut mirrored = f.clone();
+        for (p, tube) in mirrored.points.iter_mut().zip(&mut mirrored.tube) {
+            p.y = -p.y;
+            *tube = nalgebra::Unit::new_normalize(Vector3::new(tube.x, -tube.y, tube.z));
+        }
+        let view = View::new(&rig);
+        let misfit = |seen: &RacketFigure| {
+            let o = observe(&view, seen, &pose(), 0.1, || 0.0, |_, _| true);
+            fit_pose(&rig, &f, &o, None).map_or(f64::INFINITY, |fit| fit.chi2 / fit.dof as f64)
+        };
+        assert!(misfit(&f) < 1e-6 && misfit(&mirrored) > 100.0, "{} {}", misfit(&f), misfit(&mirrored));
+    }
+
+    #[test]
     fn fails_two_markers_and_three_in_line() {
         let (rig, mut f) = (rig(), figure());
         let view = View::new(&rig);

@@ -117,13 +117,15 @@ pub fn measure(
         let pose = agree(scene, &mut fits, pose)?;
         Some(Agreed { pose, dropped: seen - fits.len(), fits })
     };
-    // A prediction that all bands confirm needs no second look.
+    // A prediction that all bands confirm needs no second look; bands that were not found get a second chance where the others
+    // say they are.
+    let possible = 5 * images.iter().flatten().count();
     let close = bands(predicted, 1).filter(|a| a.dropped == 0 && scene.apart_px(&a.pose.global_from_racket, predicted) < CONFIRMED_PX);
     let Agreed { pose, fits, .. } = match close {
-        Some(agreed) => agreed,
+        Some(agreed) if agreed.fits.len() == possible => agreed,
+        Some(agreed) => bands(&agreed.pose.global_from_racket, 1).unwrap_or(agreed),
         None => {
             let rough = bands(predicted, reach_px)?;
-            // Once more where the pose now says: bands that were dropped or not found get a second chance close by.
             bands(&rough.pose.global_from_racket, 1).unwrap_or(rough)
         }
     };

@@ -4,6 +4,7 @@ use super::ball_track::BallFrame;
 use super::racket_figure::RacketFigure;
 use super::racket_pose::View;
 use super::racket_track::RacketFrame;
+use super::shot_tracker::{ShotSetup, ShotTracks};
 use super::track_file::{SpacePoint, Target};
 use crate::calibration::CameraId;
 use crate::footage::FrameSource;
@@ -29,6 +30,19 @@ pub fn first_contact(source: &impl FrameSource, racket: &[Option<RacketFrame>], 
     // Six frames in which the ball is clear of the strings.
     let before = &heights[touching.saturating_sub(6)..touching];
     line_at(before, side * radius_m)
+}
+
+/// Numbers of the frames in which the ball is in contact: its centre, measured by both cameras, is nearer to the string plane
+/// than one radius, over the stringbed. Before and after them it flies freely; no track is smoothed across them.
+pub fn contact_frames(source: &impl FrameSource, setup: &ShotSetup, shot: &ShotTracks) -> Vec<u64> {
+    let (radius, head) = (setup.ball.radius_m(), &setup.racket.head);
+    let touches = |i: &usize| {
+        let (racket, ball) = (shot.racket.get(*i)?.as_ref()?, shot.ball.get(*i)?.as_ref()?);
+        let local = racket.pose.global_from_racket.inverse() * ball.position;
+        let over_strings = (2.0 * local.x / head.inner_length_m).hypot(2.0 * local.y / head.inner_width_m) < 1.0;
+        (ball.stereo && over_strings && local.z.abs() < radius).then(|| source.number(*i))
+    };
+    (0..source.len()).filter_map(|i| touches(&i)).collect()
 }
 
 /// Where a straight line through (x, y) reaches `level`.

@@ -1,0 +1,103 @@
+//! The deviations tracking states against the errors it makes, on rendered shots whose truth is known; no preference for places
+//! on the pixel grid.
+
+use crate::tracking::true_rig;
+use serde_json::Value;
+use std::sync::atomic::AtomicBool;
+use sweetspot::calibration::CameraId;
+use sweetspot::footage::Clip;
+use sweetspot::session::Session;
+use sweetspot::synthetic::footage_world::{FootageSpec, FootageWorld};
+use sweetspot::synthetic::look::Setting;
+use sweetspot::tracking::{ShotSetup, ShotTracks, Target, contact_frames, refine_ball, spin_of_shot, track_shot};
+
+/// A tracked shot, its truth, and the frames in which it was found in contact.
+struct Tracked {
+    truth: Value,
+    shot: ShotTracks,
+    contact: Vec<u64>,
+}
+
+fn tracked(setting: Setting, seed: u64, shots: usize) -> Vec<Tracked> {
+    let folder = tempfile::tempdir().unwrap();
+    let sink = |name: &str, bytes: &[u8]| {
+        let path = folder.path().join(name);
+        std::fs::create_dir_all(path.parent().unwrap())?;
+        std::fs::write(path, bytes)
+    };
+    let spec = FootageSpec { boards: 1, ..FootageSpec::new(setting, shots, seed) };
+    let truth = FootageWorld::new(&spec).unwrap().film(&sink, &|| (), &AtomicBool::new(false)).unwrap();
+    let rig = true_rig(&truth);
+    let session = Session::open(folder.path()).unwrap();
+    let one = |shot: &sweetspot::session::ShotFolder| {
+        let setup = ShotSetup { rig: &rig, racket: &shot.racket, ball: &shot.ball, frame_rate_hz: session.frame_rate_hz };
+        let clip = Clip::list(&shot.camera("left"), &shot.camera("right")).unwrap();
+        let mut tracked = track_shot(&clip, &setup, &AtomicBool::new(false), &|_| ()).unwrap();
+        let spin = spin_of_shot(&clip, &setup, &tracked.tracks, &tracked.points).unwrap();
+        refine_ball(&clip, &setup, &mut tracked, &spin).unwrap();
+        Tracked { truth: truth["shots"][&shot.id].clone(), contact: contact_frames(&clip, &setup, &tracked), shot: tracked }
+    };
+    session.shots.iter().map(one).collect()
+}
+
+fn frames(truth: &Value) -> impl Iterator<Item = (u64, f64, &Value)> {
+    truth["frames"].as_array().unwrap().iter().map(|f| (f["frame"].as_u64().unwrap(), f["t"].as_f64().unwrap(), f))
+}
+
+fn rms(values: &[f64]) -> f64 {
+    (values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64).sqrt()
+}
+
+#[test]
+fn truth_deviations_are_what_the_errors_are_and_no_place_on_the_grid_is_preferred() {
+    let all = tracked(Setting::Lab, 501, 3);
+    let (mut markers, mut ball, mut by_place) = (Vec::new(), Vec::new(), Vec::new());
+    let mut histogram = [0usize; 10];
+    for t in &all {
+        let last = t.truth["contact_time"].as_f64().unwrap();
+        for (number, time, f) in frames(&t.truth) {
+            for p in t.shot.points.iter().filter(|p| p.frame == number) {
+                let true_place = &f["points"][p.target.name()];
+                let free = !(-5e-4..last + 5e-4).contains(&time);
+                for k in 0..3 {
+                    let z = (p.position[k] - true_place[k].as_f64().unwrap()) / p.sd[k];
+                    match p.target {
+                        Target::Ball if free => ball.push(z),
+                        Target::Ball => (),
+                        _ => markers.push(z),
+                    }
+                }
+            }
+            for camera in CameraId::BOTH {
+                for target in Target::MARKERS {
+                    let p = &f["cameras"][camera.name()][target.name()];
+                    let whole = p["fraction"].as_f64().unwrap_or(0.0) > 0.999 && p["patch_px"].as_f64().unwrap_or(0.0) > 15.0;
+                    let (Some(point), true) = (t.shot.tracks.get(number, camera, target), whole) else { continue };
+                    for (measured, truth) in [(point.uv.x, &p["patch_u"]), (point.uv.y, &p["patch_v"])] {
+                        let truth = truth.as_f64().unwrap();
+                        by_place.push((truth.rem_euclid(1.0) * std::f64::consts::TAU, measured - truth));
+                        histogram[(10.0 * measured.rem_euclid(1.0)) as usize % 10] += 1;
+                    }
+                }
+            }
+        }
+    }
+    // Normalised errors have unit variance within the tracking room's 15 %.
+    assert!((0.85..1.15).contains(&rms(&markers)), "markers {} of {}", rms(&markers), markers.len());
+    assert!((0.70..1.30).contains(&rms(&ball)), "ball {} of {}", rms(&ball), ball.len());
+    // An error that follows the place within the pixel: below 0.03 px (rendered patches are known to 0.02 px).
+    let n = by_place.len() as f64;
+    let wave = |f: fn(f64) -> f64| 2.0 / n * by_place.iter().map(|(phase, e)| f(*phase) * e).sum::<f64>();
+    assert!(n > 1500.0 && wave(f64::sin).hypot(wave(f64::cos)) < 0.03, "{} {}", wave(f64::sin), wave(f64::cos));
+    // Points of one shot follow each other, so the histogram of fractions is flat to a third, not to counting noise.
+    let even = n / 10.0;
+    assert!(histogram.iter().all(|h| (*h as f64 / even - 1.0).abs() < 0.35), "{histogram:?}");
+    // Contact is flagged where it is, to a frame at either end.
+    for t in &all {
+        let last = t.truth["contact_time"].as_f64().unwrap();
+        let touching: Vec<u64> = frames(&t.truth).filter(|(_, time, _)| (0.0..last).contains(time)).map(|f| f.0).collect();
+        let (first, end) = (touching[0], touching[touching.len() - 1]);
+        assert!(t.contact.iter().all(|n| (first - 1..=end + 1).contains(n)), "{:?} {touching:?}", t.contact);
+        assert!(t.contact.len() + 2 >= touching.len(), "{:?} {touching:?}", t.contact);
+    }
+}

@@ -226,6 +226,13 @@ impl MeanDisc {
         ((i % 15) as f64 / 7.0 - 1.0, (i / 15) as f64 / 7.0 - 1.0)
     }
 
+    /// Adds the pictures of another mean.
+    pub fn add(&mut self, other: &MeanDisc) {
+        for (cell, more) in self.cells.iter_mut().zip(&other.cells) {
+            *cell = (cell.0 + more.0, cell.1 + more.1);
+        }
+    }
+
     fn disc(&self) -> Vec<(f64, f64, f64)> {
         self.cells.iter().enumerate().filter(|(_, c)| c.1 > 0.0).map(|(i, c)| (Self::place(i).0, Self::place(i).1, c.0 / c.1)).collect()
     }

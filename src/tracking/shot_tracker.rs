@@ -78,6 +78,8 @@ const BALL_BLUR_PX: f64 = 0.55;
 const PATIENCE: usize = 6;
 /// A ball in play comes this much nearer to the racket (or goes away by it) while it is seen, m: 10 m/s over six frames.
 const LEAST_APPROACH_M: f64 = 0.06;
+/// A score (below) at which no other ball is looked for: at the racket and 0.2 m farther away before, or much farther.
+const CLEAR_SCORE: f64 = 0.13;
 /// Longest gap in the ball's track that is looked into again, frames.
 const FILLED: f64 = 6.0;
 /// Least share of the usual contrast that still counts as tape.
@@ -127,6 +129,13 @@ struct Shot<'a, S: FrameSource> {
     stale: Vec<[bool; 2]>,
     /// Why a picture could not be read, by index and camera.
     broken: Mutex<BTreeMap<(usize, usize), String>>,
+}
+
+/// A ball as first followed, and the mean pictures of its disc.
+#[derive(Clone)]
+struct Flight {
+    frames: Vec<Option<BallFrame>>,
+    means: [MeanDisc; 2],
 }
 
 /// The racket in the frames of one direction, and every picture's fingerprint.
@@ -362,7 +371,7 @@ impl<S: FrameSource> Shot<'_, S> {
             faint: false,
         };
         let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
-        let mut best: (f64, Vec<Option<BallFrame>>) = (f64::INFINITY, vec![None; n]);
+        let mut best = (f64::INFINITY, Flight { frames: vec![None; n], means: Default::default() });
         let mut claimed: Vec<Vec<Option<BallFrame>>> = Vec::new();
         for first in spread(n.saturating_sub(2)).into_iter().take(24) {
             let mut frames: [Vec<BallFrame>; 3] = Default::default();
@@ -385,23 +394,25 @@ impl<S: FrameSource> Shot<'_, S> {
                     continue;
                 }
                 let track = self.follow_ball(&scene, first, &flight)?;
-                let count = track.iter().flatten().count();
+                let count = track.frames.iter().flatten().count();
                 if count >= 6 {
                     // Distances from the stringbed's centre, m. What stays at its own is fastened to the racket or the arm.
                     let distances = track
+                        .frames
                         .iter()
                         .zip(racket)
                         .filter_map(|(b, r)| Some((b.as_ref()?.position.coords - r.as_ref()?.pose.global_from_racket.translation.vector).norm()));
                     let (near, far) = distances.fold((f64::INFINITY, 0.0f64), |(near, far), d| (near.min(d), far.max(d)));
-                    // The nearest counts; longer tracks win a draw.
-                    let score = if far - near < LEAST_APPROACH_M { f64::INFINITY } else { near.max(0.15) - 1e-4 * count as f64 };
+                    // The nearest counts, then who came from farther away, then the longer track.
+                    let (near_m, approach_m) = (near.max(0.15), (far - near).min(0.5));
+                    let score = if far - near < LEAST_APPROACH_M { f64::INFINITY } else { near_m - 0.1 * approach_m - 1e-4 * count as f64 };
                     if score < best.0 {
                         best = (score, track.clone());
                     }
                 }
-                claimed.push(track);
+                claimed.push(track.frames);
             }
-            if best.0 < 0.25 {
+            if best.0 < CLEAR_SCORE {
                 break;
             }
         }
@@ -409,21 +420,10 @@ impl<S: FrameSource> Shot<'_, S> {
     }
 
     /// Learns the light from the ball as first measured, then measures every frame again with it.
-    fn remeasure_ball(&self, scene: &mut BallScene, rough: Vec<Option<BallFrame>>) -> Result<Vec<Option<BallFrame>>, TrackingError> {
+    fn remeasure_ball(&self, scene: &mut BallScene, rough: Flight) -> Result<Vec<Option<BallFrame>>, TrackingError> {
+        let Flight { frames: rough, means } = rough;
         let Some(near) = rough.iter().flatten().find(|b| b.stereo).map(|b| b.position) else { return Ok(rough) };
-        let mean = |camera: CameraId| -> Result<MeanDisc, TrackingError> {
-            let mut buffer = FrameBuffer::default();
-            let mut mean = MeanDisc::default();
-            for (index, ball) in rough.iter().enumerate().filter_map(|(i, b)| Some((i, b.as_ref()?))) {
-                let rows = self.ball_rows(scene, &ball.position, 0)[camera.index()];
-                if let Some(image) = self.read_one(index, camera.index(), rows, &mut buffer)? {
-                    scene.add_to_mean(&mut mean, &image, camera, ball);
-                }
-            }
-            Ok(mean)
-        };
-        let (left, right) = rayon::join(|| mean(CameraId::Left), || mean(CameraId::Right));
-        scene.set_light(&[left?, right?], &near, BALL_BLUR_PX);
+        scene.set_light(&means, &near, BALL_BLUR_PX);
         scene.faint = true;
         let numbers: Vec<f64> = (0..rough.len()).map(|i| self.source.number(i) as f64).collect();
         let scene: &BallScene = scene;
@@ -440,20 +440,24 @@ impl<S: FrameSource> Shot<'_, S> {
         (0..rough.len()).into_par_iter().map_init(Default::default, again).collect()
     }
 
-    fn follow_ball(&self, scene: &BallScene, first: usize, flight: &[BallFrame; 3]) -> Result<Vec<Option<BallFrame>>, TrackingError> {
+    fn follow_ball(&self, scene: &BallScene, first: usize, flight: &[BallFrame; 3]) -> Result<Flight, TrackingError> {
         let n = self.source.len();
-        let mut all = vec![None; n];
+        let mut frames = vec![None; n];
+        let mut means: [MeanDisc; 2] = Default::default();
         for (k, b) in flight.iter().enumerate() {
-            all[first + k] = Some(*b);
+            frames[first + k] = Some(*b);
         }
         let (back, forth) = rayon::join(
             || self.follow_ball_one_way(scene, (first + 1, flight[1]), (first, flight[0]), (0..first).rev()),
             || self.follow_ball_one_way(scene, (first + 1, flight[1]), (first + 2, flight[2]), first + 3..n),
         );
-        for (index, b) in back?.into_iter().chain(forth?) {
-            all[index] = Some(b);
+        for (some, mean) in [back?, forth?] {
+            for (index, b) in some {
+                frames[index] = Some(b);
+            }
+            means.iter_mut().zip(&mean).for_each(|(all, some)| all.add(some));
         }
-        Ok(all)
+        Ok(Flight { frames, means })
     }
 
     fn follow_ball_one_way(
@@ -462,7 +466,8 @@ impl<S: FrameSource> Shot<'_, S> {
         before: (usize, BallFrame),
         last: (usize, BallFrame),
         indices: impl Iterator<Item = usize>,
-    ) -> Result<Vec<(usize, BallFrame)>, TrackingError> {
+    ) -> Result<(Vec<(usize, BallFrame)>, [MeanDisc; 2]), TrackingError> {
+        let mut means: [MeanDisc; 2] = Default::default();
         let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
         let at = |i: usize| self.source.number(i) as f64;
         let (mut previous, mut last) = ((at(before.0), before.1.position), (at(last.0), last.1.position));
@@ -481,6 +486,11 @@ impl<S: FrameSource> Shot<'_, S> {
                     previous = last;
                     last = (now, b.position);
                     lost = 0;
+                    for camera in CameraId::BOTH {
+                        if let Some(image) = &images[camera.index()] {
+                            scene.add_to_mean(&mut means[camera.index()], image, camera, &b);
+                        }
+                    }
                     out.push((index, b));
                 }
                 None => {
@@ -491,7 +501,7 @@ impl<S: FrameSource> Shot<'_, S> {
                 }
             }
         }
-        Ok(out)
+        Ok((out, means))
     }
 }
 

@@ -52,7 +52,6 @@ fn rms(values: &[f64]) -> f64 {
 fn truth_deviations_are_what_the_errors_are_and_no_place_on_the_grid_is_preferred() {
     let all = tracked(Setting::Lab, 501, 3);
     let (mut markers, mut ball, mut by_place) = (Vec::new(), Vec::new(), Vec::new());
-    let mut histogram = [0usize; 10];
     for t in &all {
         let last = t.truth["contact_time"].as_f64().unwrap();
         for (number, time, f) in frames(&t.truth) {
@@ -76,7 +75,6 @@ fn truth_deviations_are_what_the_errors_are_and_no_place_on_the_grid_is_preferre
                     for (measured, truth) in [(point.uv.x, &p["patch_u"]), (point.uv.y, &p["patch_v"])] {
                         let truth = truth.as_f64().unwrap();
                         by_place.push((truth.rem_euclid(1.0) * std::f64::consts::TAU, measured - truth));
-                        histogram[(10.0 * measured.rem_euclid(1.0)) as usize % 10] += 1;
                     }
                 }
             }
@@ -84,14 +82,16 @@ fn truth_deviations_are_what_the_errors_are_and_no_place_on_the_grid_is_preferre
     }
     // Normalised errors have unit variance within the tracking room's 15 %.
     assert!((0.85..1.15).contains(&rms(&markers)), "markers {} of {}", rms(&markers), markers.len());
-    assert!((0.70..1.30).contains(&rms(&ball)), "ball {} of {}", rms(&ball), ball.len());
-    // An error that follows the place within the pixel: below 0.03 px (rendered patches are known to 0.02 px).
+    // The ball's contain 0.05 px by which models of the light differ, more than an evenly lit room shows.
+    assert!((0.5..1.15).contains(&rms(&ball)), "ball {} of {}", rms(&ball), ball.len());
+    // Errors that follow the place within the pixel, once and twice around: below 0.03 px (a histogram of the fractions shows the
+    // same but for points at rest, which fill single tenths by themselves).
     let n = by_place.len() as f64;
-    let wave = |f: fn(f64) -> f64| 2.0 / n * by_place.iter().map(|(phase, e)| f(*phase) * e).sum::<f64>();
-    assert!(n > 1500.0 && wave(f64::sin).hypot(wave(f64::cos)) < 0.03, "{} {}", wave(f64::sin), wave(f64::cos));
-    // Points of one shot follow each other, so the histogram of fractions is flat to a third, not to counting noise.
-    let even = n / 10.0;
-    assert!(histogram.iter().all(|h| (*h as f64 / even - 1.0).abs() < 0.35), "{histogram:?}");
+    assert!(n > 1500.0, "{n}");
+    for k in [1.0, 2.0] {
+        let wave = |f: fn(f64) -> f64| 2.0 / n * by_place.iter().map(|(phase, e)| f(k * phase) * e).sum::<f64>();
+        assert!(wave(f64::sin).hypot(wave(f64::cos)) < 0.03, "{k}: {} {}", wave(f64::sin), wave(f64::cos));
+    }
     // Contact is flagged where it is, to a frame at either end.
     for t in &all {
         let last = t.truth["contact_time"].as_f64().unwrap();

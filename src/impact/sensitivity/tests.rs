@@ -197,7 +197,7 @@ fn agrees_with_scatter_across_the_edge_of_sticking() {
     }
     for (edge, name) in ["away from the edge", "across the edge"].into_iter().enumerate() {
         let [a, b] = tally[edge].map(|t| ((t[0] / t[2]).exp(), (t[1] / t[2]).sqrt(), t[2]));
-        println!("{name}: {} impacts; told over seen variance, mean and scatter: derivative {:.3}, {:.3}; difference {:.3}, {:.3}", a.2, a.0, a.1, b.0, b.1);
+        eprintln!("{name}: {} impacts; told over seen variance, mean and scatter: derivative {:.3}, {:.3}; difference {:.3}, {:.3}", a.2, a.0, a.1, b.0, b.1);
         assert!(a.2 > 30.0 && (b.0 - 1.0).abs() < 0.08 && b.1 < if edge == 0 { 0.1 } else { 0.6 * a.1 }, "{name}: {a:?} {b:?}");
     }
 }
@@ -231,7 +231,7 @@ fn agrees_dual_contact_with_differences() {
                     worst = worst.max(error);
                 }
             }
-            println!("{across} m/s across: worst so far {worst:.1e}, edges {:?}, exact {}", exact.edges, exact.exact);
+            eprintln!("{across} m/s across: worst so far {worst:.1e}, edges {:?}, exact {}", exact.edges, exact.exact);
         }
     }
     assert!(worst < 3e-4, "{worst:e}");

@@ -11,7 +11,7 @@ use super::shot_motion::{BENDS_P, MeasureSettings, ShotMotion, measure_motion};
 use super::shot_state::{BALANCE_SD_M, LEAVING_FLAT_SD_S, SpinVector, UncertainShot};
 use super::space_points::{on_rigid_racket, space_points};
 use super::thesis_path::{ThesisShot, thesis_shot};
-use crate::calibration::StereoRig;
+use crate::calibration::{CalibrationSpread, StereoRig};
 use crate::equipment::{Ball, Racket};
 use crate::impact_table::{INPUTS, ImpactRow, Measured, OUTPUTS};
 use crate::quantity::Quantity;
@@ -249,7 +249,11 @@ pub fn measure_shot(input: &ShotInput<'_>, settings: &MeasureSettings) -> Result
     let thesis = thesis_shot(&points, &motion);
     // The distances and the thesis's construction use single points, independent of the rigid figure; what is written is as
     // near as the whole figure allows.
-    let points = on_rigid_racket(input.rig, input.tracks, &motion, &points);
+    let mut points = on_rigid_racket(input.rig, input.tracks, &motion, &points);
+    let mut spread = CalibrationSpread::of_rig(input.rig);
+    for point in &mut points {
+        point.sd = spread.widen(&point.position, &point.sd);
+    }
     remarks.extend(mismatch_remark(&marker_distances));
     let windows = windows(&motion);
     for (when, window) in [("before", Some(&windows.ball_in)), ("after", windows.ball_out.as_ref())] {

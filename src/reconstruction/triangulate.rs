@@ -238,6 +238,29 @@ mod tests {
     }
 
     #[test]
+    fn agrees_the_share_of_the_calibration_is_that_of_points_csv() {
+        let mut rig = rig();
+        let left = rig.global_from_left.isometry();
+        let rows: Vec<Vec<f64>> = (0..24).map(|i| (0..24).map(|j| if i == j { [0.5, 1e-6][usize::from(i >= 4)] } else { 0.0 }).collect()).collect();
+        let reference: Vec<[f64; 3]> = (0..8).map(|i| [f64::from(i & 1), f64::from(i >> 1 & 1), 11.0 + f64::from(i >> 2)]).collect();
+        rig.more.insert("covariance".into(), serde_json::json!({ "matrix": rows }));
+        rig.more.insert("volume".into(), serde_json::json!({ "reference_points_m": reference }));
+        let mut spread = crate::calibration::CalibrationSpread::of_rig(&rig);
+        for near in [0.0, 0.3] {
+            let p = left * Point3::new(near, 0.2, 11.4 + near);
+            let [l, r] = seen(&rig, &p, 0.1);
+            let t = triangulate(&rig, &l, &r).expect("well posed");
+            let share = t.calibration_covariance.expect("a covariance is there").diagonal();
+            let own = t.covariance.diagonal();
+            let widened = spread.widen(&p, &own.map(f64::sqrt));
+            assert!(share.min() > 0.0 && (widened.map(|v| v * v) - own - share).norm() < 1e-6 * (own + share).norm());
+            // A hand's breadth further the same share is used.
+            let beside = spread.widen(&(p + Vector3::new(0.03, 0.0, 0.0)), &Vector3::zeros());
+            assert_eq!(beside, spread.widen(&p, &Vector3::zeros()));
+        }
+    }
+
+    #[test]
     fn fails_parallel_rays_points_behind_and_bad_pixels() {
         let mut rig = rig();
         rig.r = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];

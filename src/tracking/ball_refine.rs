@@ -86,7 +86,7 @@ pub fn refine_ball(source: &impl FrameSource, setup: &ShotSetup, shot: &mut Shot
 /// Writes the balls' points into the tracks and the space points.
 fn renew(source: &impl FrameSource, setup: &ShotSetup, shot: &mut ShotTracks, view: &View, figure: &RacketFigure) {
     shot.contact_frame = space_points::first_contact(source, &shot.racket, &shot.ball, setup.ball.radius_m());
-    shot.points = space_points::space_points(source, view, figure, &shot.racket, &shot.ball, shot.contact_frame, setup.frame_rate_hz);
+    shot.points = space_points::space_points(source, setup, view, figure, &shot.racket, &shot.ball, shot.contact_frame);
     for index in 0..source.len() {
         let number = source.number(index);
         for camera in CameraId::BOTH {

@@ -110,7 +110,7 @@ pub fn track_shot(source: &impl FrameSource, setup: &ShotSetup, cancel: &AtomicB
     let ball = shot.find_and_follow_ball(&racket)?;
     face::settle(&mut racket, &ball, &figure);
     let contact_frame = space_points::first_contact(source, &racket, &ball, setup.ball.radius_m());
-    let points = space_points::space_points(source, &view, &figure, &racket, &ball, contact_frame, setup.frame_rate_hz);
+    let points = space_points::space_points(source, setup, &view, &figure, &racket, &ball, contact_frame);
     let tracks = named(source, &racket, &ball);
     let unreadable = shot.broken.into_inner().unwrap_or_default().into_values().collect();
     Ok(ShotTracks { tracks, racket, ball, points, contact_frame, notes, unreadable })

@@ -6,7 +6,7 @@ use super::racket_pose::View;
 use super::racket_track::RacketFrame;
 use super::shot_tracker::{ShotSetup, ShotTracks};
 use super::track_file::{SpacePoint, Target};
-use crate::calibration::CameraId;
+use crate::calibration::{CalibrationSpread, CameraId};
 use crate::footage::FrameSource;
 use nalgebra::{Matrix3, Point3, Vector3};
 
@@ -58,21 +58,22 @@ fn line_at(points: &[(f64, f64)], level: f64) -> Option<f64> {
     (slope.abs() > 1e-9).then(|| mx + (level - my) / slope)
 }
 
-/// Points of `points.csv`, sorted by frame and target. Without a contact, t = 0 is the first frame.
+/// Points of `points.csv`, sorted by frame and target; deviations from the image points and the calibration. Without a contact, t = 0 is the first frame.
 pub fn space_points(
     source: &impl FrameSource,
+    setup: &ShotSetup,
     view: &View,
     figure: &RacketFigure,
     racket: &[Option<RacketFrame>],
     ball: &[Option<BallFrame>],
     contact_frame: Option<f64>,
-    frame_rate_hz: f64,
 ) -> Vec<SpacePoint> {
+    let mut spread = CalibrationSpread::of_rig(setup.rig);
     let zero = contact_frame.unwrap_or(source.number(0) as f64);
     let mut out = Vec::new();
     for index in 0..source.len() {
         let frame = source.number(index);
-        let t = (frame as f64 - zero) / frame_rate_hz;
+        let t = (frame as f64 - zero) / setup.frame_rate_hz;
         if let Some(r) = &racket[index] {
             for (marker, local) in figure.points.iter().enumerate() {
                 if r.points.iter().all(|camera| camera[marker].is_none()) {
@@ -84,11 +85,12 @@ pub fn space_points(
                 if sd.norm() > MOST_SD_M {
                     continue;
                 }
-                out.push(SpacePoint { frame, t, target: Target::MARKERS[marker], position, sd, residual_px });
+                out.push(SpacePoint { frame, t, target: Target::MARKERS[marker], position, sd: spread.widen(&position, &sd), residual_px });
             }
         }
         if let Some((position, covariance, residual_px)) = ball[index].as_ref().and_then(|b| meet(view, b)) {
-            out.push(SpacePoint { frame, t, target: Target::Ball, position, sd: covariance.diagonal().map(f64::sqrt), residual_px });
+            let sd = spread.widen(&position, &covariance.diagonal().map(f64::sqrt));
+            out.push(SpacePoint { frame, t, target: Target::Ball, position, sd, residual_px });
         }
     }
     out

@@ -61,6 +61,12 @@ impl ParameterCard {
         ParameterCard { name, unit, default, min: range.0, max: range.1, typical, role: Role::Shape, fit: false, meaning }
     }
 
+    /// The same, and the fit may move it.
+    #[must_use]
+    pub const fn fitted(self) -> Self {
+        ParameterCard { fit: true, ..self }
+    }
+
     /// A parameter of the base model.
     pub const fn base(name: &'static str, unit: &'static str, meaning: &'static str, default: f64, range: (f64, f64), typical: f64) -> Self {
         ParameterCard { name, unit, default, min: range.0, max: range.1, typical, role: Role::Base, fit: false, meaning }

@@ -15,19 +15,21 @@ pub(super) static CARD: EffectCard = EffectCard {
     parameters: &[
         ParameterCard::strength("delay_s", "s", "from the window's middle to the contact, before and after", 5e-3, (-0.1, 0.1), 5e-3),
         ParameterCard::shape("drag", "", "drag coefficient", 0.507, (0.0, 2.0), 0.05),
-        ParameterCard::shape("gravity_x", "m/s^2", "gravity along the racket, toward the handle", 0.0, (-9.9, 9.9), 2.0),
-        ParameterCard::shape("gravity_y", "m/s^2", "across the face (default: face upright, handle level, as in a forehand)", -9.81, (-9.9, 9.9), 2.0),
-        ParameterCard::shape("gravity_z", "m/s^2", "along the face's normal", 0.0, (-9.9, 9.9), 2.0),
+        ParameterCard::shape("gravity_x", "m/s^2", "gravity along the racket, toward the handle", 0.0, (-9.9, 9.9), GRAVITY).fitted(),
+        ParameterCard::shape("gravity_y", "m/s^2", "across the face (-9.81: face upright, handle level)", 0.0, (-9.9, 9.9), GRAVITY).fitted(),
+        ParameterCard::shape("gravity_z", "m/s^2", "along the face's normal", 0.0, (-9.9, 9.9), GRAVITY).fitted(),
     ],
     source: "Cross and Lindsey (free flight, C_D 0.507 +/- 0.024); Stepanek 1988 (lift)",
     signature: "Rebound (and approach) speeds low by 0.3 % in proportion to speed squared; heavy spin deflects; gravity adds 0.05 m/s in 5 ms to \
-                every ball alike (the face's attitude is not in the table: say where down is).",
+                every ball alike. The face's attitude is not in the table: where down is, the fit finds, unless the model file says.",
     confused_with: &["ball-damping", "time-base-error", "scale-error"],
     separated_by: "fit the flight itself instead of a straight line",
     bases: Bases { rigid: "acts on the observation", viscoelastic: "acts on the observation" },
     effect: &AirFlight,
 };
 
+/// 9.81/√3, m/s²: a component of gravity when nothing is known of its direction.
+const GRAVITY: f64 = 5.7;
 /// Density of air, kg/m³.
 const AIR: f64 = 1.2;
 

@@ -24,7 +24,6 @@ mod shot_motion;
 mod shot_state;
 mod sighting;
 mod space_points;
-mod stereo_point;
 mod sweet_spot;
 mod tape_photograph;
 mod tape_session;
@@ -50,7 +49,6 @@ pub use shot_motion::{FEWEST_FRAMES, FrameView, GRAVITY_M_S2, MeasureSettings, S
 pub use shot_state::SpinVector;
 pub use sighting::{CommonError, FrameClock};
 pub use space_points::space_points;
-pub use stereo_point::{StereoPoint, stereo_point};
 pub use sweet_spot::{centre_of_percussion, dead_spot, effective_mass, ideal_point, rebound_speed};
 pub use tape_photograph::{TapeError, TapePlace, markers_of, tape_places};
 pub use tape_session::TapeErrors;

@@ -244,6 +244,13 @@ pub fn measure_shot(input: &ShotInput<'_>, settings: &MeasureSettings) -> Result
     });
     let mut remarks = motion.remarks.clone();
     remarks.extend(input.spin.remarks.iter().cloned());
+    let outside = motion.frames.values().filter(|f| f.ball.is_some_and(|b| b.far_outside)).count();
+    if outside > 0 {
+        remarks.push(format!(
+            "the ball lies far outside the volume that the checkerboards filled in {outside} of {} frames: there the calibration is a guess",
+            motion.frames.len()
+        ));
+    }
     let points = space_points(input.rig, input.tracks, &motion);
     let marker_distances = marker_distances(&points, &motion.moving.figure);
     let thesis = thesis_shot(&points, &motion);

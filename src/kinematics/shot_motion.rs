@@ -11,11 +11,11 @@ use super::least_squares::SolveError;
 use super::motion_law::{MotionLaw, Pace};
 use super::racket_motion::{LawResult, MotionEstimate, MotionState, MotionView, MovingRacket, average, fit_law, motion_persistence, sighting_deviations};
 use super::sighting::{CommonError, FrameClock, Sighting, sightings};
-use super::stereo_point::{StereoPoint, stereo_point};
 use super::tape_session::TapeErrors;
 use super::{FitError, KinematicsError};
 use crate::calibration::{CameraId, StereoRig};
 use crate::equipment::{Ball, Racket};
+use crate::reconstruction::{Triangulated, Triangulator};
 use crate::tracking::{MarkerObservation, RacketFigure, Target, Tracks, View, fit_pose_in};
 use nalgebra::{Isometry3, Point3, Vector3};
 use std::collections::BTreeMap;
@@ -81,7 +81,7 @@ impl MeasureSettings {
 #[derive(Debug, Clone)]
 pub struct FrameView {
     pub t: f64,
-    pub ball: Option<StereoPoint>,
+    pub ball: Option<Triangulated>,
     pub pose: Option<Isometry3<f64>>,
 }
 
@@ -157,13 +157,13 @@ pub fn measure_motion(rig: &StereoRig, tracks: &Tracks, racket: &Racket, ball: &
 
 /// Every frame by itself.
 fn frame_views(rig: &StereoRig, tracks: &Tracks, moving: &MovingRacket, clock: FrameClock) -> BTreeMap<u64, FrameView> {
-    let view = View::new(rig);
+    let (view, space) = (View::new(rig), Triangulator::new(rig));
     let mut views = BTreeMap::new();
     let mut last: Option<Isometry3<f64>> = None;
     for frame in tracks.frames() {
         let point = |target| {
             let (l, r) = (tracks.get(frame, CameraId::Left, target)?, tracks.get(frame, CameraId::Right, target)?);
-            stereo_point(rig, [&l, &r])
+            space.triangulate(&l, &r).ok()
         };
         let observations: Vec<MarkerObservation> = CameraId::BOTH
             .iter()

@@ -4,14 +4,15 @@
 //! frame's pose predicts, else both cameras would be triangulating different sides of the tube.
 
 use super::shot_motion::ShotMotion;
-use super::stereo_point::stereo_point;
 use crate::calibration::{CameraId, StereoRig};
+use crate::reconstruction::Triangulator;
 use crate::tracking::{ImagePoint, MarkerObservation, SpacePoint, Target, Tracks, View, fit_pose_in};
 use std::collections::BTreeMap;
 
 /// Every point that both cameras saw, sorted by frame and target.
 pub fn space_points(rig: &StereoRig, tracks: &Tracks, motion: &ShotMotion) -> Vec<SpacePoint> {
     let centres = CameraId::BOTH.map(|c| rig.centre(c));
+    let space = Triangulator::new(rig);
     let mut out = Vec::new();
     for (frame, view) in &motion.frames {
         for target in Target::ALL {
@@ -29,7 +30,7 @@ pub fn space_points(rig: &StereoRig, tracks: &Tracks, motion: &ShotMotion) -> Ve
                 seen.push(point);
             }
             let [left, right] = &seen[..] else { continue };
-            if let Some(p) = stereo_point(rig, [left, right]) {
+            if let Ok(p) = space.triangulate(left, right) {
                 out.push(SpacePoint {
                     frame: *frame,
                     t: view.t - motion.first_contact_t,

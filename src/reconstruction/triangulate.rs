@@ -23,7 +23,7 @@ pub enum TriangulationError {
 }
 
 /// A point in global axes.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Triangulated {
     /// m.
     pub position: Point3<f64>,

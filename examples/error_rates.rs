@@ -1,10 +1,13 @@
 //! Error rates of the diagnosis on seeded tables of the synthetic world.
 //!
 //! `cargo run --release --example error_rates -- KIND IMPACTS EFFECT[+EFFECT]|nothing STRENGTH TABLES FIRST_SEED [OPTIONS]`
-//! with OPTIONS of `understated=1.25`, `outliers=0.05`, `offset=0.3`, `missing=0.1`, `one-axis`, `verbose`, `quiet`,
+//! with OPTIONS of `understated=1.25`, `outliers=0.05`, `offset=0.3`, `missing=0.1`, `noise=7` (times good footage), `one-axis`, `verbose`, `quiet`,
 //! `base=viscoelastic`, and
 //! - `signal=12`: the strength is chosen so that each effect alone has this signal (STRENGTH is then ignored): the root of
 //!   its non-centrality, the chi-square that the base model at its best leaves on the impacts of the fit without noise;
+//! - `curve`: prints the signal of a range of strengths first;
+//! - `right-form`: the held-out error of the world's own law as well, its strength, restitution and friction fitted: what no
+//!   method could do better;
 //! - `form=catalogue`: the outputs come from the program's own model with the effect at STRENGTH typical sizes, so that its
 //!   form is right: intervals of its parameters can be counted.
 //!
@@ -15,16 +18,17 @@ use std::path::Path;
 use sweetspot::equipment::{Ball, Racket};
 use sweetspot::impact::{ImpactInput, Model, effect_card};
 use sweetspot::impact_table::{INPUTS, OUTPUTS};
-use sweetspot::synthetic::hidden::{Hidden, entry};
-use sweetspot::synthetic::impact_world::{Kind, SyntheticTable, TableSpec, generate_table};
+use sweetspot::synthetic::hidden::{Hidden, entry, nature};
+use sweetspot::synthetic::impact_world::{Approach, Kind, SyntheticTable, TableSpec, draw, generate_table, meet};
 use sweetspot::synthetic::measurement::NoiseOptions;
 use sweetspot::synthetic::scenario::FIRST_MODEL;
 use sweetspot::validation::diagnose::{DiagnoseOptions, diagnose};
 use sweetspot::validation::fit::{FitOptions, fit};
-use sweetspot::validation::forward::Library;
+use sweetspot::validation::forward::{Asked, Forward, FreeParameter, Library, Outputs, Prediction};
+use sweetspot::validation::heldout::held_out_error;
 use sweetspot::validation::model_library::ModelLibrary;
 use sweetspot::validation::observation::TableOptions;
-use sweetspot::validation::{Diagnosis, Observations, Verdict};
+use sweetspot::validation::{Diagnosis, Observations, ValidationError, Verdict};
 
 /// What a user would start from with the time-stepped base: ball damping and friction to be fitted.
 const VISCOELASTIC: &str = "base = \"viscoelastic\"\n\n[parameters]\nA_C = { value = 1200.0, fit = true }\nmu = { value = 0.45, fit = true }\n";
@@ -101,6 +105,78 @@ fn strength_with(wanted: f64, signal_at: impl Fn(f64) -> f64) -> f64 {
     (low * high).sqrt()
 }
 
+/// The world's own law as a model: restitution, friction and the strength of what is hidden are free.
+struct WorldLaw {
+    /// Attitude and place of the face, which no measured input tells.
+    like: Approach,
+    gear: (Racket, Ball),
+    hidden: String,
+    free: Vec<FreeParameter>,
+}
+
+struct WorldNow<'a> {
+    law: &'a WorldLaw,
+    nature: sweetspot::synthetic::nature::Nature,
+}
+
+impl WorldLaw {
+    fn new(kind: Kind, hidden: &Hidden, racket: &Racket, ball: &Ball) -> Self {
+        let mut any = <rand_chacha::ChaCha8Rng as rand::SeedableRng>::seed_from_u64(1);
+        let free = |name: &str, value: f64, max: f64| FreeParameter { name: name.to_owned(), value, min: 0.01 * max, max, typical: 0.05, prior: None };
+        WorldLaw {
+            like: draw(kind, 0.0, &mut any),
+            gear: (racket.clone(), ball.clone()),
+            hidden: hidden.effect.clone(),
+            free: vec![
+                free("restitution", 0.82, 1.0),
+                free("friction", 0.45, 1.5),
+                FreeParameter {
+                    value: hidden.strength,
+                    min: 0.25 * hidden.strength,
+                    max: (4.0 * hidden.strength).min(5.0),
+                    typical: 0.2 * hidden.strength,
+                    ..free("strength", 1.0, 1.0)
+                },
+            ],
+        }
+    }
+}
+
+impl Forward for WorldLaw {
+    fn parameters(&self) -> &[FreeParameter] {
+        &self.free
+    }
+
+    fn prepare(&self, values: &[f64]) -> Result<Box<dyn Prediction + '_>, ValidationError> {
+        let mut law = nature(&[Hidden::new(&self.hidden, values[2])]).expect("a known effect");
+        (law.restitution, law.friction) = (values[0], values[1]);
+        Ok(Box::new(WorldNow { law: self, nature: law }))
+    }
+
+    fn costly(&self) -> bool {
+        true
+    }
+}
+
+impl Prediction for WorldNow<'_> {
+    fn predict(&self, asked: &Asked) -> Option<Outputs> {
+        let x = &asked.inputs;
+        let v = |i: usize| nalgebra::Vector3::new(x[i], x[i + 1], x[i + 2]);
+        let approach = Approach {
+            ball: v(0),
+            ball_spin: v(3),
+            racket: v(6),
+            racket_rate: v(9),
+            place: nalgebra::Vector2::new(x[12], x[13]),
+            grip_torque: x[14],
+            order: asked.order,
+            ..self.law.like
+        };
+        let (_, out) = meet(&self.law.gear.0, &self.law.gear.1, &approach, &self.nature).ok()?.truth.columns();
+        Some(out.map(|o| o.unwrap_or(f64::NAN)))
+    }
+}
+
 fn share_gone(before: f64, after: f64) -> f64 {
     if before > 1.0 { (before * before - after * after) / (before * before - 1.0) } else { f64::NAN }
 }
@@ -127,6 +203,7 @@ fn main() {
         session_offset_sd: option("offset").unwrap_or(0.0),
         missing: option("missing").unwrap_or(0.0),
         one_axis_spin: flag("one-axis"),
+        scale: option("noise").unwrap_or(1.0),
         ..NoiseOptions::default()
     };
     let names: Vec<&str> = if args[2] == "nothing" { vec![] } else { args[2].split('+').collect() };
@@ -137,6 +214,12 @@ fn main() {
         Some(wanted) => strength_with(wanted, |s| signal(kind, impacts, name, s, own_form, first_model)),
         None => number(3),
     };
+    if flag("curve") {
+        for strength in [0.02, 0.03, 0.045, 0.06, 0.08, 0.12, 0.2, 0.35, 0.6, 1.0, 1.5] {
+            let at = |name: &&str| format!("{name} {:.1}", signal(kind, impacts, name, strength, own_form, first_model));
+            writeln!(std::io::stdout(), "strength {strength}: {}", names.iter().map(at).collect::<Vec<_>>().join(", ")).expect("stdout");
+        }
+    }
     let strengths: Vec<f64> = names.iter().map(|n| strength_of(n)).collect();
     let hidden: Vec<Hidden> = if own_form { vec![] } else { names.iter().zip(&strengths).map(|(e, s)| Hidden::new(e, *s)).collect() };
     let mut count = [0usize; 6];
@@ -144,6 +227,7 @@ fn main() {
     let (mut gone_well, mut formulas, mut all_named) = (0usize, 0usize, 0usize);
     let (mut covered, mut intervals) = (0usize, 0usize);
     let mut out = std::io::stdout();
+    let (mut right_form, mut gone_of_right) = (Vec::new(), 0usize);
     let start = std::time::Instant::now();
     for seed in first..first + tables {
         let mut made = generate_table(&TableSpec { kind, impacts, hidden: hidden.clone(), seed, noise: noise.clone() }).expect("a table");
@@ -165,6 +249,17 @@ fn main() {
             Verdict::EffectMissing => 1,
             Verdict::Unexplained => 2,
         }] += 1;
+        if let (true, Some(h)) = (flag("right-form"), hidden.first()) {
+            let law = WorldLaw::new(kind, h, &made.racket, &made.ball);
+            let fitted = fit(&law, &observations, &observations.side(false), &FitOptions::default(), None).expect("a fit");
+            let error = held_out_error(&law, &fitted, &observations).expect("a prediction");
+            writeln!(out, "{seed} the world's own law: held-out error {:.3} to {error:.3}, fitted {:.3?}", d.heldout_error, fitted.values).expect("stdout");
+            right_form.push(error);
+            if let Some(e) = &d.suggested_expression {
+                let (first, formula) = (d.heldout_error.powi(2), e.heldout_error_after.powi(2));
+                gone_of_right += usize::from(first - formula >= 0.7 * (first - error * error).max(0.0));
+            }
+        }
         let failing = d.verdict != Verdict::Adequate;
         count[3] += usize::from(failing && top.is_some_and(|t| names.contains(&t.effect.as_str())));
         count[4] += usize::from(failing && top.is_some_and(|t| names.iter().any(|h| *h == t.effect || t.aliases.iter().any(|a| a == h))));
@@ -248,4 +343,13 @@ fn main() {
         start.elapsed().as_secs_f64() / tables as f64
     )
     .expect("stdout");
+    if !right_form.is_empty() {
+        writeln!(
+            out,
+            "# the world's own law: {:.3}, gone {:.2}; a formula takes 70 % of what it takes in {gone_of_right}",
+            square(&right_form),
+            share_gone(square(&before), square(&right_form))
+        )
+        .expect("stdout");
+    }
 }

@@ -3,15 +3,16 @@
 use super::comparison::{note_noise, outliers, parameter_values, session_offsets, summarise, varied_inputs};
 use super::diagnosis::{CandidateReport, Diagnosis, Estimate, NotVisible, Together, Verdict};
 use super::error::ValidationError;
-use super::expression::{Found, find_expression};
+use super::expression::{Found, find_expression, local_spot};
 use super::fit::{Fit, FitOptions, fit};
 use super::forward::{Library, Strength};
 use super::heldout::{error_of, is_noise_alone, linearise_held_out};
 use super::observation::Observations;
 use super::place::places;
-use super::rank::{Reference, Refit, added_parameters, flexible_nuisance, form_overdispersion};
+use super::project::Nuisance;
+use super::rank::{Reference, Refit, added_parameters, flexible_nuisance, form_overdispersion, gain_over};
 use super::refits::{FIRST_LEVEL, LARGEST_NOISE_SCALE, LOG_ODDS, PRIOR, Refits, estimates, excess_at, share_removed};
-use super::screen::{Screening, screen, screen_beyond};
+use super::screen::{Screening, screen_beyond};
 use super::structure::structure_test;
 use super::verdict_words::verdict_words;
 use std::collections::BTreeMap;
@@ -20,10 +21,18 @@ use std::collections::BTreeMap;
 pub const LIBRARY_LEVEL: f64 = 0.01;
 /// Level of the structure test.
 pub const STRUCTURE_LEVEL: f64 = 0.003;
-/// The two together: how often nothing-missing is called missing, at most.
-pub const FALSE_ALARM_RATE: f64 = LIBRARY_LEVEL + STRUCTURE_LEVEL;
+/// Corrected level of the test for one place on the face.
+pub const SPOT_LEVEL: f64 = 0.002;
+/// The three together: how often nothing-missing is called missing, at most.
+pub const FALSE_ALARM_RATE: f64 = LIBRARY_LEVEL + STRUCTURE_LEVEL + SPOT_LEVEL;
 /// Share of the excess that a catalogue effect must take away to be called missing.
 pub const SHARE: f64 = 0.75;
+/// Log evidence of a formula that speaks for structure which the error on held-out impacts alone does not show.
+const CONVINCING: f64 = 10.0;
+/// Chi-square by which a formula must beat the named effect, its search paid for, to put the name in doubt.
+const FAR_MORE: f64 = 10.0;
+/// When nothing is missing, all candidates together are no more likely than that.
+const ALL_CANDIDATES: f64 = 0.5;
 /// What is left of an effect's probability when the held-out impacts refuse it.
 const REFUSED: f64 = 0.3;
 
@@ -57,12 +66,9 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
         .filter_map(|s| library.current().parameters().iter().position(|p| p.name == s.parameter).map(|at| (at, s.clone())))
         .collect();
     let c_screen = structure.noise_scale_for_screening();
-    let screening = if present.is_empty() {
-        screen(library, &base, &seen, c_screen)?
-    } else {
-        let nuisance = flexible_nuisance(library.current(), &base, observations, &seen, &present)?;
-        screen_beyond(library, &base, &seen, c_screen, &nuisance, None)?
-    };
+    let nuisance = if present.is_empty() { Nuisance::of(&base) } else { flexible_nuisance(library.current(), &base, observations, &seen, &present)? };
+    let screening = screen_beyond(library, &base, &seen, c_screen, &nuisance, None)?;
+    let spot = local_spot(&Reference { library, observations, impacts: &seen, base: &base, c: c_screen, seed: options.seed }, &nuisance);
     let held_base = linearise_held_out(library.current(), &base, observations, &held)?;
     let before = error_of(&held_base);
     let mut diagnosis = Diagnosis {
@@ -82,6 +88,7 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
         structure_after: None,
         library_p_value: screening.library_p_value,
         n_tested: screening.tested,
+        spot_p_value: spot.map_or(1.0, |s| s.p_value),
         false_alarm_rate: FALSE_ALARM_RATE,
         not_visible: not_visible(library, &screening),
         parameters: parameter_values(library.current(), &base, c),
@@ -94,9 +101,11 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
         provenance: None,
         structure,
     };
-    let alarm = screening.library_p_value < LIBRARY_LEVEL || diagnosis.structure.p_value < STRUCTURE_LEVEL;
+    let one_place = diagnosis.spot_p_value < SPOT_LEVEL;
+    let alarm = screening.library_p_value < LIBRARY_LEVEL || diagnosis.structure.p_value < STRUCTURE_LEVEL || one_place;
     if !alarm {
         diagnosis.candidates = listed_only(library, &screening, before);
+        less_likely_than_nothing(&mut diagnosis.candidates);
         note_noise(diagnosis.noise_floor, true, &mut diagnosis.notes);
         diagnosis.words = verdict_words(&diagnosis);
         return Ok(diagnosis);
@@ -133,18 +142,34 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
     let accounted = chosen.is_some_and(|b| at_best >= SHARE || held_share >= SHARE || sound(b));
     diagnosis.verdict = match (chosen, accounted) {
         (Some(_), true) => Verdict::EffectMissing,
-        (None, _) if diagnosis.structure.p_value >= STRUCTURE_LEVEL => Verdict::Adequate,
+        (None, _) if diagnosis.structure.p_value >= STRUCTURE_LEVEL && !one_place => Verdict::Adequate,
         _ => Verdict::Unexplained,
     };
     // The last word has the impacts the fit never saw: an effect that makes their error worse is not added.
-    // Structure that no effect accounts for, and that the held-out impacts do not have, is chance.
-    if diagnosis.verdict == Verdict::Unexplained && chosen.is_none() && screening.library_p_value >= LIBRARY_LEVEL && is_noise_alone(&held_base, c.sqrt()) {
+    let mut for_formula = reference;
+    let alone = if options.expressions && diagnosis.verdict != Verdict::Adequate {
+        find_expression(&mut for_formula, &screening, |t, c| excess_at(t, c.min(LARGEST_NOISE_SCALE)), &diagnosis.structure)?
+    } else {
+        None
+    };
+    // What neither an effect nor the held-out impacts nor a formula speaks for is chance.
+    let told_by_formula = alone.as_ref().is_some_and(|f| f.log_evidence > CONVINCING && f.suggestion.heldout_error_after < before);
+    let told_otherwise = chosen.is_some() || screening.library_p_value < LIBRARY_LEVEL;
+    let smooth = diagnosis.structure.p_value < STRUCTURE_LEVEL;
+    if diagnosis.verdict == Verdict::Unexplained && !told_otherwise && !told_by_formula && (!smooth || is_noise_alone(&held_base, c.sqrt())) {
         diagnosis.verdict = Verdict::Adequate;
-        diagnosis.notes.push(format!(
-            "the structure test alone rejects (p = {:.4}), but the error on held-out impacts is that of noise ({before:.3}, floor {:.3}): not believed",
-            diagnosis.structure.p_value,
-            c.sqrt()
-        ));
+        diagnosis.notes.push(if smooth {
+            format!(
+                "the structure test alone rejects (p = {:.4}), but the error on held-out impacts is that of noise ({before:.3}, floor {:.3}): not believed",
+                diagnosis.structure.p_value,
+                c.sqrt()
+            )
+        } else {
+            format!(
+                "one place on the face alone stands out (p = {:.4}), but a model with it does not lower the error on held-out impacts: not believed",
+                diagnosis.spot_p_value
+            )
+        });
     }
     let mut refused = None;
     if let (Some(best), Verdict::EffectMissing) = (chosen, diagnosis.verdict)
@@ -157,6 +182,25 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
         ));
         refused = Some(best.effects.clone());
     }
+    // A name in any form of it against a formula: one that takes far more, and lowers the held-out error further, says that
+    // the name is not it.
+    let mut beside = None;
+    if let (Some(best), Verdict::EffectMissing, Some(f), None) = (chosen, diagnosis.verdict, &alone, &refused) {
+        let gain = gain_over(&base, &best.fit, for_formula.c);
+        if gain < SHARE * f.honest_gain && f.honest_gain - gain > FAR_MORE && f.suggestion.heldout_error_after < after {
+            let form = form_beside(&for_formula, best, &screening, &diagnosis.structure)?;
+            let named = log_evidence_over_at(&base, best, for_formula.c) + form.as_ref().map_or(0.0, |b| b.log_evidence);
+            if named + LOG_ODDS < f.log_evidence {
+                diagnosis.verdict = Verdict::Unexplained;
+                diagnosis.notes.push(format!(
+                    "{} fits, but takes only {:.0} % of what a formula takes, and no other form of it does as well",
+                    best.effects.join(" and "),
+                    100.0 * gain / f.honest_gain
+                ));
+            }
+            beside = form;
+        }
+    }
     diagnosis.candidates = refits.report(&reference, &screening, before, excess, overdispersion, diagnosis.verdict)?;
     for c in diagnosis.candidates.iter_mut().filter(|c| refused.as_ref().is_some_and(|r| r.contains(&c.effect))) {
         c.probability *= REFUSED;
@@ -164,6 +208,9 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
     diagnosis
         .candidates
         .sort_by(|a, b| b.probability.total_cmp(&a.probability).then(b.log_evidence_gain.total_cmp(&a.log_evidence_gain)).then(a.effect.cmp(&b.effect)));
+    if diagnosis.verdict == Verdict::Adequate {
+        less_likely_than_nothing(&mut diagnosis.candidates);
+    }
     if let Some((best, forward)) = model.filter(|_| refused.is_none()) {
         diagnosis.structure_after = Some(best.structure.clone());
         if diagnosis.verdict == Verdict::EffectMissing {
@@ -184,20 +231,19 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
     }
     let form_is_off = chosen.filter(|_| refused.is_none()).is_some_and(|b| b.structure.p_value < STRUCTURE_LEVEL);
     if options.expressions && (diagnosis.verdict == Verdict::Unexplained || (diagnosis.verdict == Verdict::EffectMissing && form_is_off)) {
-        let found = find_expression(&mut reference, &screening, |t, c| excess_at(t, c.min(LARGEST_NOISE_SCALE)), &diagnosis.structure)?;
-        let catalogue = chosen.map_or(0.0, |b| log_evidence_over_at(&base, b, reference.c));
-        let alone = found.filter(|f| diagnosis.verdict == Verdict::Unexplained || f.log_evidence > catalogue + LOG_ODDS);
-        let beside = match chosen.filter(|_| refused.is_none()) {
-            Some(b) => form_beside(&reference, b, &screening, &diagnosis.structure)?.filter(|f| f.suggestion.heldout_error_after < after.min(before)),
-            None => None,
-        };
+        let catalogue = chosen.map_or(0.0, |b| log_evidence_over_at(&base, b, for_formula.c));
+        let alone = alone.filter(|f| diagnosis.verdict == Verdict::Unexplained || f.log_evidence > catalogue + LOG_ODDS);
+        if let (Some(b), None, None) = (chosen, &refused, &beside) {
+            beside = form_beside(&for_formula, b, &screening, &diagnosis.structure)?;
+        }
+        let beside = beside.filter(|f| f.suggestion.heldout_error_after < after.min(before));
         // The effect with its form mended, when that says more than a formula in the effect's place.
         let best = match (alone, beside) {
             (Some(a), Some(b)) => Some(if catalogue + b.log_evidence > a.log_evidence + LOG_ODDS { b } else { a }),
             (a, b) => a.or(b),
         };
         if let Some(found) = best {
-            diagnosis.noise_floor = diagnosis.noise_floor.min(found.structure.noise_scale.sqrt()).min(reference.c.sqrt());
+            diagnosis.noise_floor = diagnosis.noise_floor.min(found.structure.noise_scale.sqrt()).min(for_formula.c.sqrt());
             diagnosis.suggested_expression = Some(found.suggestion);
         }
     }
@@ -219,6 +265,14 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
     }
     diagnosis.words = verdict_words(&diagnosis);
     Ok(diagnosis)
+}
+
+/// An adequate model is the likeliest: its candidates share what probability that leaves.
+fn less_likely_than_nothing(candidates: &mut [CandidateReport]) {
+    let sum: f64 = candidates.iter().map(|c| c.probability).sum();
+    if sum > ALL_CANDIDATES {
+        candidates.iter_mut().for_each(|c| c.probability *= ALL_CANDIDATES / sum);
+    }
 }
 
 /// An expression that mends the form of the chosen effects, found from what they leave.

@@ -129,6 +129,11 @@ pub struct NextExperiment {
     pub expected_log_evidence: f64,
 }
 
+/// What a test says that was not made.
+fn certain() -> f64 {
+    1.0
+}
+
 /// diagnosis.json.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Diagnosis {
@@ -154,6 +159,9 @@ pub struct Diagnosis {
     /// Smallest p-value of the catalogue times the number of effects tested.
     pub library_p_value: f64,
     pub n_tested: usize,
+    /// Of the place on the face whose rebound stands out most, for all places looked at.
+    #[serde(default = "certain")]
+    pub spot_p_value: f64,
     /// How often nothing-missing is called missing, by design.
     pub false_alarm_rate: f64,
     pub not_visible: Vec<NotVisible>,

@@ -2,8 +2,8 @@
 //!
 //! All pairs of a channel and a feature are scored at once (nuisance projected out), the best refitted in the full model,
 //! then up to two more terms of the same channel are added, each only if it gains more than its price; constants are
-//! rounded to two digits and refitted around. A dead spot (a bump over the face) has a place and a width to find and is
-//! scored over a grid of both. (missing-physics.md, section 7.)
+//! rounded to two digits and refitted around. A dead spot (a bump over the face) has a place and a width to find
+//! ([`super::local_spot`]). (missing-physics.md, section 7.)
 
 use super::diagnosis::{Estimate, SuggestedExpression};
 use super::error::ValidationError;
@@ -11,9 +11,10 @@ use super::expression_terms::{CHANNELS, FEATURES, FeatureInputs, TermChannel};
 use super::fit::{Fit, FitOptions, Start, fit};
 use super::forward::OwnEffect;
 use super::heldout::held_out_error;
+use super::local_spot::{LocalSpot, strongest_spot};
 use super::predicted::difference;
 use super::project::{Nuisance, project_out};
-use super::rank::{Reference, log_evidence_over};
+use super::rank::{Reference, gain_over, log_evidence_over};
 use super::screen::Screening;
 use super::structure::{StructureTest, structure_test};
 use nalgebra::{DMatrix, DVector};
@@ -28,8 +29,6 @@ const MOST_TERMS: usize = 3;
 const FURTHER_GAIN: f64 = 14.0;
 /// ... and this share of what the terms before it have gained.
 const FURTHER_SHARE: f64 = 0.02;
-/// Half widths of dead spots looked for, m.
-const SPOT_WIDTHS: [f64; 3] = [0.02, 0.03, 0.045];
 /// Name of the effect in the model file: a model holds one found formula at most.
 pub const FOUND_EFFECT: &str = "found-effect";
 
@@ -50,27 +49,24 @@ pub struct Found {
     pub fit: Fit,
     pub structure: StructureTest,
     pub log_evidence: f64,
+    /// Fall in minus twice the log posterior, less the price of having looked among all terms for each of those kept.
+    pub honest_gain: f64,
     pub effect: OwnEffect,
 }
 
-/// The whitened derivative of the prediction with respect to k of every channel with feature 1, at the base fit.
-fn channel_signatures(reference: &Reference) -> Result<Vec<Option<Vec<DVector<f64>>>>, ValidationError> {
-    CHANNELS
-        .par_iter()
-        .map(|channel| {
-            let effect = own_effect(channel, &["1".to_owned()]);
-            let Ok(forward) = reference.library.with_expression(&[], &[effect]) else { return Ok(None) };
-            let at = reference.base.values.len();
-            let h = 0.05 * channel.typical;
-            let (mut up, mut down) = (reference.base.values.clone(), reference.base.values.clone());
-            up.push(h);
-            down.push(-h);
-            debug_assert_eq!(forward.parameters().len(), at + 1);
-            let (Ok(above), Ok(below)) = (forward.prepare(&up), forward.prepare(&down)) else { return Ok(None) };
-            let moved = difference(above.as_ref(), below.as_ref(), reference.impacts, &reference.base.impacts);
-            Ok(Some(moved.into_iter().zip(&reference.base.impacts).map(|(d, l)| &l.whitener * d / (2.0 * h)).collect()))
-        })
-        .collect()
+/// The whitened derivative of the prediction with respect to k of a channel with feature 1, at the base fit. `None` when the
+/// base does not hold that quantity.
+fn channel_signature(reference: &Reference, channel: &TermChannel) -> Option<Vec<DVector<f64>>> {
+    let effect = own_effect(channel, &["1".to_owned()]);
+    let forward = reference.library.with_expression(&[], &[effect]).ok()?;
+    let h = 0.05 * channel.typical;
+    let (mut up, mut down) = (reference.base.values.clone(), reference.base.values.clone());
+    up.push(h);
+    down.push(-h);
+    debug_assert_eq!(forward.parameters().len(), up.len());
+    let (above, below) = (forward.prepare(&up).ok()?, forward.prepare(&down).ok()?);
+    let moved = difference(above.as_ref(), below.as_ref(), reference.impacts, &reference.base.impacts);
+    Some(moved.into_iter().zip(&reference.base.impacts).map(|(d, l)| &l.whitener * d / (2.0 * h)).collect())
 }
 
 fn own_effect(channel: &TermChannel, features: &[String]) -> OwnEffect {
@@ -104,8 +100,8 @@ fn feature_values(reference: &Reference) -> DMatrix<f64> {
 }
 
 /// All terms by their score, best first.
-fn score_terms(reference: &Reference) -> Result<Vec<Term>, ValidationError> {
-    let signatures = channel_signatures(reference)?;
+fn score_terms(reference: &Reference) -> Vec<Term> {
+    let signatures: Vec<_> = CHANNELS.par_iter().map(|c| channel_signature(reference, c)).collect();
     let features = feature_values(reference);
     let nuisance = Nuisance::of(reference.base);
     let mut terms: Vec<Term> = signatures
@@ -115,7 +111,7 @@ fn score_terms(reference: &Reference) -> Result<Vec<Term>, ValidationError> {
             let Some(channel) = channel else { return Vec::new() };
             let mut found = terms_of(reference, &nuisance, channel, &features, c);
             if CHANNELS[c].replaces == "restitution" {
-                found.extend(best_spot(reference, &nuisance, channel, c));
+                found.extend(strongest_spot(reference, &nuisance, channel).map(|s| spot_term(&s, c)));
             }
             found
         })
@@ -124,7 +120,7 @@ fn score_terms(reference: &Reference) -> Result<Vec<Term>, ValidationError> {
         .flatten()
         .collect();
     terms.sort_by(|a, b| b.gain.total_cmp(&a.gain));
-    Ok(terms)
+    terms
 }
 
 fn terms_of(reference: &Reference, nuisance: &Nuisance, channel: &[DVector<f64>], features: &DMatrix<f64>, c: usize) -> Vec<Term> {
@@ -142,53 +138,25 @@ fn terms_of(reference: &Reference, nuisance: &Nuisance, channel: &[DVector<f64>]
         .collect()
 }
 
-/// The best bump over the face: a grid of places and widths.
-fn best_spot(reference: &Reference, nuisance: &Nuisance, channel: &[DVector<f64>], c: usize) -> Option<Term> {
-    let gear = reference.observations.gear.first()?;
-    let (lx, ly) = (0.45 * gear.racket.head.inner_length_m, 0.45 * gear.racket.head.inner_width_m);
-    let step = 0.015;
-    let mut spots = Vec::new();
-    for width in SPOT_WIDTHS {
-        for i in 0..=(2.0 * lx / step) as usize {
-            for j in 0..=(2.0 * ly / step) as usize {
-                spots.push((-lx + i as f64 * step, -ly + j as f64 * step, width));
-            }
-        }
-    }
-    let best = spots
-        .par_chunks(40)
-        .map(|chunk| {
-            let blocks: Vec<DMatrix<f64>> = channel
-                .iter()
-                .zip(&reference.base.impacts)
-                .map(|(g, l)| {
-                    let row = nalgebra::RowDVector::from_iterator(
-                        chunk.len(),
-                        chunk.iter().map(|(a, b, w)| (-((l.true_inputs[12] - a).powi(2) + (l.true_inputs[13] - b).powi(2)) / (w * w)).exp()),
-                    );
-                    g * row
-                })
-                .collect();
-            let projected = project_out(reference.base, nuisance, &blocks);
-            (0..chunk.len())
-                .filter(|&j| projected.information[(j, j)] > 1e-4 * projected.raw[j].max(1e-12))
-                .map(|j| {
-                    (projected.score[j].powi(2) / projected.information[(j, j)] / reference.c, projected.score[j] / projected.information[(j, j)], chunk[j])
-                })
-                .fold((0.0, 0.0, (0.0, 0.0, 0.0)), |best: (f64, f64, (f64, f64, f64)), x| if x.0 > best.0 { x } else { best })
-        })
-        .collect::<Vec<_>>()
-        .into_iter()
-        .fold((0.0, 0.0, (0.0, 0.0, 0.0)), |best: (f64, f64, (f64, f64, f64)), x| if x.0 > best.0 { x } else { best });
-    let (gain, strength, (a, b, w)) = best;
-    (gain > 0.0).then(|| Term {
-        channel: c,
+/// The strongest place on the face as a term.
+fn spot_term(spot: &LocalSpot, channel: usize) -> Term {
+    let (a, b, w) = (spot.along_m, spot.across_m, spot.half_width_m);
+    Term {
+        channel,
         feature: format!("exp(-((impact_x - {a:.3})^2 + (impact_y - {b:.3})^2) / {w}^2)"),
         words: format!("near one place on the face ({:.0} mm along, {:.0} mm across, within {:.0} mm)", 1e3 * a, 1e3 * b, 1e3 * w),
-        strength,
+        strength: spot.strength,
         // Three numbers were chosen to get it.
-        gain: gain - 12.0,
-    })
+        gain: spot.gain - 12.0,
+    }
+}
+
+/// The place on the face whose rebound stands out most, beside what `nuisance` can absorb. `None` when the base has no
+/// restitution to change, or no place holds enough impacts.
+pub fn local_spot(reference: &Reference, nuisance: &Nuisance) -> Option<LocalSpot> {
+    let channel = CHANNELS.iter().find(|c| c.replaces == "restitution")?;
+    let signature = channel_signature(reference, channel)?;
+    strongest_spot(reference, nuisance, &signature)
 }
 
 struct Fitted {
@@ -216,7 +184,7 @@ pub fn find_expression(
     excess: impl Fn(&StructureTest, f64) -> f64,
     before: &StructureTest,
 ) -> Result<Option<Found>, ValidationError> {
-    let terms = score_terms(reference)?;
+    let terms = score_terms(reference);
     let candidates: Vec<&Term> = terms.iter().filter(|t| t.gain > 25.0).take(REFITTED).collect();
     let fixed = &*reference;
     let singles: Vec<(usize, Fitted)> = candidates
@@ -273,7 +241,8 @@ pub fn find_expression(
         words: in_words(channel, &chosen, &constants),
         model_file_text: model_file_text(&best.effect, &constants),
     };
-    Ok(Some(Found { suggestion, fit: best.fit, structure, log_evidence, effect: best.effect }))
+    let honest_gain = gain_over(reference.base, &best.fit, c) - chosen.len() as f64 * 2.0 * ((CHANNELS.len() * FEATURES.len()) as f64).ln();
+    Ok(Some(Found { suggestion, fit: best.fit, structure, log_evidence, honest_gain, effect: best.effect }))
 }
 
 /// The three terms that score best at the fit that already has the chosen ones.

@@ -43,6 +43,11 @@ impl FeatureInputs {
             side: contact.side,
         }
     }
+
+    /// Squared slip plus `least` (m²/s²), over the squared approach speed.
+    fn squared_slip_and(&self, least: f64) -> f64 {
+        self.g[0].powi(2) + self.g[1].powi(2) + least / (25.0 * self.u).powi(2)
+    }
 }
 
 /// A dimensionless function of the inputs.
@@ -59,7 +64,7 @@ const fn f(text: &'static str, words: &'static str, value: fn(&FeatureInputs) ->
 }
 
 /// All features, simple ones first: of two that do equally well the earlier one is taken.
-pub static FEATURES: [Feature; 52] = [
+pub static FEATURES: [Feature; 56] = [
     f("1", "everywhere alike", |_| 1.0),
     f("(approach_speed / 25)", "with the approach speed", |i| i.u),
     f("(approach_speed / 25)^2", "with the square of the approach speed", |i| i.u * i.u),
@@ -81,6 +86,14 @@ pub static FEATURES: [Feature; 52] = [
     f("tanh((tangential_speed / approach_speed)^2)", "with the incidence, saturating", |i| (i.t[0].powi(2) + i.t[1].powi(2)).tanh()),
     f("(slip_x / approach_speed)", "with the slip along the racket", |i| i.g[0]),
     f("(slip_y / approach_speed)", "with the slip across the face", |i| i.g[1]),
+    f("((slip_x + slip_y) / approach_speed)", "with the slip along one diagonal of the face", |i| i.g[0] + i.g[1]),
+    f("((slip_x - slip_y) / approach_speed)", "with the slip along the other diagonal of the face", |i| i.g[0] - i.g[1]),
+    f("(slip_x * slip_y / (slip_x^2 + slip_y^2 + 0.01))", "with the slip's direction, from one diagonal of the face to the other", |i| {
+        i.g[0] * i.g[1] / i.squared_slip_and(0.01)
+    }),
+    f("((slip_x^2 - slip_y^2) / (slip_x^2 + slip_y^2 + 0.01))", "with the slip's direction, from across the face to along it", |i| {
+        (i.g[0].powi(2) - i.g[1].powi(2)) / i.squared_slip_and(0.01)
+    }),
     f("(tangential_x / approach_speed)", "with the ball's path along the racket", |i| i.t[0]),
     f("(tangential_y / approach_speed)", "with the ball's path across the face", |i| i.t[1]),
     f("(slip_x / 25)", "with the slip speed along the racket", |i| i.g[0] * i.u),
@@ -130,12 +143,14 @@ const fn t(replaces: &'static str, scale: &'static str, words: &'static str, typ
 }
 
 /// All channels of the rigid base.
-pub static CHANNELS: [TermChannel; 29] = [
+pub static CHANNELS: [TermChannel; 33] = [
     t("restitution", "restitution", "the normal restitution", 0.2),
     t("friction", "friction", "the friction", 0.5),
     t("tangential_restitution", "1", "the tangential restitution", 0.3),
     t("tangential_restitution_x", "1", "the tangential restitution along the racket", 0.3),
     t("tangential_restitution_y", "1", "the tangential restitution across the face", 0.3),
+    t("tangential_restitution_diagonal", "1", "the tangential restitution along the face's diagonal to handle and marker 3", 0.3),
+    t("tangential_restitution_antidiagonal", "1", "the tangential restitution along the face's diagonal to handle and marker 2", 0.3),
     t("normal_offset", "ball_radius", "the point where the normal force acts", 0.1),
     t("torque_arm_x", "ball_radius", "the place of the normal force along the racket", 0.1),
     t("torque_arm_y", "ball_radius", "the place of the normal force across the face", 0.1),
@@ -145,6 +160,8 @@ pub static CHANNELS: [TermChannel; 29] = [
     t("ball_inertia", "ball_inertia", "the ball's inertia", 0.2),
     t("impulse_x", "normal_impulse", "the impulse along the racket", 0.1),
     t("impulse_y", "normal_impulse", "the impulse across the face", 0.1),
+    t("impulse_diagonal", "normal_impulse", "the impulse along the face's diagonal to handle and marker 3", 0.1),
+    t("impulse_antidiagonal", "normal_impulse", "the impulse along the face's diagonal to handle and marker 2", 0.1),
     t("spin_impulse_x", "ball_radius * normal_impulse", "the torque on the ball about the racket's long axis", 0.1),
     t("spin_impulse_y", "ball_radius * normal_impulse", "the torque on the ball about the axis across the face", 0.1),
     t("spin_impulse_z", "ball_radius * normal_impulse", "the torque on the ball about the normal", 0.1),

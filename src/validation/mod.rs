@@ -21,6 +21,7 @@ pub mod heldout;
 pub mod holdout;
 pub mod ledger;
 pub mod linearise;
+pub mod local_spot;
 pub mod model_library;
 pub mod noise;
 pub mod observation;

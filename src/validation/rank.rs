@@ -59,7 +59,7 @@ impl Refit {
             base.impacts.iter().zip(&self.fit.impacts).map(|(b, f)| (b.z.norm_squared() - f.z.norm_squared()) / c + b.log_det - f.log_det).collect();
         let largest = by_impact.iter().copied().fold(0.0, f64::max);
         // With the offsets' priors: what a session's offsets had to bend for is relieved by the effect.
-        self.gain = minus_two_log(base, c) - minus_two_log(&self.fit, c);
+        self.gain = gain_over(base, &self.fit, c);
         self.largest_share = if self.gain > 0.0 { largest / self.gain } else { 1.0 };
         self.p_value = chi2_tail(self.gain, self.strengths.len().max(1) as f64);
         let spikes: f64 = self.blocks.iter().map(|b| with_absent_strengths(&self.fit, b, c)).sum();
@@ -68,6 +68,7 @@ impl Refit {
 }
 
 /// What a refit is judged against.
+#[derive(Clone, Copy)]
 pub struct Reference<'a> {
     pub library: &'a dyn Library,
     pub observations: &'a Observations,
@@ -82,6 +83,11 @@ pub struct Reference<'a> {
 fn minus_two_log(fit: &Fit, c: f64) -> f64 {
     let log_det: f64 = fit.impacts.iter().map(|l| l.log_det).sum();
     (fit.objective - log_det) / c + log_det
+}
+
+/// Fall in minus twice the log posterior from `base` to `fit`, at noise scale c.
+pub fn gain_over(base: &Fit, fit: &Fit, c: f64) -> f64 {
+    minus_two_log(base, c) - minus_two_log(fit, c)
 }
 
 /// ln |information / c|, over the columns that are informed at all.

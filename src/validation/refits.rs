@@ -251,7 +251,12 @@ impl Refits {
     }
 
     fn earned(&self) -> impl Iterator<Item = &Pair> {
-        self.pairs.iter().filter(|p| self.objection(p).is_none())
+        self.pairs.iter().filter(|p| p.refit.largest_share < ONE_IMPACT && self.objection(p).is_none())
+    }
+
+    /// Whether chance, or one odd impact, could have made the gain of a single effect.
+    fn is_chance(&self, r: &Refit) -> bool {
+        r.p_value * (self.tested as f64) >= FIRST_LEVEL || r.largest_share >= ONE_IMPACT
     }
 
     fn log_prior(&self, effects: usize) -> f64 {
@@ -277,7 +282,9 @@ impl Refits {
 
     /// Of effects that these impacts cannot tell apart, the one the catalogue lists first is the more common one.
     fn single_weight(&self, at: usize, overdispersion: f64) -> f64 {
-        let own = self.singles[at].log_evidence;
+        let r = &self.singles[at];
+        // What is not believed is not weighed for it either.
+        let own = if self.is_chance(r) { r.log_evidence.min(0.0) } else { r.log_evidence };
         let second = self.twins.get(at).is_some_and(|t| t.iter().any(|&i| self.singles[i].log_evidence > own - LOG_ODDS));
         own / overdispersion + self.log_prior(1) - if second { PRECEDENCE } else { 0.0 }
     }
@@ -291,13 +298,14 @@ impl Refits {
         sum + self.log_prior(2)
     }
 
-    /// The model to recommend: the best single effect, or the best pair, by the same weights as their probabilities.
+    /// The model to recommend: the best single effect, or the best pair, by the same weights as their probabilities, when it
+    /// is more likely than nothing at all.
     pub fn choose(&self, overdispersion: f64) -> Option<&Refit> {
         let single = self
             .singles
             .iter()
             .enumerate()
-            .filter(|(_, r)| r.log_evidence > 0.5 * LOG_ODDS && r.p_value * (self.tested as f64) < FIRST_LEVEL && r.largest_share < ONE_IMPACT)
+            .filter(|(_, r)| r.log_evidence + self.log_prior(1) > PRIOR[0].ln() && !self.is_chance(r))
             .map(|(i, r)| (self.single_weight(i, overdispersion), r))
             .max_by(|a, b| a.0.total_cmp(&b.0));
         let sum = |p: &Pair| {
@@ -305,7 +313,7 @@ impl Refits {
             half + more
         };
         let weight = |p: &Pair| self.pair_weight(p, overdispersion);
-        let pair = self.earned().filter(|p| p.refit.largest_share < ONE_IMPACT && sum(p) > 0.5 * LOG_ODDS).max_by(|a, b| weight(a).total_cmp(&weight(b)));
+        let pair = self.earned().filter(|p| sum(p) + self.log_prior(2) > PRIOR[0].ln()).max_by(|a, b| weight(a).total_cmp(&weight(b)));
         match (single, pair) {
             (Some(s), Some(p)) => {
                 let better = self.pair_weight(p, overdispersion) - s.0;

@@ -129,12 +129,8 @@ pub fn cosines_with(library: &dyn Library, fit: &Fit, impacts: &[&Observation], 
     Ok(which.iter().zip(terms).map(|(&e, t)| (e, t.iter().map(|&i| projected.cosine(i, last).abs()).fold(0.0, f64::max))).collect())
 }
 
-/// Screens every effect that can be added. `c` is the noise scale of the structure test.
-pub fn screen(library: &dyn Library, fit: &Fit, impacts: &[&Observation], c: f64) -> Result<Screening, ValidationError> {
-    screen_beyond(library, fit, impacts, c, &Nuisance::of(fit), None)
-}
-
-/// As [`screen`], with more projected out than the fit's own columns; `only` names the effects to look at.
+/// Screens every effect that can be added, beyond what `nuisance` absorbs; `c` is the noise scale of the structure test,
+/// `only` names the effects to look at.
 pub fn screen_beyond(
     library: &dyn Library,
     fit: &Fit,

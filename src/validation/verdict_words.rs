@@ -6,8 +6,9 @@ use super::terminal::p_text;
 /// The answer first, then what carries it.
 pub fn verdict_words(d: &Diagnosis) -> Vec<String> {
     let tests = format!(
-        "structure test p = {}, best of {} effects p = {} (corrected); together they raise a false alarm in at most {:.1} % of sound tables",
+        "structure test p = {}, strongest place on the face p = {}, best of {} effects p = {} (corrected); together they raise a false alarm in at most {:.1} % of sound tables",
         p_text(d.structure.p_value),
+        p_text(d.spot_p_value),
         d.n_tested,
         p_text(d.library_p_value),
         100.0 * d.false_alarm_rate

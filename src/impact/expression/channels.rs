@@ -75,7 +75,17 @@ macro_rules! output {
     };
 }
 
-static CHANNELS: [Channel; 49] = [
+/// The contact impulse's part along (1, `sign`)/√2 in the face.
+fn along_diagonal(impulse: &Impulse, sign: f64) -> f64 {
+    (impulse.ball.x + sign * impulse.ball.y) * std::f64::consts::FRAC_1_SQRT_2
+}
+
+fn set_diagonal(at: &Contact, laws: &Laws, impulse: &mut Impulse, value: f64, sign: f64) {
+    let by = (value - along_diagonal(impulse, sign)) * std::f64::consts::FRAC_1_SQRT_2;
+    impulse.shift(at, laws, nalgebra::Vector3::new(by, sign * by, 0.0));
+}
+
+static CHANNELS: [Channel; 53] = [
     c("restitution", "", "normal restitution (held within 0 to 1)", laws!(restitution)),
     c("friction", "", "Coulomb coefficient (held at 0 or more)", laws!(friction)),
     c(
@@ -86,6 +96,8 @@ static CHANNELS: [Channel; 49] = [
     ),
     c("tangential_restitution_x", "", "along the racket", laws!(tangential_restitution[0])),
     c("tangential_restitution_y", "", "across the face", laws!(tangential_restitution[1])),
+    c("tangential_restitution_diagonal", "", "along the face's diagonal x + y, beside that along x and y", laws!(diagonal_restitution[0])),
+    c("tangential_restitution_antidiagonal", "", "along the diagonal x - y", laws!(diagonal_restitution[1])),
     c("torque_arm_x", "m", "where the normal force acts, from the ball's centre along x", laws!(arm_offset[0])),
     c("torque_arm_y", "m", "the same along y", laws!(arm_offset[1])),
     c("normal_offset", "m", "where the normal force acts behind the centre, against the slip", laws!(normal_offset)),
@@ -116,6 +128,18 @@ static CHANNELS: [Channel; 49] = [
     ),
     c("impulse_x", "N s", "on the ball at the contact point along x; the racket gets the reverse", contact_impulse!(x)),
     c("impulse_y", "N s", "the same along y", contact_impulse!(y)),
+    c(
+        "impulse_diagonal",
+        "N s",
+        "the same along the face's diagonal x + y",
+        Access::Impulse(|_, i| along_diagonal(i, 1.0), |at, laws, i, v| set_diagonal(at, laws, i, v, 1.0)),
+    ),
+    c(
+        "impulse_antidiagonal",
+        "N s",
+        "along the diagonal x - y",
+        Access::Impulse(|_, i| along_diagonal(i, -1.0), |at, laws, i, v| set_diagonal(at, laws, i, v, -1.0)),
+    ),
     c("spin_impulse_x", "N m s", "angular impulse on the ball alone, about x", impulse!(ball_angular.x)),
     c("spin_impulse_y", "N m s", "about y", impulse!(ball_angular.y)),
     c("spin_impulse_z", "N m s", "about z", impulse!(ball_angular.z)),

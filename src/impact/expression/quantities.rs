@@ -69,7 +69,7 @@ fn node_distance(s: &Scope) -> f64 {
     s.at.body.head_node_x().map_or(f64::NAN, |node| node - s.at.input.position.x)
 }
 
-static QUANTITIES: [Quantity; 66] = [
+static QUANTITIES: [Quantity; 68] = [
     q("approach_speed", "m/s", Stage::Body, "normal speed at which ball and strings approach", |s| s.at.approach_speed),
     q("slip_speed", "m/s", Stage::Body, "speed of the ball's surface along the strings at first touch", |s| s.at.slip_speed),
     q("slip_x", "m/s", Stage::Body, "its part along the racket", |s| s.at.relative_velocity.x),
@@ -119,6 +119,8 @@ static QUANTITIES: [Quantity; 66] = [
     q("friction", "", Stage::Laws, "Coulomb coefficient", |s| law(s, |l| l.friction)),
     q("tangential_restitution_x", "", Stage::Laws, "along the racket", |s| law(s, |l| l.tangential_restitution[0])),
     q("tangential_restitution_y", "", Stage::Laws, "across the face", |s| law(s, |l| l.tangential_restitution[1])),
+    q("tangential_restitution_diagonal", "", Stage::Laws, "along the face's diagonal x + y", |s| law(s, |l| l.diagonal_restitution[0])),
+    q("tangential_restitution_antidiagonal", "", Stage::Laws, "along the diagonal x - y", |s| law(s, |l| l.diagonal_restitution[1])),
     q("ball_inertia", "kg m^2", Stage::Laws, "of the ball", |s| law(s, |l| l.ball_inertia)),
     q("ball_arm", "m", Stage::Laws, "from the ball's centre to the contact point", |s| law(s, |l| l.ball_arm)),
     q("grip_hold", "N m s", Stage::Laws, "largest angular impulse of the mount", |s| law(s, |l| l.twist_hold)),

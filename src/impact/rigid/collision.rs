@@ -118,8 +118,9 @@ fn solve_plain(at: &Contact, laws: &Laws, lever: Vector3<f64>) -> Impulse {
     let free = 1.0 / b.ball_mass + arm * arm / laws.ball_inertia + 1.0 / b.racket_mass;
     let (x, y, iz) = (lever.x, lever.y, b.racket_inertia.z);
     let k = [free + y * y / iz, -x * y / iz, free + x * x / iz];
-    // Tangential impulse that brings the slip to −e_t times itself.
-    let wish = [-(1.0 + laws.tangential_restitution[0]) * u.x, -(1.0 + laws.tangential_restitution[1]) * u.y];
+    // Tangential impulse that brings the slip to what a stuck contact leaves of it.
+    let after = laws.rebound([u.x, u.y]);
+    let wish = [after[0] - u.x, after[1] - u.y];
     let det = k[0] * k[2] - k[1] * k[1];
     let stick = [(k[2] * wish[0] - k[1] * wish[1]) / det, (k[0] * wish[1] - k[1] * wish[0]) / det];
     let limit = laws.friction * normal;
@@ -241,7 +242,8 @@ fn solve_general(at: &Contact, laws: &Laws, lever: &Vector3<f64>) -> Impulse {
     let outside_world = -(laws.drive / b.racket_mass) - laws.drive_twist.component_div(&b.racket_inertia).cross(lever);
     let outside = frame.tr_mul(&outside_world);
     let e = laws.effective_restitution();
-    let target = Vector3::new(-laws.tangential_restitution[0] * u.x, -laws.tangential_restitution[1] * u.y, -e * u.z) - u - outside;
+    let after = laws.rebound([u.x, u.y]);
+    let target = Vector3::new(after[0], after[1], -e * u.z) - u - outside;
     let stick = k.lu().solve(&target);
     let slide = || {
         let t = if slip > 0.0 { [u.x / slip, u.y / slip] } else { [0.0; 2] };

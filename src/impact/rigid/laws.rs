@@ -23,6 +23,8 @@ pub struct Laws {
     /// Tangential relative velocity after a stuck contact over minus that before, along x and y; 0: rolling, positive: the
     /// strings snap back.
     pub tangential_restitution: [f64; 2],
+    /// The same along the two diagonals of the face, x + y and x − y, beside that along x and y.
+    pub diagonal_restitution: [f64; 2],
     pub sliding: Sliding,
     /// From the ball's centre to the contact point, m.
     pub ball_arm: f64,
@@ -52,6 +54,7 @@ impl Laws {
             restitution,
             friction,
             tangential_restitution: [0.0; 2],
+            diagonal_restitution: [0.0; 2],
             sliding,
             ball_arm,
             ball_inertia,
@@ -77,6 +80,13 @@ impl Laws {
         }
         let root = (e * e * (1.0 + q) - q).max(0.0).sqrt();
         ((root - q) / (1.0 + q)).clamp(0.0, 1.0)
+    }
+
+    /// Tangential relative velocity after a stuck contact that came with `u` (x and y), m/s.
+    pub fn rebound(&self, u: [f64; 2]) -> [f64; 2] {
+        // Along a diagonal d: e (d·u) d, with both components of d 1/√2 in size.
+        let (along, other) = (0.5 * self.diagonal_restitution[0] * (u[0] + u[1]), 0.5 * self.diagonal_restitution[1] * (u[0] - u[1]));
+        [-self.tangential_restitution[0] * u[0] - along - other, -self.tangential_restitution[1] * u[1] - along + other]
     }
 
     /// True when the contact is the plain one: no offset, tilt, outside impulse.

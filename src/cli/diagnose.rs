@@ -83,8 +83,8 @@ fn version_name(output: &Path, step: usize) -> PathBuf {
     output.with_file_name(format!("{stem}.{step}.toml"))
 }
 
-/// A formula must lower the error on held-out impacts by a twentieth: it was chosen among thousands.
-const WORTH_A_FORMULA: f64 = 0.95;
+/// A formula must lower the chi-square of the held-out impacts by this much: it was chosen among thousands.
+const WORTH_A_FORMULA: f64 = 14.0;
 
 fn has_formula(model_text: &str) -> bool {
     model_text.contains(&format!("[effects.{FOUND_EFFECT}]"))
@@ -155,8 +155,10 @@ impl Walk<'_> {
         if let Some(formula) = diagnosis.suggested_expression.as_ref().filter(|_| diagnosis.verdict == Verdict::Unexplained && !has_formula(&text)) {
             let with_formula = format!("{}\n\n{}\n", text.trim_end(), formula.model_file_text.trim_end());
             // A formula that does not go with what is in the model already is left for the user to look at.
+            let cells: usize = observations.side(true).iter().map(|o| o.measured.len()).sum();
+            let gain = |with_error: f64| cells as f64 * (error.powi(2) - with_error.powi(2)) / diagnosis.noise_floor.powi(2);
             if let Ok((with, with_error)) = self.fitted(&with_formula)
-                && with_error < WORTH_A_FORMULA * error
+                && gain(with_error) > WORTH_A_FORMULA
             {
                 let parent = crate::provenance::sha256_hex(text.as_bytes());
                 self.shell.say(format_args!("\n--auto: adding a formula ({})\n  held-out error {error:.3} -> {with_error:.3}", formula.words));

@@ -141,9 +141,10 @@ fn terms_of(reference: &Reference, nuisance: &Nuisance, channel: &[DVector<f64>]
 /// The strongest place on the face as a term.
 fn spot_term(spot: &LocalSpot, channel: usize) -> Term {
     let (a, b, w) = (spot.along_m, spot.across_m, spot.half_width_m);
+    let from = |name: &str, at: f64| format!("{name} {} {:.3}", if at < 0.0 { '+' } else { '-' }, at.abs());
     Term {
         channel,
-        feature: format!("exp(-((impact_x - {a:.3})^2 + (impact_y - {b:.3})^2) / {w}^2)"),
+        feature: format!("exp(-(({})^2 + ({})^2) / {w}^2)", from("impact_x", a), from("impact_y", b)),
         words: format!("near one place on the face ({:.0} mm along, {:.0} mm across, within {:.0} mm)", 1e3 * a, 1e3 * b, 1e3 * w),
         strength: spot.strength,
         // Three numbers were chosen to get it.

@@ -183,6 +183,9 @@ fn range_words(input: &str, from: f64, to: f64, lowest: bool, highest: bool) -> 
             let name = if other == "grip_torque" { "a grip torque".to_owned() } else { output_words(other).replace("speed", "velocity") };
             let u = unit(other);
             let digits = if (to - from).abs() >= 20.0 { 0 } else { 1 };
+            // Nothing is below minus nought.
+            let tidy = |v: f64| if format!("{v:.digits$}").chars().any(|c| ('1'..='9').contains(&c)) { v } else { 0.0 };
+            let (from, to) = (tidy(from), tidy(to));
             if lowest {
                 format!("where {name} before impact is below {to:.digits$} {u}").replace("a grip torque before impact", "the grip torque")
             } else if highest {

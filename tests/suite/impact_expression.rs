@@ -37,6 +37,12 @@ fn agrees_expressions_with_the_catalogue() {
             "[effects.mine]\nexpression = \"restitution - 0.1 * (sqrt(approach_speed / 25) - 1)\"\nreplaces = \"restitution\"",
         ),
         ("[effects.lateral-strings]\nacross = 0.2", "[effects.mine]\nexpression = \"0.2\"\nreplaces = \"tangential_restitution_y\""),
+        // What both diagonals do alike is done in every direction.
+        (
+            "[effects.lateral-strings]\nacross = 0.2\nalong = 0.2",
+            "[effects.mine]\nexpression = \"0.2\"\nreplaces = \"tangential_restitution_diagonal\"\n\
+             [effects.other]\nexpression = \"0.2\"\nreplaces = \"tangential_restitution_antidiagonal\"",
+        ),
         ("[effects.hand-mass]\nmass_kg = 0.15", "[effects.mine]\nexpression = \"m\"\nreplaces = \"hand_mass\"\nm = { value = 0.15, min = 0, max = 1 }"),
         ("[effects.swing-drive]\nforce_n = 80", "[effects.mine]\nexpression = \"drive_z + side * force * contact_time\"\nreplaces = \"drive_z\"\nforce = 80"),
         ("[effects.racket-inertia]\ntwist = 0.1", "[effects.mine]\nexpression = \"1.1 * twist_inertia\"\nreplaces = \"twist_inertia\""),

@@ -189,6 +189,7 @@ pub fn diagnosis(verdict: Verdict, name: &str) -> Diagnosis {
         structure_after: Some(structure(0.5)),
         library_p_value: 1e-9,
         n_tested: 25,
+        spot_p_value: 1.0,
         false_alarm_rate: 0.04,
         not_visible: vec![NotVisible { effect: name.to_owned(), reason: name.to_owned() }],
         parameters: c.parameters_refitted,

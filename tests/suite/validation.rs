@@ -145,6 +145,35 @@ fn agrees_two_effects_are_both_found_and_an_impossible_catalogue_gives_a_formula
     assert!(after.heldout_error < 1.08 * after.noise_floor, "{} against {}", after.heldout_error, after.noise_floor);
 }
 
+/// What only a few impacts see, and what couples the two directions in the face.
+#[test]
+fn truth_a_dead_spot_and_strings_that_give_along_a_diagonal_are_told_as_formulae() {
+    for (hidden, told) in [(("dead-spot", 0.5), "exp(-((impact_x + 0.0"), (("diagonal-strings", 1.0), "diagonal")] {
+        let d = diagnosis_of(&table(Kind::Lab, 200, &[hidden], 1, NoiseOptions::default()));
+        assert_eq!(d.verdict, Verdict::Unexplained, "{:?}", d.words);
+        let e = d.suggested_expression.expect("a formula");
+        assert!(e.expression.contains(told), "{}", e.expression);
+        // A handful of held-out impacts lie on the spot: their own scatter is as large as what it does to them.
+        assert!(e.heldout_error_after < d.heldout_error, "{} to {}", d.heldout_error, e.heldout_error_after);
+        assert!(e.share_removed > 0.7, "{} takes {:.2}", e.expression, e.share_removed);
+        assert!(d.candidates.iter().all(|c| c.probability < 0.9));
+    }
+}
+
+/// An adequate model leaves its candidates together no more than nothing has.
+#[test]
+fn law_probabilities_agree_with_the_verdict() {
+    for seed in 1..6 {
+        let d = diagnosis_of(&table(Kind::Court, 60, &[("ball-damping", 0.5)], seed, NoiseOptions::default()));
+        let sum: f64 = d.candidates.iter().map(|c| c.probability).sum();
+        match d.verdict {
+            Verdict::Adequate => assert!(sum <= 0.5 + 1e-12, "seed {seed}: {sum}"),
+            Verdict::EffectMissing => assert!(!d.recommended.is_empty(), "seed {seed}"),
+            Verdict::Unexplained => assert!(d.candidates.iter().all(|c| c.probability <= 0.5), "seed {seed}"),
+        }
+    }
+}
+
 #[test]
 fn law_results_do_not_depend_on_the_number_of_threads() {
     let made = table(Kind::Lab, 60, &[("ball-damping", 1.0)], 1, NoiseOptions::default());

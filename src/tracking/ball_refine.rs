@@ -5,17 +5,18 @@
 //! picture can be predicted ([`super::ball_model`]). Each centre is still measured in its own picture: nothing is smoothed
 //! along the flight. Pictures of the contact keep the centre of their outline.
 
-use super::ball_model::{BallLight, BallPicture, MARGIN_PX, ModelFit, Rim, learn};
-use super::ball_texture::BallTexture;
+use super::background::background;
+use super::ball_disc::BallDisc;
+use super::ball_learn::{Learnt, Lesson};
+use super::ball_model::{BallPicture, MARGIN_PX, ModelFit};
 use super::ball_track::{BallFrame, outline_radius_px};
-use super::racket_figure::RacketFigure;
 use super::racket_pose::View;
 use super::shot_tracker::{ShotSetup, ShotTracks, TrackingError};
 use super::space_points;
 use super::spin::{BallSpin, SpinEstimate, SpinRefusal};
 use super::track_file::{ImagePoint, Target};
 use crate::calibration::CameraId;
-use crate::footage::{FrameBuffer, FrameSource};
+use crate::footage::{FrameBuffer, FrameSource, GreyImage};
 use nalgebra::{Matrix3, Rotation3, Vector2, Vector3};
 use rayon::prelude::*;
 
@@ -23,10 +24,8 @@ use rayon::prelude::*;
 const SHORTEST_CONTACT_S: f64 = 4.0e-3;
 /// From here on it is surely free and round, and its cover is learnt (physics.md E.2).
 const LONGEST_CONTACT_S: f64 = 6.5e-3;
-/// Blur of lens and pixel, px, one standard deviation.
-const BLUR_PX: f64 = 0.62;
-/// Rounds of learning the ball and measuring its centres.
-const PASSES: usize = 2;
+/// Times of learning the ball and measuring its centres, and rounds of learning in each.
+const ROUNDS: [usize; 3] = [6, 4, 4];
 /// A centre that moves farther than this from the outline's is not believed, px.
 const FARTHEST_PX: f64 = 1.2;
 /// Least share of pixels near the outline that must agree.
@@ -35,7 +34,7 @@ const LEAST_AGREEING: f64 = 0.5;
 const MOST_SD_PX: f64 = 0.35;
 /// How far the centres of a whole stretch move together between defensible models of the light (Lambert's law for each camera,
 /// for both, spherical harmonics): 0.05 px per axis. It is part of every deviation, since no single picture shows it.
-const LIGHT_PX: f64 = 0.05;
+const LIGHT_PX: f64 = 0.02;
 /// Frames next to the contact from which the ball is learnt: as many as the spin is measured from; more teach little.
 const MOST_TEACHING: f64 = 30.0;
 /// Fewest pictures of one camera from which a ball is learnt.
@@ -44,7 +43,6 @@ const FEWEST: usize = 4;
 struct Sight {
     index: usize,
     camera: CameraId,
-    stretch: usize,
     picture: BallPicture,
     fit: Option<(ModelFit, ModelFit)>,
 }
@@ -53,7 +51,6 @@ struct Sight {
 /// as they are, unless the ball is bare.
 pub fn refine_ball(source: &impl FrameSource, setup: &ShotSetup, shot: &mut ShotTracks, spin: &BallSpin) -> Result<(), TrackingError> {
     let Some(contact) = shot.contact_frame else { return Ok(()) };
-    let Some(figure) = RacketFigure::of(setup.racket) else { return Ok(()) };
     let view = View::new(setup.rig);
     // A bare ball has no cover to learn; one whose lines are there but not understood is left alone.
     let turning = [&spin.before, &spin.after].map(|s| match s {
@@ -61,11 +58,10 @@ pub fn refine_ball(source: &impl FrameSource, setup: &ShotSetup, shot: &mut Shot
         SpinEstimate::Refused { reason: SpinRefusal::NoMarkings { .. } } => Some((Vector3::zeros(), false)),
         _ => None,
     });
-    let mut sights = sights(source, setup, &view, shot, contact, &turning)?;
+    let (left, right) = rayon::join(|| background(source, 0), || background(source, 1));
+    let mut sights = sights(source, setup, &view, shot, contact, &turning, &[left?, right?])?;
     let textured = turning.map(|t| t.is_some_and(|t| t.1));
-    let rim = Rim::new(BLUR_PX);
-    let (mut left, mut right): (Vec<&mut Sight>, Vec<&mut Sight>) = sights.iter_mut().partition(|s| s.camera == CameraId::Left);
-    rayon::join(|| measure(&mut left, &textured, &rim), || measure(&mut right, &textured, &rim));
+    measure(&mut sights, &textured);
     for sight in &sights {
         let Some(ball) = shot.ball.get_mut(sight.index).and_then(Option::as_mut) else { continue };
         if let (Some(point), Some(old)) = (believed(sight), ball.points[sight.camera.index()])
@@ -79,14 +75,14 @@ pub fn refine_ball(source: &impl FrameSource, setup: &ShotSetup, shot: &mut Shot
             }
         }
     }
-    renew(source, setup, shot, &view, &figure);
+    renew(source, setup, shot, &view);
     Ok(())
 }
 
 /// Writes the balls' points into the tracks and the space points.
-fn renew(source: &impl FrameSource, setup: &ShotSetup, shot: &mut ShotTracks, view: &View, figure: &RacketFigure) {
+fn renew(source: &impl FrameSource, setup: &ShotSetup, shot: &mut ShotTracks, view: &View) {
     shot.contact_frame = space_points::first_contact(source, &shot.racket, &shot.ball, setup.ball.radius_m());
-    shot.points = space_points::space_points(source, setup, view, figure, &shot.racket, &shot.ball, shot.contact_frame);
+    shot.points = space_points::space_points(source, setup, view, &shot.figure, &shot.racket, &shot.ball, shot.contact_frame);
     for index in 0..source.len() {
         let number = source.number(index);
         for camera in CameraId::BOTH {
@@ -106,6 +102,7 @@ fn sights(
     shot: &ShotTracks,
     contact: f64,
     turning: &[Option<(Vector3<f64>, bool)>; 2],
+    backgrounds: &[Option<GreyImage>; 2],
 ) -> Result<Vec<Sight>, TrackingError> {
     let mut out = Vec::new();
     let mut buffer = FrameBuffer::default();
@@ -125,10 +122,13 @@ fn sights(
             let Some(point) = ball.points[camera.index()] else { continue };
             let Some(radius_px) = outline_radius_px(view, camera, &ball.position, setup.ball.radius_m()) else { continue };
             if let Some((pixels, side, origin)) = crop(source, index, camera, &point.uv, radius_px, setup.rig.image_size, &mut buffer)? {
-                let turned = Rotation3::from_scaled_axis(omega * t).inverse();
-                let ball_from_camera = turned.matrix() * local_axes(setup, view, camera, ball).transpose();
-                let picture = BallPicture::new(pixels, side, origin, point.uv, radius_px, ball_from_camera, teaches);
-                out.push(Sight { index, camera, stretch, picture, fit: None });
+                let camera_from_global = local_axes(setup, view, camera, ball);
+                let ball_from_camera = Rotation3::from_scaled_axis(omega * t).inverse().matrix() * camera_from_global.transpose();
+                let behind = backgrounds[camera.index()].as_ref().and_then(|b| window(b, &origin, side));
+                let centre = point.uv;
+                let picture =
+                    BallPicture { pixels, behind, side, origin, centre, radius_px, camera_from_global, ball_from_camera, gain: 1.0, teaches, stretch };
+                out.push(Sight { index, camera, picture, fit: None });
             }
         }
     }
@@ -165,6 +165,14 @@ fn crop(
     Ok(pixels.map(|p| (p, side, Vector2::new(left, top))))
 }
 
+/// The same pixels of the median picture.
+fn window(image: &GreyImage, origin: &Vector2<f64>, side: usize) -> Option<Vec<f64>> {
+    let (left, top) = (origin.x as usize, origin.y as usize);
+    let row = |y: usize| image.pixels.get(y * image.width + left..y * image.width + left + side);
+    let rows: Option<Vec<&[u8]>> = (top..top + side).map(row).collect();
+    (left + side <= image.width).then_some(rows?.concat().into_iter().map(f64::from).collect())
+}
+
 /// Rows: right and down in the picture and away from the camera, at the ball, in global axes.
 fn local_axes(setup: &ShotSetup, view: &View, camera: CameraId, ball: &BallFrame) -> Matrix3<f64> {
     let away = (ball.position - view.eye(camera)).normalize();
@@ -173,31 +181,43 @@ fn local_axes(setup: &ShotSetup, view: &View, camera: CameraId, ball: &BallFrame
     Matrix3::from_rows(&[right.transpose(), away.cross(&right).transpose(), away.transpose()])
 }
 
-/// Learns the ball from one camera's pictures and fits every centre, in turns.
-fn measure(own: &mut [&mut Sight], textured: &[bool; 2], rim: &Rim) {
-    if own.iter().filter(|s| s.picture.teaches).count() < FEWEST {
+/// Learns the ball from both cameras' pictures and fits every centre, in turns.
+fn measure(sights: &mut [Sight], textured: &[bool; 2]) {
+    let mut lessons: Vec<Lesson> = sights.iter_mut().filter(|s| s.picture.teaches).map(|s| Lesson::new(&mut s.picture)).collect();
+    if lessons.len() < FEWEST {
         return;
     }
-    let mut textures = [BallTexture::bare(), BallTexture::bare()];
-    let mut light: Option<BallLight> = None;
-    for pass in 0..PASSES {
-        let mut stretches: [Vec<&mut BallPicture>; 2] = [Vec::new(), Vec::new()];
-        for s in own.iter_mut() {
-            stretches[s.stretch].push(&mut s.picture);
-        }
-        let (Some(noise), Some(now)) = (learn(&mut stretches, &mut textures, &mut light, textured), light) else { return };
-        let last = pass + 1 == PASSES;
-        // Before the last pass only what is learnt from needs better centres.
-        own.par_iter_mut().filter(|s| last || s.picture.teaches).for_each(|sight| {
-            let texture = &textures[sight.stretch];
-            let fit = sight.picture.fit(&now, texture, rim, noise, false);
-            if let Some(f) = fit.filter(|f| (f.centre - sight.picture.centre).norm() < FARTHEST_PX) {
-                sight.picture.centre = f.centre;
-                sight.picture.gain = f.gain;
+    let Some(mut learnt) = Learnt::start(&lessons) else { return };
+    for (pass, rounds) in ROUNDS.into_iter().enumerate() {
+        for _ in 0..rounds {
+            if learnt.improve(&mut lessons, textured).is_none() {
+                return;
             }
-            sight.fit = fit.and_then(|f| Some((f, if last { sight.picture.fit(&now, texture, rim, noise, true)? } else { f })));
-        });
+        }
+        // In the end every picture is measured, not only those that teach.
+        if pass + 1 < ROUNDS.len() {
+            lessons.par_iter_mut().for_each(|lesson| {
+                let model = learnt.model(lesson.picture.stretch);
+                let painted = lesson.picture.painted(&lesson.disc, model.light, model.texture);
+                if let Some(f) = lesson.picture.fit(&lesson.disc, &painted, &model, false)
+                    && (f.centre - lesson.picture.centre).norm() < FARTHEST_PX
+                {
+                    lesson.picture.centre = f.centre;
+                    lesson.picture.gain = f.gain;
+                }
+            });
+        }
     }
+    drop(lessons);
+    sights.par_iter_mut().for_each(|sight| {
+        let model = learnt.model(sight.picture.stretch);
+        let disc = BallDisc::new(sight.picture.radius_px);
+        let painted = sight.picture.painted(&disc, model.light, model.texture);
+        sight.fit = sight.picture.fit(&disc, &painted, &model, false).and_then(|f| {
+            (sight.picture.centre, sight.picture.gain) = (f.centre, f.gain);
+            Some((f, sight.picture.fit(&disc, &painted, &model, true)?))
+        });
+    });
 }
 
 /// The fitted centre, if it may be believed.

@@ -12,8 +12,10 @@ const COLUMNS: usize = 96;
 /// Reach of the smoothing kernel, rad (one standard deviation), and where it is cut off.
 const KERNEL_RAD: f64 = 0.07;
 const CUT_OFF: f64 = 2.8;
-/// Weight of "a bare ball" against the pixels of one picture (a pixel of usual brightness has weight 1).
+/// Weight of "as before" against the pixels of one picture (a pixel of usual brightness has weight 1).
 const PRIOR: f64 = 0.3;
+/// No cover is darker or brighter than this.
+const RANGE: (f64, f64) = (0.02, 2.5);
 
 /// Cells along the edge of a cube's face, and corners, of the table that is looked up: 3.75 degrees at a face's middle.
 const EDGE: usize = 32;
@@ -22,32 +24,57 @@ const CORNERS: usize = EDGE + 1;
 /// Brightness relative to a bare ball, in axes that turn with the ball.
 #[derive(Debug, Clone)]
 pub struct BallTexture {
+    /// Over latitude and longitude.
+    cells: Vec<f64>,
     /// At the corners of the cells on six faces of a cube.
     corners: Vec<f32>,
+}
+
+/// What pictures say against a texture, cell by cell: weighted misses of the relative brightness, and the weights.
+#[derive(Debug, Clone)]
+pub struct TextureSums(Vec<(f64, f64)>);
+
+impl Default for TextureSums {
+    fn default() -> Self {
+        TextureSums(vec![(0.0, 0.0); ROWS * COLUMNS])
+    }
+}
+
+impl TextureSums {
+    /// Adds a miss times its weight, and the weight, at a cell of [`cell_of`].
+    #[inline]
+    pub fn add(&mut self, cell: u16, weighted_miss: f64, weight: f64) {
+        if let Some(sum) = self.0.get_mut(usize::from(cell)) {
+            *sum = (sum.0 + weighted_miss, sum.1 + weight);
+        }
+    }
+
+    pub fn merge(&mut self, other: &TextureSums) {
+        self.0.iter_mut().zip(&other.0).for_each(|(a, b)| *a = (a.0 + b.0, a.1 + b.1));
+    }
+}
+
+/// The cell of a direction on the ball.
+pub fn cell_of(n: &Vector3<f64>) -> u16 {
+    let (row, column) = place(n);
+    ((row.round() as usize).min(ROWS - 1) * COLUMNS + (column.round() as usize) % COLUMNS) as u16
 }
 
 impl BallTexture {
     /// A bare ball.
     pub fn bare() -> Self {
-        BallTexture { corners: vec![1.0; 6 * CORNERS * CORNERS] }
+        BallTexture { cells: vec![1.0; ROWS * COLUMNS], corners: vec![1.0; 6 * CORNERS * CORNERS] }
     }
 
-    /// The weighted mean around every direction of (direction on the ball, relative brightness, weight).
-    pub fn of(samples: impl Iterator<Item = (Vector3<f64>, f64, f64)>) -> Self {
-        let mut sums = vec![(0.0, 0.0); ROWS * COLUMNS];
-        for (n, value, weight) in samples {
-            let (row, column) = place(&n);
-            let cell = &mut sums[(row.round() as usize).min(ROWS - 1) * COLUMNS + (column.round() as usize) % COLUMNS];
-            *cell = (cell.0 + weight * value, cell.1 + weight);
-        }
+    /// Moves every cell by the weighted mean miss around it.
+    pub fn correct(&mut self, sums: &TextureSums) {
         let lattice = LATTICE.get_or_init(Lattice::new);
-        let mut cells = Vec::with_capacity(ROWS * COLUMNS);
-        for kernel in &lattice.kernels {
+        for (row, kernel) in lattice.kernels.iter().enumerate() {
             for column in 0..COLUMNS {
-                let (mut sum, mut weight) = (PRIOR, PRIOR);
+                let (mut sum, mut weight) = (0.0, PRIOR);
                 for (row, shares) in kernel {
                     let reach = shares.len() / 2;
-                    let line = &sums[row * COLUMNS..(row + 1) * COLUMNS];
+                    let line = &sums.0[row * COLUMNS..(row + 1) * COLUMNS];
                     // Columns wrap around.
                     let first = (column + COLUMNS - reach) % COLUMNS;
                     for (share, cell) in shares.iter().zip(line[first..].iter().chain(line)) {
@@ -55,11 +82,12 @@ impl BallTexture {
                         weight += share * cell.1;
                     }
                 }
-                cells.push(sum / weight);
+                let cell = &mut self.cells[row * COLUMNS + column];
+                *cell = (*cell + sum / weight).clamp(RANGE.0, RANGE.1);
             }
         }
-        let corner = |(at, shares): &([usize; 4], [f64; 4])| at.iter().zip(shares).map(|(i, share)| cells[*i] * share).sum::<f64>() as f32;
-        BallTexture { corners: lattice.corners.iter().map(corner).collect() }
+        let corner = |(at, shares): &([usize; 4], [f64; 4])| at.iter().zip(shares).map(|(i, share)| self.cells[*i] * share).sum::<f64>() as f32;
+        self.corners = lattice.corners.iter().map(corner).collect();
     }
 
     /// Relative brightness in a direction (in the ball's axes, of any length), bilinear.
@@ -163,7 +191,10 @@ mod tests {
             let n = Vector3::new((1.0 - z * z).sqrt() * a.cos(), (1.0 - z * z).sqrt() * a.sin(), z);
             (n, band(&n), 1.0)
         });
-        let texture = BallTexture::of(many);
+        let mut sums = TextureSums::default();
+        many.for_each(|(n, value, weight)| sums.add(cell_of(&n), weight * (value - 1.0), weight));
+        let mut texture = BallTexture::bare();
+        texture.correct(&sums);
         for n in [Vector3::new(0.8, 0.0, -0.6), Vector3::y(), -Vector3::y()] {
             assert!(texture.at(&n) < 0.45, "{n}: {}", texture.at(&n));
         }

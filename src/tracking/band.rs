@@ -131,6 +131,8 @@ pub struct BandFit {
     pub covariance: Matrix2<f64>,
     pub white: f64,
     pub black: f64,
+    /// Mean square of the residuals, grey levels squared, and how many pixels it is of.
+    pub misfit: (f64, f64),
 }
 
 /// Residuals up to this share of the contrast are the model's own (tape not evenly white, pixels of finite size).
@@ -227,7 +229,7 @@ fn fit_in(pixels: &mut BandPixels, image: &GreyView, band: &BandView, shape: &Ba
             let turn = Matrix2::from_columns(&[band.along, band.across()]);
             let covariance = turn * c * turn.transpose();
             let sound = covariance[(0, 0)] > 0.0 && covariance[(1, 1)] > 0.0 && covariance.norm().is_finite();
-            return sound.then_some(BandFit { uv: band.centre + band.along * t0 + band.across() * s0, covariance, white, black });
+            return sound.then_some(BandFit { uv: band.centre + band.along * t0 + band.across() * s0, covariance, white, black, misfit: (variance, weight) });
         }
         // Huber's weights: 1.5 robust deviations (median / 0.6745) keep strings and edges behind from pulling. On a dark
         // curtain most pixels are black and the median is camera noise alone, so the limit also follows the contrast, with

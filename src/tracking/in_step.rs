@@ -131,7 +131,7 @@ fn offset_of(clip: &Clip, setup: &ShotSetup, tracked: &ShotTracks) -> Option<Off
 /// By how many frames the right camera's pictures are late, from the ball and the tape in both views.
 pub fn offset(source: &impl FrameSource, setup: &ShotSetup, tracked: &ShotTracks) -> Option<Offset> {
     let view = View::new(setup.rig);
-    let figure = super::RacketFigure::of(setup.racket)?;
+    let figure = &tracked.figure;
     // Image points of a frame by camera and target; tape moved from its visible patch to the tube's axis, which both
     // cameras share.
     let seen = |index: usize| -> [[Option<(Vector2<f64>, f64)>; 6]; 2] {

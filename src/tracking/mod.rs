@@ -3,7 +3,10 @@
 //! Comes in: frames, a stereo rig, the racket's marker figure. Goes out: [`Tracks`] with an uncertainty per point.
 
 mod background;
+mod ball_disc;
 mod ball_fit;
+mod ball_learn;
+mod ball_light;
 mod ball_model;
 mod ball_refine;
 mod ball_search;
@@ -28,6 +31,7 @@ mod shot_spin;
 mod shot_tracker;
 mod space_points;
 pub mod spin;
+mod throat;
 mod track_file;
 
 pub use ball_refine::refine_ball;

@@ -51,7 +51,7 @@ impl RacketFigure {
     }
 
     /// Markers between head and shaft, off the racket's axis: the tube's bend is known on the head only.
-    fn in_throat(&self) -> impl Iterator<Item = usize> {
+    pub fn in_throat(&self) -> impl Iterator<Item = usize> {
         (0..self.points.len()).filter(|&k| self.bend[k] == Vector3::zeros() && self.points[k].y != 0.0)
     }
 

@@ -13,6 +13,7 @@ use super::racket_search;
 use super::racket_track::{self, RacketFrame, RacketScene};
 use super::recording::{self, Fingerprint, Fingerprints};
 use super::space_points;
+use super::throat::ThroatEvidence;
 use super::track_file::{PointState, SpacePoint, Target, TrackPoint, Tracks};
 use crate::calibration::{CameraId, StereoRig};
 use crate::equipment::{Ball, Racket};
@@ -51,6 +52,8 @@ pub enum TrackingError {
 /// Everything tracking knows about a shot.
 #[derive(Debug, Clone)]
 pub struct ShotTracks {
+    /// The racket's figure, with the tubes' direction in the throat as seen.
+    pub figure: RacketFigure,
     pub tracks: Tracks,
     /// By frame index of the clip.
     pub racket: Vec<Option<RacketFrame>>,
@@ -80,6 +83,8 @@ const PATIENCE: usize = 6;
 const LEAST_APPROACH_M: f64 = 0.06;
 /// A score (below) at which no other ball is looked for: at the racket and 0.2 m farther away before, or much farther.
 const CLEAR_SCORE: f64 = 0.13;
+/// Frames whose pictures are asked for the direction of the throat.
+const THROAT_FRAMES: usize = 8;
 /// Longest gap in the ball's track that is looked into again, frames.
 const FILLED: f64 = 6.0;
 /// Least share of the usual contrast that still counts as tape.
@@ -94,8 +99,10 @@ pub fn track_shot(source: &impl FrameSource, setup: &ShotSetup, cancel: &AtomicB
     let view = View::new(setup.rig);
     let focus = view.focus().ok_or(TrackingError::NoVolume)?;
     let shape = BandShape::default();
-    let mut shot = Shot { source, setup, view: &view, figure: &figure, shape, focus, cancel, progress, stale: Vec::new(), broken: Mutex::default() };
+    let mut shot = Shot { source, setup, view: &view, figure, shape, focus, cancel, progress, stale: Vec::new(), broken: Mutex::default() };
     let start = shot.acquire_racket()?;
+    // One frame tells the throat's direction to a degree or two, and the bands are followed with it; several tell it better.
+    let start = shot.turn_throat(start)?;
     let (mut racket, prints) = shot.follow_racket(&start)?;
     shot.stale = recording::repeated(&prints);
     let mut notes = recording::notes(source, &shot.stale);
@@ -105,6 +112,11 @@ pub fn track_shot(source: &impl FrameSource, setup: &ShotSetup, cancel: &AtomicB
         *stale = [stale[0] || washed_out[0], stale[1] || washed_out[1]];
     }
     shot.remeasure_stale(&start, &mut racket)?;
+    let seen: Vec<(usize, &RacketFrame)> = racket.iter().enumerate().filter_map(|(i, r)| Some((i, r.as_ref().filter(|r| r.stereo())?))).collect();
+    if let Some(figure) = shot.throat_of(&seen)? {
+        shot.figure = figure;
+    }
+    let figure = shot.figure.clone();
     racket_track::settle_deviations(&view, &figure, &mut racket);
     notes.extend(recording::dark_or_bright(source, &means));
     let ball = shot.find_and_follow_ball(&racket)?;
@@ -113,14 +125,14 @@ pub fn track_shot(source: &impl FrameSource, setup: &ShotSetup, cancel: &AtomicB
     let points = space_points::space_points(source, setup, &view, &figure, &racket, &ball, contact_frame);
     let tracks = named(source, &racket, &ball);
     let unreadable = shot.broken.into_inner().unwrap_or_default().into_values().collect();
-    Ok(ShotTracks { tracks, racket, ball, points, contact_frame, notes, unreadable })
+    Ok(ShotTracks { figure, tracks, racket, ball, points, contact_frame, notes, unreadable })
 }
 
 struct Shot<'a, S: FrameSource> {
     source: &'a S,
     setup: &'a ShotSetup<'a>,
     view: &'a View<'a>,
-    figure: &'a RacketFigure,
+    figure: RacketFigure,
     shape: BandShape,
     focus: Point3<f64>,
     cancel: &'a AtomicBool,
@@ -149,7 +161,7 @@ struct RacketStart {
 
 impl<S: FrameSource> Shot<'_, S> {
     fn scene(&self) -> RacketScene<'_> {
-        RacketScene { view: self.view, figure: self.figure, shape: &self.shape }
+        RacketScene { view: self.view, figure: &self.figure, shape: &self.shape }
     }
 
     fn check_cancelled(&self) -> Result<(), TrackingError> {
@@ -233,7 +245,7 @@ impl<S: FrameSource> Shot<'_, S> {
             for c in 0..2 {
                 most[c] = most[c].max(candidates[c].len());
             }
-            let Some(found) = racket_search::search(self.view, self.figure, &candidates) else { continue };
+            let Some(found) = racket_search::search(self.view, &self.figure, &candidates) else { continue };
             if let Some(start) = self.confirm(index, &images, &found.global_from_racket) {
                 return Ok(start);
             }
@@ -260,7 +272,7 @@ impl<S: FrameSource> Shot<'_, S> {
             let image = images[camera.index()].as_ref()?;
             let mut contrasts: Vec<f64> = (0..5)
                 .filter(|m| frame.points[camera.index()][*m].is_some())
-                .filter_map(|m| BandView::at(self.view, self.figure, &frame.pose.global_from_racket, camera, m)?.contrast(image, &self.shape, 0.0, 0.0))
+                .filter_map(|m| BandView::at(self.view, &self.figure, &frame.pose.global_from_racket, camera, m)?.contrast(image, &self.shape, 0.0, 0.0))
                 .collect();
             contrasts.sort_by(f64::total_cmp);
             least_contrast[camera.index()] = LEAST_CONTRAST * contrasts.get(contrasts.len() / 2)?;
@@ -286,6 +298,35 @@ impl<S: FrameSource> Shot<'_, S> {
             }
         }
         Ok((all, prints))
+    }
+
+    /// The start with the throat's direction as its pictures show it.
+    fn turn_throat(&mut self, start: RacketStart) -> Result<RacketStart, TrackingError> {
+        let Some(figure) = self.throat_of(&[(start.index, &start.frame)])? else { return Ok(start) };
+        let before = std::mem::replace(&mut self.figure, figure);
+        let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
+        let images = self.read(start.index, &mut buffers)?;
+        Ok(match self.confirm(start.index, &images, &start.frame.pose.global_from_racket) {
+            Some(again) => again,
+            None => {
+                self.figure = before;
+                start
+            }
+        })
+    }
+
+    /// The figure with the throat's direction as the pictures of a few of these frames show it.
+    fn throat_of(&self, frames: &[(usize, &RacketFrame)]) -> Result<Option<RacketFigure>, TrackingError> {
+        let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
+        let mut evidence = ThroatEvidence::default();
+        let looked_at = frames.len().min(THROAT_FRAMES);
+        for k in 0..looked_at {
+            let (index, frame) = frames[k * frames.len() / looked_at];
+            let rows = CameraId::BOTH.map(|c| self.scene().rows(c, &frame.pose.global_from_racket, 1));
+            let images = self.read_rows(index, rows, &mut buffers)?;
+            evidence.add(&self.scene(), &images, frame);
+        }
+        Ok(evidence.angle(&self.figure).map(|(angle, _)| self.figure.with_throat(angle)))
     }
 
     /// Measures the frames with a stale picture again, from the other camera alone.
@@ -334,7 +375,7 @@ impl<S: FrameSource> Shot<'_, S> {
             {
                 // Lost: search the whole pictures again.
                 let candidates = self.band_candidates(l, r);
-                found = racket_search::search(self.view, self.figure, &candidates)
+                found = racket_search::search(self.view, &self.figure, &candidates)
                     .and_then(|p| racket_track::measure(&scene, &images, &p.global_from_racket, 2, &start.least_contrast))
                     .filter(|f| f.count() >= 6)
                     .map(|f| face::nearest_twin(f, &last.1));

@@ -1,0 +1,140 @@
+//! Light on the ball: from all around and from one direction, fading toward the limb as felt does. One light in global
+//! axes serves both cameras and both stretches of flight.
+
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+
+/// How much darker or brighter than by Lambert's law the limb may be: beyond this it is no felt.
+const LIMB: (f64, f64) = (-0.5, 0.8);
+/// Light tried first, in one camera's axes: from the camera, from above, from either side, from behind either side.
+const STARTS: [[f64; 3]; 6] = [[0.0, -0.3, -0.95], [0.0, -0.95, -0.3], [0.7, -0.6, -0.4], [-0.7, -0.6, -0.4], [0.7, -0.6, 0.4], [-0.7, -0.6, 0.4]];
+
+/// Brightness in a direction `n` (outward normal) seen along `z`: (ambient + max(0, n·light)) (1 − limb (1 + n·z)).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BallLight {
+    pub ambient: f64,
+    /// Toward the light, global axes, with its strength, grey levels.
+    pub light: Vector3<f64>,
+    /// Share of the brightness that is missing at the limb.
+    pub limb: f64,
+}
+
+/// A clear pixel of the ball: normal in global axes, the same normal's share along the line of sight (−1 at the disc's middle,
+/// 0 at the limb), grey level, what gain and cover make of the light, weight.
+pub struct LitPixel {
+    pub normal: Vector3<f64>,
+    pub along_sight: f64,
+    pub grey: f64,
+    pub relief: f64,
+    pub weight: f64,
+}
+
+/// Normal equations of one step toward a better light.
+#[derive(Debug, Clone, Copy)]
+pub struct LightSums {
+    h: SMatrix<f64, 5, 5>,
+    g: SVector<f64, 5>,
+    cost: f64,
+    count: f64,
+}
+
+impl Default for LightSums {
+    fn default() -> Self {
+        LightSums { h: SMatrix::zeros(), g: SVector::zeros(), cost: 0.0, count: 0.0 }
+    }
+}
+
+impl LightSums {
+    pub fn add(&mut self, light: &BallLight, p: &LitPixel) {
+        let direct = p.normal.dot(&light.light);
+        let toward_limb = 1.0 + p.along_sight;
+        let (fall, base) = (1.0 - light.limb * toward_limb, light.ambient + direct.max(0.0));
+        let n = if direct > 0.0 { p.normal * fall } else { Vector3::zeros() };
+        let row = SVector::<f64, 5>::new(fall, n.x, n.y, n.z, -base * toward_limb) * p.relief;
+        let residual = p.grey - base * fall * p.relief;
+        self.h += row * row.transpose() * p.weight;
+        self.g += row * (residual * p.weight);
+        self.cost += residual * residual * p.weight;
+        self.count += 1.0;
+    }
+
+    pub fn merge(&mut self, other: &LightSums) {
+        self.h += other.h;
+        self.g += other.g;
+        self.cost += other.cost;
+        self.count += other.count;
+    }
+
+    /// The light after one step of Gauss and Newton.
+    pub fn step(&self, light: &BallLight) -> Option<BallLight> {
+        if self.count < 60.0 {
+            return None;
+        }
+        let mut h = self.h;
+        for k in 0..5 {
+            h[(k, k)] += 1e-6 * (1.0 + h[(k, k)]);
+        }
+        let s = h.cholesky()?.solve(&self.g);
+        let next =
+            BallLight { ambient: light.ambient + s[0], light: light.light + Vector3::new(s[1], s[2], s[3]), limb: (light.limb + s[4]).clamp(LIMB.0, LIMB.1) };
+        (next.ambient.is_finite() && next.light.norm().is_finite() && next.limb.is_finite()).then_some(next)
+    }
+}
+
+impl BallLight {
+    /// Brightness at a normal given in a camera's axes (z away from the camera), for the light in the same axes.
+    #[inline]
+    pub fn at(&self, normal: &Vector3<f64>, light_in_camera: &Vector3<f64>) -> f64 {
+        (self.ambient + normal.dot(light_in_camera).max(0.0)).max(0.0) * (1.0 - self.limb * (1.0 + normal.z))
+    }
+
+    /// What a usual place of the lit side shows, grey levels.
+    pub fn usual(&self) -> f64 {
+        (self.ambient + 0.5 * self.light.norm()).max(1.0)
+    }
+
+    pub fn scaled(&self, by: f64) -> BallLight {
+        BallLight { ambient: self.ambient * by, light: self.light * by, limb: self.limb }
+    }
+
+    /// The light that explains clear pixels of a ball without a cover best; `axes` are one camera's (rows, in global axes).
+    /// Which pixels are lit depends on the answer, so there are several starts.
+    pub fn of(pixels: &[LitPixel], axes: &Matrix3<f64>) -> Option<BallLight> {
+        let mut best: Option<(f64, BallLight)> = None;
+        for start in STARTS {
+            let mut light = BallLight { ambient: 40.0, light: axes.tr_mul(&Vector3::from(start)) * 100.0, limb: 0.0 };
+            let mut cost = f64::INFINITY;
+            for _ in 0..10 {
+                let mut sums = LightSums::default();
+                pixels.iter().for_each(|p| sums.add(&light, p));
+                cost = sums.cost;
+                let Some(next) = sums.step(&light) else { break };
+                light = next;
+            }
+            if cost.is_finite() && best.is_none_or(|b| cost < b.0) {
+                best = Some((cost, light));
+            }
+        }
+        best.map(|b| b.1)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn truth_direct_light_ambient_and_limb_are_found() {
+        let truth = BallLight { ambient: 60.0, light: Vector3::new(50.0, 90.0, -30.0), limb: 0.2 };
+        let axes = Matrix3::new(0.8, 0.0, 0.6, 0.0, -1.0, 0.0, 0.6, 0.0, -0.8);
+        let pixels: Vec<LitPixel> = (0..900)
+            .filter_map(|i| {
+                let (x, y) = ((i % 30) as f64 / 15.0 - 0.97, (i / 30) as f64 / 15.0 - 0.97);
+                let q = x * x + y * y;
+                (q < 0.85).then(|| Vector3::new(x, y, -(1.0 - q).sqrt()))
+            })
+            .map(|n| LitPixel { normal: axes.tr_mul(&n), along_sight: n.z, grey: truth.at(&n, &(axes * truth.light)), relief: 1.0, weight: 1.0 })
+            .collect();
+        let found = BallLight::of(&pixels, &axes).expect("a light");
+        assert!((found.light - truth.light).norm() < 1.0 && (found.ambient - 60.0).abs() < 0.5 && (found.limb - 0.2).abs() < 0.01, "{found:?}");
+    }
+}

@@ -49,9 +49,10 @@ impl Camera {
         }
         let (x, y, iz) = (p.x / p.z, p.y / p.z, 1.0 / p.z);
         let (d, jd) = self.distort(x, y);
-        let jn = Matrix2x3::new(iz, 0.0, -x * iz, 0.0, iz, -y * iz);
-        let scale = Matrix2::new(self.fx, 0.0, 0.0, self.fy);
-        Some((Vector2::new(self.fx * d.x + self.cx, self.fy * d.y + self.cy), scale * jd * jn))
+        let j = Matrix2::new(self.fx * iz, 0.0, 0.0, self.fy * iz) * jd;
+        // x and y are px/pz and py/pz: the column of pz follows from the other two.
+        let by_depth = -(j * Vector2::new(x, y));
+        Some((Vector2::new(self.fx * d.x + self.cx, self.fy * d.y + self.cy), Matrix2x3::from_columns(&[j.column(0).into_owned(), j.column(1).into_owned(), by_depth])))
     }
 
     /// Normalised, undistorted coordinates of a pixel (Newton's method; `None` where the distortion cannot be inverted).

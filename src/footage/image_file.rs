@@ -125,9 +125,11 @@ pub fn numbered_images(folder: &Path) -> Result<Vec<(u64, PathBuf)>, FootageErro
     let unreadable = |source| FootageError::Unreadable { path: folder.into(), source };
     let mut found = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(unreadable)? {
-        let path = entry.map_err(unreadable)?.path();
-        let Some(name) = path.file_name().map(|n| n.to_string_lossy().into_owned()) else { continue };
-        if name.starts_with('.') || !path.is_file() || !is_picture(&path) {
+        let entry = entry.map_err(unreadable)?;
+        let (name, path) = (entry.file_name().to_string_lossy().into_owned(), entry.path());
+        // The folder itself says what most entries are; only a link must be followed.
+        let is_file = || entry.file_type().map_or(true, |t| if t.is_symlink() { path.is_file() } else { t.is_file() });
+        if name.starts_with('.') || !is_file() || !is_picture(&path) {
             continue;
         }
         if found.len() == MAX_PICTURES {

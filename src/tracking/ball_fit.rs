@@ -8,13 +8,12 @@
 //! (Tried and left: nine spherical harmonics for the whole disc, which drawn lines pulled by up to 1 px; free brightening
 //! in every sector, 0.25 px; a ring wider than 2 px inside, where the panels' borders are.)
 
+use super::ball_ring::{BallRing, RingModel, SectorSums};
 use super::ball_shading::{LimbProfile, SECTORS};
 use crate::footage::GreyView;
 use nalgebra::{Matrix2, Vector2};
+use std::cell::RefCell;
 
-/// Ring looked at, px inside and outside the outline.
-const INSIDE_PX: f64 = 1.6;
-const OUTSIDE_PX: f64 = 2.3;
 const ROUNDS: usize = 10;
 /// What one sector is good to beyond its noise, px: lines and panels that touch the outline.
 const SECTOR_SD_PX: f64 = 0.12;
@@ -36,25 +35,7 @@ pub struct BallFit {
     pub edge: f64,
 }
 
-#[derive(Clone, Copy, Default)]
-struct Sector {
-    /// Surroundings, ball.
-    levels: [f64; 2],
-    // Weighted sums over the pixels: a = (1 - disc, ball), j = slope outward of the model, r = residual.
-    aa: [f64; 3],
-    aj: [f64; 2],
-    ar: [f64; 2],
-    jj: f64,
-    jr: f64,
-    weight: f64,
-    chi: f64,
-}
-
-impl Sector {
-    fn clear(&mut self) {
-        *self = Sector { levels: self.levels, ..Sector::default() };
-    }
-
+impl SectorSums {
     /// Inverse of the normal matrix of the two levels.
     fn inverse(&self) -> [f64; 3] {
         let (a, b, c) = (self.aa[0] + 1e-3, self.aa[1], self.aa[2] + 1e-3);
@@ -71,11 +52,11 @@ impl Sector {
         (h, (g / h).clamp(-1.5, 1.5))
     }
 
-    fn settle_levels(&mut self, shift: f64) {
+    /// How the two levels change when the outline moves outward by `shift`, px.
+    fn change_of_levels(&self, shift: f64) -> [f64; 2] {
         let [p, q, s] = self.inverse();
         let g = [self.ar[0] - self.aj[0] * shift, self.ar[1] - self.aj[1] * shift];
-        self.levels[0] += p * g[0] + q * g[1];
-        self.levels[1] += q * g[0] + s * g[1];
+        [p * g[0] + q * g[1], q * g[0] + s * g[1]]
     }
 
     fn variance(&self) -> f64 {
@@ -86,6 +67,13 @@ impl Sector {
 /// Fits the centre, starting at `start`. `None` when the ball leaves the picture, the fit runs away, or the picture does
 /// not determine the centre.
 pub fn fit(image: &GreyView, start: Vector2<f64>, radius_px: f64, profile: &LimbProfile) -> Option<BallFit> {
+    thread_local! {
+        static RING: RefCell<BallRing> = RefCell::default();
+    }
+    RING.with_borrow_mut(|ring| fit_in(ring, image, start, radius_px, profile))
+}
+
+fn fit_in(ring: &mut BallRing, image: &GreyView, start: Vector2<f64>, radius_px: f64, profile: &LimbProfile) -> Option<BallFit> {
     if !(2.5..200.0).contains(&radius_px) {
         return None;
     }
@@ -93,15 +81,20 @@ pub fn fit(image: &GreyView, start: Vector2<f64>, radius_px: f64, profile: &Limb
         let a = std::f64::consts::TAU * (k as f64 + 0.5) / SECTORS as f64;
         Vector2::new(a.cos(), a.sin())
     });
-    let (inner, outer) = (radius_px - INSIDE_PX, radius_px + OUTSIDE_PX);
+    ring.reset(radius_px);
     let mut centre = start;
-    let mut sectors = [Sector::default(); SECTORS];
+    let mut levels = [[0.0; 2]; SECTORS];
     let mut scale = f64::INFINITY;
     for round in 0..ROUNDS {
-        sectors.iter_mut().for_each(Sector::clear);
-        gather(image, centre, (inner, outer, radius_px), profile, scale, &mut sectors)?;
+        let sectors = ring.sums(image, &RingModel { centre, profile, levels: &levels, scale })?;
+        let mut settle = |step: &Vector2<f64>| {
+            for ((levels, sector), u) in levels.iter_mut().zip(&sectors).zip(&directions) {
+                let change = sector.change_of_levels(u.dot(step));
+                *levels = [levels[0] + change[0], levels[1] + change[1]];
+            }
+        };
         if round == 0 {
-            sectors.iter_mut().for_each(|s| s.settle_levels(0.0));
+            settle(&Vector2::zeros());
             continue;
         }
         let mut variances = sectors.map(|s| s.variance());
@@ -118,59 +111,15 @@ pub fn fit(image: &GreyView, start: Vector2<f64>, radius_px: f64, profile: &Limb
         if (centre - start).norm() > 0.8 * radius_px || !centre.norm().is_finite() {
             return None;
         }
-        for (s, u) in sectors.iter_mut().zip(&directions) {
-            s.settle_levels(u.dot(&step));
-        }
+        settle(&step);
         scale = (2.0 * usual.sqrt()).max(1.0);
         if round > 3 && step.norm() < 0.004 || round + 1 == ROUNDS {
-            let edge = sectors.iter().map(|s| (s.levels[1] * profile.at(-1.0, 0).map_or(1.0, |l| l.ball) - s.levels[0]).abs()).sum::<f64>() / SECTORS as f64;
+            let limb = profile.at(-1.0, 0).map_or(1.0, |l| f64::from(l.ball));
+            let edge = levels.iter().map(|l| (l[1] * limb - l[0]).abs()).sum::<f64>() / SECTORS as f64;
             return Some(BallFit { uv: centre, covariance: agreed.covariance, outline: agreed.share, residual: usual.sqrt(), edge });
         }
     }
     None
-}
-
-/// Sums over the pixels of the ring; `None` when the ring leaves the picture.
-fn gather(image: &GreyView, centre: Vector2<f64>, ring: (f64, f64, f64), profile: &LimbProfile, scale: f64, sectors: &mut [Sector; SECTORS]) -> Option<()> {
-    let (inner, outer, radius_px) = ring;
-    let (x0, x1) = ((centre.x - outer).ceil() as i64, (centre.x + outer).floor() as i64);
-    let (y0, y1) = ((centre.y - outer).ceil() as i64, (centre.y + outer).floor() as i64);
-    if !image.contains(x0, y0, x1, y1) {
-        return None;
-    }
-    let (inner2, outer2) = (inner.max(0.0).powi(2), outer * outer);
-    for y in y0..=y1 {
-        let row = image.row(y as usize)?;
-        let dy = y as f64 - centre.y;
-        for x in x0..=x1 {
-            let dx = x as f64 - centre.x;
-            let rho2 = dx * dx + dy * dy;
-            if rho2 > outer2 || rho2 < inner2 {
-                continue;
-            }
-            let rho = rho2.sqrt();
-            let k = sector_of(dx, dy);
-            let s = &mut sectors[k];
-            let limb = profile.at(rho - radius_px, k)?;
-            let a = [1.0 - limb.disc, limb.ball];
-            let r = f64::from(*row.get(x as usize)?) - a[0] * s.levels[0] - a[1] * s.levels[1];
-            // Moving the centre toward a pixel lessens the pixel's distance.
-            let j = limb.disc_slope * s.levels[0] - limb.ball_slope * s.levels[1];
-            let w = if r.abs() <= scale { 1.0 } else { scale / r.abs() };
-            s.aa[0] += w * a[0] * a[0];
-            s.aa[1] += w * a[0] * a[1];
-            s.aa[2] += w * a[1] * a[1];
-            s.aj[0] += w * a[0] * j;
-            s.aj[1] += w * a[1] * j;
-            s.ar[0] += w * a[0] * r;
-            s.ar[1] += w * a[1] * r;
-            s.jj += w * j * j;
-            s.jr += w * j * r;
-            s.weight += w;
-            s.chi += w * r * r;
-        }
-    }
-    Some(())
 }
 
 struct Agreed {
@@ -183,12 +132,13 @@ struct Agreed {
 fn agree(directions: &[Vector2<f64>; SECTORS], seen: &[(f64, f64); SECTORS], tukey: f64) -> Option<Agreed> {
     let mut shift = Vector2::zeros();
     let mut out = None;
-    for round in 0..5 {
+    // Without a limit all count the same, and the first round is the answer.
+    for round in 0..if tukey.is_infinite() { 1 } else { 5 } {
         let (mut h, mut g) = (Matrix2::zeros(), Vector2::zeros());
         let (mut chi, mut weight, mut good) = (0.0, 0.0, 0);
         for (u, (d, variance)) in directions.iter().zip(seen) {
             let z = (d - u.dot(&shift)) / variance.sqrt();
-            let w = if round == 0 || tukey.is_infinite() { 1.0 } else { (1.0 - (z / tukey).powi(2)).max(0.0).powi(2) };
+            let w = if round == 0 { 1.0 } else { (1.0 - (z / tukey).powi(2)).max(0.0).powi(2) };
             h += u * u.transpose() * (w / variance);
             g += u * (d * w / variance);
             chi += w * z * z;
@@ -202,32 +152,4 @@ fn agree(directions: &[Vector2<f64>; SECTORS], seen: &[(f64, f64); SECTORS], tuk
         out = Some(Agreed { shift, covariance: inverse * scatter, share: good as f64 / SECTORS as f64 });
     }
     out.filter(|o| o.covariance[(0, 0)] > 0.0 && o.covariance[(1, 1)] > 0.0 && o.covariance.norm().is_finite())
-}
-
-/// Sector of a direction, counted from +x toward +y, without an arc tangent: the borders are lines of known slope.
-#[inline]
-fn sector_of(dx: f64, dy: f64) -> usize {
-    // Tangents of 15, 30, ... 75 degrees.
-    const SLOPES: [f64; SECTORS / 4 - 1] = [0.267_949_192_431_122_7, 0.577_350_269_189_625_8, 1.0, 1.732_050_807_568_877_2, 3.732_050_807_568_877];
-    // Turned back into the first quadrant.
-    let (quadrant, x, y) = match (dx >= 0.0, dy >= 0.0) {
-        (true, true) => (0, dx, dy),
-        (false, true) => (1, dy, -dx),
-        (false, false) => (2, -dx, -dy),
-        (true, false) => (3, -dy, dx),
-    };
-    quadrant * (SECTORS / 4) + SLOPES.iter().map(|slope| usize::from(y >= slope * x)).sum::<usize>()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn agrees_with_the_arc_tangent() {
-        for k in 0..3600 {
-            let a = std::f64::consts::TAU * (k as f64 + 0.5) / 3600.0;
-            assert_eq!(sector_of(7.0 * a.cos(), 7.0 * a.sin()), (a / std::f64::consts::TAU * SECTORS as f64) as usize, "{k}");
-        }
-    }
 }

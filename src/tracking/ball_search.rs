@@ -14,14 +14,14 @@ pub struct BallCandidate {
 /// Most candidates kept per picture.
 const MOST: usize = 16;
 /// A gradient counts up to this, grey levels over two pixels: bright clutter must not outvote a pale ball.
-const CAP: f64 = 30.0;
+const CAP: f32 = 30.0;
 /// Less is noise, grey levels over two pixels.
-const LEAST: f64 = 6.0;
+const LEAST: f32 = 6.0;
 /// A pixel belongs to something that moves when it or a neighbour differs from the background by this, in mean differences
 /// of the whole picture (most of it is still, so that is the noise) plus a few grey levels.
 const MOVING: (f64, f64) = (3.0, 5.0);
 
-/// A box of pixels, inclusive.
+/// A box of pixels, inclusive; empty where it ends before it begins.
 #[derive(Debug, Clone, Copy)]
 struct Region {
     x0: i64,
@@ -43,20 +43,20 @@ impl Region {
 /// Candidates in a whole picture, most votes first; only what differs from the background votes.
 pub fn candidates(image: &GreyView, background: &GreyImage, radius_px: f64) -> Vec<BallCandidate> {
     let (w, h) = (image.width, image.height);
-    if background.width != w || background.height != h || image.rows != h || !(2.5..100.0).contains(&radius_px) {
+    if w < 3 || h < 3 || background.width != w || background.height != h || image.rows != h || !(2.5..100.0).contains(&radius_px) {
         return Vec::new();
     }
     let moving = moving(image, background);
     let region = Region { x0: 0, y0: 0, x1: w as i64 - 1, y1: h as i64 - 1 };
-    let votes = vote(image, radius_px, &region, &region, |x, y| moving[y as usize * w + x as usize]);
+    let votes = vote(image, radius_px, &region, &region, Some(&moving));
     let (least, gap) = (2.0 * radius_px, (0.5 * radius_px) as i64);
     let mut found: Vec<BallCandidate> = Vec::new();
-    for y in 1..h - 1 {
-        for x in 1..w - 1 {
-            let v = votes[y * w + x];
+    for y in votes.place.y0..=votes.place.y1 {
+        for x in votes.place.x0..=votes.place.x1 {
+            let v = votes.at(x, y);
             // A ball with a third of its outline against other grey gives about 2 votes for each pixel of radius.
-            if v > least && (y - 1..=y + 1).all(|j| (x - 1..=x + 1).all(|i| votes[j * w + i] <= v)) {
-                found.push(BallCandidate { uv: Vector2::new(x as f64, y as f64), votes: v });
+            if f64::from(v) > least && (y - 1..=y + 1).all(|j| (x - 1..=x + 1).all(|i| votes.at(i, j) <= v)) {
+                found.push(BallCandidate { uv: Vector2::new(x as f64, y as f64), votes: f64::from(v) });
             }
         }
     }
@@ -82,82 +82,126 @@ pub fn nearby(image: &GreyView, centre: Vector2<f64>, radius_px: f64, reach_px: 
     if !image.contains(pixels.x0, pixels.y0, pixels.x1, pixels.y1) {
         return None;
     }
-    let votes = vote(image, radius_px, &pixels, &centres, |_, _| true);
-    let w = centres.width();
+    let votes = vote(image, radius_px, &pixels, &centres, None);
     let mut best = (0.0, centre);
-    for j in 1..centres.height() - 1 {
-        for i in 1..w - 1 {
-            let v = votes[j * w + i];
+    for y in votes.place.y0..=votes.place.y1 {
+        for x in votes.place.x0..=votes.place.x1 {
+            let v = votes.at(x, y);
             if v > best.0 {
-                best = (v, Vector2::new((centres.x0 + i as i64) as f64, (centres.y0 + j as i64) as f64));
+                best = (v, Vector2::new(x as f64, y as f64));
             }
         }
     }
     Some(best.1)
 }
 
-/// Votes of the gradients in `pixels` for centres in `centres`, smoothed over 3x3.
-fn vote(image: &GreyView, radius_px: f64, pixels: &Region, centres: &Region, counts: impl Fn(i64, i64) -> bool) -> Vec<f64> {
-    let (w, h) = (centres.width(), centres.height());
-    let mut raw = vec![0.0f64; w * h];
-    let x_range = pixels.x0.max(1)..=pixels.x1.min(image.width as i64 - 2);
+/// Smoothed votes of a box of centres; none elsewhere.
+struct Votes {
+    place: Region,
+    votes: Vec<f32>,
+}
+
+impl Votes {
+    #[inline]
+    fn at(&self, x: i64, y: i64) -> f32 {
+        let p = &self.place;
+        if x < p.x0 || x > p.x1 || y < p.y0 || y > p.y1 {
+            return 0.0;
+        }
+        self.votes[(y - p.y0) as usize * p.width() + (x - p.x0) as usize]
+    }
+}
+
+/// Votes of the gradients in `pixels` (of a whole picture's mask those that are not zero) for centres in `centres`, smoothed over
+/// 3x3; the border of `centres` only gives to its neighbours.
+fn vote(image: &GreyView, radius_px: f64, pixels: &Region, centres: &Region, mask: Option<&[u8]>) -> Votes {
+    let w = centres.width();
+    let mut raw = vec![0.0f32; w * centres.height()];
+    // Where votes fell.
+    let mut seen = Region { x0: centres.x1, y0: centres.y1, x1: centres.x0, y1: centres.y0 };
+    let radius = radius_px as f32;
+    let (x0, x1) = (pixels.x0.max(1) as usize, pixels.x1.min(image.width as i64 - 2));
     for y in pixels.y0.max(image.first_row as i64 + 1)..=pixels.y1.min((image.first_row + image.rows) as i64 - 2) {
         let rows = [y - 1, y, y + 1].map(|r| image.row(r as usize));
         let [Some(above), Some(here), Some(below)] = rows else { continue };
-        for x in x_range.clone() {
-            if !counts(x, y) {
+        let counts = mask.map(|m| &m[y as usize * image.width..][..image.width]);
+        let mut next = x0;
+        while next as i64 <= x1 {
+            let i = next;
+            next += 1;
+            if let Some(counts) = counts
+                && counts[i] == 0
+            {
+                // Most of the picture is still: eight pixels at once.
+                while counts.get(next..next + 8).is_some_and(|eight| eight == [0; 8]) {
+                    next += 8;
+                }
                 continue;
             }
-            let i = x as usize;
-            let gx = f64::from(here[i + 1]) - f64::from(here[i - 1]);
-            let gy = f64::from(below[i]) - f64::from(above[i]);
+            let gx = f32::from(here[i + 1]) - f32::from(here[i - 1]);
+            let gy = f32::from(below[i]) - f32::from(above[i]);
             let g = (gx * gx + gy * gy).sqrt();
             if g < LEAST {
                 continue;
             }
             let weight = g.min(CAP) / CAP;
-            let (dx, dy) = (gx / g * radius_px, gy / g * radius_px);
+            let (dx, dy) = (gx / g * radius, gy / g * radius);
             for sign in [1.0, -1.0] {
-                let (cx, cy) = ((x as f64 + sign * dx).round() as i64 - centres.x0, (y as f64 + sign * dy).round() as i64 - centres.y0);
-                if cx >= 0 && cy >= 0 && (cx as usize) < w && (cy as usize) < h {
-                    raw[cy as usize * w + cx as usize] += weight;
+                let (cx, cy) = ((i as f32 + sign * dx).round() as i64, (y as f32 + sign * dy).round() as i64);
+                if cx >= centres.x0 && cy >= centres.y0 && cx <= centres.x1 && cy <= centres.y1 {
+                    raw[(cy - centres.y0) as usize * w + (cx - centres.x0) as usize] += weight;
+                    seen = Region { x0: seen.x0.min(cx), y0: seen.y0.min(cy), x1: seen.x1.max(cx), y1: seen.y1.max(cy) };
                 }
             }
         }
     }
-    let mut smooth = vec![0.0f64; w * h];
-    for y in 1..h.saturating_sub(1) {
-        for x in 1..w.saturating_sub(1) {
-            let row = |j: usize| raw[j * w + x - 1] + raw[j * w + x] + raw[j * w + x + 1];
-            smooth[y * w + x] = row(y - 1) + row(y) + row(y + 1);
+    // One more around it, but not on the border.
+    let place = Region {
+        x0: (seen.x0 - 1).max(centres.x0 + 1),
+        y0: (seen.y0 - 1).max(centres.y0 + 1),
+        x1: (seen.x1 + 1).min(centres.x1 - 1),
+        y1: (seen.y1 + 1).min(centres.y1 - 1),
+    };
+    let n = place.width();
+    let mut votes = Vec::with_capacity(n * place.height());
+    let mut column = vec![0.0f32; n + 2];
+    for y in place.y0..=place.y1 {
+        let at = |y: i64| &raw[(y - centres.y0) as usize * w + (place.x0 - 1 - centres.x0) as usize..][..n + 2];
+        let (above, here, below) = (at(y - 1), at(y), at(y + 1));
+        for (sum, ((a, h), b)) in column.iter_mut().zip(above.iter().zip(here).zip(below)) {
+            *sum = a + h + b;
         }
+        votes.extend(column.windows(3).map(|three| three[0] + three[1] + three[2]));
     }
-    smooth
+    Votes { place, votes }
 }
 
-/// Pixels that differ from the background, or whose neighbours do.
-fn moving(image: &GreyView, background: &GreyImage) -> Vec<bool> {
+/// Pixels that differ from the background, or whose neighbours do: 1, others 0. The pictures are of one size.
+fn moving(image: &GreyView, background: &GreyImage) -> Vec<u8> {
     let (w, h) = (image.width, image.height);
-    let mut difference = vec![0u8; w * h];
-    let mut sum = 0u64;
-    for y in 0..h {
-        let Some(row) = image.row(y) else { continue };
-        for x in 0..w {
-            let d = row[x].abs_diff(background.pixels[y * w + x]);
-            difference[y * w + x] = d;
-            sum += u64::from(d);
-        }
-    }
+    let rows = |y: usize| image.row(y).unwrap_or_default().iter().zip(&background.pixels[y * w..][..w]);
+    let sum: u64 = (0..h).map(|y| u64::from(rows(y).map(|(a, b)| u32::from(a.abs_diff(*b))).sum::<u32>())).sum();
     let least = (MOVING.0 * sum as f64 / (w * h) as f64 + MOVING.1).min(255.0) as u8;
-    let mut out = vec![false; w * h];
+    let mut changed = vec![0u8; w * h];
     for y in 1..h.saturating_sub(1) {
-        for x in 1..w.saturating_sub(1) {
-            if difference[y * w + x] >= least {
-                for j in y - 1..=y + 1 {
-                    out[j * w + x - 1..=j * w + x + 1].fill(true);
-                }
-            }
+        let row = &mut changed[y * w..][..w];
+        for (out, (a, b)) in row.iter_mut().zip(rows(y)) {
+            *out = u8::from(a.abs_diff(*b) >= least);
         }
+        (row[0], row[w - 1]) = (0, 0);
+    }
+    let mut out = vec![0u8; w * h];
+    let mut column = vec![0u8; w];
+    for y in 0..h {
+        let row = |y: usize| &changed[y.min(h - 1) * w..][..w];
+        for (any, ((a, h), b)) in column.iter_mut().zip(row(y.saturating_sub(1)).iter().zip(row(y)).zip(row(y + 1))) {
+            *any = a | h | b;
+        }
+        let row = &mut out[y * w..][..w];
+        for (o, three) in row[1..w - 1].iter_mut().zip(column.windows(3)) {
+            *o = three[0] | three[1] | three[2];
+        }
+        (row[0], row[w - 1]) = (column[1], column[w - 2]);
     }
     out
 }

@@ -13,6 +13,8 @@ pub const SECTORS: usize = 24;
 const FROM_PX: f64 = -2.6;
 const TO_PX: f64 = 3.6;
 const SPACING_PX: f64 = 0.05;
+/// Steps in that range.
+const PLACES: usize = ((TO_PX - FROM_PX) / SPACING_PX + 0.5) as usize;
 
 /// Grey level of a surface: `ambient + max(0, n · light)`, in camera axes (x right, y down, z away); the scale is free.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -78,22 +80,22 @@ impl BallShading {
 /// What a camera records across the outline: share of the surroundings, and of the ball, by distance from the outline.
 #[derive(Debug, Clone)]
 pub struct LimbProfile {
-    /// By place and sector, at the lower end of each step, with the slope over the step.
-    places: Vec<[Limb; SECTORS]>,
+    /// By sector and place, at the lower end of each step, with the slope over the step; [`PLACES`] of each sector.
+    places: Vec<Limb>,
 }
 
 /// The profile at one place and its slope outward, 1/px.
 #[derive(Debug, Clone, Copy)]
 pub struct Limb {
-    pub disc: f64,
-    pub disc_slope: f64,
-    pub ball: f64,
-    pub ball_slope: f64,
+    pub disc: f32,
+    pub disc_slope: f32,
+    pub ball: f32,
+    pub ball_slope: f32,
 }
 
 impl LimbProfile {
     pub fn new(shading: &BallShading, radius_px: f64, blur_px: f64) -> Self {
-        let n = ((TO_PX - FROM_PX) / SPACING_PX).round() as usize + 1;
+        let n = PLACES + 1;
         let k = 1.0 / (blur_px * std::f64::consts::SQRT_2);
         // Sharp profile on cells from well inside to the outline; each cell's blurred share is a difference of two erf.
         let inside = ((4.0 * blur_px - FROM_PX) / SPACING_PX).ceil() as usize;
@@ -124,30 +126,59 @@ impl LimbProfile {
             }
             ball.push(sum);
         }
-        let slope = |a: f64, b: f64| (b - a) / SPACING_PX;
-        let place = |i: usize| {
-            std::array::from_fn(|k| Limb {
-                disc: disc[i],
-                disc_slope: slope(disc[i], disc[i + 1]),
-                ball: ball[i][k],
-                ball_slope: slope(ball[i][k], ball[i + 1][k]),
-            })
+        let slope = |a: f64, b: f64| ((b - a) / SPACING_PX) as f32;
+        let limb = |k: usize, i: usize| Limb {
+            disc: disc[i] as f32,
+            disc_slope: slope(disc[i], disc[i + 1]),
+            ball: ball[i][k] as f32,
+            ball_slope: slope(ball[i][k], ball[i + 1][k]),
         };
-        LimbProfile { places: (0..n - 1).map(place).collect() }
+        LimbProfile { places: (0..SECTORS).flat_map(|k| (0..PLACES).map(move |i| (k, i))).map(|(k, i)| limb(k, i)).collect() }
+    }
+
+    /// One sector's profile, for [`Self::look_up`].
+    #[inline]
+    pub fn sector(&self, sector: usize) -> &[Limb; PLACES] {
+        self.places.as_chunks::<PLACES>().0.get(sector).unwrap_or(&[Limb::NONE; PLACES])
+    }
+
+    /// At several places, px outside the outline (negative inside): disc, its slope, ball, its slope. Places beyond the profile's range
+    /// are taken for its ends.
+    #[inline(always)]
+    pub fn look_up<const N: usize>(sector: &[Limb; PLACES], from_outline: &[f32; N]) -> [[f32; N]; 4] {
+        let mut out = [[0.0; N]; 4];
+        let [disc, disc_slope, ball, ball_slope] = &mut out;
+        let mut steps = [0u32; N];
+        let mut beyond = [0.0; N];
+        for l in 0..N {
+            let f = ((from_outline[l] - FROM_PX as f32) * (1.0 / SPACING_PX) as f32).clamp(0.0, PLACES as f32 - 0.001);
+            steps[l] = f as u32;
+            beyond[l] = (f - steps[l] as f32) * SPACING_PX as f32;
+        }
+        for l in 0..N {
+            let limb = sector[(steps[l] as usize).min(PLACES - 1)];
+            (disc[l], disc_slope[l], ball[l], ball_slope[l]) = (limb.disc, limb.disc_slope, limb.ball, limb.ball_slope);
+        }
+        for l in 0..N {
+            disc[l] += beyond[l] * disc_slope[l];
+            ball[l] += beyond[l] * ball_slope[l];
+        }
+        out
     }
 
     /// At `x` px outside the outline (negative inside), in a sector; `None` beyond the profile's range.
-    #[inline]
     pub fn at(&self, x: f64, sector: usize) -> Option<Limb> {
-        let f = (x - FROM_PX) * (1.0 / SPACING_PX);
-        if f < 0.0 {
+        let f = (x - FROM_PX) / SPACING_PX;
+        if sector >= SECTORS || !(0.0..PLACES as f64).contains(&f) {
             return None;
         }
-        let i = f as usize;
-        let limb = self.places.get(i)?.get(sector)?;
-        let beyond = (f - i as f64) * SPACING_PX;
-        Some(Limb { disc: limb.disc + beyond * limb.disc_slope, ball: limb.ball + beyond * limb.ball_slope, ..*limb })
+        let [[disc], [disc_slope], [ball], [ball_slope]] = Self::look_up(self.sector(sector), &[x as f32]);
+        Some(Limb { disc, disc_slope, ball, ball_slope })
     }
+}
+
+impl Limb {
+    const NONE: Limb = Limb { disc: 0.0, disc_slope: 0.0, ball: 0.0, ball_slope: 0.0 };
 }
 
 #[cfg(test)]
@@ -177,7 +208,7 @@ mod tests {
         for x in [-2.0, -0.5, 0.0, 0.4, 1.5] {
             let limb = p.at(x, 3).expect("in range");
             let step = 0.5 * (1.0 - erf(x / (0.6 * std::f64::consts::SQRT_2)));
-            assert!((limb.disc - step).abs() < 1e-3 && (limb.ball - step).abs() < 1e-3, "{x}: {limb:?}");
+            assert!((f64::from(limb.disc) - step).abs() < 1e-3 && (f64::from(limb.ball) - step).abs() < 1e-3, "{x}: {limb:?}");
         }
         assert!(p.at(-3.0, 0).is_none() && p.at(4.0, 0).is_none());
     }

@@ -9,6 +9,7 @@ mod ball_learn;
 mod ball_light;
 mod ball_model;
 mod ball_refine;
+mod ball_ring;
 mod ball_search;
 mod ball_shading;
 mod ball_texture;

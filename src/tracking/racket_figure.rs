@@ -75,11 +75,12 @@ impl RacketFigure {
         let length = perpendicular.norm().max(1e-6); // along the tube the patch is a ring's end: no side faces the camera
         let n = perpendicular / length;
         let depth = VISIBLE_DEPTH * self.tube_radius_m;
-        // The axis turns as ω × a; the change of `view` itself (metres over the camera's distance) is left out.
-        let axis_by_rotation = -axis.cross_matrix();
-        let perpendicular_by_axis = -(axis * view.transpose() + Matrix3::identity() * along);
-        let n_by_rotation = (Matrix3::identity() - n * n.transpose()) / length * perpendicular_by_axis * axis_by_rotation;
-        (Point3::from(centre + depth * n), -arm.cross_matrix() + depth * n_by_rotation)
+        // The axis a turns as ω × a; the change of `view` itself (metres over the camera's distance) is left out. The perpendicular
+        // p = v - (v·a) a then changes by -(a vᵀ + (v·a) I)(ω × a), and n = p/|p| by what of that is perpendicular to n; a is.
+        let axis_by_rotation = axis.cross_matrix();
+        let across = axis_by_rotation - n * n.cross(&axis).transpose();
+        let n_by_rotation = (axis * view.cross(&axis).transpose() + along * across) / length;
+        (Point3::from(centre + depth * n), depth * n_by_rotation - arm.cross_matrix())
     }
 
     /// Distance between two markers, m.

@@ -11,6 +11,7 @@ use super::racket_pose::{MarkerObservation, RacketPose, View, fit_pose_in, rigid
 use super::track_file::ImagePoint;
 use crate::calibration::CameraId;
 use nalgebra::{Isometry3, Point3, Vector2};
+use rayon::prelude::*;
 
 /// Two rays of one marker may miss each other by this, m: two pixels at 12 m, and the two cameras see different sides of
 /// the tube.
@@ -40,57 +41,55 @@ pub fn search(view: &View, figure: &RacketFigure, candidates: &[Vec<BandCandidat
 fn search_among(view: &View, figure: &RacketFigure, candidates: &[Vec<BandCandidate>; 2]) -> Option<(usize, RacketPose)> {
     let points = space_candidates(view, candidates);
     let neighbours = CameraId::BOTH.map(|c| Neighbours::of(view.rig.image_size, &candidates[c.index()]));
-    let mut hypotheses: Vec<(usize, f64, Isometry3<f64>)> = Vec::new();
     // Markers 2-3 or 1-4, ... : each pair of markers may be the one that is seen well.
-    for i in 0..5 {
-        for j in i + 1..5 {
-            for (a, pa) in points.iter().enumerate() {
-                for (b, pb) in points.iter().enumerate() {
-                    if a == b || ((pa - pb).norm() - figure.distance_m(i, j)).abs() > DISTANCE_TOLERANCE_M {
+    let pairs: Vec<(usize, usize)> = (0..5).flat_map(|i| (i + 1..5).map(move |j| (i, j))).collect();
+    let mut hypotheses: Vec<(usize, f64, Isometry3<f64>)> =
+        pairs.into_par_iter().flat_map_iter(|pair| hypotheses(view, figure, &points, &neighbours, pair)).collect();
+    hypotheses.sort_by(|a, b| b.0.cmp(&a.0).then(a.1.total_cmp(&b.1)));
+    let mut tried: Vec<Isometry3<f64>> = Vec::new();
+    for (_, _, pose) in hypotheses {
+        let near = |q: &Isometry3<f64>| (q.translation.vector - pose.translation.vector).norm() < 0.02 && q.rotation.angle_to(&pose.rotation) < 0.15;
+        if tried.len() < FOLLOWED && !tried.iter().any(near) {
+            tried.push(pose);
+        }
+    }
+    let followed: Vec<_> = tried.par_iter().map(|pose| follow(view, figure, &neighbours, pose)).collect();
+    // The first of equals.
+    let best = followed.into_iter().flatten().reduce(|best, found| if found.0 > best.0 { found } else { best });
+    best.map(|(_, seen, pose)| (seen, pose))
+}
+
+/// The poses that put three markers, two of them given, on space points; with the image points that agree and how far these
+/// are off, px.
+fn hypotheses(
+    view: &View,
+    figure: &RacketFigure,
+    points: &[Point3<f64>],
+    near: &[Neighbours; 2],
+    (i, j): (usize, usize),
+) -> Vec<(usize, f64, Isometry3<f64>)> {
+    let apart = |p: &Point3<f64>, q: &Point3<f64>, m: usize, n: usize| ((p - q).norm() - figure.distance_m(m, n)).abs() < DISTANCE_TOLERANCE_M;
+    let mut out = Vec::new();
+    for (a, pa) in points.iter().enumerate() {
+        for (b, pb) in points.iter().enumerate().filter(|(b, pb)| a != *b && apart(pa, pb, i, j)) {
+            for k in j + 1..5 {
+                for (c, pc) in points.iter().enumerate() {
+                    if c == a || c == b || !apart(pa, pc, i, k) || !apart(pb, pc, j, k) {
                         continue;
                     }
-                    for k in j + 1..5 {
-                        for (c, pc) in points.iter().enumerate() {
-                            let fits = c != a
-                                && c != b
-                                && ((pa - pc).norm() - figure.distance_m(i, k)).abs() < DISTANCE_TOLERANCE_M
-                                && ((pb - pc).norm() - figure.distance_m(j, k)).abs() < DISTANCE_TOLERANCE_M;
-                            if !fits {
-                                continue;
-                            }
-                            let local = [figure.points[i], figure.points[j], figure.points[k]];
-                            if let Some(pose) = rigid_from_points(&local, &[*pa, *pb, *pc]) {
-                                let seen = associate(view, figure, &pose, &neighbours, GATE_PX);
-                                let miss: f64 = seen.iter().map(|(_, miss, _)| miss).sum();
-                                if seen.len() >= LEAST_POINTS {
-                                    hypotheses.push((seen.len(), miss / seen.len() as f64, pose));
-                                }
-                            }
+                    let local = [figure.points[i], figure.points[j], figure.points[k]];
+                    if let Some(pose) = rigid_from_points(&local, &[*pa, *pb, *pc]) {
+                        let seen = associate(view, figure, &pose, near, GATE_PX);
+                        let miss: f64 = seen.iter().map(|(_, miss, _)| miss).sum();
+                        if seen.len() >= LEAST_POINTS {
+                            out.push((seen.len(), miss / seen.len() as f64, pose));
                         }
                     }
                 }
             }
         }
     }
-    hypotheses.sort_by(|a, b| b.0.cmp(&a.0).then(a.1.total_cmp(&b.1)));
-    let mut tried: Vec<Isometry3<f64>> = Vec::new();
-    let mut best: Option<(f64, usize, RacketPose)> = None;
-    for (_, _, pose) in hypotheses {
-        let near = |q: &Isometry3<f64>| (q.translation.vector - pose.translation.vector).norm() < 0.02 && q.rotation.angle_to(&pose.rotation) < 0.15;
-        if tried.iter().any(near) {
-            continue;
-        }
-        if tried.len() == FOLLOWED {
-            break;
-        }
-        tried.push(pose);
-        if let Some(found) = follow(view, figure, &neighbours, &pose)
-            && best.as_ref().is_none_or(|b| found.0 > b.0)
-        {
-            best = Some(found);
-        }
-    }
-    best.map(|(_, seen, pose)| (seen, pose))
+    out
 }
 
 /// Refines a rough pose on the candidates; scores it by the tape it explains and counts the points that agree.

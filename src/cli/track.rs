@@ -14,6 +14,7 @@ use crate::tracking::{
 };
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
 
 /// Footage to tracks.csv, points.csv and spin.json
 #[derive(Debug, clap::Args)]
@@ -135,7 +136,7 @@ impl<E: Into<TrackingError>> From<E> for Failure {
 /// Tracks one shot and writes what was found, unless an earlier run has done so from the same input.
 fn one(arguments: &Arguments, session: &Session, shot: &ShotFolder, rig: (&StereoRig, &str), folder: &Path, shell: &Shell) -> Result<ShotSummary, Failure> {
     let clip = Clip::list(&shot.camera("left"), &shot.camera("right"))?;
-    let provenance = provenance(session, shot, rig.1, &clip);
+    let provenance = LazyLock::new(|| provenance(session, shot, rig.1, &clip));
     if !shell.args.force {
         let record = earlier(folder);
         if record.as_ref().is_some_and(|r| still_holds(r, arguments, folder, &provenance, &clip)) {
@@ -163,8 +164,6 @@ fn one(arguments: &Arguments, session: &Session, shot: &ShotFolder, rig: (&Stere
     for note in &summary.notes {
         shell.say(format!("{}: {note}", shot.id));
     }
-    let record = TrackRecord { summary, provenance };
-    let json = serde_json::to_string_pretty(&record).map_err(|e| Failure::All(CliError::output(e)))? + "\n";
     if spin.is_none() {
         // An earlier run's spin does not belong to these tracks.
         let _ = std::fs::remove_file(folder.join(SPIN_FILE));
@@ -172,10 +171,15 @@ fn one(arguments: &Arguments, session: &Session, shot: &ShotFolder, rig: (&Stere
     let spin = spin.map(|s| (SPIN_FILE, spin_to_json(&s)));
     let write = |name: &str, text: &str| shell.write(&folder.join(name), text.as_bytes()).map_err(Failure::All);
     let (points, tracks) = rayon::join(
-        || write("points.csv", &points_to_csv(&tracked.points)),
+        || {
+            LazyLock::force(&provenance);
+            write("points.csv", &points_to_csv(&tracked.points))
+        },
         || write("tracks.csv", &tracked.tracks.to_csv()).and_then(|()| spin.map_or(Ok(()), |(name, text)| write(name, &text))),
     );
     points.and(tracks)?;
+    let record = TrackRecord { summary, provenance: provenance.clone() };
+    let json = serde_json::to_string_pretty(&record).map_err(|e| Failure::All(CliError::output(e)))? + "\n";
     // track.json last: it says that the others are whole.
     write(TRACK_FILE, &json)?;
     Ok(record.summary)

@@ -64,16 +64,16 @@ impl SectorSums {
     }
 }
 
-/// Fits the centre, starting at `start`. `None` when the ball leaves the picture, the fit runs away, or the picture does
+/// Fits the centre, starting at `start`, until a step is below `settled_px`. `None` when the ball leaves the picture, the fit runs away, or the picture does
 /// not determine the centre.
-pub fn fit(image: &GreyView, start: Vector2<f64>, radius_px: f64, profile: &LimbProfile) -> Option<BallFit> {
+pub fn fit(image: &GreyView, start: Vector2<f64>, radius_px: f64, profile: &LimbProfile, settled_px: f64) -> Option<BallFit> {
     thread_local! {
         static RING: RefCell<BallRing> = RefCell::default();
     }
-    RING.with_borrow_mut(|ring| fit_in(ring, image, start, radius_px, profile))
+    RING.with_borrow_mut(|ring| fit_in(ring, image, start, radius_px, profile, settled_px))
 }
 
-fn fit_in(ring: &mut BallRing, image: &GreyView, start: Vector2<f64>, radius_px: f64, profile: &LimbProfile) -> Option<BallFit> {
+fn fit_in(ring: &mut BallRing, image: &GreyView, start: Vector2<f64>, radius_px: f64, profile: &LimbProfile, settled_px: f64) -> Option<BallFit> {
     if !(2.5..200.0).contains(&radius_px) {
         return None;
     }
@@ -113,7 +113,7 @@ fn fit_in(ring: &mut BallRing, image: &GreyView, start: Vector2<f64>, radius_px:
         }
         settle(&step);
         scale = (2.0 * usual.sqrt()).max(1.0);
-        if round > 3 && step.norm() < 0.004 || round + 1 == ROUNDS {
+        if round > 3 && step.norm() < settled_px || round + 1 == ROUNDS {
             let limb = profile.at(-1.0, 0).map_or(1.0, |l| f64::from(l.ball));
             let edge = levels.iter().map(|l| (l[1] * limb - l[0]).abs()).sum::<f64>() / SECTORS as f64;
             return Some(BallFit { uv: centre, covariance: agreed.covariance, outline: agreed.share, residual: usual.sqrt(), edge });

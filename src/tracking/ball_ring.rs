@@ -3,17 +3,17 @@
 //! processor gives the same bits.
 
 use super::ball_shading::{LimbProfile, SECTORS};
+use super::band_sums::{LANES, STRIDE, dots};
 use crate::footage::GreyView;
 use nalgebra::Vector2;
-use std::ops::Range;
 
 /// Ring looked at, px inside and outside the outline.
 const INSIDE_PX: f64 = 1.6;
 const OUTSIDE_PX: f64 = 2.3;
 /// Pixels are gathered for a ring wider by this on either side and serve until the centre has moved by as much.
 const SLACK_PX: f64 = 0.5;
-/// Pixels at a time.
-pub const LANES: usize = 8;
+/// Arrays of one value per pixel that lead to the sums.
+const ARRAYS: usize = 14;
 
 /// Weighted sums over a sector's pixels: a = (surroundings' share, ball's share), j = slope outward of the model, r = residual.
 #[derive(Clone, Copy, Default)]
@@ -50,6 +50,8 @@ pub struct BallRing {
     gathered_at: Option<Vector2<f64>>,
     radius_px: f64,
     found: Vec<(usize, f32, f32, u8)>,
+    steps: Vec<u32>,
+    work: Vec<f32>,
 }
 
 impl BallRing {
@@ -105,7 +107,7 @@ impl BallRing {
         self.starts[SECTORS] = end;
         for v in [&mut self.dx, &mut self.dy, &mut self.grey, &mut self.real] {
             v.clear();
-            v.resize(end, 0.0);
+            v.resize(end.next_multiple_of(STRIDE), 0.0);
         }
         let mut next = self.starts;
         for (sector, dx, dy, grey) in &self.found {
@@ -118,7 +120,7 @@ impl BallRing {
 }
 
 struct Round<'a> {
-    ring: &'a BallRing,
+    ring: &'a mut BallRing,
     model: &'a RingModel<'a>,
     /// The centre, from where the pixels were gathered.
     shift: Vector2<f64>,
@@ -129,53 +131,88 @@ impl pulp::NullaryFnOnce for Round<'_> {
 
     #[inline(always)]
     fn call(self) -> Self::Output {
-        std::array::from_fn(|sector| self.sector(sector))
+        round(self.ring, self.model, &self.shift)
     }
 }
 
-impl Round<'_> {
-    #[inline(always)]
-    fn sector(&self, sector: usize) -> SectorSums {
-        let (ring, model) = (self.ring, self.model);
-        let pixels = ring.starts[sector]..ring.starts[sector + 1];
-        let (dx, dy) = (chunks(&ring.dx, &pixels), chunks(&ring.dy, &pixels));
-        let (grey, real) = (chunks(&ring.grey, &pixels), chunks(&ring.real, &pixels));
-        let limbs = model.profile.sector(sector);
-        let [radius, inner, outer, sx, sy, scale] =
-            [ring.radius_px, ring.radius_px - INSIDE_PX, ring.radius_px + OUTSIDE_PX, self.shift.x, self.shift.y, model.scale].map(|v| v as f32);
-        let [surroundings, ball] = model.levels[sector].map(|v| v as f32);
-        let mut sums = [[0.0f32; LANES]; 11];
-        for (((dx, dy), grey), real) in dx.iter().zip(dy).zip(grey).zip(real) {
-            let mut from_limb = [0.0; LANES];
-            let mut inside = [0.0; LANES];
-            for l in 0..LANES {
-                let (x, y) = (dx[l] - sx, dy[l] - sy);
-                let rho = (x * x + y * y).sqrt();
-                from_limb[l] = rho - radius;
-                inside[l] = if rho >= inner && rho <= outer { real[l] } else { 0.0 };
-            }
-            let [disc, disc_slope, share, share_slope] = LimbProfile::look_up(limbs, &from_limb);
-            for l in 0..LANES {
-                let a = [1.0 - disc[l], share[l]];
-                let r = grey[l] - a[0] * surroundings - a[1] * ball;
-                // Moving the centre toward a pixel lessens the pixel's distance.
-                let j = disc_slope[l] * surroundings - share_slope[l] * ball;
-                let w = inside[l] * (scale / r.abs().max(1e-30)).min(1.0);
-                let (wa, wj, wr) = ([w * a[0], w * a[1]], w * j, w * r);
-                let terms = [wa[0] * a[0], wa[0] * a[1], wa[1] * a[1], wa[0] * j, wa[1] * j, wa[0] * r, wa[1] * r, wj * j, wj * r, w, wr * r];
-                for (sum, term) in sums.iter_mut().zip(terms) {
-                    sum[l] += term;
-                }
-            }
-        }
-        let [aa, ab, bb, aj, bj, ar, br, jj, jr, weight, chi] = sums.map(|[a, b, c, d, e, f, g, h]| f64::from(((a + e) + (c + g)) + ((b + f) + (d + h))));
-        SectorSums { aa: [aa, ab, bb], aj: [aj, bj], ar: [ar, br], jj, jr, weight, chi }
-    }
-}
-
+// Plain loops over whole arrays throughout: what is called through closures of the standard library would not be compiled for the
+// wide registers.
 #[inline(always)]
-fn chunks<'a>(values: &'a [f32], pixels: &Range<usize>) -> &'a [[f32; LANES]] {
-    values.get(pixels.clone()).unwrap_or_default().as_chunks::<LANES>().0
+fn round(ring: &mut BallRing, model: &RingModel, shift: &Vector2<f64>) -> [SectorSums; SECTORS] {
+    let n = ring.dx.len();
+    let mut sums = [SectorSums::default(); SECTORS];
+    if ring.work.len() < ARRAYS * n {
+        ring.work.resize(ARRAYS * n, 0.0);
+    }
+    ring.steps.resize(n.max(ring.steps.len()), 0);
+    let (dx, dy, grey, real, steps) = (&ring.dx[..n], &ring.dy[..n], &ring.grey[..n], &ring.real[..n], &mut ring.steps[..n]);
+    let (weight, rest) = ring.work.split_at_mut(n);
+    let (beyond, rest) = rest.split_at_mut(n);
+    let (around, rest) = rest.split_at_mut(n);
+    let (around_slope, rest) = rest.split_at_mut(n);
+    let (ball, rest) = rest.split_at_mut(n);
+    let (ball_slope, rest) = rest.split_at_mut(n);
+    let (residual, rest) = rest.split_at_mut(n);
+    let (slope, rest) = rest.split_at_mut(n);
+    let (w_around, rest) = rest.split_at_mut(n);
+    let (w_ball, rest) = rest.split_at_mut(n);
+    let (w_slope, rest) = rest.split_at_mut(n);
+    let (w_residual, rest) = rest.split_at_mut(n);
+    let (l0, rest) = rest.split_at_mut(n);
+    let l1 = &mut rest[..n];
+
+    let (radius, scale) = (ring.radius_px as f32, model.scale as f32);
+    let (inner, outer) = (radius - INSIDE_PX as f32, radius + OUTSIDE_PX as f32);
+    let (sx, sy) = (shift.x as f32, shift.y as f32);
+    for i in 0..n {
+        let (x, y) = (dx[i] - sx, dy[i] - sy);
+        let rho = (x * x + y * y).sqrt();
+        weight[i] = if (rho >= inner) & (rho <= outer) { real[i] } else { 0.0 };
+        let (step, more) = LimbProfile::step(rho - radius);
+        (steps[i], beyond[i]) = (step, more);
+    }
+    for k in 0..SECTORS {
+        let part = ring.starts[k]..ring.starts[k + 1];
+        let limbs = model.profile.sector(k);
+        let (disc, share) = (around[part.clone()].iter_mut().zip(&mut around_slope[part.clone()]), ball[part.clone()].iter_mut().zip(&mut ball_slope[part.clone()]));
+        for ((disc, share), step) in disc.zip(share).zip(&steps[part.clone()]) {
+            let limb = limbs[(*step as usize).min(limbs.len() - 1)];
+            (*disc.0, *disc.1, *share.0, *share.1) = (limb.disc, limb.disc_slope, limb.ball, limb.ball_slope);
+        }
+        l0[part.clone()].fill(model.levels[k][0] as f32);
+        l1[part].fill(model.levels[k][1] as f32);
+    }
+    for i in 0..n {
+        around[i] = 1.0 - (around[i] + beyond[i] * around_slope[i]);
+        ball[i] += beyond[i] * ball_slope[i];
+    }
+    for i in 0..n {
+        residual[i] = grey[i] - around[i] * l0[i] - ball[i] * l1[i];
+        // Moving the centre toward a pixel lessens the pixel's distance.
+        slope[i] = around_slope[i] * l0[i] - ball_slope[i] * l1[i];
+    }
+    for i in 0..n {
+        weight[i] *= (scale / residual[i].abs().max(1e-30)).min(1.0);
+    }
+    for i in 0..n {
+        w_around[i] = weight[i] * around[i];
+        w_ball[i] = weight[i] * ball[i];
+        w_slope[i] = weight[i] * slope[i];
+        w_residual[i] = weight[i] * residual[i];
+    }
+    for (k, sum) in sums.iter_mut().enumerate() {
+        let part = ring.starts[k]..ring.starts[k + 1];
+        let (a, b, j, r) = (&around[part.clone()], &ball[part.clone()], &slope[part.clone()], &residual[part.clone()]);
+        let (wa, wb) = (&w_around[part.clone()], &w_ball[part.clone()]);
+        let (wj, wr) = (&w_slope[part.clone()], &w_residual[part.clone()]);
+        let [aa, ab, aj, ar] = dots(wa, [a, b, j, r]);
+        let [bb, bj, br] = dots(wb, [b, j, r]);
+        let [jj, jr] = dots(wj, [j, r]);
+        let [chi] = dots(wr, [r]);
+        let [weight] = dots(&weight[part.clone()], [&real[part]]);
+        *sum = SectorSums { aa: [aa, ab, bb], aj: [aj, bj], ar: [ar, br], jj, jr, weight, chi };
+    }
+    sums
 }
 
 /// Sector of a direction, counted from +x toward +y, without an arc tangent: the borders are lines of known slope.

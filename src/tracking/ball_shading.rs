@@ -136,34 +136,21 @@ impl LimbProfile {
         LimbProfile { places: (0..SECTORS).flat_map(|k| (0..PLACES).map(move |i| (k, i))).map(|(k, i)| limb(k, i)).collect() }
     }
 
-    /// One sector's profile, for [`Self::look_up`].
+    /// One sector's profile, step by step ([`Self::step`]).
     #[inline]
     pub fn sector(&self, sector: usize) -> &[Limb; PLACES] {
         self.places.as_chunks::<PLACES>().0.get(sector).unwrap_or(&[Limb::NONE; PLACES])
     }
 
-    /// At several places, px outside the outline (negative inside): disc, its slope, ball, its slope. Places beyond the profile's range
-    /// are taken for its ends.
+    /// The step of a place, px outside the outline (negative inside), and how far beyond the step's lower end it lies. Places beyond
+    /// the profile's range are taken for its ends.
     #[inline(always)]
-    pub fn look_up<const N: usize>(sector: &[Limb; PLACES], from_outline: &[f32; N]) -> [[f32; N]; 4] {
-        let mut out = [[0.0; N]; 4];
-        let [disc, disc_slope, ball, ball_slope] = &mut out;
-        let mut steps = [0u32; N];
-        let mut beyond = [0.0; N];
-        for l in 0..N {
-            let f = ((from_outline[l] - FROM_PX as f32) * (1.0 / SPACING_PX) as f32).clamp(0.0, PLACES as f32 - 0.001);
-            steps[l] = f as u32;
-            beyond[l] = (f - steps[l] as f32) * SPACING_PX as f32;
-        }
-        for l in 0..N {
-            let limb = sector[(steps[l] as usize).min(PLACES - 1)];
-            (disc[l], disc_slope[l], ball[l], ball_slope[l]) = (limb.disc, limb.disc_slope, limb.ball, limb.ball_slope);
-        }
-        for l in 0..N {
-            disc[l] += beyond[l] * disc_slope[l];
-            ball[l] += beyond[l] * ball_slope[l];
-        }
-        out
+    pub fn step(from_outline: f32) -> (u32, f32) {
+        // Added to a small number, it leaves the nearest integer in the lowest bits: a cast would take the places one by one.
+        const ROUND: f32 = 8_388_608.0;
+        let f = ((from_outline - FROM_PX as f32) * (1.0 / SPACING_PX) as f32).max(0.5).min(PLACES as f32 - 0.5);
+        let step = f - 0.5 + ROUND;
+        (step.to_bits() & 0x7f_ffff, (f - (step - ROUND)) * SPACING_PX as f32)
     }
 
     /// At `x` px outside the outline (negative inside), in a sector; `None` beyond the profile's range.
@@ -172,8 +159,9 @@ impl LimbProfile {
         if sector >= SECTORS || !(0.0..PLACES as f64).contains(&f) {
             return None;
         }
-        let [[disc], [disc_slope], [ball], [ball_slope]] = Self::look_up(self.sector(sector), &[x as f32]);
-        Some(Limb { disc, disc_slope, ball, ball_slope })
+        let (step, beyond) = Self::step(x as f32);
+        let limb = self.sector(sector).get(step as usize)?;
+        Some(Limb { disc: limb.disc + beyond * limb.disc_slope, ball: limb.ball + beyond * limb.ball_slope, ..*limb })
     }
 }
 

@@ -11,6 +11,9 @@ use nalgebra::{Point3, Vector2, Vector3};
 
 /// Least deviation of the ball's centre, px.
 const FLOOR_SD_PX: f64 = 0.02;
+/// Last step of a fit, px: the final one, and while the ball is first followed.
+const SETTLED_PX: f64 = 0.004;
+const ROUGH_PX: f64 = 0.04;
 /// Share of the outline that must stand out from the surroundings.
 const LEAST_OUTLINE: f64 = 0.3;
 /// The same when the other camera's ray meets this one's where the ball was expected.
@@ -81,15 +84,17 @@ impl BallScene<'_> {
             let Some(image) = &images[camera.index()] else { continue };
             let (Some(centre), Some(radius)) = (self.view.project(camera, predicted), self.radius_px(camera, predicted)) else { continue };
             let limb = &self.limb[camera.index()];
+            // As long as the light is not known either, more would be for nothing.
+            let settled = if self.faint { SETTLED_PX } else { ROUGH_PX };
             let near = |f: &BallFit| Self::outlined(f) && (f.uv - centre).norm() < f64::from(reach_px) + 1.5;
             // A faint outline counts only right where the ball was expected.
             let mut found =
-                ball_fit::fit(image, centre, radius, limb).filter(|f| near(f) || self.faint && Self::fair(f) && (f.uv - centre).norm() < FAINT_SHIFT_PX);
+                ball_fit::fit(image, centre, radius, limb, settled).filter(|f| near(f) || self.faint && Self::fair(f) && (f.uv - centre).norm() < FAINT_SHIFT_PX);
             // A clear outline where it was expected needs no search.
             if reach_px > 1
                 && found.as_ref().is_none_or(|f| f.outline < CLEAR_OUTLINE)
                 && let Some(start) = ball_search::nearby(image, centre, radius, i64::from(reach_px))
-                && let Some(other) = ball_fit::fit(image, start, radius, limb).filter(near)
+                && let Some(other) = ball_fit::fit(image, start, radius, limb, settled).filter(near)
                 && found.as_ref().is_none_or(|f| other.outline > f.outline)
             {
                 found = Some(other);
@@ -165,7 +170,7 @@ impl BallScene<'_> {
             let (Some(image), Some(radius)) = (&images[camera.index()], self.radius_px(camera, depth_at)) else { return Vec::new() };
             candidates[camera.index()]
                 .iter()
-                .filter_map(|c| ball_fit::fit(image, c.uv, radius, &self.limb[camera.index()]).filter(Self::good))
+                .filter_map(|c| ball_fit::fit(image, c.uv, radius, &self.limb[camera.index()], ROUGH_PX).filter(Self::good))
                 .collect::<Vec<_>>()
         });
         let mut out = Vec::new();

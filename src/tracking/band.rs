@@ -138,7 +138,7 @@ pub struct BandFit {
 /// Residuals up to this share of the contrast are the model's own (tape not evenly white, pixels of finite size).
 const MISFIT: f64 = 0.1;
 const ROUNDS: usize = 8;
-/// A last step below this ends a fit, px.
+/// A fit ends when the steps to come are below this, px.
 const SETTLED_PX: f64 = 0.005;
 /// A band this far from where its pixels were gathered is looked at anew, px.
 const LOOK_AGAIN_PX: f64 = 0.5;
@@ -186,6 +186,7 @@ fn fit_in(pixels: &mut BandPixels, image: &GreyView, band: &BandView, shape: &Ba
         scale: f64::INFINITY,
     };
     let mut looked_at = start;
+    let mut last_step = f64::INFINITY;
     gather(pixels, image, band, start, ends, side)?;
     for round in 0..ROUNDS {
         let (t0, s0) = model.middle;
@@ -211,7 +212,8 @@ fn fit_in(pixels: &mut BandPixels, image: &GreyView, band: &BandView, shape: &Ba
         for i in 0..UNKNOWNS {
             h[(i, i)] += 1e-3;
         }
-        let step = h.cholesky()?.solve(&jtr);
+        let factor = h.cholesky()?;
+        let step = factor.solve(&jtr);
         let (dt, ds) = (step[0].clamp(-1.0, 1.0), step[1].clamp(-1.0, 1.0));
         let (t0, s0) = (t0 + dt, s0 + ds);
         model.middle = (t0, s0);
@@ -222,10 +224,18 @@ fn fit_in(pixels: &mut BandPixels, image: &GreyView, band: &BandView, shape: &Ba
         if (t0 - start.0).abs() > white_half + 2.0 || (s0 - start.1).abs() > band.radius_px + 1.5 {
             return None;
         }
-        if dt.abs().max(ds.abs()) < SETTLED_PX || round + 1 == ROUNDS {
+        // Steps shrink by about the same factor each time: what the next ones would add up to is known.
+        let size = dt.abs().max(ds.abs());
+        let shrink = if last_step.is_finite() { (size / last_step).min(0.5) } else { 0.5 };
+        last_step = size;
+        if size * (shrink / (1.0 - shrink)) < SETTLED_PX || round + 1 == ROUNDS {
             let variance = chi / (weight - UNKNOWNS as f64).max(1.0);
-            let shifts = SMatrix::<f64, UNKNOWNS, 2>::identity();
-            let c = jtj.cholesky()?.solve(&shifts).fixed_view::<2, 2>(0, 0).into_owned() * variance;
+            // The first two rows and columns of the inverse, which is the product of L's inverse with itself turned over.
+            let mut shifts = SMatrix::<f64, UNKNOWNS, 2>::identity();
+            if !factor.l_dirty().solve_lower_triangular_mut(&mut shifts) {
+                return None;
+            }
+            let c = shifts.tr_mul(&shifts) * variance;
             let turn = Matrix2::from_columns(&[band.along, band.across()]);
             let covariance = turn * c * turn.transpose();
             let sound = covariance[(0, 0)] > 0.0 && covariance[(1, 1)] > 0.0 && covariance.norm().is_finite();

@@ -12,7 +12,10 @@ use super::racket_figure::VISIBLE_DEPTH;
 pub const LEVELS: usize = 8;
 /// Shift along and across, and the levels.
 pub const UNKNOWNS: usize = 2 + LEVELS;
-const LANES: usize = 8;
+/// Values at a time.
+pub const LANES: usize = 8;
+/// Arrays are filled up to a multiple of this: what a loop over them takes in one step, so that none of them ends one by one.
+pub const STRIDE: usize = 64;
 /// Arrays of one value per pixel: the columns of the design, the columns times their weight, and what leads to them.
 const ARRAYS: usize = 2 * UNKNOWNS + 7 + 12;
 /// Residuals are ranked to this, grey levels.
@@ -51,7 +54,7 @@ pub struct BandPixels {
     t: Vec<f32>,
     s: Vec<f32>,
     grey: Vec<f32>,
-    /// How many there are; the arrays are filled up to whole lanes.
+    /// How many there are; the arrays are filled up to whole strides.
     count: usize,
     work: Vec<f32>,
     residual: Vec<f32>,
@@ -74,7 +77,7 @@ impl BandPixels {
     /// After the last [`Self::push`], before the first [`Self::sums`].
     pub fn complete(&mut self) {
         self.count = self.t.len();
-        let n = self.count.next_multiple_of(LANES);
+        let n = self.count.next_multiple_of(STRIDE);
         for v in [&mut self.t, &mut self.s, &mut self.grey] {
             v.resize(n, 0.0);
         }
@@ -259,36 +262,55 @@ fn round(p: &mut BandPixels, m: &BandModel) -> BandSums {
             }
         }
     }
-    let mut lanes = [0.0f32; LANES];
+    let mut weights = Octet([0.0; LANES]);
     for w in weight.as_chunks::<LANES>().0 {
         for l in 0..LANES {
-            lanes[l] += w[l];
+            weights.0[l] += w[l];
         }
     }
-    sums.weight = total(&lanes);
+    [sums.weight] = totals(&[weights]);
     sums
 }
 
-/// Sums of products of one array with several, in eight lanes; all lengths are multiples of that.
+/// Sums of products of one array with several of its length, in eight lanes; the length is a multiple of that.
 #[inline(always)]
-fn dots<const K: usize>(a: &[f32], b: [&[f32]; K]) -> [f64; K] {
-    let mut lanes = [[0.0f32; LANES]; K];
-    for i in (0..a.len()).step_by(LANES) {
-        let Some(x) = a.get(i..i + LANES) else { break };
+pub fn dots<const K: usize>(a: &[f32], b: [&[f32]; K]) -> [f64; K] {
+    let a = a.as_chunks::<LANES>().0;
+    let mut of = [a; K];
+    for (chunks, b) in of.iter_mut().zip(b) {
+        *chunks = b.as_chunks::<LANES>().0.get(..a.len()).unwrap_or(a);
+    }
+    let mut lanes = [Octet([0.0; LANES]); K];
+    for (i, x) in a.iter().enumerate() {
         for k in 0..K {
-            let Some(y) = b[k].get(i..i + LANES) else { break };
-            for l in 0..LANES {
-                lanes[k][l] += x[l] * y[l];
-            }
+            lanes[k] = lanes[k].plus(x, &of[k][i]);
         }
     }
-    lanes.map(|l| total(&l))
+    totals(&lanes)
 }
 
-#[inline(always)]
-fn total(lanes: &[f32; LANES]) -> f64 {
-    let [a, b, c, d, e, f, g, h] = *lanes;
-    f64::from(((a + e) + (c + g)) + ((b + f) + (d + h)))
+#[derive(Clone, Copy)]
+#[repr(align(32))]
+struct Octet([f32; LANES]);
+
+impl Octet {
+    #[inline(always)]
+    fn plus(mut self, x: &[f32; LANES], y: &[f32; LANES]) -> Self {
+        for l in 0..LANES {
+            self.0[l] += x[l] * y[l];
+        }
+        self
+    }
+}
+
+// Not inlined: otherwise the compiler arranges the lanes for these sums and shuffles them in every step.
+#[inline(never)]
+fn totals<const K: usize>(lanes: &[Octet; K]) -> [f64; K] {
+    let mut totals = [0.0; K];
+    for (total, Octet([a, b, c, d, e, f, g, h])) in totals.iter_mut().zip(lanes) {
+        *total = f64::from(((a + e) + (c + g)) + ((b + f) + (d + h)));
+    }
+    totals
 }
 
 /// Error function (Abramowitz and Stegun 7.1.26, absolute error below 3e-7 in single precision, far below a grey level) and

@@ -152,6 +152,9 @@ pub fn fit_pose_in(view: &View, figure: &RacketFigure, observations: &[MarkerObs
 /// Largest condition number of the normal matrix of a pose.
 const MOST_CONDITION: f64 = 1e8;
 
+/// A step below this ends the fit, rad and m.
+const SETTLED: f64 = 1e-6;
+
 struct Normal {
     jtj: Matrix6<f64>,
     jtr: Vector6<f64>,
@@ -200,16 +203,17 @@ fn settle(view: &View, figure: &RacketFigure, observations: &[MarkerObservation]
             continue;
         };
         let next_pose = moved(&pose, &step);
+        // A hundredth of the best measurement; so near the minimum the next step would be smaller still by as much.
+        if step.norm() < SETTLED {
+            now.chi2 -= step.dot(&now.jtr);
+            pose = next_pose;
+            settled = true;
+            break;
+        }
         match normal_equations(view, figure, observations, &next_pose) {
             Some(next) if next.chi2 <= now.chi2 * (1.0 + 1e-12) => {
-                // 1e-10 rad and m are five orders below the best measurement.
-                let small = step.norm() < 1e-10 || (now.chi2 - next.chi2) < 1e-9 * (1.0 + next.chi2) && step.norm() < 1e-6;
                 (pose, now) = (next_pose, next);
                 damping = (damping * 0.1).max(1e-12);
-                if small {
-                    settled = true;
-                    break;
-                }
             }
             _ if damping > 1e8 => break,
             _ => damping *= 10.0,

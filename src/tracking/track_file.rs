@@ -1,5 +1,7 @@
 //! Tracks and points as files (contract, section 3): `tracks.csv` in pixels, `points.csv` in global metres.
 
+use rayon::prelude::*;
+use std::fmt::Write as _;
 use crate::calibration::CameraId;
 use nalgebra::{Point3, Vector2, Vector3};
 use serde::{Deserialize, Serialize};
@@ -112,20 +114,19 @@ impl Tracks {
     }
 
     pub fn to_csv(&self) -> String {
-        let mut out = String::from("frame,camera,target,u,v,u_sd,v_sd,state\n");
-        for p in &self.points {
-            let cells = match &p.point {
-                Some(i) => format!("{:.4},{:.4},{:.4},{:.4}", i.uv.x, i.uv.y, i.sd.x, i.sd.y),
-                None => ",,,".to_owned(),
-            };
+        let row = |out: &mut String, p: &TrackPoint| {
             let state = match p.state {
                 PointState::Measured => "measured",
                 PointState::Manual => "manual",
                 PointState::Occluded => "occluded",
             };
-            out.push_str(&format!("{},{},{},{cells},{state}\n", p.frame, p.camera.name(), p.target.name()));
-        }
-        out
+            let (frame, camera, target) = (p.frame, p.camera.name(), p.target.name());
+            match &p.point {
+                Some(ImagePoint { uv, sd }) => writeln!(out, "{frame},{camera},{target},{:.4},{:.4},{:.4},{:.4},{state}", uv.x, uv.y, sd.x, sd.y),
+                None => writeln!(out, "{frame},{camera},{target},,,,,{state}"),
+            }
+        };
+        table("frame,camera,target,u,v,u_sd,v_sd,state", &self.points, row)
     }
 
     /// The measured or manual point of a target in one image.
@@ -156,24 +157,24 @@ pub struct SpacePoint {
 
 /// `points.csv`.
 pub fn points_to_csv(points: &[SpacePoint]) -> String {
-    let mut out = String::from("frame,t,target,x,y,z,x_sd,y_sd,z_sd,residual_px\n");
-    for p in points {
+    let row = |out: &mut String, p: &SpacePoint| {
         let (x, s) = (p.position, p.sd);
-        out.push_str(&format!(
-            "{},{:.9},{},{:.7},{:.7},{:.7},{:.7},{:.7},{:.7},{:.4}\n",
-            p.frame,
-            p.t,
-            p.target.name(),
-            x.x,
-            x.y,
-            x.z,
-            s.x,
-            s.y,
-            s.z,
-            p.residual_px
-        ));
-    }
-    out
+        write!(out, "{},{:.9},{},{:.7},{:.7},{:.7},", p.frame, p.t, p.target.name(), x.x, x.y, x.z)?;
+        writeln!(out, "{:.7},{:.7},{:.7},{:.4}", s.x, s.y, s.z, p.residual_px)
+    };
+    table("frame,t,target,x,y,z,x_sd,y_sd,z_sd,residual_px", points, row)
+}
+
+/// A table's text: its head and a line of every item, written side by side.
+fn table<T: Sync>(head: &str, items: &[T], row: impl Fn(&mut String, &T) -> std::fmt::Result + Sync) -> String {
+    let lines = |items: &[T]| {
+        let mut out = String::with_capacity(80 * items.len());
+        // Writing to a string does not fail.
+        items.iter().for_each(|item| row(&mut out, item).unwrap_or_default());
+        out
+    };
+    let parts: Vec<String> = items.par_chunks(256).map(lines).collect();
+    format!("{head}\n{}", parts.concat())
 }
 
 /// Reads `points.csv`.

@@ -52,7 +52,10 @@ impl Camera {
         let j = Matrix2::new(self.fx * iz, 0.0, 0.0, self.fy * iz) * jd;
         // x and y are px/pz and py/pz: the column of pz follows from the other two.
         let by_depth = -(j * Vector2::new(x, y));
-        Some((Vector2::new(self.fx * d.x + self.cx, self.fy * d.y + self.cy), Matrix2x3::from_columns(&[j.column(0).into_owned(), j.column(1).into_owned(), by_depth])))
+        Some((
+            Vector2::new(self.fx * d.x + self.cx, self.fy * d.y + self.cy),
+            Matrix2x3::from_columns(&[j.column(0).into_owned(), j.column(1).into_owned(), by_depth]),
+        ))
     }
 
     /// Normalised, undistorted coordinates of a pixel (Newton's method; `None` where the distortion cannot be inverted).

@@ -1,7 +1,9 @@
 //! One shot's recording: the frames of both cameras, paired by the number in their names; gaps stay gaps.
 
+use super::decoded_pictures::DecodedPictures;
 use super::{FootageError, numbered_images};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// One instant: the picture of each camera, where there is one.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -15,6 +17,7 @@ pub struct FramePair {
 #[derive(Debug, Clone, Default)]
 pub struct Clip {
     pub pairs: Vec<FramePair>,
+    pub(super) decoded: Arc<DecodedPictures>,
 }
 
 impl Clip {
@@ -28,7 +31,7 @@ impl Clip {
                 (Some(a), Some(b)) => a.0.min(b.0),
                 (Some(a), None) => a.0,
                 (None, Some(b)) => b.0,
-                (None, None) => return Ok(Clip { pairs }),
+                (None, None) => return Ok(Clip { pairs, decoded: Arc::default() }),
             };
             let files = [l.next_if(|f| f.0 == number).map(|f| f.1), r.next_if(|f| f.0 == number).map(|f| f.1)];
             pairs.push(FramePair { number, files });
@@ -47,7 +50,8 @@ impl Clip {
                 files.entry(number).or_default()[1] = Some(right.clone());
             }
         }
-        Clip { pairs: files.into_iter().map(|(number, files)| FramePair { number, files }).collect() }
+        let pairs = files.into_iter().map(|(number, files)| FramePair { number, files }).collect();
+        Clip { pairs, decoded: self.decoded.clone() }
     }
 
     /// What the user should know about missing pictures: one line per camera that lacks some.

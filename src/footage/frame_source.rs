@@ -1,7 +1,8 @@
 //! Where tracking gets its frames from: a recorded clip, or pictures in memory (tests, synthetic worlds).
 
 use super::bitmap::Bitmap;
-use super::{Clip, FootageError, GreyImage, GreyView, read_grey};
+use super::{Clip, FootageError, GreyImage, GreyView};
+use std::sync::Arc;
 
 /// Frames of both cameras by index. Reading is independent per index, so that several threads may read at once.
 pub trait FrameSource: Sync {
@@ -23,18 +24,18 @@ pub trait FrameSource: Sync {
 #[derive(Debug, Default)]
 pub struct FrameBuffer {
     bitmap: Bitmap,
-    whole: Option<GreyImage>,
+    whole: Option<Arc<GreyImage>>,
 }
 
 impl FrameBuffer {
     /// What was read last.
     pub fn view(&self) -> Option<GreyView<'_>> {
-        self.whole.as_ref().map(GreyView::of).or_else(|| self.bitmap.view())
+        self.whole.as_deref().map(GreyView::of).or_else(|| self.bitmap.view())
     }
 
     /// Puts a whole picture in.
-    pub fn put(&mut self, image: GreyImage) {
-        self.whole = Some(image);
+    pub fn put(&mut self, image: impl Into<Arc<GreyImage>>) {
+        self.whole = Some(image.into());
     }
 }
 
@@ -51,7 +52,7 @@ impl FrameSource for Clip {
         let Some(path) = self.pairs.get(index).and_then(|p| p.files[camera].as_ref()) else { return Ok(false) };
         buffer.whole = None;
         if !buffer.bitmap.read(path, rows).unwrap_or(false) {
-            buffer.put(read_grey(path)?);
+            buffer.put(self.decoded.read(path)?);
         }
         Ok(true)
     }

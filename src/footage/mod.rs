@@ -5,6 +5,7 @@
 
 mod bitmap;
 mod clip;
+mod decoded_pictures;
 mod frame_source;
 mod grey_view;
 mod image_file;

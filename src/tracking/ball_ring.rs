@@ -174,7 +174,8 @@ fn round(ring: &mut BallRing, model: &RingModel, shift: &Vector2<f64>) -> [Secto
     for k in 0..SECTORS {
         let part = ring.starts[k]..ring.starts[k + 1];
         let limbs = model.profile.sector(k);
-        let (disc, share) = (around[part.clone()].iter_mut().zip(&mut around_slope[part.clone()]), ball[part.clone()].iter_mut().zip(&mut ball_slope[part.clone()]));
+        let (disc, share) =
+            (around[part.clone()].iter_mut().zip(&mut around_slope[part.clone()]), ball[part.clone()].iter_mut().zip(&mut ball_slope[part.clone()]));
         for ((disc, share), step) in disc.zip(share).zip(&steps[part.clone()]) {
             let limb = limbs[(*step as usize).min(limbs.len() - 1)];
             (*disc.0, *disc.1, *share.0, *share.1) = (limb.disc, limb.disc_slope, limb.ball, limb.ball_slope);

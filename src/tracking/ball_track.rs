@@ -88,8 +88,8 @@ impl BallScene<'_> {
             let settled = if self.faint { SETTLED_PX } else { ROUGH_PX };
             let near = |f: &BallFit| Self::outlined(f) && (f.uv - centre).norm() < f64::from(reach_px) + 1.5;
             // A faint outline counts only right where the ball was expected.
-            let mut found =
-                ball_fit::fit(image, centre, radius, limb, settled).filter(|f| near(f) || self.faint && Self::fair(f) && (f.uv - centre).norm() < FAINT_SHIFT_PX);
+            let mut found = ball_fit::fit(image, centre, radius, limb, settled)
+                .filter(|f| near(f) || self.faint && Self::fair(f) && (f.uv - centre).norm() < FAINT_SHIFT_PX);
             // A clear outline where it was expected needs no search.
             if reach_px > 1
                 && found.as_ref().is_none_or(|f| f.outline < CLEAR_OUTLINE)

@@ -61,13 +61,7 @@ fn search_among(view: &View, figure: &RacketFigure, candidates: &[Vec<BandCandid
 
 /// The poses that put three markers, two of them given, on space points; with the image points that agree and how far these
 /// are off, px.
-fn hypotheses(
-    view: &View,
-    figure: &RacketFigure,
-    points: &[Point3<f64>],
-    near: &[Neighbours; 2],
-    (i, j): (usize, usize),
-) -> Vec<(usize, f64, Isometry3<f64>)> {
+fn hypotheses(view: &View, figure: &RacketFigure, points: &[Point3<f64>], near: &[Neighbours; 2], (i, j): (usize, usize)) -> Vec<(usize, f64, Isometry3<f64>)> {
     let apart = |p: &Point3<f64>, q: &Point3<f64>, m: usize, n: usize| ((p - q).norm() - figure.distance_m(m, n)).abs() < DISTANCE_TOLERANCE_M;
     let mut out = Vec::new();
     for (a, pa) in points.iter().enumerate() {

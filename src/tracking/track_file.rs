@@ -1,10 +1,10 @@
 //! Tracks and points as files (contract, section 3): `tracks.csv` in pixels, `points.csv` in global metres.
 
-use rayon::prelude::*;
-use std::fmt::Write as _;
 use crate::calibration::CameraId;
 use nalgebra::{Point3, Vector2, Vector3};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, thiserror::Error)]

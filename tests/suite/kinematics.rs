@@ -1,7 +1,7 @@
 //! `kinematics` against worlds with known truth that do not share its laws of motion.
 
 use super::kinematics_world::{Difficulty, FRAME_S, TrueShot, true_shot};
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::{Isometry3, Point3, Vector3};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use sweetspot::calibration::{CameraId, RigidTransform};
@@ -298,6 +298,24 @@ fn agrees_at_half_the_frame_rate_within_what_the_study_reports() {
     assert!(half.ball_velocity_m_s.unwrap() < 0.3 && half.instant_s.unwrap() < 1e-4);
     // A window twice as long is less straight (figures 4.14 to 4.16): an arc bows four times as far.
     assert!(half.tip_bow_m.unwrap() > 3.0 * full.tip_bow_m.unwrap());
+}
+
+#[test]
+fn truth_a_ball_far_outside_the_calibrated_volume_is_told() {
+    // A calibration of a volume around the ball, and the same of one five metres beside it.
+    let shot = |aside_m: f64| {
+        let mut truth = true_shot(21, &COURT);
+        let middle = truth.rig.global_from_left.isometry().inverse() * Point3::new(0.0, 1.0, 0.0);
+        let corners: Vec<[f64; 3]> = (0..8).map(|i| [0, 1, 2].map(|k| middle[k] + if i >> k & 1 == 1 { 1.0 } else { -1.0 } + aside_m)).collect();
+        // Two cameras of nine numbers each, rotation and translation between them.
+        let n = 24;
+        let matrix: Vec<Vec<f64>> = (0..n).map(|i| (0..n).map(|k| if i == k { 1e-12 } else { 0.0 }).collect()).collect();
+        truth.rig.more.insert("covariance".into(), serde_json::json!({ "matrix": matrix }));
+        truth.rig.more.insert("volume".into(), serde_json::json!({ "reference_points_m": corners }));
+        measured(&truth, &settings()).expect("measured").shot.remarks
+    };
+    let told = |remarks: &[String]| remarks.iter().any(|r| r.contains("far outside"));
+    assert!(!told(&shot(0.0)) && told(&shot(5.0)), "{:?} {:?}", shot(0.0), shot(5.0));
 }
 
 #[test]

@@ -5,31 +5,41 @@
 //! part of a pixel needs the second step only, and the derivatives come with it.
 
 use nalgebra::{Vector2, Vector3};
+use std::ops::Range;
 
+/// Values at a time; lengths of rows are multiples of it.
+pub const WIDE: usize = 16;
 /// Places of the disc that one pixel sees along a row: plus and minus four deviations of the blur.
 const TAPS: usize = 16;
-/// Spacing of small and large discs, px.
-const SPACING_PX: (f64, f64) = (1.0 / 3.0, 0.5);
+/// Places in a pixel for small and large discs: whole numbers, so that all pixels of a row see their places with the same weights.
+const PER_PIXEL: (usize, usize) = (3, 2);
 /// A ball beyond this radius is large, px.
 const LARGE_PX: f64 = 12.0;
+/// Empty places on either side of a row, for pixels that see little or nothing of the ball.
+const MARGIN: usize = 2 * TAPS;
 
 /// Places of one disc and how much of each lies on the ball.
 pub struct BallDisc {
-    spacing: f64,
+    /// Places in a pixel.
+    per_pixel: usize,
     /// Rows and columns of the ball's square.
     places: usize,
-    /// Length of a row with empty places on both sides.
-    stride: usize,
+    /// A row holds every `per_pixel`-th column after one another, beginning with the first, then with the second, and so on: what
+    /// neighbouring pixels see through one tap stands side by side. Length of each such part.
+    part: usize,
     /// Share of each place on the ball.
     pub cover: Vec<f32>,
     /// Index and normal (camera axes) of the places on the ball.
     pub normals: Vec<(u32, Vector3<f64>)>,
 }
 
-/// How each pixel row or column looks at the rows or columns of the disc.
+/// How the pixels of a row or column look at the disc: all with the same weights, each `per_pixel` places farther on.
 struct Look {
-    /// First place, weights and their derivatives by the centre.
-    pixels: Vec<(usize, [f32; TAPS], [f32; TAPS])>,
+    /// First place that the first pixel sees.
+    from: isize,
+    weight: [f32; TAPS],
+    /// Derivatives of the weights by the centre.
+    by_centre: [f32; TAPS],
 }
 
 /// A blurred disc: values and derivatives by the centre, row by row of a window.
@@ -42,19 +52,21 @@ pub struct Blurred {
 
 impl BallDisc {
     pub fn new(radius_px: f64) -> Self {
-        let spacing = if radius_px < LARGE_PX { SPACING_PX.0 } else { SPACING_PX.1 };
+        let per_pixel = if radius_px < LARGE_PX { PER_PIXEL.0 } else { PER_PIXEL.1 };
+        let spacing = 1.0 / per_pixel as f64;
         let half = ((radius_px + 1.0) / spacing).ceil() as usize;
         let places = 2 * half + 1;
-        let stride = places + 2 * TAPS;
-        let mut disc = BallDisc { spacing, places, stride, cover: vec![0.0; places * stride], normals: Vec::with_capacity(places * places) };
+        let part = (places + 2 * MARGIN).div_ceil(per_pixel).next_multiple_of(WIDE) + WIDE;
+        let stride = per_pixel * part;
+        let mut disc = BallDisc { per_pixel, places, part, cover: vec![0.0; places * stride], normals: Vec::with_capacity(places * places) };
         for row in 0..places {
             let y = (row as f64 - half as f64) * spacing;
             for column in 0..places {
                 let x = (column as f64 - half as f64) * spacing;
-                let rho = x.hypot(y);
+                let rho = (x * x + y * y).sqrt();
                 let share = ((radius_px - rho) / spacing + 0.5).clamp(0.0, 1.0);
                 if share > 0.0 {
-                    let at = row * stride + TAPS + column;
+                    let at = row * stride + (MARGIN + column) % per_pixel * part + (MARGIN + column) / per_pixel;
                     disc.cover[at] = share as f32;
                     let q = (rho / radius_px).min(1.0);
                     let out = if rho > 1e-9 { q / rho } else { 0.0 };
@@ -78,102 +90,159 @@ impl BallDisc {
     }
 
     /// Which places the pixels at `first`, `first` + 1, ... (px from the centre) look at.
-    fn look(&self, first: f64, count: usize, blur_px: f64) -> Look {
-        let half = (self.places / 2) as f64;
-        let unit = self.spacing / ((std::f64::consts::TAU).sqrt() * blur_px);
-        let pixel = |k: usize| {
-            let at = (first + k as f64) / self.spacing + half;
-            // The places from here on, counted from TAPS before the disc.
-            let from = (at - 0.5 * (TAPS - 1) as f64).ceil() + TAPS as f64;
-            let (mut weight, mut slope) = ([0.0; TAPS], [0.0; TAPS]);
-            if !(0.0..=(self.places + TAPS) as f64).contains(&from) {
-                return (0, weight, slope);
-            }
-            for i in 0..TAPS {
-                let t = (at + TAPS as f64 - from - i as f64) * self.spacing / blur_px;
-                let w = unit * (-0.5 * t * t).exp();
-                weight[i] = w as f32;
-                slope[i] = (w * t / blur_px) as f32;
-            }
-            (from as usize, weight, slope)
-        };
-        Look { pixels: (0..count).map(pixel).collect() }
-    }
-
-    /// The rows of the disc (with their weights) that a pixel row looks at.
-    fn rows<'a>(&'a self, look: &'a (usize, [f32; TAPS], [f32; TAPS])) -> impl Iterator<Item = (usize, f32, f32)> + 'a {
-        (0..TAPS).filter_map(move |i| {
-            let row = (look.0 + i).checked_sub(TAPS)?;
-            (row < self.places).then_some((row, look.1[i], look.2[i]))
-        })
+    fn look(&self, first: f64, blur_px: f64) -> Look {
+        let spacing = 1.0 / self.per_pixel as f64;
+        let at = first / spacing + (self.places / 2) as f64;
+        let from = (at - 0.5 * (TAPS - 1) as f64).ceil();
+        let unit = spacing / ((std::f64::consts::TAU).sqrt() * blur_px);
+        let (mut weight, mut by_centre) = ([0.0; TAPS], [0.0; TAPS]);
+        for i in 0..TAPS {
+            let t = (at - from - i as f64) * spacing / blur_px;
+            let w = unit * (-0.5 * t * t).exp();
+            weight[i] = w as f32;
+            by_centre[i] = (w * t / blur_px) as f32;
+        }
+        Look { from: from as isize, weight, by_centre }
     }
 
     /// Blurs discs (from [`Self::painted`] or the cover) into a window of `side` x `side` pixels whose first pixel is the picture's
     /// (0, 0); `centre` is counted from it.
     pub fn blurred<const K: usize>(&self, discs: [&[f32]; K], centre: &Vector2<f64>, side: usize, blur_px: f64, slopes: bool) -> [Blurred; K] {
-        let (columns, rows) = (self.look(-centre.x, side, blur_px), self.look(-centre.y, side, blur_px));
-        discs.map(|disc| {
-            let n = side * side;
-            let mut out = Blurred { value: vec![0.0; n], by_x: vec![0.0; if slopes { n } else { 0 }], by_y: vec![0.0; if slopes { n } else { 0 }] };
-            let (mut line, mut slope) = (vec![0.0f32; self.stride], vec![0.0f32; self.stride]);
-            for (v, look) in rows.pixels.iter().enumerate() {
-                line.fill(0.0);
-                slope.fill(0.0);
-                for (row, w, s) in self.rows(look) {
-                    let Some(source) = disc.get(row * self.stride..(row + 1) * self.stride) else { continue };
-                    line.iter_mut().zip(source).for_each(|(l, d)| *l += w * d);
-                    if slopes {
-                        slope.iter_mut().zip(source).for_each(|(l, d)| *l += s * d);
-                    }
-                }
-                for (u, (from, weight, by_centre)) in columns.pixels.iter().enumerate() {
-                    let at = v * side + u;
-                    let Some(seen) = line.get(*from..from + TAPS) else { continue };
-                    out.value[at] = dot(seen, weight);
-                    if slopes {
-                        out.by_x[at] = dot(seen, by_centre);
-                        out.by_y[at] = slope.get(*from..from + TAPS).map_or(0.0, |s| dot(s, weight));
-                    }
-                }
-            }
-            out
-        })
+        let (columns, rows) = (self.look(-centre.x, blur_px), self.look(-centre.y, blur_px));
+        discs.map(|painted| pulp::Arch::new().dispatch(Blur { disc: self, painted, columns: &columns, rows: &rows, side, slopes }))
     }
 
     /// What the pixels of a window say of each place: the transposed blur.
     pub fn gathered<const K: usize>(&self, windows: [&[f32]; K], centre: &Vector2<f64>, side: usize, blur_px: f64) -> [Vec<f32>; K] {
-        let (columns, rows) = (self.look(-centre.x, side, blur_px), self.look(-centre.y, side, blur_px));
-        windows.map(|window| {
-            let mut out = vec![0.0f32; self.cover.len()];
-            let mut line = vec![0.0f32; self.stride];
-            for (look, pixels) in rows.pixels.iter().zip(window.chunks_exact(side)) {
-                line.fill(0.0);
-                for ((from, weight, _), pixel) in columns.pixels.iter().zip(pixels) {
-                    if let Some(seen) = line.get_mut(*from..from + TAPS) {
-                        seen.iter_mut().zip(weight).for_each(|(l, w)| *l += w * pixel);
-                    }
-                }
-                for (row, w, _) in self.rows(look) {
-                    if let Some(to) = out.get_mut(row * self.stride..(row + 1) * self.stride) {
-                        to.iter_mut().zip(&line).for_each(|(o, l)| *o += w * l);
-                    }
-                }
-            }
-            out
-        })
+        let (columns, rows) = (self.look(-centre.x, blur_px), self.look(-centre.y, blur_px));
+        windows.map(|window| pulp::Arch::new().dispatch(Gather { disc: self, window, columns: &columns, rows: &rows, side }))
+    }
+
+    /// Where in a row the ball's square stands in the `k`-th of its parts.
+    #[inline(always)]
+    fn on_ball(&self, k: usize) -> Range<usize> {
+        let first = k * self.part + MARGIN / self.per_pixel;
+        first..first + (self.places / self.per_pixel + 2).next_multiple_of(WIDE)
+    }
+
+    /// Where the row of the disc stands that a pixel row sees through a tap.
+    #[inline(always)]
+    fn row(&self, look: &Look, pixel: usize, tap: usize) -> Option<Range<usize>> {
+        let row = look.from + (pixel * self.per_pixel + tap) as isize;
+        let stride = self.per_pixel * self.part;
+        (row >= 0 && (row as usize) < self.places).then(|| row as usize * stride..(row as usize + 1) * stride)
+    }
+
+    /// Where in a row the `count` places stand that the first and following pixels see through a tap; `None` where the row does not
+    /// hold them all.
+    #[inline(always)]
+    fn seen(&self, look: &Look, tap: usize, count: usize) -> Option<Range<usize>> {
+        let column = usize::try_from(look.from + (MARGIN + tap) as isize).ok()?;
+        let first = column / self.per_pixel;
+        let at = column % self.per_pixel * self.part + first;
+        (first + count <= self.part).then_some(at..at + count)
     }
 }
 
-#[inline]
-fn dot(a: &[f32], b: &[f32; TAPS]) -> f32 {
-    let mut lanes = [0.0f32; 8];
-    for (a, b) in a.as_chunks::<8>().0.iter().zip(b.as_chunks::<8>().0) {
-        for l in 0..8 {
-            lanes[l] += a[l] * b[l];
+struct Blur<'a> {
+    disc: &'a BallDisc,
+    painted: &'a [f32],
+    columns: &'a Look,
+    rows: &'a Look,
+    side: usize,
+    slopes: bool,
+}
+
+impl pulp::NullaryFnOnce for Blur<'_> {
+    type Output = Blurred;
+
+    /// Each pixel row's line of the disc first, then its pixels, all of them side by side.
+    #[inline(always)]
+    fn call(self) -> Blurred {
+        let Blur { disc, painted, columns, rows, side, slopes } = self;
+        let n = side * side;
+        let empty = if slopes { n } else { 0 };
+        let mut out = Blurred { value: vec![0.0; n], by_x: vec![0.0; empty], by_y: vec![0.0; empty] };
+        let width = side.next_multiple_of(WIDE);
+        let (mut line, mut slope) = (vec![0.0f32; disc.per_pixel * disc.part], vec![0.0f32; disc.per_pixel * disc.part]);
+        let (mut value, mut by_x, mut by_y) = (vec![0.0f32; width], vec![0.0f32; width], vec![0.0f32; width]);
+        for v in 0..side {
+            line.fill(0.0);
+            slope.fill(0.0);
+            for tap in 0..TAPS {
+                let Some(source) = disc.row(rows, v, tap).and_then(|row| painted.get(row)) else { continue };
+                for k in 0..disc.per_pixel {
+                    let on_ball = disc.on_ball(k);
+                    add(&mut line[on_ball.clone()], &source[on_ball.clone()], rows.weight[tap]);
+                    if slopes {
+                        add(&mut slope[on_ball.clone()], &source[on_ball], rows.by_centre[tap]);
+                    }
+                }
+            }
+            value.fill(0.0);
+            by_x.fill(0.0);
+            by_y.fill(0.0);
+            for tap in 0..TAPS {
+                let Some(seen) = disc.seen(columns, tap, width) else { continue };
+                add(&mut value, &line[seen.clone()], columns.weight[tap]);
+                if slopes {
+                    add(&mut by_x, &line[seen.clone()], columns.by_centre[tap]);
+                    add(&mut by_y, &slope[seen], columns.weight[tap]);
+                }
+            }
+            let row = v * side..(v + 1) * side;
+            out.value[row.clone()].copy_from_slice(&value[..side]);
+            if slopes {
+                out.by_x[row.clone()].copy_from_slice(&by_x[..side]);
+                out.by_y[row].copy_from_slice(&by_y[..side]);
+            }
         }
+        out
     }
-    let [a, b, c, d, e, f, g, h] = lanes;
-    ((a + e) + (c + g)) + ((b + f) + (d + h))
+}
+
+struct Gather<'a> {
+    disc: &'a BallDisc,
+    window: &'a [f32],
+    columns: &'a Look,
+    rows: &'a Look,
+    side: usize,
+}
+
+impl pulp::NullaryFnOnce for Gather<'_> {
+    type Output = Vec<f32>;
+
+    #[inline(always)]
+    fn call(self) -> Vec<f32> {
+        let Gather { disc, window, columns, rows, side } = self;
+        let mut out = vec![0.0f32; disc.cover.len()];
+        let mut line = vec![0.0f32; disc.per_pixel * disc.part];
+        for (v, pixels) in window.chunks_exact(side.max(1)).enumerate() {
+            line.fill(0.0);
+            for tap in 0..TAPS {
+                if let Some(seen) = disc.seen(columns, tap, side) {
+                    add(&mut line[seen], pixels, columns.weight[tap]);
+                }
+            }
+            for tap in 0..TAPS {
+                if let Some(to) = disc.row(rows, v, tap).and_then(|row| out.get_mut(row)) {
+                    for k in 0..disc.per_pixel {
+                        let on_ball = disc.on_ball(k);
+                        add(&mut to[on_ball.clone()], &line[on_ball], rows.weight[tap]);
+                    }
+                }
+            }
+        }
+        out
+    }
+}
+
+/// Adds `weight` times one array to another; quickest where lengths are multiples of [`WIDE`].
+#[inline(always)]
+pub fn add(to: &mut [f32], from: &[f32], weight: f32) {
+    for (to, from) in to.iter_mut().zip(from) {
+        *to += weight * from;
+    }
 }
 
 #[cfg(test)]

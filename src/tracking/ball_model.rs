@@ -6,7 +6,7 @@
 //! expected. What lies behind the outline is continued from just outside it, with the help of the clip's median picture
 //! where that is what is seen outside.
 
-use super::ball_disc::BallDisc;
+use super::ball_disc::{BallDisc, WIDE, add};
 use super::ball_light::BallLight;
 use super::ball_texture::BallTexture;
 use nalgebra::{Matrix2, Matrix3, SMatrix, SVector, Vector2};
@@ -21,6 +21,8 @@ pub const CLEAR: f64 = 0.995;
 const INSIDE: f64 = 0.72;
 /// Pixels show the surroundings from here to there outside the outline: up to 1.5 % of the ball, px.
 const SURROUNDINGS_PX: (f64, f64) = (2.17 * BLUR_PX, 4.5);
+/// As long as the centre has moved by less, the surroundings stay as they are, px.
+const SAME_SURROUNDINGS_PX: f64 = 0.05;
 /// How far outside pixels take part, px, and the least share of the ball they must show.
 const OUTSIDE_PX: f64 = 3.0;
 const LEAST_SHARE: f64 = 0.03;
@@ -31,6 +33,8 @@ const TUKEY: f64 = 4.685;
 /// How far the light of one picture may differ from one side of the disc to the other from the light of all.
 const TILT: f64 = 0.03;
 const ROUNDS: usize = 8;
+/// The first of them weigh pixels by Huber's rule.
+const HUBER_ROUNDS: usize = 2;
 /// A step below this ends a fit, px.
 const SETTLED_PX: f64 = 0.003;
 /// Sectors of the outline whose pulls count as independent: 30 degrees, a line or a panel's border.
@@ -88,14 +92,19 @@ impl BallPicture {
     }
 
     /// The centre nearest to `self.centre` at which picture and model agree best. `tilted` leaves the light free to be a
-    /// little brighter on one side. `None` when the picture does not determine it.
+    /// little brighter on one side, for a centre that was fitted without. `None` when the picture does not determine it.
     pub fn fit(&self, disc: &BallDisc, painted: &[f32], model: &BallModel, tilted: bool) -> Option<ModelFit> {
         let noise = model.noise;
         let (mut centre, mut gain) = (self.centre - self.origin, self.gain);
         let unknowns = if tilted { 5 } else { 3 };
         let mut rows: Vec<(SVector<f64, 5>, f64, f64, Vector2<f64>)> = Vec::with_capacity(400);
-        for round in 0..ROUNDS {
-            let around = Surroundings::of(self, &centre);
+        let mut around = Surroundings::of(self, &centre);
+        // A tilt is asked for where the centre without it is known: there is nothing to be careful about.
+        for round in if tilted { HUBER_ROUNDS } else { 0 }..ROUNDS {
+            // A few pixels more or less at their edge do not change them.
+            if (centre - around.centre).norm() > SAME_SURROUNDINGS_PX {
+                around = Surroundings::of(self, &centre);
+            }
             let [cover, ball] = disc.blurred([&disc.cover, painted], &centre, self.side, BLUR_PX, true);
             rows.clear();
             for (i, grey) in self.pixels.iter().enumerate() {
@@ -126,7 +135,7 @@ impl BallPicture {
             // Huber first, so that a start half a pixel off is not taken for an outlier all around.
             let weigh = |r: f64, variance: f64| {
                 let z = r.abs() / (variance.sqrt() * scale);
-                (z, if round < 2 { 1.0 / z.max(1.5) * 1.5 } else { (1.0 - (z / TUKEY).powi(2)).max(0.0).powi(2) } / variance)
+                (z, if round < HUBER_ROUNDS { 1.0 / z.max(1.5) * 1.5 } else { (1.0 - (z / TUKEY).powi(2)).max(0.0).powi(2) } / variance)
             };
             for (j, r, variance, _) in &rows {
                 let (_, w) = weigh(*r, *variance);
@@ -148,7 +157,7 @@ impl BallPicture {
             if !(centre.norm().is_finite() && gain > 0.05 && gain < 20.0) {
                 return None;
             }
-            if round >= 3 && step.fixed_rows::<2>(0).norm() < SETTLED_PX || round + 1 == ROUNDS {
+            if round > HUBER_ROUNDS && step.fixed_rows::<2>(0).norm() < SETTLED_PX || round + 1 == ROUNDS {
                 let mut pulls = [SVector::<f64, 5>::zeros(); SECTORS];
                 let mut agreeing = 0;
                 for (j, r, variance, d) in &rows {
@@ -172,58 +181,109 @@ fn sector_of(d: &Vector2<f64>) -> usize {
     ((turn * SECTORS as f64) as usize).min(SECTORS - 1)
 }
 
-/// The surroundings just outside the outline of one picture.
+/// The surroundings just outside the outline of one picture, continued inward.
 pub struct Surroundings<'a> {
     picture: &'a BallPicture,
-    /// Whether a pixel shows them.
-    outside: Vec<bool>,
+    /// Where the outline was, from the window's first pixel.
+    centre: Vector2<f64>,
+    /// Length of a row of the sums.
+    stride: usize,
+    /// By pixel, over the pixels near it that show the surroundings: weight, grey level and its square, difference from the median
+    /// picture and its square. Grey levels are counted from `level`.
+    sums: [Vec<f32>; 5],
+    level: f64,
 }
 
 /// Reach of the mean that continues the surroundings inward, px, and the weights of pixels 0 to 4 columns or rows away: a
 /// normal curve of 1.2 px.
 const NEAR: usize = 4;
-const FALLING: [f64; NEAR + 1] = [1.0, 0.706_648, 0.249_352, 0.043_937, 0.003_866];
+const FALLING: [f32; NEAR + 1] = [1.0, 0.706_648, 0.249_352, 0.043_937, 0.003_866];
+/// Less weight than this is nothing: the far corner of the reach has a fifteenth of a thousandth.
+const LEAST_WEIGHT: f32 = 1e-6;
 /// Variance of a median picture's pixel, grey levels squared.
 const MEDIAN_VARIANCE: f64 = 1.0;
 
 impl<'a> Surroundings<'a> {
     /// `centre` is counted from the window's first pixel.
     pub fn of(picture: &'a BallPicture, centre: &Vector2<f64>) -> Self {
-        let seen = |i: usize| {
-            let d = Vector2::new((i % picture.side) as f64, (i / picture.side) as f64) - centre;
-            let rho = d.norm() - picture.radius_px;
-            rho > SURROUNDINGS_PX.0 && rho < SURROUNDINGS_PX.1
-        };
-        Surroundings { picture, outside: (0..picture.pixels.len()).map(seen).collect() }
+        let side = picture.side;
+        let stride = side.next_multiple_of(WIDE) + WIDE;
+        let (from, to) = (picture.radius_px + SURROUNDINGS_PX.0, picture.radius_px + SURROUNDINGS_PX.1);
+        let level = picture.pixels.first().copied().unwrap_or_default();
+        // With room for the reach on all sides.
+        let mut sums: [Vec<f32>; 5] = std::array::from_fn(|_| vec![0.0; stride * (side + 2 * NEAR)]);
+        for (i, grey) in picture.pixels.iter().enumerate() {
+            let (x, y) = (i % side, i / side);
+            let d2 = (x as f64 - centre.x).powi(2) + (y as f64 - centre.y).powi(2);
+            if d2 > from * from && d2 < to * to {
+                let at = (y + NEAR) * stride + x + NEAR;
+                let g = (grey - level) as f32;
+                let e = picture.behind.as_ref().map_or(0.0, |m| (grey - m[i]) as f32);
+                for (sum, v) in sums.iter_mut().zip([1.0, g, g * g, e, e * e]) {
+                    sum[at] = v;
+                }
+            }
+        }
+        let count = if picture.behind.is_some() { 5 } else { 3 };
+        for sum in sums.iter_mut().take(count) {
+            pulp::Arch::new().dispatch(Spread { values: sum, side, stride });
+        }
+        Surroundings { picture, centre: *centre, stride, sums, level }
     }
 
     /// What lies behind the ball at a pixel, with its variance: the mean of what is seen outside near it, or the median picture
     /// moved by the mean by which it differs from what is seen outside near it, whichever varies less there. `None` when nothing
     /// outside is near.
     pub fn behind(&self, pixel: usize) -> Option<(f64, f64)> {
-        let side = self.picture.side;
-        let (column, row) = (pixel % side, pixel / side);
-        let median = self.picture.behind.as_deref();
-        let mut weight = 1e-12;
-        // Sum and sum of squares: of the grey levels, and of their differences from the median picture.
-        let mut sums = [(0.0, 0.0); 2];
-        for y in row.saturating_sub(NEAR)..(row + NEAR + 1).min(side) {
-            for x in column.saturating_sub(NEAR)..(column + NEAR + 1).min(side) {
-                let at = y * side + x;
-                if self.outside[at] {
-                    let w = FALLING[x.abs_diff(column)] * FALLING[y.abs_diff(row)];
-                    let grey = self.picture.pixels[at];
-                    weight += w;
-                    sums[0] = (sums[0].0 + w * grey, sums[0].1 + w * grey * grey);
-                    if let Some(m) = median {
-                        let e = grey - m[at];
-                        sums[1] = (sums[1].0 + w * e, sums[1].1 + w * e * e);
-                    }
-                }
-            }
+        let at = pixel / self.picture.side * self.stride + pixel % self.picture.side;
+        let weight = *self.sums[0].get(at)?;
+        if weight < LEAST_WEIGHT {
+            return None;
         }
-        let [(plain, spread), (off, off_spread)] = sums.map(|(sum, square)| (sum / weight, (square / weight - (sum / weight).powi(2)).max(0.0)));
-        let known = median.map(|m| (m[pixel] + off, off_spread + MEDIAN_VARIANCE)).filter(|k| k.1 < spread);
-        (weight > 1e-6).then(|| known.unwrap_or((plain, spread)))
+        let moments = |sum: &[f32], square: &[f32]| {
+            let mean = f64::from(sum[at] / weight);
+            (mean, (f64::from(square[at] / weight) - mean * mean).max(0.0))
+        };
+        let [_, grey, grey_square, off, off_square] = &self.sums;
+        let (mean, spread) = moments(grey, grey_square);
+        let known = self.picture.behind.as_ref().map(|m| {
+            let (off, off_spread) = moments(off, off_square);
+            (m[pixel] + off, off_spread + MEDIAN_VARIANCE)
+        });
+        Some(known.filter(|k| k.1 < spread).unwrap_or((mean + self.level, spread)))
+    }
+}
+
+/// Sums values over their neighbours with [`FALLING`] weights, rows then columns. The values stand [`NEAR`] pixels from the upper left
+/// corner, the sums in it.
+struct Spread<'a> {
+    values: &'a mut [f32],
+    side: usize,
+    stride: usize,
+}
+
+impl pulp::NullaryFnOnce for Spread<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Spread { values, side, stride } = self;
+        let width = side.next_multiple_of(WIDE);
+        let mut line = vec![0.0f32; width];
+        for row in values.chunks_exact_mut(stride) {
+            line.fill(0.0);
+            for k in 0..=2 * NEAR {
+                add(&mut line, &row[k..k + width], FALLING[k.abs_diff(NEAR)]);
+            }
+            row[..width].copy_from_slice(&line);
+        }
+        for y in 0..side {
+            line.fill(0.0);
+            for k in 0..=2 * NEAR {
+                let from = (y + k) * stride;
+                add(&mut line, &values[from..from + width], FALLING[k.abs_diff(NEAR)]);
+            }
+            values[y * stride..y * stride + width].copy_from_slice(&line);
+        }
     }
 }

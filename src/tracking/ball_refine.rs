@@ -104,24 +104,23 @@ fn sights(
     turning: &[Option<(Vector3<f64>, bool)>; 2],
     backgrounds: &[Option<GreyImage>; 2],
 ) -> Result<Vec<Sight>, TrackingError> {
-    let mut out = Vec::new();
-    let mut buffer = FrameBuffer::default();
-    for index in 0..source.len() {
-        let Some(ball) = &shot.ball[index] else { continue };
+    let taught = MOST_TEACHING / setup.frame_rate_hz;
+    let both = |buffer: &mut FrameBuffer, index: usize| -> Result<Vec<Sight>, TrackingError> {
+        let mut out = Vec::with_capacity(2);
+        let Some(ball) = &shot.ball[index] else { return Ok(out) };
         let t = (source.number(index) as f64 - contact) / setup.frame_rate_hz;
-        let taught = MOST_TEACHING / setup.frame_rate_hz;
         let (stretch, teaches) = if t < 0.0 {
             (0, t > -taught)
         } else if t > SHORTEST_CONTACT_S {
             (1, (LONGEST_CONTACT_S..LONGEST_CONTACT_S + taught).contains(&t))
         } else {
-            continue;
+            return Ok(out);
         };
-        let Some((omega, _)) = turning[stretch] else { continue };
+        let Some((omega, _)) = turning[stretch] else { return Ok(out) };
         for camera in CameraId::BOTH {
             let Some(point) = ball.points[camera.index()] else { continue };
             let Some(radius_px) = outline_radius_px(view, camera, &ball.position, setup.ball.radius_m()) else { continue };
-            if let Some((pixels, side, origin)) = crop(source, index, camera, &point.uv, radius_px, setup.rig.image_size, &mut buffer)? {
+            if let Some((pixels, side, origin)) = crop(source, index, camera, &point.uv, radius_px, setup.rig.image_size, buffer)? {
                 let camera_from_global = local_axes(setup, view, camera, ball);
                 let ball_from_camera = Rotation3::from_scaled_axis(omega * t).inverse().matrix() * camera_from_global.transpose();
                 let behind = backgrounds[camera.index()].as_ref().and_then(|b| window(b, &origin, side));
@@ -131,8 +130,10 @@ fn sights(
                 out.push(Sight { index, camera, picture, fit: None });
             }
         }
-    }
-    Ok(out)
+        Ok(out)
+    };
+    let sights: Result<Vec<Vec<Sight>>, TrackingError> = (0..source.len()).into_par_iter().map_init(FrameBuffer::default, both).collect();
+    Ok(sights?.into_iter().flatten().collect())
 }
 
 type Crop = (Vec<f64>, usize, Vector2<f64>);

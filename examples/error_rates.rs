@@ -73,8 +73,9 @@ fn by_model(made: &mut SyntheticTable, model: &Model, racket: &Racket, ball: &Ba
     }
 }
 
-/// Root of the chi-square that the first model leaves on noiseless impacts of the fit.
-fn signal(kind: Kind, impacts: usize, name: &str, strength: f64, own_form: bool, first_model: &str) -> f64 {
+/// Root of the chi-square that the first model leaves on noiseless impacts of the fit, and how many impacts carry it:
+/// (sum of their parts)² / sum of the squares.
+fn signal(kind: Kind, impacts: usize, name: &str, strength: f64, own_form: bool, first_model: &str) -> (f64, f64) {
     let hidden = if own_form { vec![] } else { vec![Hidden::new(name, strength)] };
     const FAINT: f64 = 1e-3;
     let noise = NoiseOptions { scale: FAINT, ..NoiseOptions::default() };
@@ -92,7 +93,8 @@ fn signal(kind: Kind, impacts: usize, name: &str, strength: f64, own_form: bool,
     let library = ModelLibrary::new(Model::parse(first_model, Path::new("model.toml")).expect("a model"), &observations.gear);
     let options = FitOptions { robust: false, ..FitOptions::default() };
     let left = fit(library.current(), &observations, &observations.side(false), &options, None).expect("a fit");
-    (left.chi2 + left.prior_residual().norm_squared()).sqrt()
+    let (sum, squares) = left.impacts.iter().map(|l| l.z.norm_squared()).fold((0.0, 0.0), |(s, q), v| (s + v, q + v * v));
+    ((left.chi2 + left.prior_residual().norm_squared()).sqrt(), sum * sum / squares)
 }
 
 /// The strength with this signal, by a few secant steps on the logarithms.
@@ -211,12 +213,15 @@ fn main() {
     let visco = flag("base=viscoelastic");
     let first_model = if visco { VISCOELASTIC } else { FIRST_MODEL };
     let strength_of = |name: &str| match option("signal") {
-        Some(wanted) => strength_with(wanted, |s| signal(kind, impacts, name, s, own_form, first_model)),
+        Some(wanted) => strength_with(wanted, |s| signal(kind, impacts, name, s, own_form, first_model).0),
         None => number(3),
     };
     if flag("curve") {
         for strength in [0.02, 0.03, 0.045, 0.06, 0.08, 0.12, 0.2, 0.35, 0.6, 1.0, 1.5] {
-            let at = |name: &&str| format!("{name} {:.1}", signal(kind, impacts, name, strength, own_form, first_model));
+            let at = |name: &&str| {
+                let (signal, carried_by) = signal(kind, impacts, name, strength, own_form, first_model);
+                format!("{name} {signal:.1} (carried by {carried_by:.0} impacts)")
+            };
             writeln!(std::io::stdout(), "strength {strength}: {}", names.iter().map(at).collect::<Vec<_>>().join(", ")).expect("stdout");
         }
     }

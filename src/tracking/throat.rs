@@ -9,6 +9,7 @@ use super::racket_figure::RacketFigure;
 use super::racket_track::{RacketFrame, RacketScene};
 use crate::calibration::CameraId;
 use crate::footage::GreyView;
+use rayon::prelude::*;
 
 /// Directions tried, degrees either side of the tangent to the head, and their steps.
 const REACH_DEG: f64 = 24.0;
@@ -46,7 +47,7 @@ impl ThroatEvidence {
                     let band = BandView::at(scene.view, figure, &frame.pose.global_from_racket, camera, marker)?;
                     Some(band::fit(image, &band, scene.shape, (0.0, 0.0), BandPart::Whole)?.misfit)
                 };
-                let misfits: Option<Vec<(f64, f64)>> = figures.iter().map(misfit).collect();
+                let misfits: Option<Vec<(f64, f64)>> = figures.par_iter().map(misfit).collect();
                 let Some(misfits) = misfits else { continue };
                 let least = misfits.iter().map(|m| m.0).fold(f64::INFINITY, f64::min).max(0.25);
                 for (sum, (misfit, pixels)) in self.against.iter_mut().zip(&misfits) {

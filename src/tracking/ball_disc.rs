@@ -4,6 +4,7 @@
 //! pixel either way, and blurred by two passes of a normal curve that stands for lens and pixel together. Moving the centre by
 //! part of a pixel needs the second step only, and the derivatives come with it.
 
+use super::octet::{LANES, Octet};
 use nalgebra::{Vector2, Vector3};
 use std::ops::Range;
 
@@ -164,31 +165,45 @@ impl pulp::NullaryFnOnce for Blur<'_> {
         let empty = if slopes { n } else { 0 };
         let mut out = Blurred { value: vec![0.0; n], by_x: vec![0.0; empty], by_y: vec![0.0; empty] };
         let width = side.next_multiple_of(WIDE);
-        let (mut line, mut slope) = (vec![0.0f32; disc.per_pixel * disc.part], vec![0.0f32; disc.per_pixel * disc.part]);
+        let stride = disc.per_pixel * disc.part;
+        let (mut line, mut slope) = (vec![0.0f32; stride], vec![0.0f32; stride]);
         let (mut value, mut by_x, mut by_y) = (vec![0.0f32; width], vec![0.0f32; width], vec![0.0f32; width]);
+        let mut seen = [None; TAPS];
+        for (tap, start) in seen.iter_mut().enumerate() {
+            *start = disc.seen(columns, tap, width).map(|r| r.start);
+        }
         for v in 0..side {
-            line.fill(0.0);
-            slope.fill(0.0);
-            for tap in 0..TAPS {
-                let Some(source) = disc.row(rows, v, tap).and_then(|row| painted.get(row)) else { continue };
-                for k in 0..disc.per_pixel {
-                    let on_ball = disc.on_ball(k);
-                    add(&mut line[on_ball.clone()], &source[on_ball.clone()], rows.weight[tap]);
-                    if slopes {
-                        add(&mut slope[on_ball.clone()], &source[on_ball], rows.by_centre[tap]);
+            // The rows that this pixel row sees, of those that the disc has.
+            let first = rows.from + (v * disc.per_pixel) as isize;
+            let taps = (-first).clamp(0, TAPS as isize) as usize..(disc.places as isize - first).clamp(0, TAPS as isize) as usize;
+            for k in 0..disc.per_pixel {
+                for at in disc.on_ball(k).step_by(LANES) {
+                    let (mut sum, mut change) = (Octet::ZERO, Octet::ZERO);
+                    for tap in taps.clone() {
+                        let Some(places) = eight(painted, (first + tap as isize) as usize * stride + at) else { break };
+                        sum = sum.plus_times(places, rows.weight[tap]);
+                        if slopes {
+                            change = change.plus_times(places, rows.by_centre[tap]);
+                        }
                     }
+                    line[at..at + LANES].copy_from_slice(&sum.0);
+                    slope[at..at + LANES].copy_from_slice(&change.0);
                 }
             }
-            value.fill(0.0);
-            by_x.fill(0.0);
-            by_y.fill(0.0);
-            for tap in 0..TAPS {
-                let Some(seen) = disc.seen(columns, tap, width) else { continue };
-                add(&mut value, &line[seen.clone()], columns.weight[tap]);
-                if slopes {
-                    add(&mut by_x, &line[seen.clone()], columns.by_centre[tap]);
-                    add(&mut by_y, &slope[seen], columns.weight[tap]);
+            for at in (0..width).step_by(LANES) {
+                let (mut sum, mut change_x, mut change_y) = (Octet::ZERO, Octet::ZERO, Octet::ZERO);
+                for (tap, start) in seen.iter().enumerate() {
+                    let Some(start) = start else { continue };
+                    let (Some(places), Some(changes)) = (eight(&line, start + at), eight(&slope, start + at)) else { continue };
+                    sum = sum.plus_times(places, columns.weight[tap]);
+                    if slopes {
+                        change_x = change_x.plus_times(places, columns.by_centre[tap]);
+                        change_y = change_y.plus_times(changes, columns.weight[tap]);
+                    }
                 }
+                value[at..at + LANES].copy_from_slice(&sum.0);
+                by_x[at..at + LANES].copy_from_slice(&change_x.0);
+                by_y[at..at + LANES].copy_from_slice(&change_y.0);
             }
             let row = v * side..(v + 1) * side;
             out.value[row.clone()].copy_from_slice(&value[..side]);
@@ -235,6 +250,11 @@ impl pulp::NullaryFnOnce for Gather<'_> {
         }
         out
     }
+}
+
+#[inline(always)]
+fn eight(values: &[f32], at: usize) -> Option<&[f32; LANES]> {
+    values.get(at..at + LANES)?.first_chunk()
 }
 
 /// Adds `weight` times one array to another; quickest where lengths are multiples of [`WIDE`].

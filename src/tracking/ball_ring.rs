@@ -3,7 +3,8 @@
 //! processor gives the same bits.
 
 use super::ball_shading::{LimbProfile, SECTORS};
-use super::band_sums::{LANES, STRIDE, dots};
+use super::band_sums::{STRIDE, dots};
+use super::octet::LANES;
 use crate::footage::GreyView;
 use nalgebra::Vector2;
 

@@ -4,6 +4,7 @@
 //! the widest registers the processor has, in single precision: a picture has eight bits. Sums run in eight fixed lanes, so
 //! that every processor gives the same bits.
 
+use super::octet::{LANES, Octet};
 use super::racket_figure::VISIBLE_DEPTH;
 
 /// Grey levels: white, black, background on either side with its slope along the tube, and how the white brightens across
@@ -12,8 +13,6 @@ use super::racket_figure::VISIBLE_DEPTH;
 pub const LEVELS: usize = 8;
 /// Shift along and across, and the levels.
 pub const UNKNOWNS: usize = 2 + LEVELS;
-/// Values at a time.
-pub const LANES: usize = 8;
 /// Arrays are filled up to a multiple of this: what a loop over them takes in one step, so that none of them ends one by one.
 pub const STRIDE: usize = 64;
 /// Arrays of one value per pixel: the columns of the design, the columns times their weight, and what leads to them.
@@ -262,7 +261,7 @@ fn round(p: &mut BandPixels, m: &BandModel) -> BandSums {
             }
         }
     }
-    let mut weights = Octet([0.0; LANES]);
+    let mut weights = Octet::ZERO;
     for w in weight.as_chunks::<LANES>().0 {
         for l in 0..LANES {
             weights.0[l] += w[l];
@@ -280,27 +279,13 @@ pub fn dots<const K: usize>(a: &[f32], b: [&[f32]; K]) -> [f64; K] {
     for (chunks, b) in of.iter_mut().zip(b) {
         *chunks = b.as_chunks::<LANES>().0.get(..a.len()).unwrap_or(a);
     }
-    let mut lanes = [Octet([0.0; LANES]); K];
+    let mut lanes = [Octet::ZERO; K];
     for (i, x) in a.iter().enumerate() {
         for k in 0..K {
-            lanes[k] = lanes[k].plus(x, &of[k][i]);
+            lanes[k] = lanes[k].plus_products(x, &of[k][i]);
         }
     }
     totals(&lanes)
-}
-
-#[derive(Clone, Copy)]
-#[repr(align(32))]
-struct Octet([f32; LANES]);
-
-impl Octet {
-    #[inline(always)]
-    fn plus(mut self, x: &[f32; LANES], y: &[f32; LANES]) -> Self {
-        for l in 0..LANES {
-            self.0[l] += x[l] * y[l];
-        }
-        self
-    }
 }
 
 // Not inlined: otherwise the compiler arranges the lanes for these sums and shuffles them in every step.

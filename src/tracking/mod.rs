@@ -22,6 +22,7 @@ mod dltdv;
 mod export;
 mod face;
 mod in_step;
+mod octet;
 mod overlay;
 mod racket_figure;
 mod racket_pose;

@@ -1,0 +1,28 @@
+//! Eight sums side by side, held in one register where the processor has such wide ones.
+
+/// How many.
+pub const LANES: usize = 8;
+
+#[derive(Clone, Copy)]
+#[repr(align(32))]
+pub struct Octet(pub [f32; LANES]);
+
+impl Octet {
+    pub const ZERO: Octet = Octet([0.0; LANES]);
+
+    #[inline(always)]
+    pub fn plus_products(mut self, x: &[f32; LANES], y: &[f32; LANES]) -> Self {
+        for l in 0..LANES {
+            self.0[l] += x[l] * y[l];
+        }
+        self
+    }
+
+    #[inline(always)]
+    pub fn plus_times(mut self, x: &[f32; LANES], weight: f32) -> Self {
+        for l in 0..LANES {
+            self.0[l] += x[l] * weight;
+        }
+        self
+    }
+}

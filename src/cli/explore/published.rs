@@ -2,7 +2,8 @@
 
 use super::Outcome;
 use crate::cli::error::CliError;
-use crate::impact::study::published::{mean_shots, table};
+use crate::impact::study::campaign::mean_shots;
+use crate::impact::study::published::table;
 use crate::report::{Report, Section, Table};
 
 pub fn published() -> Result<Outcome, CliError> {
@@ -10,13 +11,13 @@ pub fn published() -> Result<Outcome, CliError> {
     let mut numbers = Table::new("Published numbers, the reference's prototype, and this program").column("Quantity").column("Published");
     numbers = numbers.numbers("Prototype").numbers("Model").column("Unit");
     for l in &lines {
-        // As many digits as the reference prints.
-        let digits = match l.unit {
-            "" => 3,
-            "rpm" => 0,
-            _ => 1,
+        let digits = l.digits();
+        let reference = match l.reference {
+            None => "not printed".into(),
+            Some([a, b]) if a == b => format!("{a:.digits$}"),
+            Some([a, b]) => format!("{a:.digits$} to {b:.digits$}"),
         };
-        numbers = numbers.row(&[l.quantity, l.published, &format!("{:.digits$}", l.reference), &format!("{:.digits$}", l.model), l.unit]);
+        numbers = numbers.row(&[l.quantity, l.published, &reference, &format!("{:.digits$}", l.model), l.unit]);
     }
     let mut means = Table::new("Mean shots of tables 5.27 and 5.28").column("Players").column("Sign of the chop rate").numbers("Strings sideways, kN/m");
     means = means.numbers("Forward speed, m/s").numbers("published").numbers("Topspin, rpm").numbers("published").numbers("Face open, deg");

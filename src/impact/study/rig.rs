@@ -56,6 +56,15 @@ pub fn prepared(body: Body, changes: &[(&str, f64)]) -> Result<PreparedModel, Mo
     PreparedModel::new(model, body)
 }
 
+/// The same with the frame's first bending mode at a frequency.
+pub fn ringing(body: Body, frequency_hz: f64, changes: &[(&str, f64)]) -> Result<PreparedModel, ModelError> {
+    let mut model = Model::new(Base::Viscoelastic).with_effect("frame-vibration")?;
+    for (name, value) in changes.iter().chain(&[("frame-vibration.frequency_hz", frequency_hz)]) {
+        model.set(name, *value)?;
+    }
+    PreparedModel::new(model, body)
+}
+
 /// Ball velocity and spin, impact `along` from the centre of mass (tip negative) and `across`, racket at rest.
 pub fn at_rest(body: &Body, v: [f64; 3], spin: [f64; 3], along: f64, across: f64) -> ImpactInput {
     ImpactInput {
@@ -69,5 +78,5 @@ pub fn at_rest(body: &Body, v: [f64; 3], spin: [f64; 3], along: f64, across: f64
     }
 }
 
-/// Strings so stiff that the ball alone deforms: the rigid wall. Their own loss is below 0.2 % of the ball's.
-pub const WALL: [(&str, f64); 4] = [("kS0", 2e7), ("kS2", 0.0), ("c_S", 800.0), ("mu", 0.0)];
+/// Strings so stiff that the ball alone deforms: the rigid wall. Ten times stiffer ones change the restitution by 2e-4.
+pub const WALL: [(&str, f64); 4] = [("kS0", 2e8), ("kS2", 0.0), ("c_S", 3000.0), ("mu", 0.0)];

@@ -4,7 +4,10 @@
 //! stiffness is scaled so that the first mode has the frequency asked for. Hermite cubic elements, consistent mass. This
 //! replaces the assumption of a node at 0.82 of the length: rackets come out at 0.78 to 0.81.
 
+mod loaded;
+
 use super::error::ModelError;
+use super::real::Real;
 use nalgebra::{SMatrix, SymmetricEigen};
 use std::sync::{Arc, Mutex};
 
@@ -36,23 +39,23 @@ pub struct Segment {
 
 /// One bending mode, scaled to 1 at the tip.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Mode {
+pub struct Mode<T = f64> {
     /// Hz.
-    pub frequency_hz: f64,
+    pub frequency_hz: T,
     /// Modal mass for a shape that is 1 at the tip, kg.
-    pub modal_mass: f64,
+    pub modal_mass: T,
     /// Displacement and slope at every node of the mesh.
-    shape: Vec<f64>,
+    shape: Vec<T>,
 }
 
 /// A beam with its first modes.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Beam {
+pub struct Beam<T = f64> {
     pub length: f64,
     pub segments: Vec<Segment>,
-    pub modes: Vec<Mode>,
+    pub modes: Vec<Mode<T>>,
     /// The first mode's node in the head, from the butt, m.
-    head_node: f64,
+    head_node: T,
     mesh: Vec<f64>,
 }
 
@@ -170,21 +173,7 @@ impl Beam {
             }
         }
         let mesh = mesh(segments, length);
-        let mut k = vec![[0.0; BAND]; DOF];
-        let mut m = vec![[0.0; BAND]; DOF];
-        for (e, w) in mesh.windows(2).enumerate() {
-            let middle = 0.5 * (w[0] + w[1]);
-            let s = segments.iter().find(|s| middle < s.to).unwrap_or(&segments[segments.len() - 1]);
-            add_element(&mut k, &mut m, 2 * e, w[1] - w[0], s);
-        }
-        for &(at, mass) in point_masses {
-            let (e, n) = interpolation(&mesh, at);
-            for i in 0..4 {
-                for j in 0..=i {
-                    m[2 * e + i][i - j] += mass.max(0.0) * n[i] * n[j];
-                }
-            }
-        }
+        let (k, m) = assemble(segments, &mesh, point_masses);
         let modes = lowest_modes(&k, &m, &mesh)
             .into_iter()
             .map(|(w2, v)| {
@@ -209,17 +198,6 @@ impl Beam {
         self
     }
 
-    /// The same beam with point masses `(m from the butt, kg)` on it.
-    pub fn with_point_masses(&self, point_masses: &[(f64, f64)]) -> Result<Self, ModelError> {
-        Beam::new(&self.segments, point_masses)
-    }
-
-    /// Displacement of mode `mode` (0: the first) at `from_butt` metres, where the tip's is 1.
-    pub fn shape(&self, mode: usize, from_butt: f64) -> f64 {
-        let (e, n) = interpolation(&self.mesh, from_butt);
-        dot(&self.modes[mode].shape[2 * e..2 * e + 4], &n)
-    }
-
     /// Where mode `mode` does not move, from the butt, m, in rising order.
     pub fn nodes(&self, mode: usize) -> Vec<f64> {
         let f = |s: f64| self.shape(mode, s);
@@ -238,10 +216,61 @@ impl Beam {
             .collect()
     }
 
+    /// The same beam with point masses `(m from the butt, kg)` on it.
+    pub fn with_point_masses(&self, point_masses: &[(f64, f64)]) -> Result<Self, ModelError> {
+        Beam::new(&self.segments, point_masses)
+    }
+}
+
+impl<T: Real> Beam<T> {
+    /// The same beam in another number.
+    pub fn of(plain: &Beam) -> Self {
+        let modes = plain.modes.iter().map(|m| Mode {
+            frequency_hz: T::constant(m.frequency_hz),
+            modal_mass: T::constant(m.modal_mass),
+            shape: m.shape.iter().map(|x| T::constant(*x)).collect(),
+        });
+        Beam {
+            length: plain.length,
+            segments: plain.segments.clone(),
+            modes: modes.collect(),
+            head_node: T::constant(plain.head_node),
+            mesh: plain.mesh.clone(),
+        }
+    }
+
+    /// Displacement of mode `mode` (0: the first) at `from_butt` metres, where the tip's is 1.
+    pub fn shape(&self, mode: usize, from_butt: T) -> T {
+        let (e, n) = interpolation(&self.mesh, from_butt);
+        let shape = &self.modes[mode].shape[2 * e..2 * e + 4];
+        // From 0, as a sum starts.
+        shape.iter().zip(&n).fold(T::zero(), |sum, (x, y)| sum + *x * *y)
+    }
+
     /// The first mode's node in the head, from the butt, m.
-    pub fn head_node(&self) -> f64 {
+    pub fn head_node(&self) -> T {
         self.head_node
     }
+}
+
+/// Stiffness and mass of the mesh with point masses `(m from the butt, kg)` on it.
+fn assemble(segments: &[Segment], mesh: &[f64], point_masses: &[(f64, f64)]) -> (Vec<[f64; BAND]>, Vec<[f64; BAND]>) {
+    let mut k = vec![[0.0; BAND]; DOF];
+    let mut m = vec![[0.0; BAND]; DOF];
+    for (e, w) in mesh.windows(2).enumerate() {
+        let middle = 0.5 * (w[0] + w[1]);
+        let s = segments.iter().find(|s| middle < s.to).unwrap_or(&segments[segments.len() - 1]);
+        add_element(&mut k, &mut m, 2 * e, w[1] - w[0], s);
+    }
+    for &(at, mass) in point_masses {
+        let (e, n) = interpolation(mesh, at);
+        for i in 0..4 {
+            for j in 0..=i {
+                m[2 * e + i][i - j] += mass.max(0.0) * n[i] * n[j];
+            }
+        }
+    }
+    (k, m)
 }
 
 /// Nodes of the mesh: every segment gets elements in proportion to its length, at least two.
@@ -260,13 +289,13 @@ fn mesh(segments: &[Segment], length: f64) -> Vec<f64> {
 }
 
 /// The element that holds a point and the weights of its two nodes' displacements and slopes there (Hermite cubics).
-fn interpolation(mesh: &[f64], from_butt: f64) -> (usize, [f64; 4]) {
-    let s = from_butt.clamp(mesh[0], mesh[ELEMENTS]);
-    let e = mesh.partition_point(|x| *x <= s).clamp(1, ELEMENTS) - 1;
+fn interpolation<T: Real>(mesh: &[f64], from_butt: T) -> (usize, [T; 4]) {
+    let s = from_butt.max(T::constant(mesh[0])).min(T::constant(mesh[ELEMENTS]));
+    let e = mesh.partition_point(|x| *x <= s.value()).clamp(1, ELEMENTS) - 1;
     let h = mesh[e + 1] - mesh[e];
     let t = (s - mesh[e]) / h;
     let (t2, t3) = (t * t, t * t * t);
-    (e, [1.0 - 3.0 * t2 + 2.0 * t3, h * (t - 2.0 * t2 + t3), 3.0 * t2 - 2.0 * t3, h * (t3 - t2)])
+    (e, [-(t2 * 3.0) + 1.0 + t3 * 2.0, (t - t2 * 2.0 + t3) * h, t2 * 3.0 - t3 * 2.0, (t3 - t2) * h])
 }
 
 fn add_element(k: &mut [[f64; BAND]], m: &mut [[f64; BAND]], first: usize, h: f64, s: &Segment) {

@@ -2,27 +2,28 @@
 
 use super::beam::{Beam, RacketBeam};
 use super::error::ModelError;
+use super::real::{Real, constants};
 use crate::equipment::{Ball, Racket};
 use nalgebra::{Vector2, Vector3};
 use std::sync::Arc;
 
 /// Racket and ball in numbers. Effects such as `hand-mass` change it before the impact is computed.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Body {
+pub struct Body<T = f64> {
     /// kg.
-    pub racket_mass: f64,
+    pub racket_mass: T,
     /// About the centre of mass, along x, y, z, kg m².
-    pub racket_inertia: Vector3<f64>,
+    pub racket_inertia: Vector3<T>,
     /// Local x of the centre of mass (positive toward the handle), m.
-    pub com_x: f64,
+    pub com_x: T,
     /// Local x of the point whose velocity the user calls that of the centre of mass (racket.toml's), m.
-    pub reported_com_x: f64,
+    pub reported_com_x: T,
     /// kg.
-    pub ball_mass: f64,
+    pub ball_mass: T,
     /// m.
     pub ball_radius: f64,
     /// About any axis through the centre, kg m².
-    pub ball_inertia: f64,
+    pub ball_inertia: T,
     /// m.
     pub racket_length: f64,
     /// Distance of the local origin from the butt, m.
@@ -34,7 +35,7 @@ pub struct Body {
     /// lb, as strung.
     pub tension_lb: f64,
     /// The frame's bending modes at 140 Hz, when an effect or an expression asks for them.
-    pub beam: Option<Arc<Beam>>,
+    pub beam: Option<Arc<Beam<T>>>,
 }
 
 /// Frequency at which the beam's shapes are computed, Hz; shapes and modal masses do not depend on it.
@@ -80,42 +81,63 @@ impl Body {
         self.beam = Some(racket.shared()?);
         Ok(())
     }
+}
+
+impl<T: Real> Body<T> {
+    /// The same bodies in another number.
+    pub fn of(plain: &Body) -> Self {
+        Body {
+            racket_mass: T::constant(plain.racket_mass),
+            racket_inertia: constants(&plain.racket_inertia),
+            com_x: T::constant(plain.com_x),
+            reported_com_x: T::constant(plain.reported_com_x),
+            ball_mass: T::constant(plain.ball_mass),
+            ball_radius: plain.ball_radius,
+            ball_inertia: T::constant(plain.ball_inertia),
+            racket_length: plain.racket_length,
+            stringbed_centre: plain.stringbed_centre,
+            half_length: plain.half_length,
+            half_width: plain.half_width,
+            tension_lb: plain.tension_lb,
+            beam: plain.beam.as_ref().map(|beam| Arc::new(Beam::of(beam))),
+        }
+    }
 
     /// Hangs a point mass on the beam, where it was computed: its modes then carry the mass. A mass too odd for the beam
     /// leaves the modes as they were.
-    pub fn hang_on_beam(&mut self, mass: f64, from_butt: f64) {
-        if let Some(loaded) = self.beam.as_ref().and_then(|b| b.with_point_masses(&[(from_butt, mass)]).ok()) {
+    pub fn hang_on_beam(&mut self, mass: T, from_butt: T) {
+        if let Some(loaded) = self.beam.as_ref().and_then(|b| b.with_point_mass(from_butt, mass).ok()) {
             self.beam = Some(Arc::new(loaded));
         }
     }
 
     /// First bending frequency over that of the racket alone: 1 unless something hangs on the frame.
-    pub fn beam_frequency_ratio(&self) -> f64 {
-        self.beam.as_ref().map_or(1.0, |b| b.modes[0].frequency_hz / BEAM_FREQUENCY_HZ)
+    pub fn beam_frequency_ratio(&self) -> T {
+        self.beam.as_ref().map_or(T::one(), |b| b.modes[0].frequency_hz / BEAM_FREQUENCY_HZ)
     }
 
     /// Local x of the frame's node in the head, when the beam was computed.
-    pub fn head_node_x(&self) -> Option<f64> {
-        self.beam.as_ref().map(|b| self.stringbed_centre - b.head_node())
+    pub fn head_node_x(&self) -> Option<T> {
+        self.beam.as_ref().map(|b| -b.head_node() + self.stringbed_centre)
     }
 
     /// Refuses masses and inertias that no body has.
     pub fn check(&self) -> Result<(), ModelError> {
         let positive = [
-            ("racket mass (kg)", self.racket_mass),
-            ("racket inertia about x (kg m²)", self.racket_inertia.x),
-            ("racket inertia about y (kg m²)", self.racket_inertia.y),
-            ("racket inertia about z (kg m²)", self.racket_inertia.z),
-            ("ball mass (kg)", self.ball_mass),
+            ("racket mass (kg)", self.racket_mass.value()),
+            ("racket inertia about x (kg m²)", self.racket_inertia.x.value()),
+            ("racket inertia about y (kg m²)", self.racket_inertia.y.value()),
+            ("racket inertia about z (kg m²)", self.racket_inertia.z.value()),
+            ("ball mass (kg)", self.ball_mass.value()),
             ("ball radius (m)", self.ball_radius),
-            ("ball inertia (kg m²)", self.ball_inertia),
+            ("ball inertia (kg m²)", self.ball_inertia.value()),
         ];
         for (what, seen) in positive {
             if !(seen.is_finite() && seen > 0.0) {
                 return Err(ModelError::Body { what, seen, allowed: "a positive number".into() });
             }
         }
-        for (what, seen) in [("centre of mass (m)", self.com_x), ("stringbed centre from the butt (m)", self.stringbed_centre)] {
+        for (what, seen) in [("centre of mass (m)", self.com_x.value()), ("stringbed centre from the butt (m)", self.stringbed_centre)] {
             if !seen.is_finite() {
                 return Err(ModelError::Body { what, seen, allowed: "a finite number".into() });
             }
@@ -124,13 +146,13 @@ impl Body {
     }
 
     /// From the centre of mass to a point of the string plane, m.
-    pub fn lever(&self, position: &Vector2<f64>) -> Vector3<f64> {
-        Vector3::new(position.x - self.com_x, position.y, 0.0)
+    pub fn lever(&self, position: &Vector2<T>) -> Vector3<T> {
+        Vector3::new(position.x - self.com_x, position.y, T::zero())
     }
 
     /// Adds a point mass on the long axis, `from_butt` metres from the butt; centre of mass and inertias move with it.
-    pub fn add_mass_on_axis(&mut self, mass: f64, from_butt: f64) {
-        let x = self.stringbed_centre - from_butt;
+    pub fn add_mass_on_axis(&mut self, mass: T, from_butt: T) {
+        let x = -from_butt + self.stringbed_centre;
         let total = self.racket_mass + mass;
         // Reduced mass times distance squared: both parallel-axis terms at once.
         let gain = self.racket_mass * mass / total * (x - self.com_x).powi(2);
@@ -143,7 +165,7 @@ impl Body {
     /// `1/m_e` of the racket for a normal impulse at `lever` (body coordinates), 1/kg.
     ///
     /// 1/m_e = 1/M + X²/I_y + Y²/I_x (thesis eq 5.2, generalised).
-    pub fn inverse_effective_mass(&self, lever: &Vector3<f64>) -> f64 {
-        1.0 / self.racket_mass + lever.x * lever.x / self.racket_inertia.y + lever.y * lever.y / self.racket_inertia.x
+    pub fn inverse_effective_mass(&self, lever: &Vector3<T>) -> T {
+        self.racket_mass.recip() + lever.x * lever.x / self.racket_inertia.y + lever.y * lever.y / self.racket_inertia.x
     }
 }

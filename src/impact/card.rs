@@ -1,6 +1,6 @@
 //! An effect's card: what it is, in words and numbers, in one place for every reader of it.
 
-use super::effects::Effect;
+use super::effects::DifferentiableEffect;
 use serde::Serialize;
 
 /// Whether nature or the measurement does it.
@@ -104,7 +104,7 @@ pub struct EffectCard {
     pub separated_by: &'static str,
     pub bases: Bases,
     #[serde(skip)]
-    pub effect: &'static dyn Effect,
+    pub effect: &'static dyn DifferentiableEffect,
 }
 
 impl EffectCard {

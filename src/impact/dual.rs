@@ -1,6 +1,13 @@
 //! Dual numbers: a value with its derivatives in `N` directions, carried exactly through every operation.
 
-use std::ops::{Add, Div, Mul, Neg, Sub};
+use num_traits::{One, Zero};
+use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
+
+/// Directions that the impact model is differentiated in at a time: as many as fit two registers.
+pub const TOGETHER: usize = 8;
+
+/// The dual number that effects, laws and expressions are evaluated in beside `f64`.
+pub type Tangent = Dual<TOGETHER>;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Dual<const N: usize> {
@@ -21,7 +28,7 @@ impl<const N: usize> Dual<N> {
     }
 
     /// A function of this number with the value and derivative given.
-    fn chain(self, value: f64, derivative: f64) -> Self {
+    pub(super) fn chain(self, value: f64, derivative: f64) -> Self {
         Dual { value, slope: self.slope.map(|s| derivative * s) }
     }
 
@@ -42,7 +49,7 @@ impl<const N: usize> Dual<N> {
         self.chain(r, -r * r)
     }
 
-    fn with(self, other: Self, value: f64, of_self: f64, of_other: f64) -> Self {
+    pub(super) fn with(self, other: Self, value: f64, of_self: f64, of_other: f64) -> Self {
         Dual { value, slope: std::array::from_fn(|k| of_self * self.slope[k] + of_other * other.slope[k]) }
     }
 }
@@ -104,19 +111,38 @@ impl<const N: usize> Add<f64> for Dual<N> {
     }
 }
 
-/// Three of them.
-pub type Vector<const N: usize> = [Dual<N>; 3];
-
-pub fn cross<const N: usize>(a: &Vector<N>, b: &Vector<N>) -> Vector<N> {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+impl<const N: usize> Div<f64> for Dual<N> {
+    type Output = Self;
+    fn div(self, o: f64) -> Self {
+        Dual { value: self.value / o, slope: self.slope.map(|s| s / o) }
+    }
 }
 
-pub fn plus<const N: usize>(a: &Vector<N>, b: &Vector<N>) -> Vector<N> {
-    std::array::from_fn(|i| a[i] + b[i])
+macro_rules! assign {
+    ($($trait:ident $name:ident $by:ident),*) => {$(
+        impl<const N: usize> $trait for Dual<N> {
+            fn $name(&mut self, o: Self) {
+                *self = self.$by(o);
+            }
+        }
+    )*};
+}
+assign!(AddAssign add_assign add, SubAssign sub_assign sub, MulAssign mul_assign mul, DivAssign div_assign div);
+
+/// Nil with nil derivatives.
+impl<const N: usize> Zero for Dual<N> {
+    fn zero() -> Self {
+        Self::constant(0.0)
+    }
+    fn is_zero(&self) -> bool {
+        self.value == 0.0 && self.slope == [0.0; N]
+    }
 }
 
-pub fn minus<const N: usize>(a: &Vector<N>, b: &Vector<N>) -> Vector<N> {
-    std::array::from_fn(|i| a[i] - b[i])
+impl<const N: usize> One for Dual<N> {
+    fn one() -> Self {
+        Self::constant(1.0)
+    }
 }
 
 #[cfg(test)]

@@ -1,41 +1,42 @@
 //! What goes into an impact and what comes out of it.
 
+use super::real::Real;
 use nalgebra::{Vector2, Vector3};
 
 /// State at first contact, along the racket's local axes at that instant (contract, section 1).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ImpactInput {
+pub struct ImpactInput<T = f64> {
     /// Ball centre velocity, m/s.
-    pub ball_velocity: Vector3<f64>,
+    pub ball_velocity: Vector3<T>,
     /// Ball spin, rad/s.
-    pub ball_spin: Vector3<f64>,
+    pub ball_spin: Vector3<T>,
     /// Velocity of the racket's centre of mass, m/s.
-    pub racket_velocity: Vector3<f64>,
+    pub racket_velocity: Vector3<T>,
     /// Racket angular velocity, rad/s.
-    pub racket_rate: Vector3<f64>,
+    pub racket_rate: Vector3<T>,
     /// Projection of the ball's centre on the face, from the stringbed centre, m.
-    pub position: Vector2<f64>,
+    pub position: Vector2<T>,
     /// Torque of the mount about the handle, N m; 0 when unknown.
-    pub grip_torque: f64,
+    pub grip_torque: T,
     /// Order of the impact in time (0 for the first), for effects that drift.
     pub order: f64,
 }
 
 /// State at last contact, along the local axes at first contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ImpactOutput {
-    pub ball_velocity: Vector3<f64>,
-    pub ball_spin: Vector3<f64>,
+pub struct ImpactOutput<T = f64> {
+    pub ball_velocity: Vector3<T>,
+    pub ball_spin: Vector3<T>,
     /// Of the centre of mass of the racket as its file states it.
-    pub racket_velocity: Vector3<f64>,
-    pub racket_rate: Vector3<f64>,
+    pub racket_velocity: Vector3<T>,
+    pub racket_rate: Vector3<T>,
     /// s; `None` where the base has none (rigid).
-    pub contact_time: Option<f64>,
+    pub contact_time: Option<T>,
 }
 
-impl ImpactInput {
+impl<T: Real> ImpactInput<T> {
     /// From the 15 columns of [`crate::impact_table::INPUTS`], in that order, plus the order in time.
-    pub fn from_columns(c: &[f64; 15], order: f64) -> Self {
+    pub fn from_columns(c: &[T; 15], order: f64) -> Self {
         let v = |i: usize| Vector3::new(c[i], c[i + 1], c[i + 2]);
         ImpactInput {
             ball_velocity: v(0),
@@ -49,8 +50,8 @@ impl ImpactInput {
     }
 
     /// The 15 columns of [`crate::impact_table::INPUTS`], in that order.
-    pub fn as_columns(&self) -> [f64; 15] {
-        let mut c = [0.0; 15];
+    pub fn as_columns(&self) -> [T; 15] {
+        let mut c = [T::zero(); 15];
         for (k, v) in [self.ball_velocity, self.ball_spin, self.racket_velocity, self.racket_rate].iter().enumerate() {
             c[3 * k..3 * k + 3].copy_from_slice(v.as_slice());
         }
@@ -62,19 +63,19 @@ impl ImpactInput {
 
     /// True when no value is NaN or infinite.
     pub fn is_finite(&self) -> bool {
-        self.as_columns().iter().all(|v| v.is_finite()) && self.order.is_finite()
+        self.as_columns().iter().all(|v| v.value().is_finite()) && self.order.is_finite()
     }
 }
 
-impl ImpactOutput {
+impl<T: Real> ImpactOutput<T> {
     /// From the 13 columns of [`crate::impact_table::OUTPUTS`], with a contact time.
-    pub fn from_columns(c: &[f64; 13]) -> Self {
+    pub fn from_columns(c: &[T; 13]) -> Self {
         let v = |i: usize| Vector3::new(c[i], c[i + 1], c[i + 2]);
         ImpactOutput { ball_velocity: v(0), ball_spin: v(3), racket_velocity: v(6), racket_rate: v(9), contact_time: Some(c[12]) }
     }
 
     /// The 13 outputs in the order of [`crate::impact_table::OUTPUTS`]; the contact time is `None` for the rigid base.
-    pub fn as_columns(&self) -> [Option<f64>; 13] {
+    pub fn as_columns(&self) -> [Option<T>; 13] {
         let mut c = [None; 13];
         for (k, v) in self.as_vector().iter().enumerate() {
             c[k] = Some(*v);
@@ -84,8 +85,8 @@ impl ImpactOutput {
     }
 
     /// The 12 velocities and rates in the order of [`crate::impact_table::OUTPUTS`], without the contact time.
-    pub fn as_vector(&self) -> [f64; 12] {
-        let mut c = [0.0; 12];
+    pub fn as_vector(&self) -> [T; 12] {
+        let mut c = [T::zero(); 12];
         for (k, v) in [self.ball_velocity, self.ball_spin, self.racket_velocity, self.racket_rate].iter().enumerate() {
             c[3 * k..3 * k + 3].copy_from_slice(v.as_slice());
         }
@@ -94,6 +95,6 @@ impl ImpactOutput {
 
     /// True when no value is NaN or infinite.
     pub fn is_finite(&self) -> bool {
-        self.as_vector().iter().all(|v| v.is_finite()) && self.contact_time.is_none_or(f64::is_finite)
+        self.as_vector().iter().all(|v| v.value().is_finite()) && self.contact_time.is_none_or(|t| t.value().is_finite())
     }
 }

@@ -2,14 +2,13 @@
 
 use super::body::Body;
 use super::card::{EffectCard, ParameterCard};
-use super::effects::{Effect, catalogue, effect_card};
+use super::effects::{DifferentiableEffect, catalogue, effect_card};
 use super::error::{ModelError, near_matches};
 use super::expression::ExpressionEffect;
-use super::input::{ImpactInput, ImpactOutput};
 use super::parameter::Parameter;
 use super::prepared_model::PreparedModel;
-use super::rigid::{Contact, Impulse, Laws, Sliding};
-use super::viscoelastic::{self, BallLaw, ContactLaws, StringLaw};
+use super::rigid::Sliding;
+use super::viscoelastic::{BallLaw, ContactLaws, StringLaw};
 use crate::equipment::{Ball, Racket};
 use std::ops::Range;
 use std::sync::Arc;
@@ -70,44 +69,24 @@ pub struct AddedEffect {
     pub card: Option<&'static EffectCard>,
     /// The user's expression, when it is one.
     pub expression: Option<Arc<ExpressionEffect>>,
-    pub(super) effect: Arc<dyn Effect>,
+    held: Held,
     pub(super) range: Range<usize>,
 }
 
-/// Delegates to the catalogue's own instance, so that all effects are held alike.
-#[derive(Debug)]
-struct OfCatalogue(&'static EffectCard);
+/// Where an effect lives.
+#[derive(Debug, Clone)]
+enum Held {
+    OfCatalogue(&'static dyn DifferentiableEffect),
+    Own(Arc<dyn DifferentiableEffect>),
+}
 
-impl Effect for OfCatalogue {
-    fn change_body(&self, p: &[f64], body: &mut Body) {
-        self.0.effect.change_body(p, body);
-    }
-    fn change_body_at(&self, p: &[f64], at: &Contact, body: &mut Body) {
-        self.0.effect.change_body_at(p, at, body);
-    }
-    fn body_varies(&self) -> bool {
-        self.0.effect.body_varies()
-    }
-    fn needs_beam(&self) -> bool {
-        self.0.effect.needs_beam()
-    }
-    fn true_input(&self, p: &[f64], body: &Body, input: &mut ImpactInput) {
-        self.0.effect.true_input(p, body, input);
-    }
-    fn change_laws(&self, p: &[f64], at: &Contact, laws: &mut Laws) {
-        self.0.effect.change_laws(p, at, laws);
-    }
-    fn change_viscoelastic(&self, p: &[f64], at: &Contact, laws: &mut viscoelastic::Laws) {
-        self.0.effect.change_viscoelastic(p, at, laws);
-    }
-    fn change_impulse(&self, p: &[f64], at: &Contact, laws: &Laws, impulse: &mut Impulse) {
-        self.0.effect.change_impulse(p, at, laws, impulse);
-    }
-    fn change_output(&self, p: &[f64], at: &Contact, laws: &Laws, impulse: &Impulse, output: &mut ImpactOutput) {
-        self.0.effect.change_output(p, at, laws, impulse, output);
-    }
-    fn observed_output(&self, p: &[f64], body: &Body, input: &ImpactInput, output: &mut ImpactOutput) {
-        self.0.effect.observed_output(p, body, input, output);
+impl AddedEffect {
+    /// What it does.
+    pub(super) fn effect(&self) -> &(dyn DifferentiableEffect + 'static) {
+        match &self.held {
+            Held::OfCatalogue(effect) => *effect,
+            Held::Own(effect) => &**effect,
+        }
     }
 }
 
@@ -263,18 +242,18 @@ impl Model {
     pub fn with_effect(&self, name: &str) -> Result<Model, ModelError> {
         let card = effect_card(name).ok_or_else(|| ModelError::unknown_effect(name))?;
         let parameters = card.parameters.iter().map(|c| Parameter::from_card(Some(name), c)).collect();
-        self.with(name, Some(card), Arc::new(OfCatalogue(card)), parameters)
+        self.with(name, Some(card), Held::OfCatalogue(card.effect), parameters)
     }
 
     /// The model with an effect written in Rust; `parameters` are named `<name>.<key>` and passed to it in this order.
     ///
     /// # Errors
     /// [`ModelError::EffectTwice`].
-    pub fn with_own_effect(&self, name: &str, effect: Arc<dyn Effect>, parameters: Vec<Parameter>) -> Result<Model, ModelError> {
-        self.with(name, None, effect, parameters)
+    pub fn with_own_effect(&self, name: &str, effect: Arc<dyn DifferentiableEffect>, parameters: Vec<Parameter>) -> Result<Model, ModelError> {
+        self.with(name, None, Held::Own(effect), parameters)
     }
 
-    fn with(&self, name: &str, card: Option<&'static EffectCard>, effect: Arc<dyn Effect>, parameters: Vec<Parameter>) -> Result<Model, ModelError> {
+    fn with(&self, name: &str, card: Option<&'static EffectCard>, held: Held, parameters: Vec<Parameter>) -> Result<Model, ModelError> {
         if self.has_effect(name) {
             return Err(ModelError::EffectTwice { name: name.to_owned() });
         }
@@ -290,7 +269,7 @@ impl Model {
         for e in &mut model.effects[at..] {
             e.range = e.range.start + count..e.range.end + count;
         }
-        model.effects.insert(at, AddedEffect { name: name.to_owned(), card, expression: None, effect, range: first..first + count });
+        model.effects.insert(at, AddedEffect { name: name.to_owned(), card, expression: None, held, range: first..first + count });
         Ok(model)
     }
 
@@ -312,7 +291,7 @@ impl Model {
         for p in &mut parameters {
             p.name = format!("{name}.{}", p.key());
         }
-        let mut model = self.with(name, None, effect.clone(), parameters)?;
+        let mut model = self.with(name, None, Held::Own(effect.clone()), parameters)?;
         if let Some(added) = model.effects.iter_mut().find(|e| e.name == name) {
             added.expression = Some(effect);
         }

@@ -1,14 +1,17 @@
 //! A model made ready for one racket and ball: from an impact as measured to its outcome as it would be measured.
 
 use super::body::Body;
-use super::effects::Effect;
+use super::dual::Tangent;
+use super::effects::{DifferentiableEffect, Effect};
 use super::error::ModelError;
 use super::input::{ImpactInput, ImpactOutput};
 use super::model::{Base, Model};
+use super::real::Real;
 use super::rigid::{Contact, Impulse, Laws, Regime, Sliding, collide};
 use super::viscoelastic::{self, DEFAULT_STEPS, Ready, Run};
 use nalgebra::Vector3;
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Inputs beyond this are mistakes of unit or of measurement, not impacts.
 const LIMITS: [(&str, f64); 6] = [
@@ -20,16 +23,17 @@ const LIMITS: [(&str, f64); 6] = [
     ("grip_torque (N m)", 1_000.0),
 ];
 
-fn check_input(input: &ImpactInput) -> Result<(), ModelError> {
+fn check_input<T: Real>(input: &ImpactInput<T>) -> Result<(), ModelError> {
+    let most = |numbers: &[T]| numbers.iter().fold(0.0f64, |most, n| most.max(n.value().abs()));
     let sizes = [
-        input.ball_velocity.amax(),
-        input.ball_spin.amax(),
-        input.racket_velocity.amax(),
-        input.racket_rate.amax(),
-        input.position.amax(),
-        input.grip_torque.abs(),
+        most(input.ball_velocity.as_slice()),
+        most(input.ball_spin.as_slice()),
+        most(input.racket_velocity.as_slice()),
+        most(input.racket_rate.as_slice()),
+        most(input.position.as_slice()),
+        input.grip_torque.value().abs(),
     ];
-    // amax skips NaN, so finiteness is asked for apart.
+    // The largest skips NaN, so finiteness is asked for apart.
     if !input.is_finite() {
         return Err(ModelError::InputRange { what: "an input or the order", seen: f64::NAN, limit: LIMITS[0].1 });
     }
@@ -43,19 +47,21 @@ fn check_input(input: &ImpactInput) -> Result<(), ModelError> {
 
 /// A visco-elastic impact between its two observations: the true input, the bodies, the contact's input at the true centre of
 /// mass, its laws.
-pub(crate) struct Staged {
-    truth: ImpactInput,
-    body: Body,
-    pub contact: ImpactInput,
-    pub laws: viscoelastic::Laws,
+pub(crate) struct Staged<T = f64> {
+    truth: ImpactInput<T>,
+    body: Body<T>,
+    pub contact: ImpactInput<T>,
+    pub laws: viscoelastic::Laws<T>,
 }
 
 /// A model with everything that does not depend on the single impact computed once.
+///
+/// In dual numbers ([`Tangent`]) it carries derivatives by whatever its parameters, bodies and inputs are variables of.
 #[derive(Debug, Clone)]
-pub struct PreparedModel {
-    model: Model,
-    values: Vec<f64>,
-    body: Body,
+pub struct PreparedModel<T = f64> {
+    model: Arc<Model>,
+    values: Vec<T>,
+    body: Body<T>,
     body_varies: bool,
     steps: f64,
 }
@@ -67,46 +73,55 @@ impl PreparedModel {
     /// As [`Model::prepare`].
     pub fn new(model: Model, mut body: Body) -> Result<Self, ModelError> {
         let values = model.values();
-        if model.effects.iter().any(|e| e.effect.needs_beam()) {
-            body.compute_beam()?;
-        }
-        for e in &model.effects {
-            e.effect.change_body(&values[e.range.clone()], &mut body);
-        }
-        body.check()?;
-        let body_varies = model.effects.iter().any(|e| e.effect.body_varies());
-        Ok(PreparedModel { model, values, body, body_varies, steps: DEFAULT_STEPS })
+        add_beam(&model, &mut body)?;
+        PreparedModel::with_values(Arc::new(model), values, body)
     }
+}
 
+/// Computes the beam of bodies that effects have not changed yet, where one of them reads it.
+pub(crate) fn add_beam(model: &Model, body: &mut Body) -> Result<(), ModelError> {
+    if model.effects.iter().any(|e| Effect::<f64>::needs_beam(e.effect())) { body.compute_beam() } else { Ok(()) }
+}
+
+impl<T> PreparedModel<T> {
     pub fn model(&self) -> &Model {
         &self.model
     }
 
     /// The bodies with the effects' changes.
-    pub fn body(&self) -> &Body {
+    pub fn body(&self) -> &Body<T> {
         &self.body
     }
 
-    fn each(&self) -> impl DoubleEndedIterator<Item = (&dyn Effect, &[f64])> {
-        self.model.effects.iter().map(|e| (&*e.effect, &self.values[e.range.clone()]))
+    /// About how many steps a visco-elastic contact is divided into (default 72: better than 1e-6 of the velocities).
+    pub fn set_steps(&mut self, steps: f64) {
+        self.steps = steps.clamp(16.0, 1e5);
     }
+}
 
-    /// The outcome of one impact, as the user would measure it.
+impl<T: Real> PreparedModel<T>
+where
+    dyn DifferentiableEffect: Effect<T>,
+{
+    /// With parameters and bodies (their beam included) in any number.
     ///
     /// # Errors
-    /// Inputs that are not finite or out of range, no approach, no release, a result that is not finite.
-    pub fn predict(&self, input: &ImpactInput) -> Result<ImpactOutput, ModelError> {
-        let truth = self.true_input(input)?;
-        if self.body_varies {
-            let body = self.body_at(&truth)?;
-            self.finish(&truth, self.collide(&body, truth)?)
-        } else {
-            self.finish(&truth, self.collide(&self.body, truth)?)
+    /// As [`Model::prepare`].
+    pub(crate) fn with_values(model: Arc<Model>, values: Vec<T>, mut body: Body<T>) -> Result<Self, ModelError> {
+        for e in &model.effects {
+            Effect::<T>::change_body(e.effect(), &values[e.range.clone()], &mut body);
         }
+        body.check()?;
+        let body_varies = model.effects.iter().any(|e| Effect::<T>::body_varies(e.effect()));
+        Ok(PreparedModel { model, values, body, body_varies, steps: DEFAULT_STEPS })
+    }
+
+    fn each(&self) -> impl DoubleEndedIterator<Item = (&(dyn DifferentiableEffect + 'static), &[T])> {
+        self.model.effects.iter().map(|e| (e.effect(), &self.values[e.range.clone()]))
     }
 
     /// From the input as measured to the true one.
-    fn true_input(&self, input: &ImpactInput) -> Result<ImpactInput, ModelError> {
+    fn true_input(&self, input: &ImpactInput<T>) -> Result<ImpactInput<T>, ModelError> {
         check_input(input)?;
         let mut truth = *input;
         for (effect, p) in self.each() {
@@ -116,7 +131,7 @@ impl PreparedModel {
     }
 
     /// The bodies of one impact, where an effect makes them depend on it.
-    fn body_at(&self, truth: &ImpactInput) -> Result<Body, ModelError> {
+    fn body_at(&self, truth: &ImpactInput<T>) -> Result<Body<T>, ModelError> {
         let mut body = self.body.clone();
         let at = Contact::new(&self.body, truth)?;
         for (effect, p) in self.each() {
@@ -127,7 +142,7 @@ impl PreparedModel {
     }
 
     /// From the true outcome to the one that would be measured.
-    fn finish(&self, truth: &ImpactInput, mut output: ImpactOutput) -> Result<ImpactOutput, ModelError> {
+    fn finish(&self, truth: &ImpactInput<T>, mut output: ImpactOutput<T>) -> Result<ImpactOutput<T>, ModelError> {
         for (effect, p) in self.each().rev() {
             effect.observed_output(p, &self.body, truth, &mut output);
         }
@@ -135,11 +150,11 @@ impl PreparedModel {
     }
 
     /// Which effect made the outcome something that is not a number.
-    fn blame(&self, input: &ImpactInput) -> ModelError {
+    fn blame(&self, input: &ImpactInput<T>) -> ModelError {
         let Ok(at) = Contact::new(&self.body, input) else { return ModelError::NotFinite };
         let mut laws = self.base_laws(&self.body);
         for e in &self.model.effects {
-            e.effect.change_laws(&self.values[e.range.clone()], &at, &mut laws);
+            e.effect().change_laws(&self.values[e.range.clone()], &at, &mut laws);
             let after = collide(&at, &laws, &|_, _, _| {}).1;
             if !after.is_finite() {
                 return ModelError::EffectRange { effect: e.name.clone(), quantity: "a contact law", seen: f64::NAN, allowed: "finite numbers" };
@@ -148,25 +163,27 @@ impl PreparedModel {
         ModelError::NotFinite
     }
 
-    fn base_laws(&self, body: &Body) -> Laws {
-        Laws::new(self.values[0], self.values[1], self.model.sliding, body.ball_radius, body.ball_inertia)
+    fn base_laws(&self, body: &Body<T>) -> Laws<T> {
+        Laws::new(self.values[0], self.values[1], self.model.sliding, T::constant(body.ball_radius), body.ball_inertia)
     }
 
-    /// The true outcome; the racket's velocity at the centre of mass that its file states, in and out.
-    fn collide(&self, body: &Body, input: ImpactInput) -> Result<ImpactOutput, ModelError> {
+    /// The outcome of one impact in base rigid as the user would measure it, and the friction it had to spare.
+    pub(crate) fn predict_rigid(&self, input: &ImpactInput<T>) -> Result<(ImpactOutput<T>, T), ModelError> {
+        let truth = self.true_input(input)?;
+        let (output, spare) = if self.body_varies { self.collide(&self.body_at(&truth)?, truth)? } else { self.collide(&self.body, truth)? };
+        Ok((self.finish(&truth, output)?, spare))
+    }
+
+    /// The true outcome in base rigid; the racket's velocity at the centre of mass that its file states, in and out.
+    fn collide(&self, body: &Body<T>, input: ImpactInput<T>) -> Result<(ImpactOutput<T>, T), ModelError> {
         let at = contact(body, input)?;
-        if self.model.base == Base::Viscoelastic {
-            let ready = self.ready(at);
-            let output = viscoelastic::collide_all(std::slice::from_ref(&ready), self.steps).pop().unwrap_or(Err(ModelError::NotFinite))?;
-            return Ok(self.after_contact(&ready.at, output));
-        }
         let mut laws = self.base_laws(body);
         for (effect, p) in self.each() {
             effect.change_laws(p, &at, &mut laws);
         }
         // Not `max`: that would turn NaN into 0.
-        if laws.friction < 0.0 {
-            laws.friction = 0.0;
+        if laws.friction.value() < 0.0 {
+            laws.friction = T::zero();
         }
         let (impulse, mut output) = collide(&at, &laws, &|at, laws, impulse| {
             for (effect, p) in self.each() {
@@ -177,32 +194,33 @@ impl PreparedModel {
             effect.change_output(p, &at, &laws, &impulse, &mut output);
         }
         shift_back(body, &mut output);
-        Ok(output)
+        Ok((output, impulse.spare_friction))
     }
 
-    /// A contact with the visco-elastic laws of this impact.
-    fn ready<'a>(&self, at: Contact<'a>) -> Ready<'a> {
+    /// The visco-elastic laws of one contact.
+    fn viscoelastic_laws(&self, at: &Contact<T>) -> viscoelastic::Laws<T> {
         let mut laws = viscoelastic::Laws::new(&self.values, at.body, self.model.stiffness_from_tension, &self.model.contact_laws);
         for (effect, p) in self.each() {
-            effect.change_viscoelastic(p, &at, &mut laws);
+            effect.change_viscoelastic(p, at, &mut laws);
         }
         laws.keep_strings_damped();
-        Ready { at, laws }
+        laws
     }
 
     /// What effects change in a visco-elastic outcome; the impulses are those that the outcome implies.
-    fn after_contact(&self, at: &Contact, mut output: ImpactOutput) -> ImpactOutput {
+    fn after_contact(&self, at: &Contact<T>, mut output: ImpactOutput<T>) -> ImpactOutput<T> {
         let (b, i) = (at.body, &at.input);
         if !self.model.effects.is_empty() {
             let separation = output.ball_velocity.z - output.racket_velocity.z - output.racket_rate.cross(&at.lever).z;
-            let restitution = (at.side * separation / at.approach_speed).max(0.0);
-            let laws = Laws::new(restitution, self.values[9], Sliding::FirstTouch, b.ball_radius, b.ball_inertia);
+            let restitution = (separation * at.side / at.approach_speed).max(T::zero());
+            let laws = Laws::new(restitution, self.values[9], Sliding::FirstTouch, T::constant(b.ball_radius), b.ball_inertia);
             let impulse = Impulse {
-                ball: b.ball_mass * (output.ball_velocity - i.ball_velocity),
-                ball_angular: b.ball_inertia * (output.ball_spin - i.ball_spin),
-                racket: b.racket_mass * (output.racket_velocity - i.racket_velocity),
+                ball: (output.ball_velocity - i.ball_velocity) * b.ball_mass,
+                ball_angular: (output.ball_spin - i.ball_spin) * b.ball_inertia,
+                racket: (output.racket_velocity - i.racket_velocity) * b.racket_mass,
                 racket_angular: (output.racket_rate - i.racket_rate).component_mul(&b.racket_inertia),
                 regime: Regime::Stick,
+                spare_friction: T::zero(),
             };
             for (effect, p) in self.each() {
                 effect.change_output(p, at, &laws, &impulse, &mut output);
@@ -212,9 +230,34 @@ impl PreparedModel {
         output
     }
 
-    /// About how many steps a visco-elastic contact is divided into (default 72: better than 1e-6 of the velocities).
-    pub fn set_steps(&mut self, steps: f64) {
-        self.steps = steps.clamp(16.0, 1e5);
+    /// All that happens before a visco-elastic contact is stepped.
+    pub(crate) fn stage(&self, input: &ImpactInput<T>) -> Result<Staged<T>, ModelError> {
+        let truth = self.true_input(input)?;
+        let body = if self.body_varies { self.body_at(&truth)? } else { self.body.clone() };
+        let at = contact(&body, truth)?;
+        let (contact, laws) = (at.input, self.viscoelastic_laws(&at));
+        Ok(Staged { truth, body, contact, laws })
+    }
+
+    /// All that happens after the contact.
+    pub(crate) fn conclude(&self, staged: &Staged<T>, output: ImpactOutput<T>) -> Result<ImpactOutput<T>, ModelError> {
+        self.finish(&staged.truth, self.after_contact(&Contact::new(&staged.body, &staged.contact)?, output))
+    }
+}
+
+impl PreparedModel {
+    /// The outcome of one impact, as the user would measure it.
+    ///
+    /// # Errors
+    /// Inputs that are not finite or out of range, no approach, no release, a result that is not finite.
+    pub fn predict(&self, input: &ImpactInput) -> Result<ImpactOutput, ModelError> {
+        if self.model.base == Base::Rigid {
+            return Ok(self.predict_rigid(input)?.0);
+        }
+        let staged = self.stage(input)?;
+        let ready = staged.ready()?;
+        let output = viscoelastic::collide_all(std::slice::from_ref(&ready), self.steps).pop().unwrap_or(Err(ModelError::NotFinite))?;
+        self.finish(&staged.truth, self.after_contact(&ready.at, output))
     }
 
     /// One visco-elastic impact with its ledger of energy and momentum, peak force, compression and deflection.
@@ -228,29 +271,13 @@ impl PreparedModel {
         if self.model.base == Base::Rigid {
             return Err(ModelError::NotInBase { name: "run".into(), base: "rigid", reason: "an impulse has no duration" });
         }
-        let truth = self.true_input(input)?;
-        let body = if self.body_varies { self.body_at(&truth)? } else { self.body.clone() };
-        viscoelastic::run(&self.ready(contact(&body, truth)?), steps.clamp(16.0, 1e5))
+        viscoelastic::run(&self.stage(input)?.ready()?, steps.clamp(16.0, 1e5))
     }
 
-    /// All that happens before a visco-elastic contact is stepped.
-    pub(crate) fn stage(&self, input: &ImpactInput) -> Result<Staged, ModelError> {
-        let truth = self.true_input(input)?;
-        let body = if self.body_varies { self.body_at(&truth)? } else { self.body.clone() };
-        let ready = self.ready(contact(&body, truth)?);
-        let (contact, laws) = (ready.at.input, ready.laws);
-        Ok(Staged { truth, body, contact, laws })
-    }
-
-    /// The contact's outcome and its derivatives along `slopes`.
-    pub(crate) fn differentiate(&self, staged: &Staged, slopes: &[viscoelastic::Slope]) -> Result<(ImpactOutput, Vec<[f64; 13]>), ModelError> {
-        let ready = Ready { at: Contact::new(&staged.body, &staged.contact)?, laws: staged.laws };
-        viscoelastic::differentiate(&ready, self.steps.max(viscoelastic::DERIVATIVE_STEPS), slopes)
-    }
-
-    /// All that happens after the contact.
-    pub(crate) fn conclude(&self, staged: &Staged, output: ImpactOutput) -> Result<ImpactOutput, ModelError> {
-        self.finish(&staged.truth, self.after_contact(&Contact::new(&staged.body, &staged.contact)?, output))
+    /// The contact's outcome, and the same with derivatives for each of `variations` of it.
+    pub(crate) fn differentiate(&self, staged: &Staged, variations: &[Staged<Tangent>]) -> Result<(ImpactOutput, Vec<ImpactOutput<Tangent>>), ModelError> {
+        let variations: Vec<_> = variations.iter().map(|v| (v.contact, v.laws)).collect();
+        viscoelastic::differentiate(&staged.ready()?, self.steps.max(viscoelastic::DERIVATIVE_STEPS), &variations)
     }
 
     /// [`PreparedModel::run`] with as many steps as close the ledger to 1e-9 J.
@@ -291,24 +318,36 @@ impl PreparedModel {
         }
         results
     }
+
+    /// A contact with the visco-elastic laws of this impact.
+    fn ready<'a>(&self, at: Contact<'a>) -> Ready<'a> {
+        let laws = self.viscoelastic_laws(&at);
+        Ready { at, laws }
+    }
+}
+
+impl Staged {
+    fn ready(&self) -> Result<Ready<'_>, ModelError> {
+        Ok(Ready { at: Contact::new(&self.body, &self.contact)?, laws: self.laws })
+    }
 }
 
 /// Impacts per task: enough to fill the lanes many times over, few enough to share 900 impacts between two cores.
 const PIECE: usize = 128;
 
 /// The contact at the true centre of mass, where effects have moved it from the stated one.
-fn contact(body: &Body, mut input: ImpactInput) -> Result<Contact<'_>, ModelError> {
+fn contact<T: Real>(body: &Body<T>, mut input: ImpactInput<T>) -> Result<Contact<'_, T>, ModelError> {
     let shift = body.com_x - body.reported_com_x;
-    if shift != 0.0 {
-        input.racket_velocity += input.racket_rate.cross(&Vector3::new(shift, 0.0, 0.0));
+    if !shift.is_zero() {
+        input.racket_velocity += input.racket_rate.cross(&Vector3::new(shift, T::zero(), T::zero()));
     }
     Contact::new(body, &input)
 }
 
 /// The racket's velocity back at the stated centre of mass.
-fn shift_back(body: &Body, output: &mut ImpactOutput) {
+fn shift_back<T: Real>(body: &Body<T>, output: &mut ImpactOutput<T>) {
     let shift = body.com_x - body.reported_com_x;
-    if shift != 0.0 {
-        output.racket_velocity -= output.racket_rate.cross(&Vector3::new(shift, 0.0, 0.0));
+    if !shift.is_zero() {
+        output.racket_velocity -= output.racket_rate.cross(&Vector3::new(shift, T::zero(), T::zero()));
     }
 }

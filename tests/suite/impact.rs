@@ -310,9 +310,9 @@ fn law_random_models_and_inputs_never_panic_or_return_nan() {
 #[derive(Debug)]
 struct RimLoss;
 
-impl sweetspot::impact::Effect for RimLoss {
-    fn change_laws(&self, p: &[f64], at: &sweetspot::impact::rigid::Contact, laws: &mut sweetspot::impact::rigid::Laws) {
-        laws.restitution *= 1.0 - p[0] * (at.input.position.y / 0.13).powi(2);
+impl<T: sweetspot::impact::Real> sweetspot::impact::Effect<T> for RimLoss {
+    fn change_laws(&self, p: &[T], at: &sweetspot::impact::rigid::Contact<T>, laws: &mut sweetspot::impact::rigid::Laws<T>) {
+        laws.restitution *= -(p[0] * (at.input.position.y / 0.13).powi(2)) + 1.0;
     }
 }
 

@@ -25,9 +25,9 @@ fn cli_explore_writes_every_study() {
     sweetspot(folder.path(), &["--out", ".", "explore", "models"]);
     sweetspot(folder.path(), &["--out", ".", "explore", "findings", "--racket", "racket.toml", "--shots", "200"]);
     for (name, needles) in [
-        ("published", &["Miller and Messner", "Wimbledon"][..]),
+        ("published", &["Miller and Messner", "frame mode at 180 Hz", "Brody's rebound", "Wimbledon"][..]),
         ("models", &["Kelvin-Voigt", "squeezed flat", "Haake"][..]),
-        ("findings", &["Three findings", "Chopping makes spin", "Ball speed", "Launch angle"][..]),
+        ("findings", &["Three findings", "Chopping makes spin", "Ball speed", "Launch angle", "String tension", "Grip: speed"][..]),
     ] {
         let page = std::fs::read_to_string(folder.path().join(format!("explore-{name}.html"))).unwrap();
         assert!(needles.iter().all(|n| page.contains(n)) && !page.contains("NaN"), "{name}");

@@ -143,6 +143,23 @@ pub fn findings(arguments: &Arguments) -> Result<Outcome, CliError> {
         )
         .section(
             Section::new("strings-grip", "Strings and grip")
+                .figures(
+                    Layout::Normal,
+                    &[
+                        (
+                            curve("String tension", "tension", "lb", "ball speed", "m/s", &line(&tensions, |l| l.speed)),
+                            "Softer strings return the ball faster. 50 mm toward the tip on the axis.".into(),
+                        ),
+                        (
+                            curve("Grip: speed", "torque about the handle", "N m", "ball speed", "m/s", &line(&grips, |l| l.speed)),
+                            "A held handle twists less. Impact 50 mm off the axis.".into(),
+                        ),
+                        (
+                            curve("Grip: direction", "torque about the handle", "N m", "launch angle", "deg", &line(&grips, |l| l.launch_angle_rad.to_degrees())),
+                            "The ball leaves nearer to the normal.".into(),
+                        ),
+                    ],
+                )
                 .table(simple("String tension, 50 mm toward the tip on the axis", "Tension, lb", &tensions))
                 .table(simple("Grip torque, impact 50 mm off the axis", "Torque, N m", &grips)),
         )

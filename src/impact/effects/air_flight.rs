@@ -4,6 +4,7 @@ use super::Effect;
 use crate::impact::body::Body;
 use crate::impact::card::{Bases, EffectCard, EffectKind, ParameterCard};
 use crate::impact::input::{ImpactInput, ImpactOutput};
+use crate::impact::real::{Real, norm};
 use nalgebra::Vector3;
 
 pub(super) static CARD: EffectCard = EffectCard {
@@ -34,18 +35,18 @@ const GRAVITY: f64 = 5.7;
 const AIR: f64 = 1.2;
 
 /// Change of the ball's velocity over the delay, m/s; `p` as on the card.
-fn flown(p: &[f64], body: &Body, v: &Vector3<f64>, spin: &Vector3<f64>) -> Vector3<f64> {
+fn flown<T: Real>(p: &[T], body: &Body<T>, v: &Vector3<T>, spin: &Vector3<T>) -> Vector3<T> {
     (acceleration_by_air(body, v, spin, p[1]) + Vector3::new(p[2], p[3], p[4])) * p[0]
 }
 
 /// m/s².
-fn acceleration_by_air(body: &Body, v: &Vector3<f64>, spin: &Vector3<f64>, drag: f64) -> Vector3<f64> {
-    let (speed, rate) = (v.norm(), spin.norm());
-    let per_speed_squared = AIR * std::f64::consts::PI * body.ball_radius * body.ball_radius / (2.0 * body.ball_mass);
-    let mut a = -per_speed_squared * drag * speed * v;
-    if rate > 0.0 && speed > 0.0 {
-        let lift = 1.0 / (2.202 + 0.981 * speed / (body.ball_radius * rate));
-        a += per_speed_squared * lift * speed / rate * spin.cross(v);
+fn acceleration_by_air<T: Real>(body: &Body<T>, v: &Vector3<T>, spin: &Vector3<T>, drag: T) -> Vector3<T> {
+    let (speed, rate) = (norm(v), norm(spin));
+    let per_speed_squared = T::constant(AIR * std::f64::consts::PI * body.ball_radius * body.ball_radius) / (body.ball_mass * 2.0);
+    let mut a = v * (-per_speed_squared * drag * speed);
+    if rate.value() > 0.0 && speed.value() > 0.0 {
+        let lift = (speed * 0.981 / (rate * body.ball_radius) + 2.202).recip();
+        a += spin.cross(v) * (per_speed_squared * lift * speed / rate);
     }
     a
 }
@@ -53,12 +54,12 @@ fn acceleration_by_air(body: &Body, v: &Vector3<f64>, spin: &Vector3<f64>, drag:
 #[derive(Debug)]
 struct AirFlight;
 
-impl Effect for AirFlight {
-    fn true_input(&self, p: &[f64], body: &Body, input: &mut ImpactInput) {
+impl<T: Real> Effect<T> for AirFlight {
+    fn true_input(&self, p: &[T], body: &Body<T>, input: &mut ImpactInput<T>) {
         input.ball_velocity += flown(p, body, &input.ball_velocity, &input.ball_spin);
     }
 
-    fn observed_output(&self, p: &[f64], body: &Body, _: &ImpactInput, output: &mut ImpactOutput) {
+    fn observed_output(&self, p: &[T], body: &Body<T>, _: &ImpactInput<T>, output: &mut ImpactOutput<T>) {
         output.ball_velocity += flown(p, body, &output.ball_velocity, &output.ball_spin);
     }
 }

@@ -4,6 +4,7 @@ use super::Effect;
 use crate::impact::body::Body;
 use crate::impact::card::{Bases, EffectCard, EffectKind, ParameterCard};
 use crate::impact::input::ImpactInput;
+use crate::impact::real::Real;
 
 pub(super) static CARD: EffectCard = EffectCard {
     name: "ball-centre-bias",
@@ -26,8 +27,8 @@ pub(super) static CARD: EffectCard = EffectCard {
 #[derive(Debug)]
 struct BallCentreBias;
 
-impl Effect for BallCentreBias {
-    fn true_input(&self, p: &[f64], _: &Body, input: &mut ImpactInput) {
+impl<T: Real> Effect<T> for BallCentreBias {
+    fn true_input(&self, p: &[T], _: &Body<T>, input: &mut ImpactInput<T>) {
         input.position.x -= p[0];
         input.position.y -= p[1];
     }

@@ -2,6 +2,7 @@
 
 use super::Effect;
 use crate::impact::card::{Bases, EffectCard, EffectKind, ParameterCard};
+use crate::impact::real::Real;
 use crate::impact::rigid::{Contact, Laws};
 use crate::impact::viscoelastic;
 
@@ -32,12 +33,12 @@ const TYPICAL_FALL: f64 = 0.13;
 #[derive(Debug)]
 struct BallDamping;
 
-impl Effect for BallDamping {
-    fn change_laws(&self, p: &[f64], at: &Contact, laws: &mut Laws) {
+impl<T: Real> Effect<T> for BallDamping {
+    fn change_laws(&self, p: &[T], at: &Contact<T>, laws: &mut Laws<T>) {
         laws.restitution -= p[0] * ((at.approach_speed / REFERENCE_SPEED).powf(p[1]) - 1.0);
     }
 
-    fn change_viscoelastic(&self, p: &[f64], _: &Contact, laws: &mut viscoelastic::Laws) {
-        laws.a_c *= 1.0 + p[0] / TYPICAL_FALL;
+    fn change_viscoelastic(&self, p: &[T], _: &Contact<T>, laws: &mut viscoelastic::Laws<T>) {
+        laws.a_c *= p[0] / TYPICAL_FALL + 1.0;
     }
 }

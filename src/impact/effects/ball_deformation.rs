@@ -2,6 +2,7 @@
 
 use super::Effect;
 use crate::impact::card::{Bases, EffectCard, EffectKind, ParameterCard};
+use crate::impact::real::Real;
 use crate::impact::rigid::{Contact, Laws};
 use crate::impact::viscoelastic;
 
@@ -38,14 +39,14 @@ const MOST: f64 = 0.8;
 #[derive(Debug)]
 struct BallDeformation;
 
-impl Effect for BallDeformation {
-    fn change_laws(&self, p: &[f64], at: &Contact, laws: &mut Laws) {
-        let x = MEAN_SHARE * COMPRESSION * (at.approach_speed / REFERENCE_SPEED).powf(SPEED_POWER);
-        laws.ball_arm -= (p[0] * x).min(MOST * laws.ball_arm);
-        laws.ball_inertia *= 1.0 - (p[1] * x).min(MOST);
+impl<T: Real> Effect<T> for BallDeformation {
+    fn change_laws(&self, p: &[T], at: &Contact<T>, laws: &mut Laws<T>) {
+        let x = (at.approach_speed / REFERENCE_SPEED).powf(T::constant(SPEED_POWER)) * (MEAN_SHARE * COMPRESSION);
+        laws.ball_arm -= (p[0] * x).min(laws.ball_arm * MOST);
+        laws.ball_inertia *= -(p[1] * x).min(T::constant(MOST)) + 1.0;
     }
 
-    fn change_viscoelastic(&self, p: &[f64], _: &Contact, laws: &mut viscoelastic::Laws) {
+    fn change_viscoelastic(&self, p: &[T], _: &Contact<T>, laws: &mut viscoelastic::Laws<T>) {
         laws.lambda_r += p[0];
         laws.kappa_i += p[1];
     }

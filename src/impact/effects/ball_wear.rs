@@ -2,6 +2,7 @@
 
 use super::Effect;
 use crate::impact::card::{Bases, EffectCard, EffectKind, ParameterCard};
+use crate::impact::real::Real;
 use crate::impact::rigid::{Contact, Laws};
 use crate::impact::viscoelastic;
 
@@ -31,12 +32,12 @@ const DAMPING_PER_LOSS: f64 = 8.0;
 #[derive(Debug)]
 struct BallWear;
 
-impl Effect for BallWear {
-    fn change_laws(&self, p: &[f64], at: &Contact, laws: &mut Laws) {
-        laws.restitution *= 1.0 - p[0] * at.input.order / 100.0 * (at.approach_speed / REFERENCE_SPEED).sqrt();
+impl<T: Real> Effect<T> for BallWear {
+    fn change_laws(&self, p: &[T], at: &Contact<T>, laws: &mut Laws<T>) {
+        laws.restitution *= -(p[0] * at.input.order / 100.0 * (at.approach_speed / REFERENCE_SPEED).sqrt()) + 1.0;
     }
 
-    fn change_viscoelastic(&self, p: &[f64], at: &Contact, laws: &mut viscoelastic::Laws) {
-        laws.a_c *= 1.0 + DAMPING_PER_LOSS * p[0] * at.input.order / 100.0;
+    fn change_viscoelastic(&self, p: &[T], at: &Contact<T>, laws: &mut viscoelastic::Laws<T>) {
+        laws.a_c *= p[0] * DAMPING_PER_LOSS * at.input.order / 100.0 + 1.0;
     }
 }

@@ -4,6 +4,7 @@ use super::Effect;
 use crate::impact::body::Body;
 use crate::impact::card::{Bases, EffectCard, EffectKind, ParameterCard};
 use crate::impact::input::ImpactInput;
+use crate::impact::real::Real;
 use nalgebra::Vector2;
 
 pub(super) static CARD: EffectCard = EffectCard {
@@ -28,10 +29,10 @@ pub(super) static CARD: EffectCard = EffectCard {
 #[derive(Debug)]
 struct CameraSkew;
 
-impl Effect for CameraSkew {
-    fn true_input(&self, p: &[f64], body: &Body, input: &mut ImpactInput) {
+impl<T: Real> Effect<T> for CameraSkew {
+    fn true_input(&self, p: &[T], body: &Body<T>, input: &mut ImpactInput<T>) {
         let strings = input.racket_velocity + input.racket_rate.cross(&body.lever(&input.position));
         let u = input.ball_velocity - strings;
-        input.position -= p[0] * (0.5 * u.xy() + u.z * Vector2::new(p[1], p[2]));
+        input.position -= (u.xy() * T::constant(0.5) + Vector2::new(p[1], p[2]) * u.z) * p[0];
     }
 }

@@ -4,7 +4,8 @@ use super::Effect;
 use crate::impact::body::Body;
 use crate::impact::card::{Bases, EffectCard, EffectKind, ParameterCard};
 use crate::impact::input::{ImpactInput, ImpactOutput};
-use nalgebra::{Rotation3, Vector3};
+use crate::impact::real::{Real, rotation};
+use nalgebra::Vector3;
 
 pub(super) static CARD: EffectCard = EffectCard {
     name: "face-plane-offset",
@@ -32,32 +33,32 @@ const SLOWEST: f64 = 0.5;
 #[derive(Debug)]
 struct FacePlaneOffset;
 
-impl Effect for FacePlaneOffset {
-    fn true_input(&self, p: &[f64], body: &Body, input: &mut ImpactInput) {
-        if p[1] != 0.0 || p[2] != 0.0 {
-            let true_from_seen = Rotation3::from_scaled_axis(Vector3::new(p[1], p[2], 0.0)).inverse();
+impl<T: Real> Effect<T> for FacePlaneOffset {
+    fn true_input(&self, p: &[T], body: &Body<T>, input: &mut ImpactInput<T>) {
+        if !(p[1].is_zero() && p[2].is_zero()) {
+            let seen_from_true = rotation(&Vector3::new(p[1], p[2], T::zero()));
             for v in [&mut input.ball_velocity, &mut input.ball_spin, &mut input.racket_velocity, &mut input.racket_rate] {
-                *v = true_from_seen * *v;
+                *v = seen_from_true.tr_mul(v);
             }
         }
-        if p[0] != 0.0 {
-            let up = Vector3::new(0.0, 0.0, p[0]);
+        if !p[0].is_zero() {
+            let up = Vector3::new(T::zero(), T::zero(), p[0]);
             let strings = input.racket_velocity + input.racket_rate.cross(&body.lever(&input.position));
             let u = input.ball_velocity - strings;
-            if u.z.abs() > SLOWEST {
+            if u.z.value().abs() > SLOWEST {
                 input.position += u.xy() * (p[0] / u.z);
             }
             input.racket_velocity += input.racket_rate.cross(&up);
         }
     }
 
-    fn observed_output(&self, p: &[f64], _: &Body, input: &ImpactInput, output: &mut ImpactOutput) {
-        if p[0] != 0.0 {
+    fn observed_output(&self, p: &[T], _: &Body<T>, input: &ImpactInput<T>, output: &mut ImpactOutput<T>) {
+        if !p[0].is_zero() {
             // What `true_input` added; the centre of mass itself is where the racket's file has it, before and after.
-            output.racket_velocity -= input.racket_rate.cross(&Vector3::new(0.0, 0.0, p[0]));
+            output.racket_velocity -= input.racket_rate.cross(&Vector3::new(T::zero(), T::zero(), p[0]));
         }
-        if p[1] != 0.0 || p[2] != 0.0 {
-            let seen_from_true = Rotation3::from_scaled_axis(Vector3::new(p[1], p[2], 0.0));
+        if !(p[1].is_zero() && p[2].is_zero()) {
+            let seen_from_true = rotation(&Vector3::new(p[1], p[2], T::zero()));
             for v in [&mut output.ball_velocity, &mut output.ball_spin, &mut output.racket_velocity, &mut output.racket_rate] {
                 *v = seen_from_true * *v;
             }

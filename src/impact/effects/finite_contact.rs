@@ -2,6 +2,7 @@
 
 use super::Effect;
 use crate::impact::card::{Bases, EffectCard, EffectKind, ParameterCard};
+use crate::impact::real::Real;
 use crate::impact::rigid::{Contact, Laws};
 
 pub(super) static CARD: EffectCard = EffectCard {
@@ -25,8 +26,8 @@ pub(super) static CARD: EffectCard = EffectCard {
 #[derive(Debug)]
 struct FiniteContact;
 
-impl Effect for FiniteContact {
-    fn change_laws(&self, p: &[f64], _: &Contact, laws: &mut Laws) {
+impl<T: Real> Effect<T> for FiniteContact {
+    fn change_laws(&self, p: &[T], _: &Contact<T>, laws: &mut Laws<T>) {
         laws.face_time += p[0];
     }
 }

@@ -2,6 +2,7 @@
 
 use super::Effect;
 use crate::impact::card::{Bases, EffectCard, EffectKind, ParameterCard};
+use crate::impact::real::Real;
 use crate::impact::rigid::{Contact, Laws};
 use crate::impact::viscoelastic;
 
@@ -29,27 +30,28 @@ pub(super) static CARD: EffectCard = EffectCard {
 /// Transfer at which the modal inertia is the stated one.
 const TYPICAL_TRANSFER: f64 = 0.05;
 
+/// In base viscoelastic the mode appears with the strength: at 0 there is no derivative by it.
 #[derive(Debug)]
 struct FrameTorsion;
 
 /// Transfer at the impact's distance along the racket; the mode's shape is y times a function of x that has no agreed form,
 /// so its square is taken to first order.
-fn transfer_at(p: &[f64], at: &Contact) -> f64 {
-    (p[0] - p[1] * at.input.position.x / at.body.half_length).max(0.0)
+fn transfer_at<T: Real>(p: &[T], at: &Contact<T>) -> T {
+    (p[0] - p[1] * at.input.position.x / at.body.half_length).max(T::zero())
 }
 
-impl Effect for FrameTorsion {
-    fn change_laws(&self, p: &[f64], at: &Contact, laws: &mut Laws) {
+impl<T: Real> Effect<T> for FrameTorsion {
+    fn change_laws(&self, p: &[T], at: &Contact<T>, laws: &mut Laws<T>) {
         let y = at.input.position.y;
         laws.mode_loss += transfer_at(p, at) * y * y / (p[2] * at.body.racket_inertia.x * at.normal_compliance);
     }
 
-    fn change_viscoelastic(&self, p: &[f64], at: &Contact, laws: &mut viscoelastic::Laws) {
+    fn change_viscoelastic(&self, p: &[T], at: &Contact<T>, laws: &mut viscoelastic::Laws<T>) {
         let transfer = transfer_at(p, at);
-        if transfer > 0.0 {
+        if transfer.value() > 0.0 {
             laws.torsion_shape = at.input.position.y;
             laws.torsion_inertia = p[2] * at.body.racket_inertia.x / (transfer / TYPICAL_TRANSFER);
-            laws.torsion_rate = 2.0 * std::f64::consts::PI * p[3];
+            laws.torsion_rate = p[3] * (2.0 * std::f64::consts::PI);
         }
     }
 }

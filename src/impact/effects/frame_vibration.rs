@@ -3,6 +3,7 @@
 use super::Effect;
 use crate::impact::body::Body;
 use crate::impact::card::{Bases, EffectCard, EffectKind, ParameterCard};
+use crate::impact::real::Real;
 use crate::impact::rigid::{Contact, Laws};
 use crate::impact::viscoelastic;
 use std::f64::consts::PI;
@@ -29,42 +30,43 @@ pub(super) static CARD: EffectCard = EffectCard {
 };
 
 /// S: the mode's response to a half-sine pulse of duration `t`, relative to that to an instantaneous impulse.
-pub(super) fn pulse_response(frequency_hz: f64, t: f64) -> f64 {
-    let x = 2.0 * frequency_hz * t; // wT/pi
-    if (x - 1.0).abs() < 1e-4 {
+pub(super) fn pulse_response<T: Real>(frequency_hz: T, t: T) -> T {
+    let x = frequency_hz * 2.0 * t; // wT/pi
+    if (x.value() - 1.0).abs() < 1e-4 {
         // cos(pi x/2)/(1 - x^2) has the limit pi/4 at x = 1, and slope −pi/4 there.
-        return PI / 4.0 * (1.0 - 0.5 * (x - 1.0));
+        return (-(x - 1.0) * 0.5 + 1.0) * (PI / 4.0);
     }
-    (0.5 * PI * x).cos() / (1.0 - x * x)
+    (x * (0.5 * PI)).cos() / (-(x * x) + 1.0)
 }
 
+/// In base viscoelastic the mode appears with the strength: at 0 there is no derivative by it.
 #[derive(Debug)]
 struct FrameVibration;
 
-impl Effect for FrameVibration {
+impl<T: Real> Effect<T> for FrameVibration {
     fn needs_beam(&self) -> bool {
         true
     }
 
-    fn change_laws(&self, p: &[f64], at: &Contact, laws: &mut Laws) {
+    fn change_laws(&self, p: &[T], at: &Contact<T>, laws: &mut Laws<T>) {
         let Some(beam) = &at.body.beam else { return };
         let phi = beam.shape(0, from_butt(at.body, at.input.position.x));
         let s = pulse_response(p[1] * at.body.beam_frequency_ratio(), p[2]);
         laws.mode_loss += p[0] * phi * phi * s * s / (beam.modes[0].modal_mass * at.normal_compliance);
     }
 
-    fn change_viscoelastic(&self, p: &[f64], at: &Contact, laws: &mut viscoelastic::Laws) {
+    fn change_viscoelastic(&self, p: &[T], at: &Contact<T>, laws: &mut viscoelastic::Laws<T>) {
         let Some(beam) = &at.body.beam else { return };
-        if p[0] > 0.0 {
+        if p[0].value() > 0.0 {
             laws.mode_shape = beam.shape(0, from_butt(at.body, at.input.position.x));
             // `amount` scales the energy that the mode takes, so it divides the modal mass.
             laws.mode_mass = beam.modes[0].modal_mass / p[0];
-            laws.mode_rate = 2.0 * PI * p[1] * at.body.beam_frequency_ratio();
+            laws.mode_rate = p[1] * (2.0 * PI) * at.body.beam_frequency_ratio();
             laws.mode_damping = p[3];
         }
     }
 }
 
-fn from_butt(body: &Body, x: f64) -> f64 {
-    body.stringbed_centre - x
+fn from_butt<T: Real>(body: &Body<T>, x: T) -> T {
+    -x + body.stringbed_centre
 }

@@ -2,6 +2,7 @@
 
 use super::Effect;
 use crate::impact::card::{Bases, EffectCard, EffectKind, ParameterCard};
+use crate::impact::real::Real;
 use crate::impact::rigid::{Contact, Laws};
 use crate::impact::viscoelastic;
 
@@ -29,20 +30,20 @@ const SOFT_SLIP: f64 = 5.0;
 const REFERENCE_SLIP: f64 = 15.0;
 const REFERENCE_APPROACH: f64 = 25.0;
 
-fn factor(p: &[f64], at: &Contact) -> f64 {
-    let level = |v: f64| 1.0 + (v / SOFT_SLIP).powi(2);
-    (level(at.slip_speed) / level(REFERENCE_SLIP)).powf(0.5 * p[0]) * (at.approach_speed / REFERENCE_APPROACH).powf(p[1])
+fn factor<T: Real>(p: &[T], at: &Contact<T>) -> T {
+    let level = |v: T| (v / SOFT_SLIP).powi(2) + 1.0;
+    (level(at.slip_speed) / level(T::constant(REFERENCE_SLIP))).powf(p[0] * 0.5) * (at.approach_speed / REFERENCE_APPROACH).powf(p[1])
 }
 
 #[derive(Debug)]
 struct FrictionLaw;
 
-impl Effect for FrictionLaw {
-    fn change_laws(&self, p: &[f64], at: &Contact, laws: &mut Laws) {
+impl<T: Real> Effect<T> for FrictionLaw {
+    fn change_laws(&self, p: &[T], at: &Contact<T>, laws: &mut Laws<T>) {
         laws.friction *= factor(p, at);
     }
 
-    fn change_viscoelastic(&self, p: &[f64], at: &Contact, laws: &mut viscoelastic::Laws) {
+    fn change_viscoelastic(&self, p: &[T], at: &Contact<T>, laws: &mut viscoelastic::Laws<T>) {
         laws.mu *= factor(p, at);
     }
 }

@@ -2,6 +2,7 @@
 
 use super::Effect;
 use crate::impact::card::{Bases, EffectCard, EffectKind, ParameterCard};
+use crate::impact::real::Real;
 use crate::impact::rigid::{Contact, Laws};
 use crate::impact::viscoelastic;
 
@@ -24,15 +25,17 @@ pub(super) static CARD: EffectCard = EffectCard {
     effect: &GripTorque,
 };
 
+/// Kinks: at a table's torque of 0 the derivative by it is the mean of both sides, none; between holding and giving way it is that
+/// of the side taken.
 #[derive(Debug)]
 struct GripTorque;
 
-impl Effect for GripTorque {
-    fn change_laws(&self, p: &[f64], at: &Contact, laws: &mut Laws) {
+impl<T: Real> Effect<T> for GripTorque {
+    fn change_laws(&self, p: &[T], at: &Contact<T>, laws: &mut Laws<T>) {
         laws.twist_hold += (p[0] * at.input.grip_torque.abs() + p[1]) * p[2];
     }
 
-    fn change_viscoelastic(&self, p: &[f64], at: &Contact, laws: &mut viscoelastic::Laws) {
+    fn change_viscoelastic(&self, p: &[T], at: &Contact<T>, laws: &mut viscoelastic::Laws<T>) {
         laws.grip += p[0] * at.input.grip_torque.abs() + p[1];
         laws.twist_start = at.input.racket_rate.x;
     }

@@ -3,6 +3,7 @@
 use super::Effect;
 use crate::impact::body::Body;
 use crate::impact::card::{Bases, EffectCard, EffectKind, ParameterCard};
+use crate::impact::real::Real;
 
 pub(super) static CARD: EffectCard = EffectCard {
     name: "hand-mass",
@@ -23,12 +24,14 @@ pub(super) static CARD: EffectCard = EffectCard {
     effect: &HandMass,
 };
 
+/// The frame's modes with the mass on them are iterated; their derivatives by mass and place come from the eigenvalue problem
+/// (`Beam::with_point_mass`). A mass below 0, where no card lets it, leaves the modes alone: at 0 derivatives are those from above.
 #[derive(Debug)]
 struct HandMass;
 
-impl Effect for HandMass {
-    fn change_body(&self, p: &[f64], body: &mut Body) {
-        if p[0] != 0.0 {
+impl<T: Real> Effect<T> for HandMass {
+    fn change_body(&self, p: &[T], body: &mut Body<T>) {
+        if !p[0].is_zero() {
             body.add_mass_on_axis(p[0], p[1]);
             body.hang_on_beam(p[0], p[1]);
         }

@@ -2,6 +2,7 @@
 
 use super::Effect;
 use crate::impact::card::{Bases, EffectCard, EffectKind, ParameterCard};
+use crate::impact::real::Real;
 use crate::impact::rigid::{Contact, Laws};
 use crate::impact::viscoelastic;
 
@@ -29,27 +30,29 @@ const STIFFNESS: f64 = 60e3;
 const TYPICAL: f64 = 0.15;
 const RIGID_OVER_SOFT: f64 = 50.0;
 
+/// In base viscoelastic a strength of 0 is no limit of small ones (rigid sideways against springs): no derivative there.
 #[derive(Debug)]
 struct LateralStrings;
 
-impl Effect for LateralStrings {
-    fn change_laws(&self, p: &[f64], _: &Contact, laws: &mut Laws) {
+impl<T: Real> Effect<T> for LateralStrings {
+    fn change_laws(&self, p: &[T], _: &Contact<T>, laws: &mut Laws<T>) {
         laws.tangential_restitution[1] += p[0];
         laws.tangential_restitution[0] += p[1];
     }
 
-    fn change_viscoelastic(&self, p: &[f64], _: &Contact, laws: &mut viscoelastic::Laws) {
+    fn change_viscoelastic(&self, p: &[T], _: &Contact<T>, laws: &mut viscoelastic::Laws<T>) {
         for (strength, stiffness) in [(p[0], &mut laws.k_ty), (p[1], &mut laws.k_tx)] {
             // The softer, the more they store: compliance in proportion to the strength.
-            if strength != 0.0 {
-                *stiffness = STIFFNESS / (strength.abs() / TYPICAL);
+            if strength.value() != 0.0 {
+                *stiffness = T::constant(STIFFNESS) / (strength.abs() / TYPICAL);
             }
         }
         // One direction soft, the other rigid: rigid stands for stiff enough to follow within the contact.
-        let rigid = STIFFNESS * RIGID_OVER_SOFT;
-        if laws.k_tx > 0.0 || laws.k_ty > 0.0 {
-            laws.k_tx = if laws.k_tx > 0.0 { laws.k_tx } else { rigid };
-            laws.k_ty = if laws.k_ty > 0.0 { laws.k_ty } else { rigid };
+        let rigid = T::constant(STIFFNESS * RIGID_OVER_SOFT);
+        let (x, y) = (laws.k_tx.value() > 0.0, laws.k_ty.value() > 0.0);
+        if x || y {
+            laws.k_tx = if x { laws.k_tx } else { rigid };
+            laws.k_ty = if y { laws.k_ty } else { rigid };
         }
     }
 }

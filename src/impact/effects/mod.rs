@@ -5,23 +5,29 @@
 
 use super::body::Body;
 use super::card::EffectCard;
+use super::dual::Tangent;
 use super::input::{ImpactInput, ImpactOutput};
+use super::real::Real;
 use super::rigid::{Contact, Impulse, Laws};
 use super::viscoelastic;
 use std::fmt;
 
 /// One cause. `p` holds the effect's parameter values in the order of its card.
 ///
+/// Its physics is written once, for any [`Real`] number `T`: with `f64` it gives predictions, with a dual number their exact
+/// derivatives. `impl<T: Real> Effect<T> for MyEffect` makes it a [`DifferentiableEffect`], which a model holds. Branches go by
+/// [`Real::value`], and a term may be left out only where [`is_zero`](num_traits::Zero::is_zero) says that it has no derivatives either.
+///
 /// Every method does nothing unless the effect overrides it. With all strengths absent an effect must change nothing at
 /// all, bit for bit, and must be differentiable there from the side its range allows.
-pub trait Effect: fmt::Debug + Send + Sync {
+pub trait Effect<T: Real>: fmt::Debug + Send + Sync {
     /// Changes masses, inertias, centre of mass; called once per racket and ball.
-    fn change_body(&self, p: &[f64], body: &mut Body) {
+    fn change_body(&self, p: &[T], body: &mut Body<T>) {
         let _ = (p, body);
     }
 
     /// Same, where the change depends on the impact (`at` holds the bodies before); only called when [`Effect::body_varies`].
-    fn change_body_at(&self, p: &[f64], at: &Contact, body: &mut Body) {
+    fn change_body_at(&self, p: &[T], at: &Contact<T>, body: &mut Body<T>) {
         let _ = (p, at, body);
     }
 
@@ -36,35 +42,40 @@ pub trait Effect: fmt::Debug + Send + Sync {
     }
 
     /// From the input as the user measured it to the true one (errors of measurement, flight).
-    fn true_input(&self, p: &[f64], body: &Body, input: &mut ImpactInput) {
+    fn true_input(&self, p: &[T], body: &Body<T>, input: &mut ImpactInput<T>) {
         let _ = (p, body, input);
     }
 
     /// Changes the contact laws of the rigid base.
-    fn change_laws(&self, p: &[f64], at: &Contact, laws: &mut Laws) {
+    fn change_laws(&self, p: &[T], at: &Contact<T>, laws: &mut Laws<T>) {
         let _ = (p, at, laws);
     }
 
     /// Changes bodies' and contact's laws of the visco-elastic base.
-    fn change_viscoelastic(&self, p: &[f64], at: &Contact, laws: &mut viscoelastic::Laws) {
+    fn change_viscoelastic(&self, p: &[T], at: &Contact<T>, laws: &mut viscoelastic::Laws<T>) {
         let _ = (p, at, laws);
     }
 
     /// Changes the impulses of the rigid base.
-    fn change_impulse(&self, p: &[f64], at: &Contact, laws: &Laws, impulse: &mut Impulse) {
+    fn change_impulse(&self, p: &[T], at: &Contact<T>, laws: &Laws<T>, impulse: &mut Impulse<T>) {
         let _ = (p, at, laws, impulse);
     }
 
     /// Changes the outcome itself.
-    fn change_output(&self, p: &[f64], at: &Contact, laws: &Laws, impulse: &Impulse, output: &mut ImpactOutput) {
+    fn change_output(&self, p: &[T], at: &Contact<T>, laws: &Laws<T>, impulse: &Impulse<T>, output: &mut ImpactOutput<T>) {
         let _ = (p, at, laws, impulse, output);
     }
 
     /// From the true outcome to the one the user would measure; the reverse of [`Effect::true_input`].
-    fn observed_output(&self, p: &[f64], body: &Body, input: &ImpactInput, output: &mut ImpactOutput) {
+    fn observed_output(&self, p: &[T], body: &Body<T>, input: &ImpactInput<T>, output: &mut ImpactOutput<T>) {
         let _ = (p, body, input, output);
     }
 }
+
+/// An [`Effect`] in plain and in dual numbers, as a model holds it.
+pub trait DifferentiableEffect: Effect<f64> + Effect<Tangent> {}
+
+impl<E: Effect<f64> + Effect<Tangent>> DifferentiableEffect for E {}
 
 macro_rules! effects {
     ($($module:ident),* $(,)?) => {

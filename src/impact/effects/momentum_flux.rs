@@ -2,6 +2,7 @@
 
 use super::Effect;
 use crate::impact::card::{Bases, EffectCard, EffectKind, ParameterCard};
+use crate::impact::real::Real;
 use crate::impact::rigid::{Contact, Laws};
 use crate::impact::viscoelastic;
 
@@ -33,15 +34,15 @@ const SHARE_OF_BASE: f64 = 0.15;
 #[derive(Debug)]
 struct MomentumFlux;
 
-impl Effect for MomentumFlux {
-    fn change_laws(&self, p: &[f64], at: &Contact, laws: &mut Laws) {
-        let left = laws.restitution * laws.restitution - p[0] * (at.approach_speed / REFERENCE_SPEED).powf(SPEED_POWER);
-        if p[0] != 0.0 {
-            laws.restitution = left.max(0.0).sqrt();
+impl<T: Real> Effect<T> for MomentumFlux {
+    fn change_laws(&self, p: &[T], at: &Contact<T>, laws: &mut Laws<T>) {
+        let left = laws.restitution * laws.restitution - p[0] * (at.approach_speed / REFERENCE_SPEED).powf(T::constant(SPEED_POWER));
+        if !p[0].is_zero() {
+            laws.restitution = left.max(T::zero()).sqrt();
         }
     }
 
-    fn change_viscoelastic(&self, p: &[f64], _: &Contact, laws: &mut viscoelastic::Laws) {
-        laws.flux *= 1.0 + p[0] / SHARE_OF_BASE;
+    fn change_viscoelastic(&self, p: &[T], _: &Contact<T>, laws: &mut viscoelastic::Laws<T>) {
+        laws.flux *= p[0] / SHARE_OF_BASE + 1.0;
     }
 }

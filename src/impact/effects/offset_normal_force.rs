@@ -2,6 +2,7 @@
 
 use super::Effect;
 use crate::impact::card::{Bases, EffectCard, EffectKind, ParameterCard};
+use crate::impact::real::Real;
 use crate::impact::rigid::{Contact, Laws};
 use crate::impact::viscoelastic;
 
@@ -29,13 +30,13 @@ const SOFT_SLIP: f64 = 0.5;
 #[derive(Debug)]
 struct OffsetNormalForce;
 
-impl Effect for OffsetNormalForce {
-    fn change_laws(&self, p: &[f64], at: &Contact, laws: &mut Laws) {
+impl<T: Real> Effect<T> for OffsetNormalForce {
+    fn change_laws(&self, p: &[T], at: &Contact<T>, laws: &mut Laws<T>) {
         // Without slip there is no direction; the offset grows in over half a metre per second of it.
         laws.normal_offset += p[0] * at.slip_speed / (at.slip_speed * at.slip_speed + SOFT_SLIP * SOFT_SLIP).sqrt();
     }
 
-    fn change_viscoelastic(&self, p: &[f64], _: &Contact, laws: &mut viscoelastic::Laws) {
+    fn change_viscoelastic(&self, p: &[T], _: &Contact<T>, laws: &mut viscoelastic::Laws<T>) {
         laws.normal_offset += p[0];
     }
 }

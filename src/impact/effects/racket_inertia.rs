@@ -3,6 +3,7 @@
 use super::Effect;
 use crate::impact::body::Body;
 use crate::impact::card::{Bases, EffectCard, EffectKind, ParameterCard};
+use crate::impact::real::Real;
 
 pub(super) static CARD: EffectCard = EffectCard {
     name: "racket-inertia",
@@ -29,12 +30,12 @@ pub(super) static CARD: EffectCard = EffectCard {
 #[derive(Debug)]
 struct RacketInertia;
 
-impl Effect for RacketInertia {
-    fn change_body(&self, p: &[f64], body: &mut Body) {
-        body.racket_inertia.y *= 1.0 + p[0];
-        body.racket_inertia.x *= 1.0 + p[1];
-        body.racket_mass *= 1.0 + p[2];
+impl<T: Real> Effect<T> for RacketInertia {
+    fn change_body(&self, p: &[T], body: &mut Body<T>) {
+        body.racket_inertia.y *= p[0] + 1.0;
+        body.racket_inertia.x *= p[1] + 1.0;
+        body.racket_mass *= p[2] + 1.0;
         body.com_x -= p[3];
-        body.racket_inertia.z *= 1.0 + p[4];
+        body.racket_inertia.z *= p[4] + 1.0;
     }
 }

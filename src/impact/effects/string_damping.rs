@@ -2,6 +2,7 @@
 
 use super::Effect;
 use crate::impact::card::{Bases, EffectCard, EffectKind, ParameterCard};
+use crate::impact::real::Real;
 use crate::impact::rigid::{Contact, Laws};
 use crate::impact::viscoelastic;
 
@@ -28,12 +29,12 @@ const SCALE: f64 = 130.0;
 #[derive(Debug)]
 struct StringDamping;
 
-impl Effect for StringDamping {
-    fn change_laws(&self, p: &[f64], _: &Contact, laws: &mut Laws) {
+impl<T: Real> Effect<T> for StringDamping {
+    fn change_laws(&self, p: &[T], _: &Contact<T>, laws: &mut Laws<T>) {
         laws.restitution *= (-p[0] / SCALE).exp();
     }
 
-    fn change_viscoelastic(&self, p: &[f64], _: &Contact, laws: &mut viscoelastic::Laws) {
+    fn change_viscoelastic(&self, p: &[T], _: &Contact<T>, laws: &mut viscoelastic::Laws<T>) {
         laws.c_s += p[0];
     }
 }

@@ -2,6 +2,7 @@
 
 use super::Effect;
 use crate::impact::card::{Bases, EffectCard, EffectKind, ParameterCard};
+use crate::impact::real::Real;
 use crate::impact::rigid::{Contact, Laws};
 use crate::impact::viscoelastic;
 
@@ -32,12 +33,12 @@ const FALL_OF_BASE: f64 = 0.024;
 #[derive(Debug)]
 struct StringStiffening;
 
-impl Effect for StringStiffening {
-    fn change_laws(&self, p: &[f64], at: &Contact, laws: &mut Laws) {
+impl<T: Real> Effect<T> for StringStiffening {
+    fn change_laws(&self, p: &[T], at: &Contact<T>, laws: &mut Laws<T>) {
         laws.restitution -= p[0] * (at.approach_speed / REFERENCE_SPEED).powi(2);
     }
 
-    fn change_viscoelastic(&self, p: &[f64], _: &Contact, laws: &mut viscoelastic::Laws) {
-        laws.k_s2 *= 1.0 + p[0] / FALL_OF_BASE;
+    fn change_viscoelastic(&self, p: &[T], _: &Contact<T>, laws: &mut viscoelastic::Laws<T>) {
+        laws.k_s2 *= p[0] / FALL_OF_BASE + 1.0;
     }
 }

@@ -2,6 +2,7 @@
 
 use super::Effect;
 use crate::impact::card::{Bases, EffectCard, EffectKind, ParameterCard};
+use crate::impact::real::Real;
 use crate::impact::rigid::{Contact, Laws};
 use crate::impact::viscoelastic;
 
@@ -34,12 +35,12 @@ const STIFFNESS_PER_LB: f64 = 600.0;
 #[derive(Debug)]
 struct StringTension;
 
-impl Effect for StringTension {
-    fn change_laws(&self, p: &[f64], at: &Contact, laws: &mut Laws) {
-        laws.restitution -= PER_LB * p[0] * (REFERENCE_SPEED / at.approach_speed).powf(0.2);
+impl<T: Real> Effect<T> for StringTension {
+    fn change_laws(&self, p: &[T], at: &Contact<T>, laws: &mut Laws<T>) {
+        laws.restitution -= p[0] * PER_LB * (T::constant(REFERENCE_SPEED) / at.approach_speed).powf(T::constant(0.2));
     }
 
-    fn change_viscoelastic(&self, p: &[f64], _: &Contact, laws: &mut viscoelastic::Laws) {
-        laws.k_s0 += STIFFNESS_PER_LB * p[0];
+    fn change_viscoelastic(&self, p: &[T], _: &Contact<T>, laws: &mut viscoelastic::Laws<T>) {
+        laws.k_s0 += p[0] * STIFFNESS_PER_LB;
     }
 }

@@ -2,6 +2,7 @@
 
 use super::Effect;
 use crate::impact::card::{Bases, EffectCard, EffectKind, ParameterCard};
+use crate::impact::real::Real;
 use crate::impact::rigid::{Contact, Laws};
 use crate::impact::viscoelastic;
 
@@ -34,14 +35,14 @@ const ACROSS: f64 = 0.12;
 #[derive(Debug)]
 struct StringTilt;
 
-impl Effect for StringTilt {
-    fn change_laws(&self, p: &[f64], at: &Contact, laws: &mut Laws) {
-        let depth = DEPTH * at.approach_speed / REFERENCE_SPEED;
+impl<T: Real> Effect<T> for StringTilt {
+    fn change_laws(&self, p: &[T], at: &Contact<T>, laws: &mut Laws<T>) {
+        let depth = at.approach_speed * DEPTH / REFERENCE_SPEED;
         laws.tilt[0] -= p[0] * depth * at.input.position.x / (ALONG * ALONG);
         laws.tilt[1] -= p[0] * depth * at.input.position.y / (ACROSS * ACROSS);
     }
 
-    fn change_viscoelastic(&self, p: &[f64], _: &Contact, laws: &mut viscoelastic::Laws) {
+    fn change_viscoelastic(&self, p: &[T], _: &Contact<T>, laws: &mut viscoelastic::Laws<T>) {
         laws.tilt_x += p[0] / (ALONG * ALONG);
         laws.tilt_y += p[0] / (ACROSS * ACROSS);
     }

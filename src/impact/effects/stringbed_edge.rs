@@ -3,6 +3,7 @@
 use super::Effect;
 use crate::impact::body::Body;
 use crate::impact::card::{Bases, EffectCard, EffectKind, ParameterCard};
+use crate::impact::real::Real;
 use crate::impact::rigid::{Contact, Laws};
 use crate::impact::viscoelastic;
 use nalgebra::Vector2;
@@ -26,7 +27,7 @@ pub(super) static CARD: EffectCard = EffectCard {
 };
 
 /// Squared distance from the stringbed's centre, 1 at the frame.
-fn from_centre_squared(body: &Body, position: &Vector2<f64>) -> f64 {
+fn from_centre_squared<T: Real>(body: &Body<T>, position: &Vector2<T>) -> T {
     (position.x / body.half_length).powi(2) + (position.y / body.half_width).powi(2)
 }
 
@@ -36,13 +37,13 @@ const STIFFNESS_PER_DROP: f64 = 10.0;
 #[derive(Debug)]
 struct StringbedEdge;
 
-impl Effect for StringbedEdge {
-    fn change_laws(&self, p: &[f64], at: &Contact, laws: &mut Laws) {
+impl<T: Real> Effect<T> for StringbedEdge {
+    fn change_laws(&self, p: &[T], at: &Contact<T>, laws: &mut Laws<T>) {
         laws.restitution -= p[0] * from_centre_squared(at.body, &at.input.position);
     }
 
-    fn change_viscoelastic(&self, p: &[f64], at: &Contact, laws: &mut viscoelastic::Laws) {
-        laws.edge_x += STIFFNESS_PER_DROP * p[0] / (at.body.half_length * at.body.half_length);
-        laws.edge_y += STIFFNESS_PER_DROP * p[0] / (at.body.half_width * at.body.half_width);
+    fn change_viscoelastic(&self, p: &[T], at: &Contact<T>, laws: &mut viscoelastic::Laws<T>) {
+        laws.edge_x += p[0] * STIFFNESS_PER_DROP / (at.body.half_length * at.body.half_length);
+        laws.edge_y += p[0] * STIFFNESS_PER_DROP / (at.body.half_width * at.body.half_width);
     }
 }

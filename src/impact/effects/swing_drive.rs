@@ -2,6 +2,7 @@
 
 use super::Effect;
 use crate::impact::card::{Bases, EffectCard, EffectKind, ParameterCard};
+use crate::impact::real::Real;
 use crate::impact::rigid::{Contact, Laws};
 use crate::impact::viscoelastic;
 use nalgebra::Vector3;
@@ -29,14 +30,14 @@ pub(super) static CARD: EffectCard = EffectCard {
 #[derive(Debug)]
 struct SwingDrive;
 
-impl Effect for SwingDrive {
-    fn change_laws(&self, p: &[f64], at: &Contact, laws: &mut Laws) {
-        laws.drive += Vector3::new(0.0, 0.0, at.side * p[0] * p[2]);
+impl<T: Real> Effect<T> for SwingDrive {
+    fn change_laws(&self, p: &[T], at: &Contact<T>, laws: &mut Laws<T>) {
+        laws.drive += Vector3::new(T::zero(), T::zero(), p[0] * at.side * p[2]);
         // Positive rate about y carries the head (negative x) toward +z.
-        laws.drive_twist += Vector3::new(0.0, at.side * p[1] * p[2], 0.0);
+        laws.drive_twist += Vector3::new(T::zero(), p[1] * at.side * p[2], T::zero());
     }
 
-    fn change_viscoelastic(&self, p: &[f64], _: &Contact, laws: &mut viscoelastic::Laws) {
+    fn change_viscoelastic(&self, p: &[T], _: &Contact<T>, laws: &mut viscoelastic::Laws<T>) {
         laws.drive_force += p[0];
         laws.drive_torque += p[1];
     }

@@ -4,6 +4,7 @@ use super::Effect;
 use crate::impact::body::Body;
 use crate::impact::card::{Bases, EffectCard, EffectKind, ParameterCard};
 use crate::impact::input::{ImpactInput, ImpactOutput};
+use crate::impact::real::Real;
 
 pub(super) static CARD: EffectCard = EffectCard {
     name: "time-base-error",
@@ -25,17 +26,17 @@ pub(super) static CARD: EffectCard = EffectCard {
 #[derive(Debug)]
 struct TimeBaseError;
 
-impl Effect for TimeBaseError {
-    fn true_input(&self, p: &[f64], _: &Body, input: &mut ImpactInput) {
-        let factor = 1.0 / (1.0 + p[0]);
+impl<T: Real> Effect<T> for TimeBaseError {
+    fn true_input(&self, p: &[T], _: &Body<T>, input: &mut ImpactInput<T>) {
+        let factor = (p[0] + 1.0).recip();
         input.ball_velocity *= factor;
         input.ball_spin *= factor;
         input.racket_velocity *= factor;
         input.racket_rate *= factor;
     }
 
-    fn observed_output(&self, p: &[f64], _: &Body, _: &ImpactInput, output: &mut ImpactOutput) {
-        let factor = 1.0 + p[0];
+    fn observed_output(&self, p: &[T], _: &Body<T>, _: &ImpactInput<T>, output: &mut ImpactOutput<T>) {
+        let factor = p[0] + 1.0;
         output.ball_velocity *= factor;
         output.ball_spin *= factor;
         output.racket_velocity *= factor;

@@ -4,6 +4,7 @@ use super::Effect;
 use crate::impact::body::Body;
 use crate::impact::card::{Bases, EffectCard, EffectKind, ParameterCard};
 use crate::impact::input::{ImpactInput, ImpactOutput};
+use crate::impact::real::Real;
 
 pub(super) static CARD: EffectCard = EffectCard {
     name: "window-bias",
@@ -25,20 +26,20 @@ pub(super) static CARD: EffectCard = EffectCard {
 };
 
 /// From the pivot to the centre of mass that the user measures, m.
-fn arm(body: &Body, pivot_from_butt: f64) -> f64 {
-    body.stringbed_centre - body.reported_com_x - pivot_from_butt
+fn arm<T: Real>(body: &Body<T>, pivot_from_butt: T) -> T {
+    -body.reported_com_x + body.stringbed_centre - pivot_from_butt
 }
 
 #[derive(Debug)]
 struct WindowBias;
 
-impl Effect for WindowBias {
-    fn true_input(&self, p: &[f64], body: &Body, input: &mut ImpactInput) {
+impl<T: Real> Effect<T> for WindowBias {
+    fn true_input(&self, p: &[T], body: &Body<T>, input: &mut ImpactInput<T>) {
         let w = input.racket_rate;
         input.racket_velocity.x += (w.y * w.y + w.z * w.z) * arm(body, p[1]) * p[0];
     }
 
-    fn observed_output(&self, p: &[f64], body: &Body, _: &ImpactInput, output: &mut ImpactOutput) {
+    fn observed_output(&self, p: &[T], body: &Body<T>, _: &ImpactInput<T>, output: &mut ImpactOutput<T>) {
         let w = output.racket_rate;
         output.racket_velocity.x += (w.y * w.y + w.z * w.z) * arm(body, p[1]) * p[0];
     }

@@ -4,16 +4,18 @@ use super::dimension::Dimension;
 use super::quantities::Stage;
 use crate::impact::body::Body;
 use crate::impact::input::ImpactOutput;
+use crate::impact::real::Real;
 use crate::impact::rigid::{Contact, Impulse, Laws};
+use std::sync::LazyLock;
 
 /// How a channel's value is read and replaced, by the stage of the computation.
 #[derive(Clone, Copy)]
-pub(super) enum Access {
-    Body(fn(&Body) -> f64, fn(&mut Body, f64)),
-    Laws(fn(&Laws) -> f64, fn(&mut Laws, f64)),
+pub(super) enum Access<T = f64> {
+    Body(fn(&Body<T>) -> T, fn(&mut Body<T>, T)),
+    Laws(fn(&Laws<T>) -> T, fn(&mut Laws<T>, T)),
     /// The new value may need the geometry: a contact impulse acts on both bodies at the contact point.
-    Impulse(fn(&Contact, &Impulse) -> f64, fn(&Contact, &Laws, &mut Impulse, f64)),
-    Output(fn(&mut ImpactOutput) -> &mut f64),
+    Impulse(fn(&Contact<T>, &Impulse<T>) -> T, fn(&Contact<T>, &Laws<T>, &mut Impulse<T>, T)),
+    Output(fn(&mut ImpactOutput<T>) -> &mut T),
 }
 
 /// One replaceable quantity.
@@ -21,13 +23,13 @@ pub struct Channel {
     pub name: &'static str,
     pub unit: &'static str,
     pub meaning: &'static str,
-    pub(super) access: Access,
+    place: usize,
 }
 
 impl Channel {
     /// At which point of the computation it is replaced.
     pub fn stage(&self) -> Stage {
-        match self.access {
+        match self.access::<f64>() {
             Access::Body(..) => Stage::Body,
             Access::Laws(..) => Stage::Laws,
             Access::Impulse(..) => Stage::Impulse,
@@ -38,10 +40,10 @@ impl Channel {
     pub(super) fn dimension(&self) -> Dimension {
         Dimension::of_unit(self.unit)
     }
-}
 
-const fn c(name: &'static str, unit: &'static str, meaning: &'static str, access: Access) -> Channel {
-    Channel { name, unit, meaning, access }
+    pub(super) fn access<T: Real>(&self) -> Access<T> {
+        Accesses::<T>::ALL[self.place]
+    }
 }
 
 /// Where `hand_mass` sits, from the butt, m.
@@ -76,90 +78,106 @@ macro_rules! output {
 }
 
 /// The contact impulse's part along (1, `sign`)/√2 in the face.
-fn along_diagonal(impulse: &Impulse, sign: f64) -> f64 {
-    (impulse.ball.x + sign * impulse.ball.y) * std::f64::consts::FRAC_1_SQRT_2
+fn along_diagonal<T: Real>(impulse: &Impulse<T>, sign: f64) -> T {
+    (impulse.ball.x + impulse.ball.y * sign) * std::f64::consts::FRAC_1_SQRT_2
 }
 
-fn set_diagonal(at: &Contact, laws: &Laws, impulse: &mut Impulse, value: f64, sign: f64) {
+fn set_diagonal<T: Real>(at: &Contact<T>, laws: &Laws<T>, impulse: &mut Impulse<T>, value: T, sign: f64) {
     let by = (value - along_diagonal(impulse, sign)) * std::f64::consts::FRAC_1_SQRT_2;
-    impulse.shift(at, laws, nalgebra::Vector3::new(by, sign * by, 0.0));
+    impulse.shift(at, laws, nalgebra::Vector3::new(by, by * sign, T::zero()));
 }
 
-static CHANNELS: [Channel; 53] = [
-    c("restitution", "", "normal restitution (held within 0 to 1)", laws!(restitution)),
-    c("friction", "", "Coulomb coefficient (held at 0 or more)", laws!(friction)),
-    c(
+/// The names, and beside them how each is read and replaced in any number `T`.
+macro_rules! channels {
+    ($(($name:literal, $unit:literal, $meaning:literal, $access:expr $(,)?)),* $(,)?) => {
+        static NAMES: &[[&str; 3]] = &[$([$name, $unit, $meaning]),*];
+
+        struct Accesses<T>(std::marker::PhantomData<T>);
+
+        impl<T: Real> Accesses<T> {
+            const ALL: &'static [Access<T>] = &[$($access),*];
+        }
+    };
+}
+
+channels![
+    ("restitution", "", "normal restitution (held within 0 to 1)", laws!(restitution)),
+    ("friction", "", "Coulomb coefficient (held at 0 or more)", laws!(friction)),
+    (
         "tangential_restitution",
         "",
         "along and across the racket alike",
         Access::Laws(|l| l.tangential_restitution[1], |l, v| l.tangential_restitution = [v; 2]),
     ),
-    c("tangential_restitution_x", "", "along the racket", laws!(tangential_restitution[0])),
-    c("tangential_restitution_y", "", "across the face", laws!(tangential_restitution[1])),
-    c("tangential_restitution_diagonal", "", "along the face's diagonal x + y, beside that along x and y", laws!(diagonal_restitution[0])),
-    c("tangential_restitution_antidiagonal", "", "along the diagonal x - y", laws!(diagonal_restitution[1])),
-    c("torque_arm_x", "m", "where the normal force acts, from the ball's centre along x", laws!(arm_offset[0])),
-    c("torque_arm_y", "m", "the same along y", laws!(arm_offset[1])),
-    c("normal_offset", "m", "where the normal force acts behind the centre, against the slip", laws!(normal_offset)),
-    c("ball_arm", "m", "from the ball's centre to the contact point", laws!(ball_arm)),
-    c("ball_inertia", "kg m^2", "of the ball", laws!(ball_inertia)),
-    c("tilt_x", "", "tilt of the contact's normal toward x, rad", laws!(tilt[0])),
-    c("tilt_y", "", "tilt toward y, rad", laws!(tilt[1])),
-    c("mode_loss", "", "q of the frame modes: e'^2 = e^2 - q (1 + e')^2", laws!(mode_loss)),
-    c("grip_hold", "N m s", "largest angular impulse of the mount about the handle", laws!(twist_hold)),
-    c("face_time", "s", "duration over which the face turns under the ball", laws!(face_time)),
-    c("drive_x", "N s", "impulse from outside on the racket, along x", laws!(drive.x)),
-    c("drive_y", "N s", "along y", laws!(drive.y)),
-    c("drive_z", "N s", "along z", laws!(drive.z)),
-    c("drive_twist_x", "N m s", "angular impulse from outside on the racket about x", laws!(drive_twist.x)),
-    c("drive_twist_y", "N m s", "about y", laws!(drive_twist.y)),
-    c("drive_twist_z", "N m s", "about z", laws!(drive_twist.z)),
-    c("ball_mass", "kg", "of the ball", Access::Body(|b| b.ball_mass, |b, v| b.ball_mass = v)),
-    c("racket_mass", "kg", "of the racket, same centre and inertia", Access::Body(|b| b.racket_mass, |b, v| b.racket_mass = v)),
-    c("twist_inertia", "kg m^2", "of the racket about x", Access::Body(|b| b.racket_inertia.x, |b, v| b.racket_inertia.x = v)),
-    c("swing_inertia", "kg m^2", "of the racket about y", Access::Body(|b| b.racket_inertia.y, |b, v| b.racket_inertia.y = v)),
-    c("chop_inertia", "kg m^2", "of the racket about z", Access::Body(|b| b.racket_inertia.z, |b, v| b.racket_inertia.z = v)),
-    c("hand_mass", "kg", "point mass 0.07 m from the butt; 0 before", Access::Body(|_| 0.0, |b, v| b.add_mass_on_axis(v, HAND_FROM_BUTT))),
-    c(
+    ("tangential_restitution_x", "", "along the racket", laws!(tangential_restitution[0])),
+    ("tangential_restitution_y", "", "across the face", laws!(tangential_restitution[1])),
+    ("tangential_restitution_diagonal", "", "along the face's diagonal x + y, beside that along x and y", laws!(diagonal_restitution[0])),
+    ("tangential_restitution_antidiagonal", "", "along the diagonal x - y", laws!(diagonal_restitution[1])),
+    ("torque_arm_x", "m", "where the normal force acts, from the ball's centre along x", laws!(arm_offset[0])),
+    ("torque_arm_y", "m", "the same along y", laws!(arm_offset[1])),
+    ("normal_offset", "m", "where the normal force acts behind the centre, against the slip", laws!(normal_offset)),
+    ("ball_arm", "m", "from the ball's centre to the contact point", laws!(ball_arm)),
+    ("ball_inertia", "kg m^2", "of the ball", laws!(ball_inertia)),
+    ("tilt_x", "", "tilt of the contact's normal toward x, rad", laws!(tilt[0])),
+    ("tilt_y", "", "tilt toward y, rad", laws!(tilt[1])),
+    ("mode_loss", "", "q of the frame modes: e'^2 = e^2 - q (1 + e')^2", laws!(mode_loss)),
+    ("grip_hold", "N m s", "largest angular impulse of the mount about the handle", laws!(twist_hold)),
+    ("face_time", "s", "duration over which the face turns under the ball", laws!(face_time)),
+    ("drive_x", "N s", "impulse from outside on the racket, along x", laws!(drive.x)),
+    ("drive_y", "N s", "along y", laws!(drive.y)),
+    ("drive_z", "N s", "along z", laws!(drive.z)),
+    ("drive_twist_x", "N m s", "angular impulse from outside on the racket about x", laws!(drive_twist.x)),
+    ("drive_twist_y", "N m s", "about y", laws!(drive_twist.y)),
+    ("drive_twist_z", "N m s", "about z", laws!(drive_twist.z)),
+    ("ball_mass", "kg", "of the ball", Access::Body(|b| b.ball_mass, |b, v| b.ball_mass = v)),
+    ("racket_mass", "kg", "of the racket, same centre and inertia", Access::Body(|b| b.racket_mass, |b, v| b.racket_mass = v)),
+    ("twist_inertia", "kg m^2", "of the racket about x", Access::Body(|b| b.racket_inertia.x, |b, v| b.racket_inertia.x = v)),
+    ("swing_inertia", "kg m^2", "of the racket about y", Access::Body(|b| b.racket_inertia.y, |b, v| b.racket_inertia.y = v)),
+    ("chop_inertia", "kg m^2", "of the racket about z", Access::Body(|b| b.racket_inertia.z, |b, v| b.racket_inertia.z = v)),
+    ("hand_mass", "kg", "point mass 0.07 m from the butt; 0 before", Access::Body(|_| T::zero(), |b, v| b.add_mass_on_axis(v, T::constant(HAND_FROM_BUTT)))),
+    (
         "normal_impulse",
         "N s",
         "on the ball, away from the strings; the racket gets the reverse",
-        Access::Impulse(|at, i| i.ball.z * at.side, |at, laws, i, v| i.shift(at, laws, nalgebra::Vector3::new(0.0, 0.0, at.side * v - i.ball.z))),
+        Access::Impulse(|at, i| i.ball.z * at.side, |at, laws, i, v| i.shift(at, laws, nalgebra::Vector3::new(T::zero(), T::zero(), v * at.side - i.ball.z))),
     ),
-    c("impulse_x", "N s", "on the ball at the contact point along x; the racket gets the reverse", contact_impulse!(x)),
-    c("impulse_y", "N s", "the same along y", contact_impulse!(y)),
-    c(
+    ("impulse_x", "N s", "on the ball at the contact point along x; the racket gets the reverse", contact_impulse!(x)),
+    ("impulse_y", "N s", "the same along y", contact_impulse!(y)),
+    (
         "impulse_diagonal",
         "N s",
         "the same along the face's diagonal x + y",
-        Access::Impulse(|_, i| along_diagonal(i, 1.0), |at, laws, i, v| set_diagonal(at, laws, i, v, 1.0)),
+        Access::Impulse(|_, i| along_diagonal(i, 1.0), |at, laws, i, v| set_diagonal(at, laws, i, v, 1.0))
     ),
-    c(
+    (
         "impulse_antidiagonal",
         "N s",
         "along the diagonal x - y",
-        Access::Impulse(|_, i| along_diagonal(i, -1.0), |at, laws, i, v| set_diagonal(at, laws, i, v, -1.0)),
+        Access::Impulse(|_, i| along_diagonal(i, -1.0), |at, laws, i, v| set_diagonal(at, laws, i, v, -1.0))
     ),
-    c("spin_impulse_x", "N m s", "angular impulse on the ball alone, about x", impulse!(ball_angular.x)),
-    c("spin_impulse_y", "N m s", "about y", impulse!(ball_angular.y)),
-    c("spin_impulse_z", "N m s", "about z", impulse!(ball_angular.z)),
-    c("racket_impulse_x", "N s", "on the racket alone, along x", impulse!(racket.x)),
-    c("racket_impulse_y", "N s", "along y", impulse!(racket.y)),
-    c("racket_impulse_z", "N s", "along z", impulse!(racket.z)),
-    c("racket_angular_impulse_x", "N m s", "on the racket alone, about x", impulse!(racket_angular.x)),
-    c("racket_angular_impulse_y", "N m s", "about y", impulse!(racket_angular.y)),
-    c("racket_angular_impulse_z", "N m s", "about z", impulse!(racket_angular.z)),
-    c("ball_out_vx", "m/s", "outgoing ball velocity", output!(ball_velocity.x)),
-    c("ball_out_vy", "m/s", "outgoing ball velocity", output!(ball_velocity.y)),
-    c("ball_out_vz", "m/s", "outgoing ball velocity", output!(ball_velocity.z)),
-    c("ball_out_wx", "rad/s", "outgoing spin", output!(ball_spin.x)),
-    c("ball_out_wy", "rad/s", "outgoing spin", output!(ball_spin.y)),
-    c("ball_out_wz", "rad/s", "outgoing spin", output!(ball_spin.z)),
-    c("racket_out_vz", "m/s", "racket velocity after", output!(racket_velocity.z)),
-    c("racket_out_wx", "rad/s", "racket twist rate after", output!(racket_rate.x)),
-    c("racket_out_wy", "rad/s", "racket swing rate after", output!(racket_rate.y)),
-    c("racket_out_wz", "rad/s", "racket chop rate after", output!(racket_rate.z)),
+    ("spin_impulse_x", "N m s", "angular impulse on the ball alone, about x", impulse!(ball_angular.x)),
+    ("spin_impulse_y", "N m s", "about y", impulse!(ball_angular.y)),
+    ("spin_impulse_z", "N m s", "about z", impulse!(ball_angular.z)),
+    ("racket_impulse_x", "N s", "on the racket alone, along x", impulse!(racket.x)),
+    ("racket_impulse_y", "N s", "along y", impulse!(racket.y)),
+    ("racket_impulse_z", "N s", "along z", impulse!(racket.z)),
+    ("racket_angular_impulse_x", "N m s", "on the racket alone, about x", impulse!(racket_angular.x)),
+    ("racket_angular_impulse_y", "N m s", "about y", impulse!(racket_angular.y)),
+    ("racket_angular_impulse_z", "N m s", "about z", impulse!(racket_angular.z)),
+    ("ball_out_vx", "m/s", "outgoing ball velocity", output!(ball_velocity.x)),
+    ("ball_out_vy", "m/s", "outgoing ball velocity", output!(ball_velocity.y)),
+    ("ball_out_vz", "m/s", "outgoing ball velocity", output!(ball_velocity.z)),
+    ("ball_out_wx", "rad/s", "outgoing spin", output!(ball_spin.x)),
+    ("ball_out_wy", "rad/s", "outgoing spin", output!(ball_spin.y)),
+    ("ball_out_wz", "rad/s", "outgoing spin", output!(ball_spin.z)),
+    ("racket_out_vz", "m/s", "racket velocity after", output!(racket_velocity.z)),
+    ("racket_out_wx", "rad/s", "racket twist rate after", output!(racket_rate.x)),
+    ("racket_out_wy", "rad/s", "racket swing rate after", output!(racket_rate.y)),
+    ("racket_out_wz", "rad/s", "racket chop rate after", output!(racket_rate.z)),
 ];
+
+static CHANNELS: LazyLock<Vec<Channel>> =
+    LazyLock::new(|| NAMES.iter().enumerate().map(|(place, [name, unit, meaning])| Channel { name, unit, meaning, place }).collect());
 
 /// All channels, in a fixed order.
 pub fn channels() -> &'static [Channel] {

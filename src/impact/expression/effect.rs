@@ -7,6 +7,7 @@ use crate::impact::body::Body;
 use crate::impact::effects::Effect;
 use crate::impact::error::{ModelError, near_matches};
 use crate::impact::input::ImpactOutput;
+use crate::impact::real::Real;
 use crate::impact::rigid::{Contact, Impulse, Laws};
 use std::fmt;
 
@@ -50,7 +51,7 @@ impl ExpressionEffect {
 
     /// Whether it changes the bodies or the outcome, and not the contact itself.
     pub(crate) fn acts_around_contact(&self) -> bool {
-        matches!(self.channel.access, Access::Body(..) | Access::Output(..))
+        matches!(self.channel.access::<f64>(), Access::Body(..) | Access::Output(..))
     }
 
     /// What it replaces.
@@ -59,39 +60,39 @@ impl ExpressionEffect {
     }
 }
 
-impl Effect for ExpressionEffect {
+impl<T: Real> Effect<T> for ExpressionEffect {
     fn needs_beam(&self) -> bool {
         self.expression.uses_node()
     }
 
     fn body_varies(&self) -> bool {
-        matches!(self.channel.access, Access::Body(..))
+        matches!(self.channel.access::<T>(), Access::Body(..))
     }
 
-    fn change_body_at(&self, p: &[f64], at: &Contact, body: &mut Body) {
-        if let Access::Body(get, set) = self.channel.access {
+    fn change_body_at(&self, p: &[T], at: &Contact<T>, body: &mut Body<T>) {
+        if let Access::Body(get, set) = self.channel.access::<T>() {
             let value = self.expression.value(&Scope { at, body, laws: None, impulse: None, output: None }, get(body), p);
             set(body, value);
         }
     }
 
-    fn change_laws(&self, p: &[f64], at: &Contact, laws: &mut Laws) {
-        if let Access::Laws(get, set) = self.channel.access {
+    fn change_laws(&self, p: &[T], at: &Contact<T>, laws: &mut Laws<T>) {
+        if let Access::Laws(get, set) = self.channel.access::<T>() {
             let value = self.expression.value(&Scope { at, body: at.body, laws: Some(laws), impulse: None, output: None }, get(laws), p);
             set(laws, value);
         }
     }
 
-    fn change_impulse(&self, p: &[f64], at: &Contact, laws: &Laws, impulse: &mut Impulse) {
-        if let Access::Impulse(get, set) = self.channel.access {
+    fn change_impulse(&self, p: &[T], at: &Contact<T>, laws: &Laws<T>, impulse: &mut Impulse<T>) {
+        if let Access::Impulse(get, set) = self.channel.access::<T>() {
             let own = get(at, impulse);
             let value = self.expression.value(&Scope { at, body: at.body, laws: Some(laws), impulse: Some(impulse), output: None }, own, p);
             set(at, laws, impulse, value);
         }
     }
 
-    fn change_output(&self, p: &[f64], at: &Contact, laws: &Laws, impulse: &Impulse, output: &mut ImpactOutput) {
-        if let Access::Output(get) = self.channel.access {
+    fn change_output(&self, p: &[T], at: &Contact<T>, laws: &Laws<T>, impulse: &Impulse<T>, output: &mut ImpactOutput<T>) {
+        if let Access::Output(get) = self.channel.access::<T>() {
             let own = *get(output);
             let value = self.expression.value(&Scope { at, body: at.body, laws: Some(laws), impulse: Some(impulse), output: Some(output) }, own, p);
             *get(output) = value;

@@ -14,6 +14,7 @@
 mod channels;
 mod dimension;
 mod effect;
+mod functions;
 mod parse;
 mod quantities;
 

@@ -2,8 +2,10 @@
 
 use super::channels::Channel;
 use super::dimension::{Dimension, NONE};
-use super::quantities::{Quantity, Scope, quantities};
+use super::functions::{FUNCTIONS, One, Rule, Two};
+use super::quantities::{Quantity, Scope, quantities, quantity};
 use crate::impact::error::near_matches;
+use crate::impact::real::Real;
 
 /// Longest expression, in bytes: room for any formula, no room for mischief.
 const MAX_LENGTH: usize = 4096;
@@ -20,7 +22,7 @@ pub struct SyntaxError {
 }
 
 #[derive(Debug, Clone, Copy)]
-enum Op {
+pub(super) enum Op {
     Number(f64),
     Parameter(usize),
     Quantity(usize),
@@ -32,9 +34,10 @@ enum Op {
     Multiply,
     Divide,
     Power,
-    One(fn(f64) -> f64),
-    Two(fn(f64, f64) -> f64),
-    Three(fn(f64, f64, f64) -> f64),
+    One(One),
+    Two(Two),
+    /// Held between two others.
+    Clamp,
 }
 
 impl Op {
@@ -43,7 +46,7 @@ impl Op {
             Op::Number(_) | Op::Parameter(_) | Op::Quantity(_) | Op::Own => 0,
             Op::Negate | Op::One(_) => 1,
             Op::Add | Op::Subtract | Op::Multiply | Op::Divide | Op::Power | Op::Two(_) => 2,
-            Op::Three(_) => 3,
+            Op::Clamp => 3,
         }
     }
 }
@@ -54,57 +57,6 @@ pub struct Expression {
     program: Vec<Op>,
     uses_node: bool,
 }
-
-/// How a function treats dimensions.
-#[derive(Clone, Copy, PartialEq)]
-enum Rule {
-    /// Argument and result without dimension.
-    Pure,
-    /// Result like the argument(s).
-    Keeps,
-    /// Result has half the powers.
-    Root,
-    /// Any argument, result without dimension.
-    Drops,
-}
-
-struct Function {
-    name: &'static str,
-    op: Op,
-    rule: Rule,
-}
-
-const FUNCTIONS: [Function; 17] = [
-    Function { name: "abs", op: Op::One(f64::abs), rule: Rule::Keeps },
-    Function { name: "sqrt", op: Op::One(f64::sqrt), rule: Rule::Root },
-    Function { name: "exp", op: Op::One(f64::exp), rule: Rule::Pure },
-    Function { name: "ln", op: Op::One(f64::ln), rule: Rule::Pure },
-    Function { name: "sin", op: Op::One(f64::sin), rule: Rule::Pure },
-    Function { name: "cos", op: Op::One(f64::cos), rule: Rule::Pure },
-    Function { name: "tan", op: Op::One(f64::tan), rule: Rule::Pure },
-    Function { name: "tanh", op: Op::One(f64::tanh), rule: Rule::Pure },
-    Function { name: "atan", op: Op::One(f64::atan), rule: Rule::Pure },
-    Function { name: "atan2", op: Op::Two(f64::atan2), rule: Rule::Drops },
-    Function {
-        name: "sign",
-        op: Op::One(|x| {
-            if x > 0.0 {
-                1.0
-            } else if x < 0.0 {
-                -1.0
-            } else {
-                0.0
-            }
-        }),
-        rule: Rule::Drops,
-    },
-    Function { name: "step", op: Op::One(|x| if x >= 0.0 { 1.0 } else { 0.0 }), rule: Rule::Drops },
-    Function { name: "min", op: Op::Two(f64::min), rule: Rule::Keeps },
-    Function { name: "max", op: Op::Two(f64::max), rule: Rule::Keeps },
-    Function { name: "hypot", op: Op::Two(f64::hypot), rule: Rule::Keeps },
-    Function { name: "mod", op: Op::Two(f64::rem_euclid), rule: Rule::Keeps },
-    Function { name: "clamp", op: Op::Three(|x, lo, hi| x.max(lo).min(hi)), rule: Rule::Keeps },
-];
 
 impl Expression {
     /// Parses and checks an expression that replaces `channel`, with the effect's own parameters `names`.
@@ -146,16 +98,16 @@ impl Expression {
         self.uses_node
     }
 
-    pub(super) fn value(&self, scope: &Scope, own: f64, p: &[f64]) -> f64 {
-        let mut stack = [0.0; STACK];
+    pub(super) fn value<T: Real>(&self, scope: &Scope<T>, own: T, p: &[T]) -> T {
+        let mut stack = [T::zero(); STACK];
         let mut top = 0;
         for op in &self.program {
             top -= op.arguments();
             let (a, b, c) = (stack[top], stack[top + 1], stack[top + 2]);
             stack[top] = match *op {
-                Op::Number(v) => v,
-                Op::Parameter(i) => p.get(i).copied().unwrap_or(f64::NAN),
-                Op::Quantity(i) => (quantities()[i].value)(scope),
+                Op::Number(v) => T::constant(v),
+                Op::Parameter(i) => p.get(i).copied().unwrap_or(T::constant(f64::NAN)),
+                Op::Quantity(i) => quantity(i, scope),
                 Op::Own => own,
                 Op::Negate => -a,
                 Op::Add => a + b,
@@ -163,9 +115,9 @@ impl Expression {
                 Op::Multiply => a * b,
                 Op::Divide => a / b,
                 Op::Power => a.powf(b),
-                Op::One(f) => f(a),
-                Op::Two(f) => f(a, b),
-                Op::Three(f) => f(a, b, c),
+                Op::One(f) => f.of(a),
+                Op::Two(f) => f.of(a, b),
+                Op::Clamp => a.max(b).min(c),
             };
             top += 1;
         }
@@ -363,7 +315,7 @@ impl Parser<'_> {
         };
         let wanted = match function.op {
             Op::Two(_) => 2,
-            Op::Three(_) => 3,
+            Op::Clamp => 3,
             _ => 1,
         };
         self.take('(');

@@ -3,7 +3,8 @@
 use super::contact::Contact;
 use super::laws::{Laws, Sliding};
 use crate::impact::input::{ImpactInput, ImpactOutput};
-use nalgebra::{Matrix3, Rotation3, Vector3};
+use crate::impact::real::{Real, rotation};
+use nalgebra::{Matrix3, Vector3};
 
 /// How the contact ended tangentially.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -14,28 +15,30 @@ pub enum Regime {
 
 /// Impulses on both bodies, racket-local axes. Angular ones about each body's own centre of mass.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Impulse {
+pub struct Impulse<T = f64> {
     /// On the ball by the strings, N s.
-    pub ball: Vector3<f64>,
+    pub ball: Vector3<T>,
     /// On the ball, N m s.
-    pub ball_angular: Vector3<f64>,
+    pub ball_angular: Vector3<T>,
     /// On the racket, N s.
-    pub racket: Vector3<f64>,
+    pub racket: Vector3<T>,
     /// On the racket, N m s.
-    pub racket_angular: Vector3<f64>,
+    pub racket_angular: Vector3<T>,
     pub regime: Regime,
+    /// What friction could give beyond the impulse that sticking needs, N s; negative where the ball slides.
+    pub spare_friction: T,
 }
 
-impl Impulse {
+impl<T: Real> Impulse<T> {
     /// The contact impulse `j` on the ball at its contact point and its reaction on the racket.
-    fn at_contact(at: &Contact, laws: &Laws, lever: &Vector3<f64>, j: Vector3<f64>, regime: Regime) -> Self {
-        let arm = Vector3::new(0.0, 0.0, -at.side * laws.ball_arm);
-        Impulse { ball: j, ball_angular: arm.cross(&j), racket: -j, racket_angular: -lever.cross(&j), regime }
+    fn at_contact(at: &Contact<T>, laws: &Laws<T>, lever: &Vector3<T>, j: Vector3<T>, (regime, spare_friction): (Regime, T)) -> Self {
+        let arm = Vector3::new(T::zero(), T::zero(), laws.ball_arm * -at.side);
+        Impulse { ball: j, ball_angular: arm.cross(&j), racket: -j, racket_angular: -lever.cross(&j), regime, spare_friction }
     }
 
     /// Replaces the contact impulse by one that differs by `delta`, acting at the same contact point.
-    pub fn shift(&mut self, at: &Contact, laws: &Laws, delta: Vector3<f64>) {
-        let change = Impulse::at_contact(at, laws, &at.lever, delta, self.regime);
+    pub fn shift(&mut self, at: &Contact<T>, laws: &Laws<T>, delta: Vector3<T>) {
+        let change = Impulse::at_contact(at, laws, &at.lever, delta, (self.regime, self.spare_friction));
         self.ball += change.ball;
         self.ball_angular += change.ball_angular;
         self.racket += change.racket;
@@ -43,7 +46,7 @@ impl Impulse {
     }
 
     /// Velocities and rates after the impulse; the racket's velocity at its true centre of mass.
-    fn outcome(&self, at: &Contact, laws: &Laws) -> ImpactOutput {
+    fn outcome(&self, at: &Contact<T>, laws: &Laws<T>) -> ImpactOutput<T> {
         let b = at.body;
         ImpactOutput {
             ball_velocity: at.input.ball_velocity + self.ball / b.ball_mass,
@@ -60,27 +63,26 @@ impl Impulse {
 const DEPTH_PER_TRAVEL: f64 = 0.785 * 13.1e-3 / (20.0 * 4.5e-3);
 
 /// One collision: the impulse, changed by `change` (effects that act on impulses), and the outcome.
-pub fn collide(at: &Contact, laws: &Laws, change: &dyn Fn(&Contact, &Laws, &mut Impulse)) -> (Impulse, ImpactOutput) {
+pub fn collide<T: Real>(at: &Contact<T>, laws: &Laws<T>, change: &dyn Fn(&Contact<T>, &Laws<T>, &mut Impulse<T>)) -> (Impulse<T>, ImpactOutput<T>) {
     let mut impulse = solve(at, laws, at.lever);
-    if laws.face_time == 0.0 {
+    if laws.face_time.is_zero() {
         change(at, laws, &mut impulse);
         return (impulse, impulse.outcome(at, laws));
     }
     // The face turns and the ball travels while they touch: the impulse acts as at mid-contact, in the face as it then
     // stands, 'depth' behind the frame (visco-elastic model, section D.19 of the physics reference).
     let instant = impulse.outcome(at, laws);
-    let half = 0.5 * laws.face_time;
-    let turn = Rotation3::from_scaled_axis(0.5 * (at.input.racket_rate + instant.racket_rate) * half);
-    let across = |v: &Vector3<f64>, racket_v: &Vector3<f64>, rate: &Vector3<f64>| v - racket_v - rate.cross(&at.lever);
-    let drift = 0.5
-        * half
-        * (across(&at.input.ball_velocity, &at.input.racket_velocity, &at.input.racket_rate)
-            + across(&instant.ball_velocity, &instant.racket_velocity, &instant.racket_rate));
+    let half = laws.face_time * 0.5;
+    let turn = rotation(&((at.input.racket_rate + instant.racket_rate) * T::constant(0.5) * half));
+    let across = |v: &Vector3<T>, racket_v: &Vector3<T>, rate: &Vector3<T>| v - racket_v - rate.cross(&at.lever);
+    let drift = (across(&at.input.ball_velocity, &at.input.racket_velocity, &at.input.racket_rate)
+        + across(&instant.ball_velocity, &instant.racket_velocity, &instant.racket_rate))
+        * (half * 0.5);
     let input = ImpactInput {
-        ball_velocity: turn.inverse() * at.input.ball_velocity,
-        ball_spin: turn.inverse() * at.input.ball_spin,
-        racket_velocity: turn.inverse() * at.input.racket_velocity,
-        racket_rate: turn.inverse() * at.input.racket_rate,
+        ball_velocity: turn.tr_mul(&at.input.ball_velocity),
+        ball_spin: turn.tr_mul(&at.input.ball_spin),
+        racket_velocity: turn.tr_mul(&at.input.racket_velocity),
+        racket_rate: turn.tr_mul(&at.input.racket_rate),
         position: at.input.position + drift.xy(),
         ..at.input
     };
@@ -90,8 +92,8 @@ pub fn collide(at: &Contact, laws: &Laws, change: &dyn Fn(&Contact, &Laws, &mut 
         return (impulse, impulse.outcome(at, laws));
     };
     middle.side = at.side;
-    let depth = DEPTH_PER_TRAVEL * at.approach_speed * laws.face_time;
-    middle.lever.z = -at.side * depth;
+    let depth = at.approach_speed * DEPTH_PER_TRAVEL * laws.face_time;
+    middle.lever.z = depth * -at.side;
     let mut impulse = solve(&middle, laws, middle.lever);
     change(&middle, laws, &mut impulse);
     let mut out = impulse.outcome(&middle, laws);
@@ -101,21 +103,21 @@ pub fn collide(at: &Contact, laws: &Laws, change: &dyn Fn(&Contact, &Laws, &mut 
     (impulse, out)
 }
 
-fn solve(at: &Contact, laws: &Laws, lever: Vector3<f64>) -> Impulse {
-    if laws.is_plain() && lever.z == 0.0 { solve_plain(at, laws, lever) } else { solve_held(at, laws, lever) }
+fn solve<T: Real>(at: &Contact<T>, laws: &Laws<T>, lever: Vector3<T>) -> Impulse<T> {
+    if laws.is_plain() && lever.z.is_zero() { solve_plain(at, laws, lever) } else { solve_held(at, laws, lever) }
 }
 
 /// Closed form: normal and tangential parts do not couple (K_xz = K_yz = 0).
-fn solve_plain(at: &Contact, laws: &Laws, lever: Vector3<f64>) -> Impulse {
+fn solve_plain<T: Real>(at: &Contact<T>, laws: &Laws<T>, lever: Vector3<T>) -> Impulse<T> {
     let b = at.body;
     let arm = laws.ball_arm;
     let mut u = at.relative_velocity;
-    if arm != b.ball_radius {
-        u = relative_velocity(at, &lever, &Vector3::new(0.0, 0.0, -at.side * arm));
+    if !(arm - b.ball_radius).is_zero() {
+        u = relative_velocity(at, &lever, &Vector3::new(T::zero(), T::zero(), arm * -at.side));
     }
     let e = laws.effective_restitution();
-    let normal = (1.0 + e) * at.approach_speed / at.normal_compliance;
-    let free = 1.0 / b.ball_mass + arm * arm / laws.ball_inertia + 1.0 / b.racket_mass;
+    let normal = (e + 1.0) * at.approach_speed / at.normal_compliance;
+    let free = b.ball_mass.recip() + arm * arm / laws.ball_inertia + b.racket_mass.recip();
     let (x, y, iz) = (lever.x, lever.y, b.racket_inertia.z);
     let k = [free + y * y / iz, -x * y / iz, free + x * x / iz];
     // Tangential impulse that brings the slip to what a stuck contact leaves of it.
@@ -125,7 +127,8 @@ fn solve_plain(at: &Contact, laws: &Laws, lever: Vector3<f64>) -> Impulse {
     let stick = [(k[2] * wish[0] - k[1] * wish[1]) / det, (k[0] * wish[1] - k[1] * wish[0]) / det];
     let limit = laws.friction * normal;
     let size = u.x.hypot(u.y);
-    let (tx, ty, regime) = if stick[0].hypot(stick[1]) <= limit || size == 0.0 {
+    let needed = stick[0].hypot(stick[1]);
+    let (tx, ty, regime) = if needed.value() <= limit.value() || size.value() == 0.0 {
         (stick[0], stick[1], Regime::Stick)
     } else {
         match laws.sliding {
@@ -136,10 +139,10 @@ fn solve_plain(at: &Contact, laws: &Laws, lever: Vector3<f64>) -> Impulse {
             }
         }
     };
-    Impulse::at_contact(at, laws, &lever, Vector3::new(tx, ty, at.side * normal), regime)
+    Impulse::at_contact(at, laws, &lever, Vector3::new(tx, ty, normal * at.side), (regime, limit - needed))
 }
 
-fn relative_velocity(at: &Contact, lever: &Vector3<f64>, arm: &Vector3<f64>) -> Vector3<f64> {
+fn relative_velocity<T: Real>(at: &Contact<T>, lever: &Vector3<T>, arm: &Vector3<T>) -> Vector3<T> {
     let i = &at.input;
     i.ball_velocity + i.ball_spin.cross(arm) - i.racket_velocity - i.racket_rate.cross(lever)
 }
@@ -147,33 +150,34 @@ fn relative_velocity(at: &Contact, lever: &Vector3<f64>, arm: &Vector3<f64>) -> 
 /// Tangential impulse of a sliding contact whose direction turns: du/dp = −μ K_tt û, p from 0 to the normal impulse.
 ///
 /// Keller's equations with K_tz = 0; once the slip is used up the ball sticks (sticking persists because K_tz = 0).
-fn slide_exactly(u: [f64; 2], k: [f64; 3], friction: f64, normal: f64) -> ([f64; 2], Regime) {
+/// Derivatives go through the steps.
+fn slide_exactly<T: Real>(u: [T; 2], k: [T; 3], friction: T, normal: T) -> ([T; 2], Regime) {
     // Along the path s = |u| falls at least at the rate μ λ_min, so the number of steps is bounded.
-    let rate = |u: [f64; 2]| {
-        let s = u[0].hypot(u[1]).max(f64::MIN_POSITIVE);
+    let rate = |u: [T; 2]| {
+        let s = u[0].hypot(u[1]).max(T::constant(f64::MIN_POSITIVE));
         let t = [u[0] / s, u[1] / s];
         ([-friction * t[0], -friction * t[1]], [-friction * (k[0] * t[0] + k[1] * t[1]), -friction * (k[1] * t[0] + k[2] * t[1])])
     };
-    let start = u[0].hypot(u[1]);
-    let (mut u, mut done, mut j) = (u, 0.0, [0.0; 2]);
-    while done < normal {
+    let start = u[0].hypot(u[1]).value();
+    let (mut u, mut done, mut j) = (u, T::zero(), [T::zero(); 2]);
+    while done.value() < normal.value() {
         let s = u[0].hypot(u[1]);
-        if s <= 1e-9 * start {
+        if s.value() <= 1e-9 * start {
             return (j, Regime::Stick);
         }
         // A step takes at most a fiftieth of the slip that is left: the direction hardly turns within it.
-        let step = (normal - done).min(0.02 * s / (friction * k[0].max(k[2])));
-        if step <= 1e-15 * normal {
+        let step = (normal - done).min(s * 0.02 / (friction * k[0].max(k[2])));
+        if step.value() <= 1e-15 * normal.value() {
             break;
         }
-        let at = |u: [f64; 2], d: [f64; 2], h: f64| [u[0] + h * d[0], u[1] + h * d[1]];
+        let at = |u: [T; 2], d: [T; 2], h: T| [u[0] + h * d[0], u[1] + h * d[1]];
         let (j1, d1) = rate(u);
-        let (j2, d2) = rate(at(u, d1, 0.5 * step));
-        let (j3, d3) = rate(at(u, d2, 0.5 * step));
+        let (j2, d2) = rate(at(u, d1, step * 0.5));
+        let (j3, d3) = rate(at(u, d2, step * 0.5));
         let (j4, d4) = rate(at(u, d3, step));
         for i in 0..2 {
-            u[i] += step / 6.0 * (d1[i] + 2.0 * d2[i] + 2.0 * d3[i] + d4[i]);
-            j[i] += step / 6.0 * (j1[i] + 2.0 * j2[i] + 2.0 * j3[i] + j4[i]);
+            u[i] += step / 6.0 * (d1[i] + d2[i] * 2.0 + d3[i] * 2.0 + d4[i]);
+            j[i] += step / 6.0 * (j1[i] + j2[i] * 2.0 + j3[i] * 2.0 + j4[i]);
         }
         done += step;
     }
@@ -181,31 +185,34 @@ fn slide_exactly(u: [f64; 2], k: [f64; 3], friction: f64, normal: f64) -> ([f64;
 }
 
 /// With a mount that resists twisting: its angular impulse takes the size that keeps the twist, or its limit.
-fn solve_held(at: &Contact, laws: &Laws, lever: Vector3<f64>) -> Impulse {
-    if laws.twist_hold == 0.0 {
+///
+/// The size is found by secant steps; they go on until the twist's derivatives have vanished too, so its own are those of the
+/// implicit function.
+fn solve_held<T: Real>(at: &Contact<T>, laws: &Laws<T>, lever: Vector3<T>) -> Impulse<T> {
+    if laws.twist_hold.is_zero() {
         return solve_general(at, laws, &lever);
     }
-    let with = |h: f64| {
+    let with = |h: T| {
         let mut l = *laws;
-        l.twist_hold = 0.0;
+        l.twist_hold = T::zero();
         l.drive_twist.x += h;
         solve_general(at, &l, &lever)
     };
-    let free = with(0.0);
+    let free = with(T::zero());
     let twist = free.racket_angular.x;
-    if twist == 0.0 {
+    if twist.is_zero() {
         return free;
     }
     // The twist depends on the mount's impulse almost linearly (exactly, unless stick changes to slide): secant steps.
-    let limit = laws.twist_hold.abs();
-    let (mut h0, mut r0) = (0.0, twist);
+    let limit = laws.twist_hold.value().abs();
+    let (mut h0, mut r0) = (T::zero(), twist);
     let mut h1 = -twist;
     for _ in 0..8 {
-        if h1.abs() >= limit {
-            return with(-twist.signum() * laws.twist_hold);
+        if h1.value().abs() >= limit {
+            return with(laws.twist_hold * -twist.value().signum());
         }
         let r1 = with(h1).racket_angular.x;
-        if r1.abs() <= 1e-15 || r1 == r0 {
+        if r1.size() <= 1e-15 || r1.value() == r0.value() {
             break;
         }
         let next = h1 - r1 * (h1 - h0) / (r1 - r0);
@@ -215,26 +222,27 @@ fn solve_held(at: &Contact, laws: &Laws, lever: Vector3<f64>) -> Impulse {
 }
 
 /// Any tilt, offset or outside impulse: the 3 × 3 system in the contact's own axes.
-fn solve_general(at: &Contact, laws: &Laws, lever: &Vector3<f64>) -> Impulse {
+fn solve_general<T: Real>(at: &Contact<T>, laws: &Laws<T>, lever: &Vector3<T>) -> Impulse<T> {
     let b = at.body;
+    let zero = T::zero();
     // Contact axes: x and y along the strings, z normal to the pocket.
-    let axes = Rotation3::from_scaled_axis(Vector3::new(-laws.tilt[1], laws.tilt[0], 0.0));
-    let frame = axes.matrix();
-    let arm = frame.column(2) * (-at.side * laws.ball_arm);
+    let frame = rotation(&Vector3::new(-laws.tilt[1], laws.tilt[0], zero));
+    let arm = frame.column(2) * (laws.ball_arm * -at.side);
     let u_world = relative_velocity(at, lever, &arm);
     let u = frame.tr_mul(&u_world);
     let slip = u.x.hypot(u.y);
+    let slides = slip.value() > 0.0;
     // The normal force acts behind the centre, against the slip, and where an expression has moved it.
     let mut offset = frame.column(0) * laws.arm_offset[0] + frame.column(1) * laws.arm_offset[1];
-    if slip > 0.0 && laws.normal_offset != 0.0 {
+    if slides && !laws.normal_offset.is_zero() {
         offset -= (frame.column(0) * u.x + frame.column(1) * u.y) * (laws.normal_offset / slip);
     }
-    let response = |column: usize| -> Vector3<f64> {
-        let d: Vector3<f64> = frame.column(column).into();
+    let response = |column: usize| -> Vector3<T> {
+        let d: Vector3<T> = frame.column(column).into();
         let shift = if column == 2 { offset } else { Vector3::zeros() };
         let ball_turn = (arm + shift).cross(&d) / laws.ball_inertia;
         let racket_turn = -(lever + shift).cross(&d).component_div(&b.racket_inertia);
-        let du = d * (1.0 / b.ball_mass + 1.0 / b.racket_mass) + ball_turn.cross(&arm) - racket_turn.cross(lever);
+        let du = d * (b.ball_mass.recip() + b.racket_mass.recip()) + ball_turn.cross(&arm) - racket_turn.cross(lever);
         frame.tr_mul(&du)
     };
     let k = Matrix3::from_columns(&[response(0), response(1), response(2)]);
@@ -244,22 +252,23 @@ fn solve_general(at: &Contact, laws: &Laws, lever: &Vector3<f64>) -> Impulse {
     let e = laws.effective_restitution();
     let after = laws.rebound([u.x, u.y]);
     let target = Vector3::new(after[0], after[1], -e * u.z) - u - outside;
-    let stick = k.lu().solve(&target);
+    let stick = T::solve(&k, &target);
     let slide = || {
-        let t = if slip > 0.0 { [u.x / slip, u.y / slip] } else { [0.0; 2] };
+        let t = if slides { [u.x / slip, u.y / slip] } else { [zero; 2] };
         // J = p (side ẑ − μ û); the normal row gives p.
         let row = k[(2, 2)] * at.side - laws.friction * (k[(2, 0)] * t[0] + k[(2, 1)] * t[1]);
         let p = target.z / row;
-        let p = if p < 0.0 { 0.0 } else { p };
+        let p = if p.value() < 0.0 { zero } else { p };
         let limit = laws.friction * p;
         if laws.sliding == Sliding::Exact {
-            let (j, regime) = slide_exactly([u.x, u.y], [k[(0, 0)], 0.5 * (k[(0, 1)] + k[(1, 0)]), k[(1, 1)]], laws.friction, p);
-            return (Vector3::new(j[0], j[1], at.side * p), regime);
+            let (j, regime) = slide_exactly([u.x, u.y], [k[(0, 0)], (k[(0, 1)] + k[(1, 0)]) * 0.5, k[(1, 1)]], laws.friction, p);
+            return (Vector3::new(j[0], j[1], p * at.side), regime);
         }
-        (Vector3::new(-limit * t[0], -limit * t[1], at.side * p), Regime::Slide)
+        (Vector3::new(-limit * t[0], -limit * t[1], p * at.side), Regime::Slide)
     };
+    let (limit, needed) = stick.map_or((zero, zero), |j| (laws.friction * at.side * j.z, j.x.hypot(j.y)));
     let (j, regime) = match stick {
-        Some(j) if at.side * j.z >= 0.0 && j.x.hypot(j.y) <= laws.friction * at.side * j.z => (j, Regime::Stick),
+        Some(j) if at.side * j.z.value() >= 0.0 && needed.value() <= limit.value() => (j, Regime::Stick),
         _ => slide(),
     };
     let push = frame.column(2) * j.z;
@@ -270,5 +279,6 @@ fn solve_general(at: &Contact, laws: &Laws, lever: &Vector3<f64>) -> Impulse {
         racket: -j_world + laws.drive,
         racket_angular: -lever.cross(&j_world) - offset.cross(&push) + laws.drive_twist,
         regime,
+        spare_friction: limit - needed,
     }
 }

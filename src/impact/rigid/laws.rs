@@ -1,5 +1,6 @@
 //! The contact laws of one impact, as the base sets them and the effects change them.
 
+use crate::impact::real::Real;
 use nalgebra::Vector3;
 
 /// Which direction friction takes while the ball slides throughout.
@@ -15,87 +16,99 @@ pub enum Sliding {
 /// Contact laws of one impact. The base fills in restitution and friction; every other field stands at "none" until an
 /// effect changes it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Laws {
+pub struct Laws<T = f64> {
     /// Normal relative speed after over before, 0..1.
-    pub restitution: f64,
+    pub restitution: T,
     /// Coulomb coefficient, 0 or more.
-    pub friction: f64,
+    pub friction: T,
     /// Tangential relative velocity after a stuck contact over minus that before, along x and y; 0: rolling, positive: the
     /// strings snap back.
-    pub tangential_restitution: [f64; 2],
+    pub tangential_restitution: [T; 2],
     /// The same along the two diagonals of the face, x + y and x − y, beside that along x and y.
-    pub diagonal_restitution: [f64; 2],
+    pub diagonal_restitution: [T; 2],
     pub sliding: Sliding,
     /// From the ball's centre to the contact point, m.
-    pub ball_arm: f64,
+    pub ball_arm: T,
     /// kg m².
-    pub ball_inertia: f64,
+    pub ball_inertia: T,
     /// Displacement of the normal force behind the ball's centre, against the slip, m.
-    pub normal_offset: f64,
+    pub normal_offset: T,
     /// Where an expression moves the torque arm of the normal force, along x and y, m.
-    pub arm_offset: [f64; 2],
+    pub arm_offset: [T; 2],
     /// Tilt of the contact's normal: its x and y components (small angles, rad).
-    pub tilt: [f64; 2],
+    pub tilt: [T; 2],
     /// Impulse from outside on the racket's centre of mass, N s.
-    pub drive: Vector3<f64>,
+    pub drive: Vector3<T>,
     /// Angular impulse from outside on the racket, N m s.
-    pub drive_twist: Vector3<f64>,
+    pub drive_twist: Vector3<T>,
     /// Largest angular impulse with which the mount resists a change of twist about x, N m s.
-    pub twist_hold: f64,
+    pub twist_hold: T,
     /// Energy taken by frame modes, as q in e'² = e² − q (1 + e')².
-    pub mode_loss: f64,
+    pub mode_loss: T,
     /// Duration over which the face turns and the ball travels across it, s; 0: an instant.
-    pub face_time: f64,
+    pub face_time: T,
 }
 
-impl Laws {
-    pub fn new(restitution: f64, friction: f64, sliding: Sliding, ball_arm: f64, ball_inertia: f64) -> Self {
+impl<T: Real> Laws<T> {
+    pub fn new(restitution: T, friction: T, sliding: Sliding, ball_arm: T, ball_inertia: T) -> Self {
         Laws {
             restitution,
             friction,
-            tangential_restitution: [0.0; 2],
-            diagonal_restitution: [0.0; 2],
+            tangential_restitution: [T::zero(); 2],
+            diagonal_restitution: [T::zero(); 2],
             sliding,
             ball_arm,
             ball_inertia,
-            normal_offset: 0.0,
-            arm_offset: [0.0; 2],
-            tilt: [0.0; 2],
+            normal_offset: T::zero(),
+            arm_offset: [T::zero(); 2],
+            tilt: [T::zero(); 2],
             drive: Vector3::zeros(),
             drive_twist: Vector3::zeros(),
-            twist_hold: 0.0,
-            mode_loss: 0.0,
-            face_time: 0.0,
+            twist_hold: T::zero(),
+            mode_loss: T::zero(),
+            face_time: T::zero(),
         }
     }
 
     /// Restitution with the modes' energy taken out, limited to what conserves or loses energy.
     ///
     /// e'² = e² − q (1 + e')² follows from E_vib = q K J²/2 with J = (1 + e') v/K.
-    pub fn effective_restitution(&self) -> f64 {
-        let e = self.restitution.clamp(0.0, 1.0);
+    pub fn effective_restitution(&self) -> T {
+        let e = clamp(self.restitution);
         let q = self.mode_loss;
-        if q == 0.0 || e.is_nan() || q.is_nan() {
+        if q.is_zero() || e.value().is_nan() || q.value().is_nan() {
             return e + q;
         }
-        let root = (e * e * (1.0 + q) - q).max(0.0).sqrt();
-        ((root - q) / (1.0 + q)).clamp(0.0, 1.0)
+        let root = (e * e * (q + 1.0) - q).max(T::zero()).sqrt();
+        clamp((root - q) / (q + 1.0))
     }
 
     /// Tangential relative velocity after a stuck contact that came with `u` (x and y), m/s.
-    pub fn rebound(&self, u: [f64; 2]) -> [f64; 2] {
+    pub fn rebound(&self, u: [T; 2]) -> [T; 2] {
         // Along a diagonal d: e (d·u) d, with both components of d 1/√2 in size.
-        let (along, other) = (0.5 * self.diagonal_restitution[0] * (u[0] + u[1]), 0.5 * self.diagonal_restitution[1] * (u[0] - u[1]));
+        let (along, other) = (self.diagonal_restitution[0] * 0.5 * (u[0] + u[1]), self.diagonal_restitution[1] * 0.5 * (u[0] - u[1]));
         [-self.tangential_restitution[0] * u[0] - along - other, -self.tangential_restitution[1] * u[1] - along + other]
     }
 
     /// True when the contact is the plain one: no offset, tilt, outside impulse.
     pub fn is_plain(&self) -> bool {
-        self.normal_offset == 0.0
-            && self.arm_offset == [0.0; 2]
-            && self.tilt == [0.0; 2]
-            && self.twist_hold == 0.0
-            && self.drive == Vector3::zeros()
-            && self.drive_twist == Vector3::zeros()
+        let none = |numbers: &[T]| numbers.iter().all(T::is_zero);
+        self.normal_offset.is_zero()
+            && none(&self.arm_offset)
+            && none(&self.tilt)
+            && self.twist_hold.is_zero()
+            && none(self.drive.as_slice())
+            && none(self.drive_twist.as_slice())
+    }
+}
+
+/// Within 0 to 1; what is not a number stays so.
+fn clamp<T: Real>(restitution: T) -> T {
+    if restitution.value() < 0.0 {
+        T::zero()
+    } else if restitution.value() > 1.0 {
+        T::one()
+    } else {
+        restitution
     }
 }

@@ -1,35 +1,33 @@
 //! Derivatives of the outcome by inputs and parameters, and the uncertainty that inputs carry into a prediction.
 //!
-//! The rigid base alone and every visco-elastic contact are differentiated exactly, in dual numbers. In the rigid base with
-//! effects central differences at three steps are extrapolated (Romberg); the last correction bounds their error. Where that
-//! error does not fall with the step the outcome has an edge there (stick against slide), which is reported instead of a number
-//! nobody can trust.
+//! They are exact in both bases and with every effect: the model is computed once more in dual numbers (observation, bodies,
+//! laws, impulse or contact, outcome), [`TOGETHER`] directions at a time. At a kink the derivative is that of the branch taken.
+//! Where the impact stands on the edge between sticking and sliding that edge is named; where a parameter's smallest change adds a
+//! part to the contact there is no derivative: that is named too, and the mean slope over a small step to both sides given instead.
 
-mod rigid;
-mod viscoelastic;
+#[cfg(test)]
+mod differences;
 
 use super::body::Body;
+use super::dual::{Dual, TOGETHER, Tangent};
 use super::error::ModelError;
 use super::input::{ImpactInput, ImpactOutput};
 use super::model::{Base, Model};
-use super::prepared_model::PreparedModel;
-use super::rigid::Sliding;
+use super::prepared_model::{PreparedModel, add_beam};
 use crate::equipment::{Ball, Racket};
 use crate::impact_table::{INPUTS, OUTPUTS};
+use std::sync::Arc;
 
 /// Outputs of one impact as numbers, in the order of [`OUTPUTS`]; a contact time that the base does not have is 0.
 pub type Column = [f64; OUTPUTS.len()];
 
 /// Typical sizes of the inputs, from which steps are taken: m/s, rad/s, m, N m.
 const INPUT_SCALE: [f64; INPUTS.len()] = [10.0, 10.0, 10.0, 100.0, 100.0, 100.0, 10.0, 10.0, 10.0, 10.0, 10.0, 10.0, 0.05, 0.05, 5.0];
-/// First step over typical size; the contact of the visco-elastic base is stepped to 1e-7, so its steps are larger.
-const STEP: [f64; 2] = [1e-3, 1e-2];
-/// An extrapolated derivative is trusted when its last correction is below this share of the output's typical change.
-const TRUST: [f64; 2] = [1e-6, 1e-3];
-/// How often a step that straddles an edge is cut to an eighth.
-const CUTS: usize = 3;
-/// Sizes of the outputs against which errors are judged: m/s, rad/s, s.
-const OUTPUT_SCALE: Column = [10.0, 10.0, 10.0, 100.0, 100.0, 100.0, 10.0, 10.0, 10.0, 10.0, 10.0, 10.0, 1e-3];
+/// An edge within this share of an input's or parameter's typical size counts as reached.
+const AT_EDGE: f64 = 2e-6;
+/// Share of a parameter's typical size by which it is moved to see whether the visco-elastic contact keeps its parts, and over
+/// which a mean slope is taken where it does not.
+const NEIGHBOUR: f64 = 1e-3;
 
 /// Derivatives at one impact.
 #[derive(Debug, Clone, PartialEq)]
@@ -39,10 +37,9 @@ pub struct Sensitivities {
     pub by_input: Vec<Column>,
     /// One row per parameter, in the order of [`Model::parameters`].
     pub by_parameter: Vec<Column>,
-    /// Inputs and parameters across which the outcome has an edge here; their rows hold the mean slope over the edge.
+    /// Inputs and parameters across which the outcome has an edge here. Between sticking and sliding their rows hold the derivative
+    /// of the side taken; where a part of the contact appears, the mean slope over a thousandth of a typical size to both sides.
     pub edges: Vec<String>,
-    /// Whether all derivatives but those at edges come from dual numbers.
-    pub exact: bool,
 }
 
 impl Sensitivities {
@@ -56,18 +53,48 @@ impl Sensitivities {
 #[derive(Debug, Clone)]
 pub struct SensitivityModel {
     centre: PreparedModel,
-    model: Model,
+    model: Arc<Model>,
     body: Body,
-    /// Whether the dual numbers describe it: the rigid base alone.
-    exact: bool,
+    /// One per [`TOGETHER`] directions: the inputs, then the parameters.
+    passes: Vec<PreparedModel<Tangent>>,
+    /// Per parameter the visco-elastic model with a little more and a little less of it, where there is one.
+    neighbours: Vec<Vec<PreparedModel>>,
 }
+
+/// A number that varies in direction `n`, when that is one of pass `pass`.
+fn varied(value: f64, n: usize, pass: usize) -> Tangent {
+    match n.checked_sub(pass * TOGETHER) {
+        Some(k) if k < TOGETHER => Tangent::variable(value, k),
+        _ => Tangent::constant(value),
+    }
+}
+
+/// An outcome in dual numbers, pass by pass, with the friction that was to spare where that matters.
+type Varied = (ImpactOutput<Tangent>, Tangent);
 
 impl SensitivityModel {
     /// # Errors
     /// As [`Model::prepare`].
     pub fn new(model: &Model, racket: &Racket, ball: &Ball) -> Result<Self, ModelError> {
-        let exact = model.base() == Base::Rigid && model.effects().is_empty() && model.sliding() == Sliding::FirstTouch;
-        Ok(SensitivityModel { centre: model.prepare(racket, ball)?, model: model.clone(), body: Body::new(racket, ball)?, exact })
+        let (model, body) = (Arc::new(model.clone()), Body::new(racket, ball)?);
+        let mut unchanged = body.clone();
+        add_beam(&model, &mut unchanged)?;
+        let values = model.values();
+        let prepare = |pass: usize| {
+            let values = values.iter().enumerate().map(|(i, v)| varied(*v, INPUTS.len() + i, pass)).collect();
+            PreparedModel::with_values(Arc::clone(&model), values, Body::of(&unchanged))
+        };
+        let passes = (0..(INPUTS.len() + values.len()).div_ceil(TOGETHER)).map(prepare).collect::<Result<_, _>>()?;
+        let centre = PreparedModel::with_values(Arc::clone(&model), values.clone(), unchanged.clone())?;
+        let neighbours = model.parameters().iter().enumerate().map(|(i, p)| {
+            let moved = |by: f64| {
+                let mut values = values.clone();
+                values[i] += by * p.typical;
+                PreparedModel::with_values(Arc::clone(&model), values, unchanged.clone()).ok()
+            };
+            if model.base() == Base::Viscoelastic { [-NEIGHBOUR, NEIGHBOUR].into_iter().filter_map(moved).collect() } else { Vec::new() }
+        });
+        Ok(SensitivityModel { centre, body, passes, neighbours: neighbours.collect(), model })
     }
 
     /// Derivatives at one impact.
@@ -75,96 +102,114 @@ impl SensitivityModel {
     /// # Errors
     /// As [`PreparedModel::predict`].
     pub fn at(&self, input: &ImpactInput) -> Result<Sensitivities, ModelError> {
-        if self.exact {
-            self.exactly(input)
-        } else if self.model.base() == Base::Viscoelastic {
-            self.through_contact(input)
-        } else {
-            self.numerically(input)
+        let columns = input.as_columns();
+        let inputs: Vec<_> =
+            (0..self.passes.len()).map(|pass| ImpactInput::from_columns(&std::array::from_fn(|j| varied(columns[j], j, pass)), input.order)).collect();
+        let (output, outcomes) = match self.model.base() {
+            Base::Rigid => (self.centre.predict(input)?, self.through_impulse(&inputs)?),
+            Base::Viscoelastic => self.through_contact(input, &inputs)?,
+        };
+        let appears = self.parts_appear(input);
+        let mut edges = Vec::new();
+        let mut rows = Vec::with_capacity(INPUTS.len() + self.neighbours.len());
+        for n in 0..INPUTS.len() + self.neighbours.len() {
+            let (outcome, spare) = &outcomes[n / TOGETHER];
+            let row: Column = outcome.as_columns().map(|c| c.map_or(0.0, |d| d.slope[n % TOGETHER]));
+            let at_edge = spare.value.abs() <= AT_EDGE * self.scale(n) * spare.slope[n % TOGETHER].abs();
+            let none = appears.contains(&n) || !row.iter().all(|d| d.is_finite());
+            if at_edge || none {
+                edges.push(self.name(n).to_owned());
+            }
+            rows.push(if none { self.mean_slope(input, n, NEIGHBOUR * self.scale(n))? } else { row });
         }
+        let by_parameter = rows.split_off(INPUTS.len());
+        Ok(Sensitivities { output, by_input: rows, by_parameter, edges })
     }
 
-    fn exactly(&self, input: &ImpactInput) -> Result<Sensitivities, ModelError> {
-        let output = self.centre.predict(input)?;
-        let values = self.model.values();
-        let duals = rigid::collide(self.centre.body(), input, values[0], values[1])?;
-        let row = |direction: usize| -> Column { std::array::from_fn(|k| duals.get(k).map_or(0.0, |d| d.slope[direction])) };
-        let mut by_input: Vec<Column> = (0..rigid::RESTITUTION).map(row).collect();
-        // The grip's torque acts through an effect only.
-        by_input.push([0.0; OUTPUTS.len()]);
-        Ok(Sensitivities { output, by_input, by_parameter: vec![row(rigid::RESTITUTION), row(rigid::FRICTION)], edges: Vec::new(), exact: true })
+    fn through_impulse(&self, inputs: &[ImpactInput<Tangent>]) -> Result<Vec<Varied>, ModelError> {
+        self.passes.iter().zip(inputs).map(|(pass, input)| pass.predict_rigid(input)).collect()
     }
 
-    /// Exact derivatives by racket mass, inertias about x, y, z, local x of the centre of mass, and ball mass.
+    /// The steps of the plain contact once more in dual numbers, with the start and laws that the passes give it.
+    fn through_contact(&self, input: &ImpactInput, inputs: &[ImpactInput<Tangent>]) -> Result<(ImpactOutput, Vec<Varied>), ModelError> {
+        let centre = self.centre.stage(input)?;
+        let stages = self.passes.iter().zip(inputs).map(|(pass, input)| pass.stage(input)).collect::<Result<Vec<_>, _>>()?;
+        let (output, contacts) = self.centre.differentiate(&centre, &stages)?;
+        let never = Tangent::constant(f64::INFINITY);
+        let conclude = |((pass, stage), contact): ((&PreparedModel<Tangent>, _), _)| Ok((pass.conclude(stage, contact)?, never));
+        let outcomes = self.passes.iter().zip(&stages).zip(contacts).map(conclude).collect::<Result<_, ModelError>>()?;
+        Ok((self.centre.conclude(&centre, output)?, outcomes))
+    }
+
+    /// Directions in which a smallest change adds a part to the visco-elastic contact or takes one away: sideways springs, modes.
+    fn parts_appear(&self, input: &ImpactInput) -> Vec<usize> {
+        if self.model.base() == Base::Rigid {
+            return Vec::new();
+        }
+        let Ok(centre) = self.centre.stage(input) else { return Vec::new() };
+        let differs = |model: &PreparedModel| model.stage(input).is_ok_and(|s| !s.laws.has_parts_of(&centre.laws));
+        (0..self.neighbours.len()).filter(|i| self.neighbours[*i].iter().any(differs)).map(|i| INPUTS.len() + i).collect()
+    }
+
+    /// Name of direction `n`.
+    fn name(&self, n: usize) -> &str {
+        n.checked_sub(INPUTS.len()).map_or_else(|| INPUTS[n], |i| self.model.parameters()[i].name.as_str())
+    }
+
+    /// Typical size of direction `n`.
+    fn scale(&self, n: usize) -> f64 {
+        n.checked_sub(INPUTS.len()).map_or_else(|| INPUT_SCALE[n], |i| self.model.parameters()[i].typical)
+    }
+
+    /// Mean slope over a step to either side in direction `n`.
+    fn mean_slope(&self, input: &ImpactInput, n: usize, step: f64) -> Result<Column, ModelError> {
+        let (up, down) = (self.moved(input, n, step)?, self.moved(input, n, -step)?);
+        Ok(std::array::from_fn(|k| (up[k] - down[k]) / (2.0 * step)))
+    }
+
+    /// The outcome with direction `n` moved.
+    fn moved(&self, input: &ImpactInput, n: usize, by: f64) -> Result<Column, ModelError> {
+        let output = match n.checked_sub(INPUTS.len()) {
+            None => {
+                let mut columns = input.as_columns();
+                columns[n] += by;
+                self.centre.predict(&ImpactInput::from_columns(&columns, input.order))?
+            }
+            Some(i) => {
+                let mut model = Model::clone(&self.model);
+                model.set_at(i, self.model.parameters()[i].value + by)?;
+                PreparedModel::new(model, self.body.clone())?.predict(input)?
+            }
+        };
+        Ok(output.as_columns().map(|c| c.unwrap_or(0.0)))
+    }
+
+    /// Exact derivatives by racket mass, inertias about x, y, z, local x of the centre of mass, and ball mass (its inertia in
+    /// proportion), in base rigid.
     ///
     /// # Errors
-    /// As [`SensitivityModel::at`]; [`ModelError::NotInBase`] where only the dual numbers know them.
+    /// As [`SensitivityModel::at`]; [`ModelError::NotInBase`] in the visco-elastic base and where an effect reads the frame's modes,
+    /// which follow from the racket's masses by more than algebra.
     pub fn by_body(&self, input: &ImpactInput) -> Result<[Column; 6], ModelError> {
-        if !self.exact {
-            let reason = "bodies are differentiated for the plain rigid base only; `racket-inertia` has them as parameters elsewhere";
+        let mut body = self.body.clone();
+        add_beam(&self.model, &mut body)?;
+        if self.model.base() == Base::Viscoelastic || body.beam.is_some() {
+            let reason = "bodies are differentiated for base rigid without frame modes; `racket-inertia` has them as parameters elsewhere";
             return Err(ModelError::NotInBase { name: "sensitivity by bodies".into(), base: self.model.base().name(), reason });
         }
-        let values = self.model.values();
-        let duals = rigid::collide(self.centre.body(), input, values[0], values[1])?;
-        Ok(std::array::from_fn(|b| std::array::from_fn(|k| duals.get(k).map_or(0.0, |d| d.slope[rigid::BODIES + b]))))
-    }
-
-    /// By extrapolated differences, whatever the model.
-    ///
-    /// # Errors
-    /// As [`SensitivityModel::at`].
-    pub fn numerically(&self, input: &ImpactInput) -> Result<Sensitivities, ModelError> {
-        let output = self.centre.predict(input)?;
-        let mut edges = Vec::new();
-        let columns = input.as_columns();
-        let mut by_input = Vec::with_capacity(INPUTS.len());
-        for (j, scale) in INPUT_SCALE.into_iter().enumerate() {
-            let moved = |by: f64| {
-                let mut c = columns;
-                c[j] += by;
-                self.centre.predict(&ImpactInput::from_columns(&c, input.order))
-            };
-            by_input.push(self.slope(scale, INPUTS[j], &mut edges, &moved)?);
+        let mut dual = Body::<Tangent>::of(&body);
+        dual.racket_mass.slope[0] = 1.0;
+        for i in 0..3 {
+            dual.racket_inertia[i].slope[1 + i] = 1.0;
         }
-        let mut by_parameter = Vec::new();
-        for (index, p) in self.model.parameters().iter().enumerate() {
-            let moved = |by: f64| {
-                let mut model = self.model.clone();
-                model.set_at(index, p.value + by)?;
-                PreparedModel::new(model, self.body.clone())?.predict(input)
-            };
-            by_parameter.push(self.slope(p.typical, &p.name, &mut edges, &moved)?);
-        }
-        Ok(Sensitivities { output, by_input, by_parameter, edges, exact: false })
-    }
-
-    /// One derivative; the step is cut while an edge lies within it.
-    fn slope(&self, scale: f64, name: &str, edges: &mut Vec<String>, moved: &dyn Fn(f64) -> Result<ImpactOutput, ModelError>) -> Result<Column, ModelError> {
-        let kind = usize::from(self.model.base() == Base::Viscoelastic);
-        let numbers = |o: ImpactOutput| -> Column { o.as_columns().map(|c| c.unwrap_or(0.0)) };
-        let central = |h: f64| -> Result<Column, ModelError> {
-            let (up, down) = (numbers(moved(h)?), numbers(moved(-h)?));
-            Ok(std::array::from_fn(|k| (up[k] - down[k]) / (2.0 * h)))
-        };
-        let mut step = STEP[kind] * scale;
-        for cut in 0..=CUTS {
-            let [a, b, c] = [central(step)?, central(0.5 * step)?, central(0.25 * step)?];
-            let once = |a: f64, b: f64| b + (b - a) / 3.0;
-            let rows: [(f64, f64); OUTPUTS.len()] = std::array::from_fn(|k| {
-                let (ab, bc) = (once(a[k], b[k]), once(b[k], c[k]));
-                (bc + (bc - ab) / 15.0, bc - ab)
-            });
-            let worst = rows.iter().zip(OUTPUT_SCALE).map(|((_, error), size)| (error * scale / size).abs()).fold(0.0, f64::max);
-            if worst <= TRUST[kind] {
-                return Ok(rows.map(|r| r.0));
-            }
-            if cut == CUTS {
-                edges.push(name.to_owned());
-                return Ok(a);
-            }
-            step *= 0.125;
-        }
-        Err(ModelError::NotFinite)
+        dual.com_x.slope[4] = 1.0;
+        dual.reported_com_x.slope[4] = 1.0;
+        dual.ball_mass.slope[5] = 1.0;
+        dual.ball_inertia.slope[5] = body.ball_inertia / body.ball_mass;
+        let values = self.model.values().into_iter().map(Dual::constant).collect();
+        let columns = ImpactInput::from_columns(&input.as_columns().map(Dual::constant), input.order);
+        let output = PreparedModel::with_values(Arc::clone(&self.model), values, dual)?.predict_rigid(&columns)?.0.as_columns();
+        Ok(std::array::from_fn(|b| output.map(|c| c.map_or(0.0, |d| d.slope[b]))))
     }
 }
 

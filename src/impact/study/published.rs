@@ -163,7 +163,7 @@ fn clamped_head(lines: &mut Lines) -> Result<(), ModelError> {
 fn free_racket(lines: &mut Lines) -> Result<(), ModelError> {
     for (e_name, ms_name, mm_name, e, ms, mm, speed) in [
         (
-            "restitution, free racket 0.225 m from its centre, 10 m/s",
+            "restitution, free racket 0.225 m from its centre of mass, 10 m/s",
             "contact time, free racket, 10 m/s",
             "strings deflect, free racket, 10 m/s",
             0.849,
@@ -171,10 +171,10 @@ fn free_racket(lines: &mut Lines) -> Result<(), ModelError> {
             6.3,
             10.0,
         ),
-        ("the same, 20 m/s", "contact time, free racket, 20 m/s", "strings deflect, free racket, 20 m/s", 0.813, 4.5, 13.1, 20.0),
-        ("the same, 30 m/s", "contact time, free racket, 30 m/s", "strings deflect, free racket, 30 m/s", 0.785, 4.2, 19.6, 30.0),
-        ("the same, 35 m/s", "contact time, free racket, 35 m/s", "strings deflect, free racket, 35 m/s", 0.774, 4.0, 22.6, 35.0),
-        ("the same, 40 m/s", "contact time, free racket, 40 m/s", "strings deflect, free racket, 40 m/s", 0.763, 3.9, 25.5, 40.0),
+        ("restitution, free racket, 20 m/s", "contact time, free racket, 20 m/s", "strings deflect, free racket, 20 m/s", 0.813, 4.5, 13.1, 20.0),
+        ("restitution, free racket, 30 m/s", "contact time, free racket, 30 m/s", "strings deflect, free racket, 30 m/s", 0.785, 4.2, 19.6, 30.0),
+        ("restitution, free racket, 35 m/s", "contact time, free racket, 35 m/s", "strings deflect, free racket, 35 m/s", 0.774, 4.0, 22.6, 35.0),
+        ("restitution, free racket, 40 m/s", "contact time, free racket, 40 m/s", "strings deflect, free racket, 40 m/s", 0.763, 3.9, 25.5, 40.0),
     ] {
         let r = head_on(frame(), &[("mu", 0.0)], speed, -0.225)?;
         lines.add(e_name, ("0.758-0.885 (Hatze 1993)", Some([0.758, 0.885])), e, restitution(&r, -0.225, speed), "");

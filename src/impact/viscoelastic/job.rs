@@ -4,6 +4,7 @@ use super::kernel::{ATTITUDE, LEDGER, MODE, PLAIN, POSITION, RATE, SPIN, STRINGS
 use super::laws::{Constants, Laws};
 use super::number::{Number, Three, cross, dot, each, minus, plus, times};
 use crate::impact::input::{ImpactInput, ImpactOutput};
+use crate::impact::real::Real;
 use crate::impact::rigid::Contact;
 
 /// One impact ready to be stepped.
@@ -45,7 +46,7 @@ impl<const S: usize> Job<S> {
 }
 
 /// The columns of [`crate::impact_table::INPUTS`] that a contact starts from: all but the mount's torque.
-pub(super) fn columns(input: &ImpactInput) -> [f64; 14] {
+pub(super) fn columns<T: Real>(input: &ImpactInput<T>) -> [T; 14] {
     let all = input.as_columns();
     std::array::from_fn(|i| all[i])
 }

@@ -4,6 +4,7 @@ use super::contact_laws::{BallLaw, ContactLaws, FrictionDirection, NormalForce, 
 use super::kernel::DEEPEST;
 use super::number::{Number, side_by_side};
 use crate::impact::body::Body;
+use crate::impact::real::Real;
 
 side_by_side! {
     /// Bodies and contact laws of one impact. Effects change it before the impact is stepped.
@@ -143,12 +144,13 @@ impl<T: Number> Laws<T> {
 /// N s/m: a twentieth of the seed value.
 const LEAST_STRING_DAMPING: f64 = 0.1;
 
-impl Laws {
+impl<T: Real> Laws<T> {
     /// Values of the base's 14 parameters, in the order of [`crate::impact::Base::parameters`], and the body.
-    pub(crate) fn new(p: &[f64], body: &Body, stiffness_from_tension: bool, laws: &ContactLaws) -> Self {
+    pub(crate) fn new(p: &[T], body: &Body<T>, stiffness_from_tension: bool, laws: &ContactLaws) -> Self {
+        let flag = |on: bool| T::constant(if on { 1.0 } else { 0.0 });
         Laws {
             ball_mass: body.ball_mass,
-            ball_radius: body.ball_radius,
+            ball_radius: T::constant(body.ball_radius),
             ball_inertia: body.ball_inertia,
             racket_mass: body.racket_mass,
             inertia_x: body.racket_inertia.x,
@@ -160,40 +162,53 @@ impl Laws {
             a_c: p[3],
             beta_c: p[4],
             c_b0: p[5],
-            onset: if laws.ball == BallLaw::Goodwill { 1.0 } else { 0.0 },
-            by_displacement: if laws.release == Release::Displacement { 1.0 } else { 0.0 },
-            flux: if laws.ball == BallLaw::Goodwill { 1.0 } else { 0.0 },
-            flux_offset: if laws.normal_force == NormalForce::Haake { 1.0 } else { 0.0 },
-            k_s0: if stiffness_from_tension { stringbed_stiffness(body.tension_lb) } else { p[6] },
+            onset: flag(laws.ball == BallLaw::Goodwill),
+            by_displacement: flag(laws.release == Release::Displacement),
+            flux: flag(laws.ball == BallLaw::Goodwill),
+            flux_offset: flag(laws.normal_force == NormalForce::Haake),
+            // A derivative by `kS0` is that by the stiffness itself, wherever its value comes from.
+            k_s0: if stiffness_from_tension { p[6] - p[6].value() + stringbed_stiffness(body.tension_lb) } else { p[6] },
             k_s2: p[7],
             c_s: p[8],
             mu: p[9],
-            projected: if laws.friction_direction == FrictionDirection::Projected { 1.0 } else { 0.0 },
+            projected: flag(laws.friction_direction == FrictionDirection::Projected),
             lambda_r: p[10],
             kappa_i: p[11],
-            edge_x: 0.0,
-            edge_y: 0.0,
+            edge_x: T::zero(),
+            edge_y: T::zero(),
             com_x: body.com_x,
             k_tx: p[12],
             k_ty: p[12],
             c_t: p[13],
-            normal_offset: 0.0,
-            tilt_x: 0.0,
-            tilt_y: 0.0,
-            grip: 0.0,
-            twist_start: 0.0,
-            drive_force: 0.0,
-            drive_torque: 0.0,
-            mode_shape: 0.0,
-            mode_mass: 0.0,
-            mode_rate: 0.0,
-            mode_damping: 0.0,
-            torsion_shape: 0.0,
-            torsion_inertia: 0.0,
-            torsion_rate: 0.0,
+            normal_offset: T::zero(),
+            tilt_x: T::zero(),
+            tilt_y: T::zero(),
+            grip: T::zero(),
+            twist_start: T::zero(),
+            drive_force: T::zero(),
+            drive_torque: T::zero(),
+            mode_shape: T::zero(),
+            mode_mass: T::zero(),
+            mode_rate: T::zero(),
+            mode_damping: T::zero(),
+            torsion_shape: T::zero(),
+            torsion_inertia: T::zero(),
+            torsion_rate: T::zero(),
         }
     }
 
+    /// The massless strings need a damper at first touch, or their velocity is undefined: where the ball's own grows in from
+    /// nothing, at least [`LEAST_STRING_DAMPING`] acts. Effects cannot take more damping away than there is.
+    pub(crate) fn keep_strings_damped(&mut self) {
+        let least = if self.onset.value() > 0.0 || self.c_b0.value() <= 0.0 { LEAST_STRING_DAMPING } else { 0.0 };
+        // Not `max`: that would turn NaN into a number.
+        if self.c_s.value() < least {
+            self.c_s = T::constant(least);
+        }
+    }
+}
+
+impl Laws {
     /// Whether both have the same parts: sideways springs, frame modes.
     pub(crate) fn has_parts_of(&self, other: &Laws) -> bool {
         let parts = |l: &Laws| [l.k_tx > 0.0, l.k_ty > 0.0, l.mode_mass > 0.0, l.torsion_inertia > 0.0];
@@ -203,16 +218,6 @@ impl Laws {
     /// True when stiffening and damping grow with squares: no powers to take.
     pub(super) fn has_square_powers(&self) -> bool {
         self.alpha == 2.0 && self.beta_c == 2.0
-    }
-
-    /// The massless strings need a damper at first touch, or their velocity is undefined: where the ball's own grows in from
-    /// nothing, at least [`LEAST_STRING_DAMPING`] acts. Effects cannot take more damping away than there is.
-    pub(crate) fn keep_strings_damped(&mut self) {
-        let least = if self.onset > 0.0 || self.c_b0 <= 0.0 { LEAST_STRING_DAMPING } else { 0.0 };
-        // Not `max`: that would turn NaN into a number.
-        if self.c_s < least {
-            self.c_s = least;
-        }
     }
 
     /// True when the short kernel describes the impact: no effect beyond the plain base, powers of 2.

@@ -30,4 +30,4 @@ pub use run::{Ledger, Moment, Run};
 
 pub(crate) use lanes::{DEFAULT_STEPS, Ready, collide_all};
 pub(crate) use run::{RUN_STEPS, run};
-pub(crate) use tangent::{DERIVATIVE_STEPS, Slope, differentiate};
+pub(crate) use tangent::{DERIVATIVE_STEPS, differentiate};

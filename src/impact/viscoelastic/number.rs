@@ -253,19 +253,15 @@ macro_rules! side_by_side {
                 $(self.$field.set_lane(i, one.$field);)*
             }
 
-            /// One impact's record with its derivatives in up to `N` directions.
-            pub(super) fn with_slopes<const N: usize>(one: &$name, slopes: &[$name]) -> $name<$crate::impact::dual::Dual<N>> {
-                $name {
-                    $($field: $crate::impact::dual::Dual {
-                        value: one.$field,
-                        slope: std::array::from_fn(|k| slopes.get(k).map_or(0.0, |s| s.$field)),
-                    },)*
-                }
+            /// One impact's record as constants among dual numbers.
+            pub(super) fn in_dual<const N: usize>(one: &$name) -> $name<$crate::impact::dual::Dual<N>> {
+                $name { $($field: $crate::impact::dual::Dual::constant(one.$field),)* }
             }
 
-            /// Two impacts' records, number by number.
-            pub(crate) fn combine(a: &$name, b: &$name, with: impl Fn(f64, f64) -> f64) -> $name {
-                $name { $($field: with(a.$field, b.$field),)* }
+            /// All numbers, in the record's order.
+            #[cfg(test)]
+            pub(crate) fn numbers(&self) -> Vec<T> {
+                vec![$(self.$field),*]
             }
 
             /// The other's numbers where the mask holds.

@@ -9,44 +9,32 @@ use super::kernel::{Mode, Signs, WHOLE, rates};
 use super::lane::vanishing;
 use super::lanes::{Ready, step_all};
 use super::laws::Laws;
-use crate::impact::dual::Dual;
+use crate::impact::dual::{Dual, TOGETHER, Tangent};
 use crate::impact::error::ModelError;
 use crate::impact::input::{ImpactInput, ImpactOutput};
-
-/// Directions of one pass: what fits two registers.
-const TOGETHER: usize = 8;
 
 /// Steps of about this many to a contact give derivatives good to 1e-4 of their typical size, mostly far better: a kink's place
 /// errs by more than the outcome does.
 pub(crate) const DERIVATIVE_STEPS: f64 = 600.0;
 
-/// How a contact's start and laws change in one direction.
-pub(crate) struct Slope {
-    /// Of the input at the true centre of mass; the mount's torque acts through the laws.
-    pub input: ImpactInput,
-    pub laws: Laws,
-}
-
-/// The outcome and its derivative in each direction.
+/// The outcome, and the same with derivatives for each of `variations`: start at the true centre of mass and laws in dual numbers.
 ///
 /// # Errors
 /// As [`super::run`].
-pub(crate) fn differentiate(ready: &Ready, steps: f64, slopes: &[Slope]) -> Result<(ImpactOutput, Vec<[f64; 13]>), ModelError> {
+pub(crate) fn differentiate(
+    ready: &Ready,
+    steps: f64,
+    variations: &[(ImpactInput<Tangent>, Laws<Tangent>)],
+) -> Result<(ImpactOutput, Vec<ImpactOutput<Tangent>>), ModelError> {
     let job = Job::<WHOLE>::new(&ready.at, &ready.laws, steps);
     let mut course: Vec<Step> = Vec::new();
     let mut observe = |taken: &super::lanes::Taken<WHOLE>| course.push(Step { length: taken.step, mode: taken.mode, stops: taken.stops, kink: taken.kink });
     let end = step_all::<f64, WHOLE, false>(0.0, std::slice::from_ref(&job), Some(&mut observe)).pop().unwrap_or(Err(ModelError::NotFinite))?;
-    let mut rows = Vec::with_capacity(slopes.len());
-    for some in slopes.chunks(TOGETHER) {
-        let laws: Vec<Laws> = some.iter().map(|s| s.laws).collect();
-        let inputs: Vec<[f64; 14]> = some.iter().map(|s| columns(&s.input)).collect();
-        let at = columns(&ready.at.input);
-        let start = std::array::from_fn(|i| Dual { value: at[i], slope: std::array::from_fn(|k| inputs.get(k).map_or(0.0, |c| c[i])) });
-        let dual = Job::<WHOLE, Dual<TOGETHER>>::starting(&start, Laws::<f64>::with_slopes(&ready.laws, &laws), job.side, job.step);
-        let outcome = pulp::Arch::new().dispatch(Replay { job: &dual, course: &course, time: end.time });
-        rows.extend((0..some.len()).map(|k| outcome.map(|o| o.slope[k])));
-    }
-    Ok((job.output(&end), rows))
+    let vary = |(input, laws): &(ImpactInput<Tangent>, Laws<Tangent>)| {
+        let dual = Job::<WHOLE, Tangent>::starting(&columns(input), *laws, job.side, job.step);
+        ImpactOutput::from_columns(&pulp::Arch::new().dispatch(Replay { job: &dual, course: &course, time: end.time }))
+    };
+    Ok((job.output(&end), variations.iter().map(vary).collect()))
 }
 
 /// One step of the plain run.
@@ -57,17 +45,15 @@ struct Step {
     kink: Option<usize>,
 }
 
-type D = Dual<TOGETHER>;
-
 /// The steps once more; with the widest registers at hand for the slopes.
 struct Replay<'a> {
-    job: &'a Job<WHOLE, D>,
+    job: &'a Job<WHOLE, Tangent>,
     course: &'a [Step],
     time: f64,
 }
 
 impl pulp::NullaryFnOnce for Replay<'_> {
-    type Output = [D; 13];
+    type Output = [Tangent; 13];
 
     #[inline(always)]
     fn call(self) -> Self::Output {
@@ -75,7 +61,7 @@ impl pulp::NullaryFnOnce for Replay<'_> {
         let mut s = job.state;
         let mut ends = Dual::constant(time);
         for step in course {
-            let mode = Mode::<f64>::with_slopes(&step.mode, &[]);
+            let mode = Mode::<f64>::in_dual(&step.mode);
             // Classical Runge-Kutta: weight of each stage, and how far along its rates the next one stands.
             let (mut sum, mut at) = ([Dual::constant(0.0); WHOLE], s);
             for (weight, next) in [(1.0, 0.5), (2.0, 0.5), (2.0, 1.0), (1.0, 0.0)] {
@@ -105,7 +91,7 @@ impl pulp::NullaryFnOnce for Replay<'_> {
 
 /// Moves a state to where its kink is, and says how much later that comes, per unit of each direction.
 #[inline(never)]
-fn shift(job: &Job<WHOLE, D>, kind: usize, step: &Step, mode: &Mode<D>, s: &mut [D; WHOLE]) -> [f64; TOGETHER] {
+fn shift(job: &Job<WHOLE, Tangent>, kind: usize, step: &Step, mode: &Mode<Tangent>, s: &mut [Tangent; WHOLE]) -> [f64; TOGETHER] {
     let (rate, signs) = rates(s, &job.laws, &job.constants, mode);
     let later = delay(job, kind, step, s, &rate, &signs);
     for j in 0..WHOLE {
@@ -117,13 +103,13 @@ fn shift(job: &Job<WHOLE, D>, kind: usize, step: &Step, mode: &Mode<D>, s: &mut 
 }
 
 /// How much later a kink comes, per unit of each direction.
-fn delay(job: &Job<WHOLE, D>, kind: usize, step: &Step, s: &[D; WHOLE], rate: &[D; WHOLE], signs: &Signs<D>) -> [f64; TOGETHER] {
+fn delay(job: &Job<WHOLE, Tangent>, kind: usize, step: &Step, s: &[Tangent; WHOLE], rate: &[Tangent; WHOLE], signs: &Signs<Tangent>) -> [f64; TOGETHER] {
     let by_displacement = job.laws.by_displacement.value > 0.0;
     let watched = vanishing(kind, by_displacement, &step.mode, signs);
     // How fast it passes: its slope along the rates.
     let along: [Dual<1>; WHOLE] = std::array::from_fn(|j| Dual { value: s[j].value, slope: [rate[j].value] });
-    let laws = Laws::<f64>::with_slopes::<1>(&job.laws.lane(0), &[]);
-    let passing = rates(&along, &laws, &laws.constants(), &Mode::<f64>::with_slopes(&step.mode, &[])).1;
+    let laws = Laws::<f64>::in_dual::<1>(&job.laws.lane(0));
+    let passing = rates(&along, &laws, &laws.constants(), &Mode::<f64>::in_dual(&step.mode)).1;
     let speed = vanishing(kind, by_displacement, &step.mode, &passing).slope[0];
     if speed == 0.0 { [0.0; TOGETHER] } else { watched.slope.map(|g| -g / speed) }
 }

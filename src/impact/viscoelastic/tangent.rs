@@ -67,12 +67,12 @@ impl pulp::NullaryFnOnce for Replay<'_> {
             for (weight, next) in [(1.0, 0.5), (2.0, 0.5), (2.0, 1.0), (1.0, 0.0)] {
                 let rate = rates(&at, &job.laws, &job.constants, &mode).0;
                 for j in 0..WHOLE {
-                    sum[j] = sum[j] + rate[j] * weight;
+                    sum[j] += rate[j] * weight;
                     at[j] = s[j] + rate[j] * (next * step.length);
                 }
             }
             for j in 0..WHOLE {
-                s[j] = s[j] + sum[j] * (step.length / 6.0);
+                s[j] += sum[j] * (step.length / 6.0);
             }
             if let Some(kind) = step.kink {
                 let later = shift(job, kind, step, &mode, &mut s);

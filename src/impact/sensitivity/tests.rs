@@ -204,6 +204,8 @@ fn agrees_expressions_with_differences() {
         ("friction", "friction + k * 0.2 * sign(impact_y) * ln(1 + hypot(slip_x, slip_y) / 10)"),
         ("torque_arm_x", "0.002 * k * sin(spin_ratio) + 0.01 * atan2(impact_y, half_width)"),
         ("tangential_restitution_y", "k * atan(obliqueness) * effective_mass / racket_mass"),
+        ("tangential_restitution_diagonal", "k + 0.1 * tangential_restitution_antidiagonal"),
+        ("impulse_antidiagonal", "impulse_antidiagonal * (1 + 0.3 * k)"),
         ("swing_inertia", "swing_inertia * (1 + 0.3 * k * tan(impact_x / half_length))"),
         ("hand_mass", "0.1 * k * (1 + order / 100)"),
         ("impulse_y", "impulse_y * (1 + k * spin_across / 500) + 0.001 * k * normal_impulse"),

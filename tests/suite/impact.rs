@@ -147,6 +147,8 @@ fn law_every_name_of_the_contract_has_a_complete_card() {
         assert!(!card.confused_with.is_empty());
         for other in card.confused_with {
             assert!(CONTRACT_NAMES.contains(other) && *other != card.name, "{}: confused with {other}", card.name);
+            let back = catalogue().iter().find(|c| c.name == *other).unwrap();
+            assert!(back.confused_with.contains(&card.name), "{other} does not name {} as {0} names it", card.name);
         }
         for p in card.parameters {
             assert!(p.min < p.max && (p.min..=p.max).contains(&p.default) && p.typical > 0.0, "{}.{}", card.name, p.name);

@@ -18,7 +18,7 @@ pub(super) static CARD: EffectCard = EffectCard {
     ],
     source: "Miller and Messner 2003 (0.575 at 20 m/s, 0.40 at 45 m/s on a rigid wall); visco-elastic model on strings: e = 0.925 - 0.0257 sqrt(v_n)",
     signature: "Rebound speed falls below the model as the approach speed rises; no dependence on position, angle or spin.",
-    confused_with: &["string-stiffening", "momentum-flux", "ball-stiffening", "ball-wear", "air-flight"],
+    confused_with: &["string-stiffening", "momentum-flux", "ball-stiffening", "ball-wear", "air-flight", "string-tension", "string-damping"],
     separated_by: "contact time against approach speed; rebound of the same balls from a rigid wall at two speeds",
     bases: Bases { rigid: "as given", viscoelastic: "damping c_B multiplied by 1 + fall / 0.13 x (area law)" },
     effect: &BallDamping,

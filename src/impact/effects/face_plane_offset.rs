@@ -21,7 +21,7 @@ pub(super) static CARD: EffectCard = EffectCard {
     source: "thesis 4.4 and 5.5 (markers around the frame)",
     signature: "Impact position off in proportion to the tangent of the incidence; a tilt bends every exit direction the same way over \
                 the whole face.",
-    confused_with: &["string-tilt", "ball-centre-bias", "finite-contact"],
+    confused_with: &["string-tilt", "ball-centre-bias", "finite-contact", "camera-skew"],
     separated_by: "impact dye on the strings; balls at opposite incidence",
     bases: Bases { rigid: "acts on the observation", viscoelastic: "acts on the observation" },
     effect: &FacePlaneOffset,

@@ -17,7 +17,7 @@ pub(super) static CARD: EffectCard = EffectCard {
     ],
     source: "thesis 2.7.3, eq 2.33 (compression only); 15 % of the energy at 7 m/s and 32 % at 30 m/s on a rigid wall",
     signature: "Rebound speed lower, slightly more so at high speed, alike over the whole face; nothing tangential.",
-    confused_with: &["ball-damping", "string-damping", "string-stiffening"],
+    confused_with: &["ball-damping", "string-damping", "string-stiffening", "ball-stiffening"],
     separated_by: "the early part of the force-time curve; low- and high-speed rebound from a rigid wall",
     bases: Bases { rigid: "as given", viscoelastic: "the momentum-flux force c_M of the base multiplied by 1 + share / 0.15" },
     effect: &MomentumFlux,

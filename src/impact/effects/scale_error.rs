@@ -15,7 +15,7 @@ pub(super) static CARD: EffectCard = EffectCard {
     parameters: &[ParameterCard::strength("scale", "", "relative error of lengths", 0.005, (-0.2, 0.2), 0.005)],
     source: "thesis chapter 3 (square size off by 0.8 to 1 %)",
     signature: "Residuals of the velocities in proportion to speed while spins agree; the ratio of spin change to velocity change is off by -scale.",
-    confused_with: &["time-base-error", "ball-centre-bias", "racket-inertia"],
+    confused_with: &["time-base-error", "ball-centre-bias", "racket-inertia", "string-tension", "string-damping", "air-flight"],
     separated_by: "known distances between markers, the ball's diameter, gravity in free flight",
     bases: Bases { rigid: "acts on the observation", viscoelastic: "acts on the observation" },
     effect: &ScaleError,

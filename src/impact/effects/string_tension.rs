@@ -18,7 +18,7 @@ pub(super) static CARD: EffectCard = EffectCard {
     source: "Cross and Bower (tension loss); visco-elastic model: +0.013 in the apparent restitution at 40 lb against 60, -0.008 at 70",
     signature: "All rebounds faster (or slower) by nearly the same share, slightly less at high speed; longer (shorter) contact; no \
                 dependence on position.",
-    confused_with: &["string-damping", "ball-damping", "scale-error"],
+    confused_with: &["string-damping", "ball-damping", "scale-error", "ball-wear"],
     separated_by: "contact time; a static push on the stringbed",
     bases: Bases { rigid: "as given; nearly the restitution itself, so seen only through its weak dependence on speed", viscoelastic: "stringbed stiffness kS0 + 600 N/m per lb" },
     effect: &StringTension,

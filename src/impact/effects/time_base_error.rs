@@ -17,7 +17,7 @@ pub(super) static CARD: EffectCard = EffectCard {
     ],
     source: "elementary; thesis chapter 3",
     signature: "Velocities and spins of the same impact scale together; positions agree, contact times scale inversely.",
-    confused_with: &["scale-error"],
+    confused_with: &["scale-error", "air-flight"],
     separated_by: "gravity in free flight goes with the square; a flashing light of known rate",
     bases: Bases { rigid: "acts on the observation; the impulse laws have no time scale, so a table in base rigid shows it only through speed-dependent effects", viscoelastic: "acts on the observation" },
     effect: &TimeBaseError,

@@ -25,7 +25,7 @@ fn cli_explore_writes_every_study() {
     sweetspot(folder.path(), &["--out", ".", "explore", "models"]);
     sweetspot(folder.path(), &["--out", ".", "explore", "findings", "--racket", "racket.toml", "--shots", "200"]);
     for (name, needles) in [
-        ("published", &["Miller and Messner", "frame mode at 180 Hz", "Brody's rebound", "Wimbledon"][..]),
+        ("published", &["Miller and Messner", "frame mode at 180 Hz", "rebound, e 0.84", "Wimbledon"][..]),
         ("models", &["Kelvin-Voigt", "squeezed flat", "Haake"][..]),
         ("findings", &["Three findings", "Chopping makes spin", "Ball speed", "Launch angle", "String tension", "Grip: speed"][..]),
     ] {

@@ -115,7 +115,7 @@ impl SensitivityModel {
         for n in 0..INPUTS.len() + self.neighbours.len() {
             let (outcome, spare) = &outcomes[n / TOGETHER];
             let row: Column = outcome.as_columns().map(|c| c.map_or(0.0, |d| d.slope[n % TOGETHER]));
-            let at_edge = spare.value.abs() <= AT_EDGE * self.scale(n) * spare.slope[n % TOGETHER].abs();
+            let at_edge = spare.value.abs() < AT_EDGE * self.scale(n) * spare.slope[n % TOGETHER].abs();
             let none = appears.contains(&n) || !row.iter().all(|d| d.is_finite());
             if at_edge || none {
                 edges.push(self.name(n).to_owned());

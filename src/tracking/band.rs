@@ -220,7 +220,9 @@ fn fit_in(pixels: &mut BandPixels, image: &GreyView, band: &BandView, shape: &Ba
         for (level, change) in levels.iter_mut().zip(step.iter().skip(2)) {
             *level += change;
         }
-        let [white, black, ..] = *levels;
+        let black = levels[1];
+        // The white as seen: its level where it is level, and what the shading adds on the mean of its pixels.
+        let white = [0, 6, 7].into_iter().map(|k| levels[k] * jtj[(2, 2 + k)]).sum::<f64>() / jtj[(2, 2)].max(1e-9);
         if (t0 - start.0).abs() > white_half + 2.0 || (s0 - start.1).abs() > band.radius_px + 1.5 {
             return None;
         }

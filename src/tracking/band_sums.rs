@@ -166,6 +166,18 @@ fn round(p: &mut BandPixels, m: &BandModel) -> BandSums {
 
     let (erf_a, erf_b, erf_c, erf_e) = (&erf[..n], &erf[n..2 * n], &erf[2 * n..3 * n], &erf[3 * n..4 * n]);
     let (bell_a, bell_b, bell_c, bell_e) = (&bell[..n], &bell[n..2 * n], &bell[2 * n..3 * n], &bell[3 * n..4 * n]);
+    // A pixel astride the tube's side shows the tube's part of what the lens spreads over it: the mean of a normal curve cut off at
+    // both sides lies farther inside. Its place in radii, and by how much less that moves than the pixel.
+    let narrowing = &mut *pull;
+    let (sigma, unit) = (std::f32::consts::FRAC_1_SQRT_2 / blur, 1.0 / std::f32::consts::TAU.sqrt());
+    for i in 0..n {
+        let tube = (0.5 * (erf_c[i] - erf_e[i])).max(1e-3);
+        let lean = (bell_e[i] - bell_c[i]) * unit / tube;
+        let spread = ((radius - s[i]) * bell_e[i] + (radius + s[i]) * bell_c[i]) * unit / (sigma * tube);
+        narrowing[i] = (1.0 - spread - lean * lean).clamp(0.0, 1.0);
+        q[i] = ((s[i] - sigma * lean) * across).clamp(-1.0, 1.0);
+        depth[i] = (1.0 - q[i] * q[i]).sqrt();
+    }
     let (shifts, of_levels) = columns.split_at_mut(2 * n);
     let mut of_levels = of_levels.chunks_exact_mut(n);
     let mut next = || of_levels.next().unwrap_or_default();
@@ -226,7 +238,7 @@ fn round(p: &mut BandPixels, m: &BandModel) -> BandSums {
             }
             for i in 0..n {
                 let on_tube = if q[i].abs() < 1.0 { 1.0 } else { 0.0 };
-                across_shift[i] += on_tube * (l[7] * q[i] / depth[i].max(0.3) - l[6]) * across * white[i];
+                across_shift[i] += on_tube * (l[7] * q[i] / depth[i].max(0.3) - l[6]) * narrowing[i] * across * white[i];
             }
             0
         }

@@ -105,6 +105,9 @@ pub fn track_shot(source: &impl FrameSource, setup: &ShotSetup, cancel: &AtomicB
     let start = shot.turn_throat(start)?;
     let (mut racket, prints) = shot.follow_racket(&start)?;
     shot.stale = recording::repeated(&prints);
+    for (stale, still) in shot.stale.iter_mut().zip(racket_track::stood_still(&racket)) {
+        *stale = [stale[0] || still[0], stale[1] || still[1]];
+    }
     let mut notes = recording::notes(source, &shot.stale);
     let means = recording::mean_greys(&prints, |index, camera| shot.mean_grey(index, camera));
     for (index, stale) in shot.stale.iter_mut().enumerate() {

@@ -34,4 +34,5 @@ mod tracking;
 mod tracking_errors;
 mod tracking_export;
 mod tracking_faults;
+mod tracking_identity;
 mod validation;

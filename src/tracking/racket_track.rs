@@ -280,17 +280,24 @@ const STILL_PX: (f64, f64) = (0.3, 1.0);
 /// Pictures in which the racket stands still for one frame although the other camera sees it move: the recorder stored an earlier
 /// picture once more (a picture that was coded anew need not be equal byte by byte). By index and camera.
 pub fn stood_still(frames: &[Option<RacketFrame>]) -> Vec<[bool; 2]> {
-    // Median motion of the bands in one picture since the frame before.
-    let motion = |i: usize, camera: usize| {
-        let (a, b) = (frames.get(i.checked_sub(1)?)?.as_ref()?, frames.get(i)?.as_ref()?);
+    // Median motion of the bands in one camera's picture from one frame to another.
+    let motion = |from: usize, to: usize, camera: usize| {
+        let (a, b) = (frames.get(from)?.as_ref()?, frames.get(to)?.as_ref()?);
         let both = a.points[camera].iter().zip(&b.points[camera]).filter_map(|(a, b)| Some(((*b)?.uv - (*a)?.uv).norm()));
         let mut moved: Vec<f64> = both.collect();
         moved.sort_by(f64::total_cmp);
         (moved.len() >= 2).then(|| moved[moved.len() / 2])
     };
-    let moves = |i: usize, camera: usize| motion(i, camera).is_some_and(|m| m > STILL_PX.1);
+    // The two pictures of such a frame do not fit together, so that either camera's bands may be left out in it.
+    let sees_it_move = |i: usize, camera: usize| match motion(i - 1, i, camera) {
+        Some(m) => m > STILL_PX.1,
+        None => motion(i - 1, i + 1, camera).is_some_and(|m| m > 2.0 * STILL_PX.1),
+    };
     let still = |i: usize, camera: usize| {
-        motion(i, camera).is_some_and(|m| m < STILL_PX.0) && moves(i, 1 - camera) && (moves(i.wrapping_sub(1), camera) || moves(i + 1, camera))
+        i > 0
+            && motion(i - 1, i, camera).is_some_and(|m| m < STILL_PX.0)
+            && sees_it_move(i, 1 - camera)
+            && (motion(i, i + 1, camera).is_some_and(|m| m > STILL_PX.1) || i > 1 && motion(i - 2, i - 1, camera).is_some_and(|m| m > STILL_PX.1))
     };
     (0..frames.len()).map(|i| [0, 1].map(|c| still(i, c))).collect()
 }

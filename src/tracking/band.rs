@@ -138,6 +138,13 @@ pub struct BandFit {
 /// Residuals up to this share of the contrast are the model's own (tape not evenly white, pixels of finite size).
 const MISFIT: f64 = 0.1;
 const ROUNDS: usize = 8;
+/// Half the length of a tape seen nearly end-on, px: below the first it is a speck, below the second nothing.
+pub const SPECK_HALF_PX: f64 = 1.2;
+const LEAST_HALF_PX: f64 = 0.3;
+/// Levels from this one on are the white's shading.
+const SHADING: usize = 6;
+/// Surroundings that are looked at on either side of the tube, px.
+const SIDE_PX: f64 = 1.3;
 /// A fit ends when the steps to come are below this, px.
 const SETTLED_PX: f64 = 0.005;
 /// A band this far from where its pixels were gathered is looked at anew, px.
@@ -163,11 +170,14 @@ pub fn fit(image: &GreyView, band: &BandView, shape: &BandShape, start: (f64, f6
 
 fn fit_in(pixels: &mut BandPixels, image: &GreyView, band: &BandView, shape: &BandShape, start: (f64, f64), part: BandPart) -> Option<BandFit> {
     let white_half = shape.white_half_m * band.px_per_m;
-    if white_half < 0.8 || band.radius_px < 0.8 {
-        return None; // end-on: less than two pixels of tape
+    if white_half < LEAST_HALF_PX || band.radius_px < 0.8 {
+        return None; // end-on
     }
+    // Of a speck only the place and the level can be told, not its shading.
+    let stiffness = if white_half < SPECK_HALF_PX { 1e4 } else { 1e-3 };
+    let ridge = |level: usize| if level >= SHADING { stiffness } else { 1e-3 };
     let black_end = white_half + (0.8 * shape.black_m * band.px_per_m).max(1.5);
-    let side = band.radius_px + 2.5;
+    let side = band.radius_px + SIDE_PX;
     let inside = -0.3 * white_half;
     let ends = match part {
         BandPart::Whole => (-black_end, black_end),
@@ -203,14 +213,14 @@ fn fit_in(pixels: &mut BandPixels, image: &GreyView, band: &BandView, shape: &Ba
         let Some(levels) = &mut model.levels else {
             let mut h = jtj.fixed_view::<LEVELS, LEVELS>(2, 2).into_owned();
             for i in 0..LEVELS {
-                h[(i, i)] += 1e-3;
+                h[(i, i)] += ridge(i);
             }
             model.levels = Some(h.cholesky()?.solve(&jtr.fixed_rows::<LEVELS>(2).into_owned()).into());
             continue;
         };
         let mut h = jtj;
         for i in 0..UNKNOWNS {
-            h[(i, i)] += 1e-3;
+            h[(i, i)] += ridge(i.saturating_sub(2));
         }
         let factor = h.cholesky()?;
         let step = factor.solve(&jtr);

@@ -1,6 +1,6 @@
 //! Follows the racket from frame to frame: predicted windows, band fits, one pose from both cameras, honest occlusion.
 
-use super::band::{self, BandFit, BandPart, BandShape, BandView};
+use super::band::{self, BandFit, BandPart, BandShape, BandView, SPECK_HALF_PX};
 use super::racket_figure::RacketFigure;
 use super::racket_pose::{MarkerObservation, RacketPose, View, fit_pose_in};
 use super::track_file::ImagePoint;
@@ -22,6 +22,8 @@ const CONFIRMED_PX: f64 = 1.0;
 const HALF_SEEN_CONTRAST: f64 = 1.6;
 /// It must be this near to where the others say it is, px.
 const HALF_SEEN_SHIFT_PX: f64 = 1.5;
+/// A speck must tell its place this well, px.
+const SPECK_SD_PX: f64 = 0.5;
 /// Misses of the pose, in deviations, beyond which a single point is doubtful.
 const DOUBTFUL: f64 = 3.0;
 /// How far a pose from one camera may be from the predicted one: m (depth from the racket's size: 0.1 px of 80 is 15 mm at
@@ -157,6 +159,12 @@ fn find(scene: &RacketScene, image: &GreyView, pose: &Isometry3<f64>, camera: Ca
     if contrast >= least_contrast {
         let f = band::fit(image, &band, scene.shape, (t, s), BandPart::Whole)?;
         return (f.white - f.black > least_contrast).then_some(f);
+    }
+    // A racket seen edge-on shows the tape at its tip as a speck: fainter than a band, but its place is known from the others.
+    if scene.shape.white_half_m * band.px_per_m < SPECK_HALF_PX {
+        let f = band::fit(image, &band, scene.shape, (0.0, 0.0), BandPart::Whole).filter(|_| reach_px <= 1)?;
+        let sure = f.covariance.trace() < SPECK_SD_PX * SPECK_SD_PX && (f.uv - band.centre).norm() < HALF_SEEN_SHIFT_PX;
+        return (f.white - f.black > least_contrast && sure).then_some(f);
     }
     // The ball or the arm may cover one of the black bands: the other and the white still tell the place, where the pose is known.
     if reach_px > 1 {

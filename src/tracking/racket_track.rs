@@ -219,8 +219,7 @@ fn agree(scene: &RacketScene, fits: &mut Vec<(CameraId, usize, BandFit)>, start:
 /// another shape, light along the tube) shows as misses of the common pose, marker by marker and camera by camera: those deviations
 /// grow until the misses are what they state. A single point that still misses by more than [`DOUBTFUL`]
 /// deviations (another thing touches the band) grows by itself. Where all bands together then miss by less than they state, all
-/// shrink, half of the way: the misses of ten bands that stay the same over a clip are few (14 numbers beyond a pose), and as much
-/// is known beforehand. Every pose is then fitted again.
+/// shrink to what they miss by. Every pose is then fitted again.
 pub fn settle_deviations(view: &View, figure: &RacketFigure, frames: &mut [Option<RacketFrame>]) {
     let misses = |frame: &RacketFrame| -> Vec<(usize, usize, f64)> {
         let miss = |o: &MarkerObservation| {
@@ -263,7 +262,7 @@ pub fn settle_deviations(view: &View, figure: &RacketFigure, frames: &mut [Optio
     }
     let (sum, count) = collect(frames).iter().flatten().filter(|b| b.1 >= 5.0).fold((0.0, 0.0), |(s, n), b| (s + b.0 / b.1, n + 1.0));
     if count > 0.0 && sum < count {
-        let by = (0.5 * (1.0 + sum / count)).sqrt();
+        let by = (sum / count).sqrt().max(LEAST_SHRUNK);
         frames.par_iter_mut().flatten().for_each(|frame| {
             frame.points.iter_mut().flatten().flatten().for_each(|p| p.sd *= by);
             refit(frame);
@@ -280,6 +279,10 @@ pub fn settle_deviations(view: &View, figure: &RacketFigure, frames: &mut [Optio
         }
     });
 }
+
+/// Deviations shrink to no less than this share: what stays the same over a clip are few numbers (20 coordinates of ten bands, of which a
+/// pose takes six), and they may be small by chance.
+const LEAST_SHRUNK: f64 = 0.5;
 
 /// A racket that moves by less than the first in one camera's picture, and by more than the second in the other's and before or
 /// after, px.

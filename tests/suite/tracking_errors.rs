@@ -50,7 +50,8 @@ fn rms(values: &[f64]) -> f64 {
 
 #[test]
 fn truth_deviations_are_what_the_errors_are_and_no_place_on_the_grid_is_preferred() {
-    let all = tracked(Setting::Lab, 501, 3);
+    // What stays the same over a shot are some 14 numbers: the ratio of one shot scatters by 0.19, that of six by 0.08.
+    let all = tracked(Setting::Lab, 501, 6);
     let (mut markers, mut ball, mut by_place) = (Vec::new(), Vec::new(), Vec::new());
     for t in &all {
         let last = t.truth["contact_time"].as_f64().unwrap();
@@ -82,7 +83,7 @@ fn truth_deviations_are_what_the_errors_are_and_no_place_on_the_grid_is_preferre
     }
     // Normalised errors have unit variance within the tracking room's 15 %.
     assert!((0.85..1.15).contains(&rms(&markers)), "markers {} of {}", rms(&markers), markers.len());
-    // The ball's contain 0.05 px by which models of the light differ, more than an evenly lit room shows.
+    // The ball's contain 0.02 px by which whole stretches move between models of the light, more than an evenly lit room shows.
     assert!((0.5..1.15).contains(&rms(&ball)), "ball {} of {}", rms(&ball), ball.len());
     // Errors that follow the place within the pixel, once and twice around: below 0.03 px (a histogram of the fractions shows the
     // same but for points at rest, which fill single tenths by themselves).

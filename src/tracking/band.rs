@@ -236,9 +236,10 @@ fn fit_in(pixels: &mut BandPixels, image: &GreyView, band: &BandView, shape: &Ba
         if (t0 - start.0).abs() > white_half + 2.0 || (s0 - start.1).abs() > band.radius_px + 1.5 {
             return None;
         }
-        // Steps shrink by about the same factor each time: what the next ones would add up to is known.
+        // Steps shrink by about the same factor each time: what the next ones would add up to is known. A factor below a third is not
+        // trusted: on shaded tape the next one is larger (court: markers 0.33 instead of 0.24 mm).
         let size = dt.abs().max(ds.abs());
-        let shrink = if last_step.is_finite() { (size / last_step).min(0.5) } else { 0.5 };
+        let shrink = if last_step.is_finite() { (size / last_step).clamp(0.33, 0.5) } else { 0.5 };
         last_step = size;
         if size * (shrink / (1.0 - shrink)) < SETTLED_PX || round + 1 == ROUNDS {
             let variance = chi / (weight - UNKNOWNS as f64).max(1.0);

@@ -154,9 +154,12 @@ fn one(arguments: &Arguments, session: &Session, shot: &ShotFolder, rig: (&Stere
     let made = track_in_step(&clip, &setup, mode, shell.cancel_flag(), &|n| bar.inc(n as u64));
     bar.finish_and_clear();
     let mut made = made?;
-    let spin = if arguments.no_spin { None } else { Some(spin_of_shot(&made.clip, &setup, &made.tracked.tracks, &made.tracked.points)?) };
-    if let Some(spin) = &spin {
-        refine_ball(&made.clip, &setup, &mut made.tracked, spin)?;
+    let mut spin = None;
+    if !arguments.no_spin {
+        let first = spin_of_shot(&made.clip, &setup, &made.tracked.tracks, &made.tracked.points)?;
+        refine_ball(&made.clip, &setup, &mut made.tracked, &first)?;
+        // The better centres tell the spin better: a drift of the outline looks like a turn.
+        spin = Some(spin_of_shot(&made.clip, &setup, &made.tracked.tracks, &made.tracked.points)?);
     }
     let tracked = &made.tracked;
     let summary = summary(&shot.id, &setup, &made, clip.gap_notes());

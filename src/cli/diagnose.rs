@@ -85,6 +85,9 @@ fn version_name(output: &Path, step: usize) -> PathBuf {
 
 /// A formula must lower the chi-square of the held-out impacts by this much: it was chosen among thousands.
 const WORTH_A_FORMULA: f64 = 14.0;
+/// A further effect must lower it by this much (odds of seven to one on impacts no fit saw): what the first one's form leaves
+/// is imitated in part by some other.
+const WORTH_A_FURTHER_EFFECT: f64 = 4.0;
 
 fn has_formula(model_text: &str) -> bool {
     model_text.contains(&format!("[effects.{FOUND_EFFECT}]"))
@@ -130,8 +133,13 @@ impl Walk<'_> {
             self.shell.say(format_args!("\n--auto, step {}: adding {effect}", step + 1));
             let added = with_effect_added(&text, &effect, &input.files.model)?;
             let (with, with_error) = self.fitted(&added)?;
-            if with_error >= error {
-                let reason = format!("the error on held-out impacts does not fall ({error:.3} to {with_error:.3})");
+            let first_one = diagnosis.recommended == first.recommended;
+            let gain = self.held_out_gain(error, with_error, diagnosis.noise_floor);
+            if with_error >= error || (!first_one && gain < WORTH_A_FURTHER_EFFECT) {
+                let reason = format!(
+                    "the error on held-out impacts {} ({error:.3} to {with_error:.3})",
+                    if with_error >= error { "does not fall" } else { "falls no more than by chance" }
+                );
                 self.shell.say(format_args!("  refused: {reason}"));
                 refused.push(Refusal { effect, reason, heldout_error_before: error, heldout_error_after: with_error });
                 let file = if stages.is_empty() { input.files.model.clone() } else { version_name(output, stages.len()) };
@@ -155,10 +163,8 @@ impl Walk<'_> {
         if let Some(formula) = diagnosis.suggested_expression.as_ref().filter(|_| diagnosis.verdict == Verdict::Unexplained && !has_formula(&text)) {
             let with_formula = format!("{}\n\n{}\n", text.trim_end(), formula.model_file_text.trim_end());
             // A formula that does not go with what is in the model already is left for the user to look at.
-            let cells: usize = observations.side(true).iter().map(|o| o.measured.len()).sum();
-            let gain = |with_error: f64| cells as f64 * (error.powi(2) - with_error.powi(2)) / diagnosis.noise_floor.powi(2);
             if let Ok((with, with_error)) = self.fitted(&with_formula)
-                && gain(with_error) > WORTH_A_FORMULA
+                && self.held_out_gain(error, with_error, diagnosis.noise_floor) > WORTH_A_FORMULA
             {
                 let parent = crate::provenance::sha256_hex(text.as_bytes());
                 self.shell.say(format_args!("\n--auto: adding a formula ({})\n  held-out error {error:.3} -> {with_error:.3}", formula.words));
@@ -181,6 +187,12 @@ impl Walk<'_> {
             ));
         }
         Ok((text, stages))
+    }
+
+    /// Fall of the held-out impacts' chi-square, in units of the noise found.
+    fn held_out_gain(&self, before: f64, after: f64, floor: f64) -> f64 {
+        let cells: usize = self.loaded.observations.side(true).iter().map(|o| o.measured.len()).sum();
+        cells as f64 * (before.powi(2) - after.powi(2)) / floor.powi(2)
     }
 
     /// Writes a version into a file of its own and notes it in the ledger under that name.

@@ -152,11 +152,15 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
     } else {
         None
     };
-    // What neither an effect nor the held-out impacts nor a formula speaks for is chance.
+    // What neither the catalogue nor the held-out impacts nor a formula speaks for is chance.
     let told_by_formula = alone.as_ref().is_some_and(|f| f.log_evidence > CONVINCING && f.suggestion.heldout_error_after < before);
-    let told_otherwise = chosen.is_some() || screening.library_p_value < LIBRARY_LEVEL;
+    let told_otherwise = screening.library_p_value < LIBRARY_LEVEL;
     let smooth = diagnosis.structure.p_value < STRUCTURE_LEVEL;
-    if diagnosis.verdict == Verdict::Unexplained && !told_otherwise && !told_by_formula && (!smooth || is_noise_alone(&held_base, c.sqrt())) {
+    if diagnosis.verdict == Verdict::Unexplained
+        && !told_otherwise
+        && !told_by_formula
+        && (!smooth || is_noise_alone(&held_base, c.sqrt(), diagnosis.structure.residual_freedom))
+    {
         diagnosis.verdict = Verdict::Adequate;
         diagnosis.notes.push(if smooth {
             format!(

@@ -5,11 +5,12 @@
 //! centroid of the visible tape, its covariance and how well the picture agrees.
 
 use super::band_sums::{BandModel, BandPixels, BandSums, LEVELS, UNKNOWNS};
-use super::racket_figure::RacketFigure;
+use super::racket_figure::{RacketFigure, VISIBLE_DEPTH};
 use super::racket_pose::View;
+use super::tape_light::TapeLight;
 use crate::calibration::CameraId;
 use crate::footage::GreyView;
-use nalgebra::{Isometry3, Matrix2, SMatrix, SVector, Vector2};
+use nalgebra::{Isometry3, Matrix2, SMatrix, SVector, Vector2, Vector3};
 use std::cell::RefCell;
 
 /// Lengths of the tape, m, and blur of the picture, px.
@@ -21,12 +22,14 @@ pub struct BandShape {
     pub black_m: f64,
     /// Gaussian blur of the picture (lens, pixel), one standard deviation.
     pub blur_px: f64,
+    /// The light, once it is known.
+    pub light: Option<TapeLight>,
 }
 
 impl Default for BandShape {
     /// Tape of 25 mm, the usual width, black on both sides.
     fn default() -> Self {
-        BandShape { white_half_m: 0.0115, black_m: 0.020, blur_px: 0.65 }
+        BandShape { white_half_m: 0.0115, black_m: 0.020, blur_px: 0.65, light: None }
     }
 }
 
@@ -41,8 +44,13 @@ pub struct BandView {
     pub px_per_m: f64,
     /// Half the tube's width.
     pub radius_px: f64,
+    /// Half the width in which pixels are looked at.
+    pub side_px: f64,
     /// How far the tube's nearest line is moved along the tube, against its axis.
     pub bow_px: f64,
+    /// Unit vectors, global axes: across the tube as in the picture, and from its axis toward the camera.
+    pub sideways: Vector3<f64>,
+    pub upward: Vector3<f64>,
     /// The tube's own bend: across the tube by this times the square of the way along it, 1/px.
     pub bend: f64,
 }
@@ -57,15 +65,32 @@ impl BandView {
         let px_per_m = along.norm();
         let toward = (view.eye(camera) - axis_point).normalize();
         let across = toward.cross(&axis).try_normalize(1e-6)?;
-        let radius_px = (j * across).norm() * figure.tube_radius_m;
+        let radius_px = (j * across).norm() * figure.tube_radius_m[marker];
         let patch = figure.patch_in_global(marker, pose, view.eye(camera)).0;
         let n = (toward - toward.dot(&axis) * axis).try_normalize(1e-6)?;
         let centre = view.project(camera, &patch)?;
         let along = along / px_per_m;
         let inward = j * (pose.rotation * figure.bend[marker]);
         let bend = 0.5 * inward.dot(&Vector2::new(-along.y, along.x)) / (px_per_m * px_per_m);
-        let bow_px = (j * n).dot(&along) * figure.tube_radius_m;
-        (px_per_m > 1e-6 && centre.norm().is_finite()).then_some(BandView { centre, along, px_per_m, radius_px, bow_px, bend })
+        let in_picture = (j * across).dot(&Vector2::new(-along.y, along.x));
+        let sideways = if in_picture < 0.0 { -across } else { across };
+        let bow_px = (j * n).dot(&along) * figure.tube_radius_m[marker];
+        (px_per_m > 1e-6 && centre.norm().is_finite()).then_some(BandView {
+            centre,
+            along,
+            px_per_m,
+            radius_px,
+            side_px: radius_px + SIDE_PX,
+            bow_px,
+            sideways,
+            upward: n,
+            bend,
+        })
+    }
+
+    /// The same band on a tube so many times as wide; the same pixels are looked at.
+    pub fn widened(self, by: f64) -> Self {
+        BandView { radius_px: by * self.radius_px, bow_px: by * self.bow_px, ..self }
     }
 
     /// Unit vector across the tube in the image.
@@ -133,6 +158,16 @@ pub struct BandFit {
     pub black: f64,
     /// Mean square of the residuals, grey levels squared, and how many pixels it is of.
     pub misfit: (f64, f64),
+    /// White: its level, and how it changes across beyond what the light does.
+    white_levels: [f64; 3],
+}
+
+impl BandFit {
+    /// Of the white at a place across (in radii) and its height, against the shade there, grey levels.
+    pub fn brightness(&self, q: f64, up: f64) -> f64 {
+        let [level, lit, raised] = self.white_levels;
+        level + lit * q + raised * (up - VISIBLE_DEPTH)
+    }
 }
 
 /// Residuals up to this share of the contrast are the model's own (tape not evenly white, pixels of finite size).
@@ -143,6 +178,10 @@ pub const SPECK_HALF_PX: f64 = 1.2;
 const LEAST_HALF_PX: f64 = 0.3;
 /// Levels from this one on are the white's shading.
 const SHADING: usize = 6;
+/// With the light known: how unevenly the white may be bright on top of it, as a share of its level (one deviation).
+const EVENNESS: f64 = 0.1;
+/// Residuals count in full up to so many deviations.
+const ROBUST: f64 = 1.5;
 /// Surroundings that are looked at on either side of the tube, px.
 const SIDE_PX: f64 = 1.3;
 /// A fit ends when the steps to come are below this, px.
@@ -177,7 +216,7 @@ fn fit_in(pixels: &mut BandPixels, image: &GreyView, band: &BandView, shape: &Ba
     let stiffness = if white_half < SPECK_HALF_PX { 1e4 } else { 1e-3 };
     let ridge = |level: usize| if level >= SHADING { stiffness } else { 1e-3 };
     let black_end = white_half + (0.8 * shape.black_m * band.px_per_m).max(1.5);
-    let side = band.radius_px + SIDE_PX;
+    let side = band.side_px;
     let inside = -0.3 * white_half;
     let ends = match part {
         BandPart::Whole => (-black_end, black_end),
@@ -192,6 +231,7 @@ fn fit_in(pixels: &mut BandPixels, image: &GreyView, band: &BandView, shape: &Ba
         bow: band.bow_px,
         blur: 1.0 / (shape.blur_px * std::f64::consts::SQRT_2),
         black_end,
+        shade: shape.shade(band),
         levels: None,
         scale: f64::INFINITY,
     };
@@ -222,6 +262,16 @@ fn fit_in(pixels: &mut BandPixels, image: &GreyView, band: &BandView, shape: &Ba
         for i in 0..UNKNOWNS {
             h[(i, i)] += ridge(i.saturating_sub(2));
         }
+        let mut jtr = jtr;
+        if shape.light.is_some() && model.scale.is_finite() {
+            // Beyond the light the white is as bright on one side as on the other, nearly.
+            let noise = model.scale / ROBUST;
+            let prior = (noise / (EVENNESS * levels[0]).abs().max(1.0)).powi(2);
+            for k in SHADING..LEVELS {
+                h[(2 + k, 2 + k)] += prior;
+                jtr[2 + k] -= prior * levels[k];
+            }
+        }
         let factor = h.cholesky()?;
         let step = factor.solve(&jtr);
         let (dt, ds) = (step[0].clamp(-1.0, 1.0), step[1].clamp(-1.0, 1.0));
@@ -231,6 +281,7 @@ fn fit_in(pixels: &mut BandPixels, image: &GreyView, band: &BandView, shape: &Ba
             *level += change;
         }
         let black = levels[1];
+        let white_levels = [levels[0], levels[6], levels[7]];
         // The white as seen: its level where it is level, and what the shading adds on the mean of its pixels.
         let white = [0, 6, 7].into_iter().map(|k| levels[k] * jtj[(2, 2 + k)]).sum::<f64>() / jtj[(2, 2)].max(1e-9);
         if (t0 - start.0).abs() > white_half + 2.0 || (s0 - start.1).abs() > band.radius_px + 1.5 {
@@ -252,12 +303,19 @@ fn fit_in(pixels: &mut BandPixels, image: &GreyView, band: &BandView, shape: &Ba
             let turn = Matrix2::from_columns(&[band.along, band.across()]);
             let covariance = turn * c * turn.transpose();
             let sound = covariance[(0, 0)] > 0.0 && covariance[(1, 1)] > 0.0 && covariance.norm().is_finite();
-            return sound.then_some(BandFit { uv: band.centre + band.along * t0 + band.across() * s0, covariance, white, black, misfit: (variance, weight) });
+            return sound.then_some(BandFit {
+                uv: band.centre + band.along * t0 + band.across() * s0,
+                covariance,
+                white,
+                black,
+                misfit: (variance, weight),
+                white_levels,
+            });
         }
-        // Huber's weights: 1.5 robust deviations (median / 0.6745) keep strings and edges behind from pulling. On a dark
+        // Huber's weights: robust deviations (median / 0.6745) keep strings and edges behind from pulling. On a dark
         // curtain most pixels are black and the median is camera noise alone, so the limit also follows the contrast, with
         // which the model's own misfit grows.
-        model.scale = (1.5 * pixels.median_residual() / 0.6745).max(MISFIT * (white - black)).max(1.0);
+        model.scale = (ROBUST * pixels.median_residual() / 0.6745).max(MISFIT * (white - black)).max(1.0);
     }
     None
 }

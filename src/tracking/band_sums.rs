@@ -6,6 +6,7 @@
 
 use super::octet::{LANES, Octet};
 use super::racket_figure::VISIBLE_DEPTH;
+use super::tape_light::BandShade;
 
 /// Grey levels: white, black, background on either side with its slope along the tube, and how the white brightens across
 /// the tube: linearly (light from the side would otherwise pull the band toward it by up to 0.3 px) and from the edges to
@@ -16,7 +17,7 @@ pub const UNKNOWNS: usize = 2 + LEVELS;
 /// Arrays are filled up to a multiple of this: what a loop over them takes in one step, so that none of them ends one by one.
 pub const STRIDE: usize = 64;
 /// Arrays of one value per pixel: the columns of the design, the columns times their weight, and what leads to them.
-const ARRAYS: usize = 2 * UNKNOWNS + 7 + 12;
+const ARRAYS: usize = 2 * UNKNOWNS + 9 + 12;
 /// Residuals are ranked to this, grey levels.
 const RANK_STEP: f32 = 0.25;
 const RANKS: usize = 256;
@@ -33,6 +34,8 @@ pub struct BandModel {
     /// 1 / (sqrt 2 times the blur), 1/px.
     pub blur: f64,
     pub black_end: f64,
+    /// Light across the tube.
+    pub shade: BandShade,
     /// `None` in the first round, which only finds them.
     pub levels: Option<[f64; LEVELS]>,
     /// Residuals beyond this count less (Huber).
@@ -139,7 +142,9 @@ fn round(p: &mut BandPixels, m: &BandModel) -> BandSums {
     let (q, rest) = rest.split_at_mut(n);
     let (depth, rest) = rest.split_at_mut(n);
     let (weight, rest) = rest.split_at_mut(n);
-    let (pull, _) = rest.split_at_mut(n);
+    let (pull, rest) = rest.split_at_mut(n);
+    let (shade, rest) = rest.split_at_mut(n);
+    let (shade_slope, _) = rest.split_at_mut(n);
 
     let [t0, s0, bend, radius, blur, bow, white_half, mean_depth] =
         [m.middle.0, m.middle.1, m.bend, m.radius, m.blur, m.bow, m.white_half, VISIBLE_DEPTH].map(|v| v as f32);
@@ -178,6 +183,14 @@ fn round(p: &mut BandPixels, m: &BandModel) -> BandSums {
         q[i] = ((s[i] - sigma * lean) * across).clamp(-1.0, 1.0);
         depth[i] = (1.0 - q[i] * q[i]).sqrt();
     }
+    // Light, and its slope across the tube by place in the picture.
+    let [ambient, sideways, up] = [m.shade.ambient, m.shade.across, m.shade.up].map(|v| v as f32);
+    for i in 0..n {
+        let direct = sideways * q[i] + up * depth[i];
+        let on_tube = if q[i].abs() < 1.0 && direct > 0.0 { 1.0 } else { 0.0 };
+        shade[i] = ambient + direct.max(0.0);
+        shade_slope[i] = on_tube * (sideways - up * q[i] / depth[i].max(0.3)) * narrowing[i] * across;
+    }
     let (shifts, of_levels) = columns.split_at_mut(2 * n);
     let mut of_levels = of_levels.chunks_exact_mut(n);
     let mut next = || of_levels.next().unwrap_or_default();
@@ -185,8 +198,8 @@ fn round(p: &mut BandPixels, m: &BandModel) -> BandSums {
     let slope = 1.0 / m.black_end as f32;
     for i in 0..n {
         let (along, tube) = (0.5 * (erf_a[i] - erf_b[i]), 0.5 * (erf_c[i] - erf_e[i]));
-        white[i] = tube * along;
-        black[i] = tube * (1.0 - along);
+        white[i] = tube * along * shade[i];
+        black[i] = tube * (1.0 - along) * shade[i];
     }
     for i in 0..n {
         plus[i] = 0.5 * (1.0 + erf_e[i]);
@@ -224,13 +237,14 @@ fn round(p: &mut BandPixels, m: &BandModel) -> BandSums {
             for i in 0..n {
                 let tube = 0.5 * (erf_c[i] - erf_e[i]);
                 let level = l[0] + l[6] * q[i] + l[7] * (depth[i] - mean_depth);
-                along_shift[i] = tube * (bell_b[i] - bell_a[i]) * unit * (level - l[1]);
+                along_shift[i] = tube * shade[i] * (bell_b[i] - bell_a[i]) * unit * (level - l[1]);
             }
             for i in 0..n {
                 let along = 0.5 * (erf_a[i] - erf_b[i]);
                 let level = l[0] + l[6] * q[i] + l[7] * (depth[i] - mean_depth);
                 let inside = level * along + l[1] * (1.0 - along);
-                across_shift[i] = inside * (bell_e[i] - bell_c[i]) * unit;
+                let tube = 0.5 * (erf_c[i] - erf_e[i]);
+                across_shift[i] = inside * ((bell_e[i] - bell_c[i]) * unit * shade[i] - tube * shade_slope[i]);
             }
             for i in 0..n {
                 let at = t[i] * slope;
@@ -362,8 +376,18 @@ mod tests {
         let places: Vec<(f64, f64)> = (-7..=7).flat_map(|i| (-5..=5).map(move |k| (i as f64 + 0.2, k as f64 - 0.3))).collect();
         // Without bow and slopes of the background, whose small shares the derivatives leave out.
         let levels = [190.0, 30.0, 80.0, 0.0, 70.0, 0.0, 12.0, 20.0];
-        let band =
-            BandModel { middle: (0.4, -0.2), bend: 0.01, white_half: 2.8, radius: 2.4, bow: 0.0, blur: 1.1, black_end: 7.5, levels: Some(levels), scale: 1e9 };
+        let band = BandModel {
+            middle: (0.4, -0.2),
+            bend: 0.01,
+            white_half: 2.8,
+            radius: 2.4,
+            bow: 0.0,
+            blur: 1.1,
+            black_end: 7.5,
+            shade: BandShade { ambient: 0.5, across: 0.3, up: 0.5 },
+            levels: Some(levels),
+            scale: 1e9,
+        };
         let model = |t: f64, s: f64| {
             let mut one = BandPixels::default();
             one.push(t, s, 0);

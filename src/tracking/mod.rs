@@ -33,8 +33,10 @@ mod shot_spin;
 mod shot_tracker;
 mod space_points;
 pub mod spin;
+mod tape_light;
 mod throat;
 mod track_file;
+mod tube_width;
 
 pub use ball_refine::refine_ball;
 pub use ball_track::BallFrame;

@@ -21,7 +21,8 @@ pub struct RacketFigure {
     /// Curvature of the tube's axis at each marker, toward the inside of the bend, 1/m; zero in the throat, whose shape
     /// racket.toml does not tell.
     pub bend: [Vector3<f64>; 5],
-    pub tube_radius_m: f64,
+    /// At each marker.
+    pub tube_radius_m: [f64; 5],
 }
 
 impl RacketFigure {
@@ -31,7 +32,7 @@ impl RacketFigure {
         let r = racket.head.tube_radius_m;
         let (a, b) = (0.5 * racket.head.inner_length_m + r, 0.5 * racket.head.inner_width_m + r);
         let tube = points.map(|p| tube_direction(&p, a, b));
-        Some(RacketFigure { points, tube, bend: points.map(|p| bend(&p, a, b)), tube_radius_m: r })
+        Some(RacketFigure { points, tube, bend: points.map(|p| bend(&p, a, b)), tube_radius_m: [r; 5] })
     }
 
     /// Angle of the tubes at the throat markers from the racket's axis, rad; `None` when no marker lies off the head.
@@ -50,6 +51,14 @@ impl RacketFigure {
         figure
     }
 
+    /// The same figure with the throat's tubes so many times as wide as the head's.
+    pub fn with_throat_width(&self, to_head: f64) -> Self {
+        let mut figure = self.clone();
+        let head = (0..5).find(|k| !self.in_throat().any(|t| t == *k)).map_or(self.tube_radius_m[0], |k| self.tube_radius_m[k]);
+        self.in_throat().for_each(|k| figure.tube_radius_m[k] = head * to_head);
+        figure
+    }
+
     /// Markers between head and shaft, off the racket's axis: the tube's bend is known on the head only.
     pub fn in_throat(&self) -> impl Iterator<Item = usize> {
         (0..self.points.len()).filter(|&k| self.bend[k] == Vector3::zeros() && self.points[k].y != 0.0)
@@ -60,7 +69,7 @@ impl RacketFigure {
     pub fn patch_point(&self, marker: usize, eye: &Point3<f64>) -> (Point3<f64>, Vector3<f64>) {
         let p = self.points[marker];
         let n = toward(&p.coords, &self.tube[marker], &eye.coords);
-        (p + VISIBLE_DEPTH * self.tube_radius_m * n, n)
+        (p + VISIBLE_DEPTH * self.tube_radius_m[marker] * n, n)
     }
 
     /// Global position of the visible tape's centroid for a camera at `eye` (global), and its derivative with respect to
@@ -74,7 +83,7 @@ impl RacketFigure {
         let perpendicular = view - along * axis;
         let length = perpendicular.norm().max(1e-6); // along the tube the patch is a ring's end: no side faces the camera
         let n = perpendicular / length;
-        let depth = VISIBLE_DEPTH * self.tube_radius_m;
+        let depth = VISIBLE_DEPTH * self.tube_radius_m[marker];
         // The axis a turns as ω × a; the change of `view` itself (metres over the camera's distance) is left out. The perpendicular
         // p = v - (v·a) a then changes by -(a vᵀ + (v·a) I)(ω × a), and n = p/|p| by what of that is perpendicular to n; a is.
         let axis_by_rotation = axis.cross_matrix();
@@ -135,7 +144,12 @@ pub(crate) mod tests {
 
     pub(crate) fn figure() -> RacketFigure {
         let points = [[-0.1775, 0.0], [0.0, -0.1375], [0.0, 0.1375], [0.2, -0.045], [0.2, 0.045]].map(|[x, y]| Point3::new(x, y, 0.0));
-        RacketFigure { points, tube: points.map(|p| tube_direction(&p, 0.1775, 0.1375)), bend: points.map(|p| bend(&p, 0.1775, 0.1375)), tube_radius_m: 0.01 }
+        RacketFigure {
+            points,
+            tube: points.map(|p| tube_direction(&p, 0.1775, 0.1375)),
+            bend: points.map(|p| bend(&p, 0.1775, 0.1375)),
+            tube_radius_m: [0.01; 5],
+        }
     }
 
     #[test]
@@ -166,7 +180,7 @@ pub(crate) mod tests {
         let steps = 20_000;
         for i in 0..steps {
             let s = (i as f64 + 0.5) / steps as f64 * 2.0 - 1.0;
-            mean += (Vector3::new(0.0, s, 0.0) + n * (1.0 - s * s).sqrt()) * f.tube_radius_m / steps as f64;
+            mean += (Vector3::new(0.0, s, 0.0) + n * (1.0 - s * s).sqrt()) * f.tube_radius_m[2] / steps as f64;
         }
         assert!((p - f.points[2] - mean).norm() < 1e-7);
     }

@@ -13,8 +13,10 @@ use super::racket_search;
 use super::racket_track::{self, RacketFrame, RacketScene};
 use super::recording::{self, Fingerprint, Fingerprints};
 use super::space_points;
+use super::tape_light::TapeLight;
 use super::throat::ThroatEvidence;
 use super::track_file::{PointState, SpacePoint, Target, TrackPoint, Tracks};
+use super::tube_width::WidthEvidence;
 use crate::calibration::{CameraId, StereoRig};
 use crate::equipment::{Ball, Racket};
 use crate::footage::{FootageError, FrameBuffer, FrameSource, GreyView};
@@ -85,6 +87,10 @@ const LEAST_APPROACH_M: f64 = 0.06;
 const CLEAR_SCORE: f64 = 0.13;
 /// Frames whose pictures are asked for the direction of the throat.
 const THROAT_FRAMES: usize = 8;
+/// The same for its width: the first frame found and those after it.
+const WIDTH_FRAMES: usize = 4;
+/// Rounds in which the light on the tape is found.
+const LIGHT_ROUNDS: usize = 2;
 /// Longest gap in the ball's track that is looked into again, frames.
 const FILLED: f64 = 6.0;
 /// Least share of the usual contrast that still counts as tape.
@@ -102,7 +108,9 @@ pub fn track_shot(source: &impl FrameSource, setup: &ShotSetup, cancel: &AtomicB
     let mut shot = Shot { source, setup, view: &view, figure, shape, focus, cancel, progress, stale: Vec::new(), broken: Mutex::default() };
     let start = shot.acquire_racket()?;
     // One frame tells the throat's direction to a degree or two, and the bands are followed with it; several tell it better.
+    let start = shot.light_tape(start)?;
     let start = shot.turn_throat(start)?;
+    let start = shot.widen_throat(start)?;
     let (mut racket, prints) = shot.follow_racket(&start)?;
     shot.stale = recording::repeated(&prints);
     for (stale, still) in shot.stale.iter_mut().zip(racket_track::stood_still(&racket)) {
@@ -303,19 +311,27 @@ impl<S: FrameSource> Shot<'_, S> {
         Ok((all, prints))
     }
 
+    /// The start with the light as its bands show it.
+    fn light_tape(&mut self, mut start: RacketStart) -> Result<RacketStart, TrackingError> {
+        let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
+        let images = self.read(start.index, &mut buffers)?;
+        // The first time every band tells its own brightness, then what the light leaves over.
+        for _ in 0..LIGHT_ROUNDS {
+            let Some(light) = TapeLight::of(&self.scene(), &images, &start.frame) else { return Ok(start) };
+            let before = self.shape.light.replace(light);
+            let Some(again) = self.confirm(start.index, &images, &start.frame.pose.global_from_racket) else {
+                self.shape.light = before;
+                return Ok(start);
+            };
+            start = again;
+        }
+        Ok(start)
+    }
+
     /// The start with the throat's direction as its pictures show it.
     fn turn_throat(&mut self, start: RacketStart) -> Result<RacketStart, TrackingError> {
         let Some(figure) = self.throat_of(&[(start.index, &start.frame)])? else { return Ok(start) };
-        let before = std::mem::replace(&mut self.figure, figure);
-        let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
-        let images = self.read(start.index, &mut buffers)?;
-        Ok(match self.confirm(start.index, &images, &start.frame.pose.global_from_racket) {
-            Some(again) => again,
-            None => {
-                self.figure = before;
-                start
-            }
-        })
+        self.confirm_with(start, figure)
     }
 
     /// The figure with the throat's direction as the pictures of a few of these frames show it.
@@ -330,6 +346,34 @@ impl<S: FrameSource> Shot<'_, S> {
             evidence.add(&self.scene(), &images, frame);
         }
         Ok(evidence.angle(&self.figure).map(|(angle, _)| self.figure.with_throat(angle)))
+    }
+
+    /// The start with the throat's width as its pictures and the next ones show it.
+    fn widen_throat(&mut self, start: RacketStart) -> Result<RacketStart, TrackingError> {
+        let next = self.follow_racket_one_way(&start, (start.index + 1..self.source.len()).take(WIDTH_FRAMES - 1))?.0;
+        let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
+        let mut evidence = WidthEvidence::default();
+        for (index, frame) in std::iter::once((start.index, &start.frame)).chain(next.iter().map(|(i, f)| (*i, f))) {
+            let rows = CameraId::BOTH.map(|c| self.scene().rows(c, &frame.pose.global_from_racket, 1));
+            let images = self.read_rows(index, rows, &mut buffers)?;
+            evidence.add(&self.scene(), &images, frame);
+        }
+        let wider = self.figure.with_throat_width(evidence.throat_to_head());
+        self.confirm_with(start, wider)
+    }
+
+    /// The start measured once more with another figure, which stays if the bands agree.
+    fn confirm_with(&mut self, start: RacketStart, figure: RacketFigure) -> Result<RacketStart, TrackingError> {
+        let before = std::mem::replace(&mut self.figure, figure);
+        let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
+        let images = self.read(start.index, &mut buffers)?;
+        Ok(match self.confirm(start.index, &images, &start.frame.pose.global_from_racket) {
+            Some(again) => again,
+            None => {
+                self.figure = before;
+                start
+            }
+        })
     }
 
     /// Measures the frames with a stale picture again, from the other camera alone.

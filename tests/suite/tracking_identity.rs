@@ -57,7 +57,7 @@ fn real_markers_keep_their_names_when_five_frames_in_a_row_are_missing_again_and
 }
 
 #[test]
-fn truth_the_tubes_of_the_throat_run_as_they_were_rendered() {
+fn truth_the_tubes_of_the_throat_run_and_are_as_wide_as_they_were_rendered() {
     for setting in [Setting::Lab, Setting::Hard] {
         let folder = tempfile::tempdir().unwrap();
         let sink = |name: &str, bytes: &[u8]| {
@@ -79,5 +79,10 @@ fn truth_the_tubes_of_the_throat_run_as_they_were_rendered() {
         // Measured: 0.4 degrees where black bands stand out from what is behind, 2.2 before a dark curtain, where only the white
         // shows; the tangent to the head, taken where nothing is seen, is 15 degrees off.
         assert!((found - rendered).abs() < 3.0, "{setting:?}: {found} for {rendered} degrees");
+        // They are rendered 0.95 times as wide as the head's, of which racket.toml speaks. Measured: 0.93 to 0.95 in the lab; low
+        // contrast tells little, and then the width stays nearly the head's.
+        let width = made.figure.tube_radius_m[3] / made.figure.tube_radius_m[0];
+        let allowed = if setting == Setting::Lab { 0.92..0.98 } else { 0.92..1.03 };
+        assert!(allowed.contains(&width), "{setting:?}: {width}");
     }
 }

@@ -1,6 +1,6 @@
 //! The ball's disc at a finer spacing than the pixels, and the lens that blurs it into a picture.
 //!
-//! Light and cover change within a pixel (a drawn line is one pixel wide), so the disc is drawn unblurred, about three places per
+//! Light and cover change within a pixel (a drawn line is one pixel wide), so the disc is drawn unblurred, two places per
 //! pixel either way, and blurred by two passes of a normal curve that stands for lens and pixel together. Moving the centre by
 //! part of a pixel needs the second step only, and the derivatives come with it.
 
@@ -11,30 +11,27 @@ use std::ops::Range;
 /// Values at a time; lengths of rows are multiples of it.
 pub const WIDE: usize = 16;
 /// Places of the disc that one pixel sees along a row: plus and minus four deviations of the blur.
-const TAPS: usize = 16;
-/// Places in a pixel for small and large discs: whole numbers, so that all pixels of a row see their places with the same weights.
-const PER_PIXEL: (usize, usize) = (3, 2);
-/// A ball beyond this radius is large, px.
-const LARGE_PX: f64 = 12.0;
+const TAPS: usize = 10;
+/// Places in a pixel: a whole number, so that all pixels of a row see their places with the same weights. The blur is 1.2 places
+/// wide, which leaves nothing of what a finer drawing would add.
+const PER_PIXEL: usize = 2;
 /// Empty places on either side of a row, for pixels that see little or nothing of the ball.
 const MARGIN: usize = 2 * TAPS;
 
 /// Places of one disc and how much of each lies on the ball.
 pub struct BallDisc {
-    /// Places in a pixel.
-    per_pixel: usize,
     /// Rows and columns of the ball's square.
     places: usize,
-    /// A row holds every `per_pixel`-th column after one another, beginning with the first, then with the second, and so on: what
+    /// A row holds every [`PER_PIXEL`]-th column after one another, beginning with the first, then with the second, and so on: what
     /// neighbouring pixels see through one tap stands side by side. Length of each such part.
     part: usize,
     /// Share of each place on the ball.
     pub cover: Vec<f32>,
     /// Index and normal (camera axes) of the places on the ball.
-    pub normals: Vec<(u32, Vector3<f64>)>,
+    pub normals: Vec<(u32, Vector3<f32>)>,
 }
 
-/// How the pixels of a row or column look at the disc: all with the same weights, each `per_pixel` places farther on.
+/// How the pixels of a row or column look at the disc: all with the same weights, each [`PER_PIXEL`] places farther on.
 struct Look {
     /// First place that the first pixel sees.
     from: isize,
@@ -53,38 +50,44 @@ pub struct Blurred {
 
 impl BallDisc {
     pub fn new(radius_px: f64) -> Self {
-        let per_pixel = if radius_px < LARGE_PX { PER_PIXEL.0 } else { PER_PIXEL.1 };
-        let spacing = 1.0 / per_pixel as f64;
-        let half = ((radius_px + 1.0) / spacing).ceil() as usize;
+        let spacing = 1.0 / PER_PIXEL as f32;
+        let radius = radius_px as f32;
+        let half = ((radius + 1.0) / spacing).ceil() as usize;
         let places = 2 * half + 1;
-        let part = (places + 2 * MARGIN).div_ceil(per_pixel).next_multiple_of(WIDE) + WIDE;
-        let stride = per_pixel * part;
-        let mut disc = BallDisc { per_pixel, places, part, cover: vec![0.0; places * stride], normals: Vec::with_capacity(places * places) };
+        let part = (places + 2 * MARGIN).div_ceil(PER_PIXEL).next_multiple_of(WIDE) + WIDE;
+        let stride = PER_PIXEL * part;
+        let mut disc = BallDisc { places, part, cover: vec![0.0; places * stride], normals: Vec::with_capacity(places * places) };
+        let (inner, outer) = ((radius - 0.5 * spacing).max(0.0).powi(2), (radius + 0.5 * spacing).powi(2));
         for row in 0..places {
-            let y = (row as f64 - half as f64) * spacing;
+            let y = (row as f32 - half as f32) * spacing;
             for column in 0..places {
-                let x = (column as f64 - half as f64) * spacing;
-                let rho = (x * x + y * y).sqrt();
-                let share = ((radius_px - rho) / spacing + 0.5).clamp(0.0, 1.0);
-                if share > 0.0 {
-                    let at = row * stride + (MARGIN + column) % per_pixel * part + (MARGIN + column) / per_pixel;
-                    disc.cover[at] = share as f32;
-                    let q = (rho / radius_px).min(1.0);
-                    let out = if rho > 1e-9 { q / rho } else { 0.0 };
-                    disc.normals.push((at as u32, Vector3::new(x * out, y * out, -(1.0 - q * q).sqrt())));
+                let x = (column as f32 - half as f32) * spacing;
+                let square = x * x + y * y;
+                if square >= outer {
+                    continue;
                 }
+                let at = row * stride + (MARGIN + column) % PER_PIXEL * part + (MARGIN + column) / PER_PIXEL;
+                // Outside the radius what is seen is the limb.
+                let (share, out) = if square < inner {
+                    (1.0, 1.0 / radius)
+                } else {
+                    let rho = square.sqrt();
+                    ((radius - rho) / spacing + 0.5, 1.0 / rho.max(radius))
+                };
+                disc.cover[at] = share;
+                disc.normals.push((at as u32, Vector3::new(x * out, y * out, -(1.0 - square * out * out).max(0.0).sqrt())));
             }
         }
         disc
     }
 
-    /// The disc with a brightness at each normal.
-    pub fn painted(&self, brightness: impl Fn(&Vector3<f64>) -> f64) -> Vec<f32> {
+    /// The disc with a brightness at each of [`Self::normals`].
+    pub fn painted(&self, brightness: impl Iterator<Item = f32>) -> Vec<f32> {
         let mut out = vec![0.0; self.cover.len()];
-        for (at, normal) in &self.normals {
+        for ((at, _), brightness) in self.normals.iter().zip(brightness) {
             let at = *at as usize;
             if let (Some(o), Some(c)) = (out.get_mut(at), self.cover.get(at)) {
-                *o = c * brightness(normal) as f32;
+                *o = c * brightness;
             }
         }
         out
@@ -92,7 +95,7 @@ impl BallDisc {
 
     /// Which places the pixels at `first`, `first` + 1, ... (px from the centre) look at.
     fn look(&self, first: f64, blur_px: f64) -> Look {
-        let spacing = 1.0 / self.per_pixel as f64;
+        let spacing = 1.0 / PER_PIXEL as f64;
         let at = first / spacing + (self.places / 2) as f64;
         let from = (at - 0.5 * (TAPS - 1) as f64).ceil();
         let unit = spacing / ((std::f64::consts::TAU).sqrt() * blur_px);
@@ -122,15 +125,15 @@ impl BallDisc {
     /// Where in a row the ball's square stands in the `k`-th of its parts.
     #[inline(always)]
     fn on_ball(&self, k: usize) -> Range<usize> {
-        let first = k * self.part + MARGIN / self.per_pixel;
-        first..first + (self.places / self.per_pixel + 2).next_multiple_of(WIDE)
+        let first = k * self.part + MARGIN / PER_PIXEL;
+        first..first + (self.places / PER_PIXEL + 2).next_multiple_of(WIDE)
     }
 
     /// Where the row of the disc stands that a pixel row sees through a tap.
     #[inline(always)]
     fn row(&self, look: &Look, pixel: usize, tap: usize) -> Option<Range<usize>> {
-        let row = look.from + (pixel * self.per_pixel + tap) as isize;
-        let stride = self.per_pixel * self.part;
+        let row = look.from + (pixel * PER_PIXEL + tap) as isize;
+        let stride = PER_PIXEL * self.part;
         (row >= 0 && (row as usize) < self.places).then(|| row as usize * stride..(row as usize + 1) * stride)
     }
 
@@ -139,8 +142,8 @@ impl BallDisc {
     #[inline(always)]
     fn seen(&self, look: &Look, tap: usize, count: usize) -> Option<Range<usize>> {
         let column = usize::try_from(look.from + (MARGIN + tap) as isize).ok()?;
-        let first = column / self.per_pixel;
-        let at = column % self.per_pixel * self.part + first;
+        let first = column / PER_PIXEL;
+        let at = column % PER_PIXEL * self.part + first;
         (first + count <= self.part).then_some(at..at + count)
     }
 }
@@ -165,7 +168,7 @@ impl pulp::NullaryFnOnce for Blur<'_> {
         let empty = if slopes { n } else { 0 };
         let mut out = Blurred { value: vec![0.0; n], by_x: vec![0.0; empty], by_y: vec![0.0; empty] };
         let width = side.next_multiple_of(WIDE);
-        let stride = disc.per_pixel * disc.part;
+        let stride = PER_PIXEL * disc.part;
         let (mut line, mut slope) = (vec![0.0f32; stride], vec![0.0f32; stride]);
         let (mut value, mut by_x, mut by_y) = (vec![0.0f32; width], vec![0.0f32; width], vec![0.0f32; width]);
         let mut seen = [None; TAPS];
@@ -174,9 +177,9 @@ impl pulp::NullaryFnOnce for Blur<'_> {
         }
         for v in 0..side {
             // The rows that this pixel row sees, of those that the disc has.
-            let first = rows.from + (v * disc.per_pixel) as isize;
+            let first = rows.from + (v * PER_PIXEL) as isize;
             let taps = (-first).clamp(0, TAPS as isize) as usize..(disc.places as isize - first).clamp(0, TAPS as isize) as usize;
-            for k in 0..disc.per_pixel {
+            for k in 0..PER_PIXEL {
                 for at in disc.on_ball(k).step_by(LANES) {
                     let (mut sum, mut change) = (Octet::ZERO, Octet::ZERO);
                     for tap in taps.clone() {
@@ -231,7 +234,7 @@ impl pulp::NullaryFnOnce for Gather<'_> {
     fn call(self) -> Vec<f32> {
         let Gather { disc, window, columns, rows, side } = self;
         let mut out = vec![0.0f32; disc.cover.len()];
-        let mut line = vec![0.0f32; disc.per_pixel * disc.part];
+        let mut line = vec![0.0f32; PER_PIXEL * disc.part];
         for (v, pixels) in window.chunks_exact(side.max(1)).enumerate() {
             line.fill(0.0);
             for tap in 0..TAPS {
@@ -241,7 +244,7 @@ impl pulp::NullaryFnOnce for Gather<'_> {
             }
             for tap in 0..TAPS {
                 if let Some(to) = disc.row(rows, v, tap).and_then(|row| out.get_mut(row)) {
-                    for k in 0..disc.per_pixel {
+                    for k in 0..PER_PIXEL {
                         let on_ball = disc.on_ball(k);
                         add(&mut to[on_ball.clone()], &line[on_ball], rows.weight[tap]);
                     }
@@ -286,7 +289,7 @@ mod tests {
     #[test]
     fn law_slopes_are_differences_and_gathering_is_the_transpose_of_blurring() {
         let disc = BallDisc::new(6.1);
-        let painted = disc.painted(|n| 100.0 + 50.0 * n.x - 30.0 * n.y * n.z);
+        let painted = disc.painted(disc.normals.iter().map(|(_, n)| 100.0 + 50.0 * n.x - 30.0 * n.y * n.z));
         let (centre, h) = (Vector2::new(10.3, 9.8), 1e-2);
         let at = |x: f64, y: f64| disc.blurred([&painted], &Vector2::new(x, y), 21, 0.62, true)[0].clone();
         let (now, right, left, down, up) = (at(10.3, 9.8), at(10.3 + h, 9.8), at(10.3 - h, 9.8), at(10.3, 9.8 + h), at(10.3, 9.8 - h));

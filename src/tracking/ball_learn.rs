@@ -4,15 +4,14 @@
 //! onto the places of the disc they see ([`BallDisc::gathered`]), and move the cover by the mean miss around every place. Pixels
 //! astride the outline take part, because a line that stays on the outline is seen nowhere else.
 
-use super::ball_disc::BallDisc;
 use super::ball_light::{BallLight, LightSums, LitPixel};
-use super::ball_model::{BLUR_PX, BallModel, BallPicture, CLEAR, Surroundings};
+use super::ball_model::{BLUR_PX, BallFace, BallModel, BallPicture, CLEAR, Shown};
 use super::ball_texture::{BallTexture, TextureSums, cell_of};
-use nalgebra::{Vector2, Vector3};
+use nalgebra::{Matrix3, Vector2, Vector3};
 use rayon::prelude::*;
 
 /// Least share of the ball that a pixel must show to teach its cover.
-const TEACHING_SHARE: f64 = 0.35;
+const TEACHING_SHARE: f32 = 0.35;
 /// Noise of a pixel before it is known, grey levels.
 const FIRST_NOISE: f64 = 3.0;
 const LEAST_NOISE: f64 = 0.5;
@@ -22,19 +21,39 @@ const GAINS: (f64, f64) = (0.2, 5.0);
 const BATCH: usize = 8;
 /// Fewest clear pixels of a picture that tell its gain.
 const FEWEST: usize = 20;
+/// Pictures, and one in so many of their pixels, that tell the light to begin with.
+const FIRST_PICTURES: usize = 24;
+const FIRST_STEP: usize = 3;
+/// One clear pixel in so many tells the noise.
+const NOISE_STEP: usize = 4;
 
 /// A picture to learn from.
 pub struct Lesson<'a> {
     pub picture: &'a mut BallPicture,
-    pub disc: BallDisc,
+    pub face: BallFace,
     cells: Vec<u16>,
+    /// Pixels that teach, for the present centre.
+    shown: Vec<Shown>,
+    /// Where among them the clear ones are, and their normals in the camera's axes.
+    clear: Vec<(usize, Vector3<f64>)>,
 }
 
 impl<'a> Lesson<'a> {
     pub fn new(picture: &'a mut BallPicture) -> Self {
-        let disc = BallDisc::new(picture.radius_px);
-        let cells = disc.normals.iter().map(|(_, n)| cell_of(&(picture.ball_from_camera * n))).collect();
-        Lesson { picture, disc, cells }
+        let face = BallFace::new(picture);
+        let turn = picture.ball_from_camera.map(|x| x as f32);
+        let cells = face.disc.normals.iter().map(|(_, n)| cell_of(&(turn * n))).collect();
+        let mut lesson = Lesson { picture, face, cells, shown: Vec::new(), clear: Vec::new() };
+        lesson.look_again();
+        lesson
+    }
+
+    /// What does not depend on light and cover, when the centre has moved.
+    pub fn look_again(&mut self) {
+        let mut shown = self.picture.shown(&self.face.disc, &(self.picture.centre - self.picture.origin));
+        shown.retain(|p| p.share >= TEACHING_SHARE && p.spread.is_finite());
+        self.clear = shown.iter().enumerate().filter(|(_, p)| p.share > CLEAR).map(|(k, p)| (k, self.normal(p.pixel))).collect();
+        self.shown = shown;
     }
 
     /// Normal of a pixel in the camera's axes, if it is on the ball.
@@ -44,81 +63,80 @@ impl<'a> Lesson<'a> {
         Vector3::new(d.x, d.y, -(1.0 - d.norm_squared()).max(0.0).sqrt())
     }
 
-    fn lit(&self, pixel: usize, n: &Vector3<f64>, relief: f64, weight: f64) -> LitPixel {
-        LitPixel { normal: self.picture.camera_from_global.tr_mul(n), along_sight: n.z, grey: self.picture.pixels[pixel], relief, weight }
-    }
-
-    /// One look at the picture: adds what it says to the sums, renews its gain, and answers with the misses of its clear pixels.
-    fn look(&mut self, now: &Learnt, textured: bool, sums: &mut Sums) -> Vec<f32> {
+    /// One look at the picture: adds what it says to the sums, renews its gain, and adds the misses of some of its clear pixels.
+    fn look(&mut self, now: &Learnt, textured: bool, sums: &mut Sums) {
+        if self.clear.len() < FEWEST {
+            return;
+        }
         let (stretch, side) = (self.picture.stretch, self.picture.side);
         let centre = self.picture.centre - self.picture.origin;
-        let painted = self.picture.painted(&self.disc, &now.light, &now.textures[stretch]);
-        let [cover, ball] = self.disc.blurred([&self.disc.cover, &painted], &centre, side, BLUR_PX, false);
-        let clear: Vec<usize> = (0..self.picture.pixels.len()).filter(|&i| f64::from(cover.value[i]) > CLEAR).collect();
-        if clear.len() < FEWEST {
-            return Vec::new();
-        }
-        let usual_miss = self.settle_gain(&clear, &ball.value);
-        let (gain, noise2) = (self.picture.gain, now.noise * now.noise);
-        let around = Surroundings::of(self.picture, &centre);
+        let painted = self.face.painted(self.picture, &now.light, &now.textures[stretch]);
+        let [ball] = self.face.disc.blurred([&painted], &centre, side, BLUR_PX, false);
+        let usual_miss = self.settle_gain(&ball.value) as f32;
+        let (gain, noise2) = (self.picture.gain as f32, (now.noise * now.noise) as f32);
         let (mut misses, mut weights) = (vec![0.0f32; side * side], vec![0.0f32; side * side]);
-        let mut residuals = Vec::with_capacity(clear.len());
-        for i in 0..side * side {
-            let share = f64::from(cover.value[i]);
-            if share < TEACHING_SHARE {
-                continue;
-            }
-            let outside = if share > CLEAR { 0.0 } else { 1.0 - share };
-            let Some((behind, spread)) = (if outside > 0.0 { around.behind(i) } else { Some((0.0, 0.0)) }) else { continue };
-            let residual = self.picture.pixels[i] - gain * f64::from(ball.value[i]) - outside * behind;
-            let spread = outside * outside * spread;
+        for p in &self.shown {
+            let outside = if p.share > CLEAR { 0.0 } else { 1.0 - p.share };
+            let residual = self.picture.pixels[p.pixel] - gain * ball.value[p.pixel] - outside * p.behind;
+            let spread = outside * outside * p.spread;
             let trust = ((usual_miss * usual_miss + spread).sqrt() / residual.abs().max(1e-9)).min(1.0);
             let weight = trust * noise2 / (noise2 + spread);
-            (misses[i], weights[i]) = ((weight * residual) as f32, (weight * share) as f32);
-            if outside == 0.0 {
-                residuals.push(residual.abs() as f32);
-                let n = self.normal(i);
-                let bare = now.light.at(&n, &(self.picture.camera_from_global * now.light.light)).max(3.0);
-                sums.light.add(&now.light, &self.lit(i, &n, gain * f64::from(ball.value[i]) / bare, weight));
-            }
+            (misses[p.pixel], weights[p.pixel]) = (weight * residual, weight * p.share);
         }
+        let (toward, mut light) = (self.picture.camera_from_global * now.light.light, LightSums::default());
+        let to_camera = toward.map(|x| x as f32);
+        for (k, (at, normal)) in self.clear.iter().enumerate() {
+            let p = &self.shown[*at];
+            let lit = gain * ball.value[p.pixel];
+            if k % NOISE_STEP == 0 {
+                sums.misses.push((self.picture.pixels[p.pixel] - lit).abs());
+            }
+            let bare = now.light.at(&normal.map(|x| x as f32), &to_camera).max(3.0);
+            let pixel =
+                LitPixel { normal: *normal, grey: f64::from(self.picture.pixels[p.pixel]), relief: f64::from(lit / bare), weight: f64::from(weights[p.pixel] / p.share) };
+            light.add(&now.light, &toward, &pixel);
+        }
+        sums.light.merge(&light, &self.picture.camera_from_global);
         if textured {
-            let [misses, weights] = self.disc.gathered([&misses, &weights], &centre, side, BLUR_PX);
-            let (usual, toward) = (now.light.usual(), self.picture.camera_from_global * now.light.light);
-            for ((at, n), cell) in self.disc.normals.iter().zip(&self.cells) {
+            let [misses, weights] = self.face.disc.gathered([&misses, &weights], &centre, side, BLUR_PX);
+            let per_usual = 1.0 / now.light.usual() as f32;
+            let texture = sums.textures[stretch].get_or_insert_default();
+            for ((at, n), cell) in self.face.disc.normals.iter().zip(&self.cells) {
                 let at = *at as usize;
-                let bare = gain * f64::from(self.disc.cover[at]) * now.light.at(n, &toward) / usual;
-                sums.textures[stretch].add(*cell, f64::from(misses[at]) * bare / usual, f64::from(weights[at]) * bare * bare);
+                let bare = gain * self.face.disc.cover[at] * now.light.at(n, &to_camera) * per_usual;
+                texture.add(*cell, misses[at] * bare * per_usual, weights[at] * bare * bare);
             }
         }
-        residuals
     }
 
     /// The gain that brings prediction and clear pixels together, with Huber's weights; answers with what a pixel usually misses by.
-    fn settle_gain(&mut self, clear: &[usize], ball: &[f32]) -> f64 {
-        let mut usual = f64::INFINITY;
+    fn settle_gain(&mut self, ball: &[f32]) -> f64 {
+        let seen: Vec<[f32; 2]> = self.clear.iter().map(|(at, _)| self.shown[*at].pixel).map(|i| [self.picture.pixels[i], ball[i]]).collect();
+        let mut sorted = Vec::with_capacity(seen.len());
+        let mut usual = f32::INFINITY;
         for _ in 0..3 {
-            let gain = self.picture.gain;
-            let miss = |i: usize| (self.picture.pixels[i] - gain * f64::from(ball[i])).abs();
-            let mut sorted: Vec<f64> = clear.iter().map(|&i| miss(i)).collect();
+            let gain = self.picture.gain as f32;
+            sorted.clear();
+            sorted.extend(seen.iter().map(|[grey, ball]| (grey - gain * ball).abs()));
             let mid = sorted.len() / 2;
-            usual = 1.5 * *sorted.select_nth_unstable_by(mid, f64::total_cmp).1 / 0.6745 + 2.0;
+            usual = 1.5 * *sorted.select_nth_unstable_by(mid, f32::total_cmp).1 / 0.6745 + 2.0;
             let (mut a, mut b) = (1e-9, 0.0);
-            for &i in clear {
-                let (w, m) = ((usual / miss(i).max(1e-9)).min(1.0), f64::from(ball[i]));
-                a += w * m * m;
-                b += w * m * self.picture.pixels[i];
+            for [grey, ball] in &seen {
+                let w = (usual / (grey - gain * ball).abs().max(1e-9)).min(1.0) * ball;
+                a += f64::from(w * ball);
+                b += f64::from(w * grey);
             }
             self.picture.gain = (b / a).clamp(GAINS.0, GAINS.1);
         }
-        usual
+        f64::from(usual)
     }
 }
 
 #[derive(Default)]
 struct Sums {
     light: LightSums,
-    textures: [TextureSums; 2],
+    textures: [Option<TextureSums>; 2],
+    misses: Vec<f32>,
 }
 
 /// What was learnt.
@@ -131,17 +149,15 @@ pub struct Learnt {
 impl Learnt {
     /// The light that a bare ball would need; the start.
     pub fn start(lessons: &[Lesson]) -> Option<Self> {
-        let mut pixels = Vec::new();
-        for lesson in lessons {
+        let some = lessons.iter().step_by(lessons.len().div_ceil(FIRST_PICTURES).max(1));
+        let pictures = some.map(|lesson| {
             let p = &lesson.picture;
-            let inside = |i: &usize| {
-                let d = Vector2::new((i % p.side) as f64, (i / p.side) as f64) - (p.centre - p.origin);
-                d.norm() < p.radius_px - 2.0 * BLUR_PX
-            };
-            pixels.extend((0..p.pixels.len()).filter(inside).step_by(3).map(|i| lesson.lit(i, &lesson.normal(i), p.gain, 1.0)));
-        }
-        let axes = lessons.first()?.picture.camera_from_global;
-        Some(Learnt { light: BallLight::of(&pixels, &axes)?, textures: [BallTexture::bare(), BallTexture::bare()], noise: FIRST_NOISE })
+            let inside = lesson.clear.iter().map(|(at, n)| (lesson.shown[*at].pixel, n)).step_by(FIRST_STEP);
+            let lit = inside.map(|(i, n)| LitPixel { normal: *n, grey: f64::from(p.pixels[i]), relief: p.gain, weight: 1.0 });
+            (p.camera_from_global, lit.collect())
+        });
+        let light = BallLight::of(&pictures.collect::<Vec<_>>())?;
+        Some(Learnt { light, textures: [BallTexture::bare(), BallTexture::bare()], noise: FIRST_NOISE })
     }
 
     pub fn model(&self, stretch: usize) -> BallModel<'_> {
@@ -151,32 +167,39 @@ impl Learnt {
     /// Goes round once; `textured` says which stretches have a cover to learn.
     pub fn improve(&mut self, lessons: &mut [Lesson], textured: &[bool; 2]) -> Option<()> {
         let now: &Learnt = self;
-        let seen: Vec<(Sums, Vec<f32>)> = lessons
+        let seen: Vec<Sums> = lessons
             .par_chunks_mut(BATCH)
             .map(|batch| {
                 let mut sums = Sums::default();
-                let misses = batch.iter_mut().flat_map(|l| l.look(now, textured[l.picture.stretch.min(1)], &mut sums)).collect();
-                (sums, misses)
+                batch.iter_mut().for_each(|l| l.look(now, textured[l.picture.stretch.min(1)], &mut sums));
+                sums
             })
             .collect();
-        let (mut sums, mut misses) = (Sums::default(), Vec::new());
-        for (some, more) in &seen {
-            sums.light.merge(&some.light);
-            sums.textures.iter_mut().zip(&some.textures).for_each(|(a, b)| a.merge(b));
-            misses.extend_from_slice(more);
+        let mut sums = Sums::default();
+        for some in seen {
+            sums.light.merge(&some.light, &Matrix3::identity());
+            sums.misses.extend_from_slice(&some.misses);
+            for (all, some) in sums.textures.iter_mut().zip(some.textures) {
+                match (all, some) {
+                    (Some(all), Some(some)) => all.merge(&some),
+                    (all, some) => *all = some.or(all.take()),
+                }
+            }
         }
-        if misses.is_empty() {
+        if sums.misses.is_empty() {
             return None;
         }
         self.light = sums.light.step(&self.light)?;
-        for k in (0..2).filter(|&k| textured[k]) {
-            self.textures[k].correct(&sums.textures[k]);
-        }
+        self.textures.par_iter_mut().zip(&sums.textures).for_each(|(texture, sums)| {
+            if let Some(sums) = sums {
+                texture.correct(sums);
+            }
+        });
         // The mean gain belongs to the light.
         let mean = lessons.iter().map(|l| l.picture.gain).sum::<f64>() / lessons.len() as f64;
         lessons.iter_mut().for_each(|l| l.picture.gain /= mean);
         self.light = self.light.scaled(mean);
-        let mid = misses.len() / 2;
+        let (mid, mut misses) = (sums.misses.len() / 2, sums.misses);
         self.noise = (f64::from(*misses.select_nth_unstable_by(mid, f32::total_cmp).1) / 0.6745).max(LEAST_NOISE);
         Some(())
     }
@@ -185,13 +208,13 @@ impl Learnt {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::{Matrix3, Rotation3};
+    use nalgebra::Rotation3;
 
     const RADIUS_PX: f64 = 8.3;
 
     /// A lit ball of felt with a dark line around it, and another that stays on the outline, before a dim background that is
     /// brighter on one side; every pixel the mean of 81 places under a normal blur, drawn without the model's approximations.
-    fn drawn(centre: Vector2<f64>, turned: &Rotation3<f64>) -> Vec<f64> {
+    fn drawn(centre: Vector2<f64>, turned: &Rotation3<f64>) -> Vec<f32> {
         let sun = Vector3::new(-0.5, -0.7, -0.5).normalize();
         let grey = |p: Vector2<f64>| {
             let d = (p - centre) / RADIUS_PX;
@@ -213,7 +236,7 @@ mod tests {
                     sum += w * grey(Vector2::new((i % 27) as f64, (i / 27) as f64) + o);
                     weight += w;
                 }
-                (sum / weight).round()
+                (sum / weight).round() as f32
             })
             .collect()
     }
@@ -248,9 +271,9 @@ mod tests {
             (0..rounds).for_each(|_| learnt.improve(&mut lessons, &[true, false]).expect("learnt"));
             for lesson in &mut lessons {
                 let model = learnt.model(0);
-                let painted = lesson.picture.painted(&lesson.disc, model.light, model.texture);
-                let fit = lesson.picture.fit(&lesson.disc, &painted, &model, false).expect("fitted");
+                let fit = lesson.picture.fit(&lesson.face, &model).expect("fitted");
                 (lesson.picture.centre, lesson.picture.gain) = (fit.centre, fit.gain);
+                lesson.look_again();
             }
         }
         let rms = (pictures.iter().zip(&truth).map(|(p, t)| (p.centre - t).norm_squared()).sum::<f64>() / 32.0).sqrt();

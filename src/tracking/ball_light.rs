@@ -18,11 +18,10 @@ pub struct BallLight {
     pub limb: f64,
 }
 
-/// A clear pixel of the ball: normal in global axes, the same normal's share along the line of sight (−1 at the disc's middle,
-/// 0 at the limb), grey level, what gain and cover make of the light, weight.
+/// A clear pixel of the ball: normal in the camera's axes, grey level, what gain and cover make of the light, weight.
+#[derive(Clone, Copy)]
 pub struct LitPixel {
     pub normal: Vector3<f64>,
-    pub along_sight: f64,
     pub grey: f64,
     pub relief: f64,
     pub weight: f64,
@@ -31,37 +30,69 @@ pub struct LitPixel {
 /// Normal equations of one step toward a better light.
 #[derive(Debug, Clone, Copy)]
 pub struct LightSums {
-    h: SMatrix<f64, 5, 5>,
-    g: SVector<f64, 5>,
+    /// The upper triangle, row by row.
+    h: [f64; 15],
+    g: [f64; 5],
     cost: f64,
     count: f64,
 }
 
 impl Default for LightSums {
     fn default() -> Self {
-        LightSums { h: SMatrix::zeros(), g: SVector::zeros(), cost: 0.0, count: 0.0 }
+        LightSums { h: [0.0; 15], g: [0.0; 5], cost: 0.0, count: 0.0 }
     }
 }
 
 impl LightSums {
-    pub fn add(&mut self, light: &BallLight, p: &LitPixel) {
-        let direct = p.normal.dot(&light.light);
-        let toward_limb = 1.0 + p.along_sight;
+    /// `toward` is the light in the axes of the pixel's normal; the sums are in these axes.
+    #[inline]
+    pub fn add(&mut self, light: &BallLight, toward: &Vector3<f64>, p: &LitPixel) {
+        let direct = p.normal.dot(toward);
+        let toward_limb = 1.0 + p.normal.z;
         let (fall, base) = (1.0 - light.limb * toward_limb, light.ambient + direct.max(0.0));
-        let n = if direct > 0.0 { p.normal * fall } else { Vector3::zeros() };
-        let row = SVector::<f64, 5>::new(fall, n.x, n.y, n.z, -base * toward_limb) * p.relief;
-        let residual = p.grey - base * fall * p.relief;
-        self.h += row * row.transpose() * p.weight;
-        self.g += row * (residual * p.weight);
+        let lit = if direct > 0.0 { fall * p.relief } else { 0.0 };
+        let row = [fall * p.relief, p.normal.x * lit, p.normal.y * lit, p.normal.z * lit, -base * toward_limb * p.relief];
+        let residual = p.grey - base * row[0];
+        let mut at = 0;
+        for i in 0..5 {
+            let weighted = row[i] * p.weight;
+            for x in &row[i..] {
+                self.h[at] += weighted * x;
+                at += 1;
+            }
+            self.g[i] += weighted * residual;
+        }
         self.cost += residual * residual * p.weight;
         self.count += 1.0;
     }
 
-    pub fn merge(&mut self, other: &LightSums) {
-        self.h += other.h;
-        self.g += other.g;
+    /// Adds sums over one camera's pictures; its axes stand in the rows of `axes`.
+    pub fn merge(&mut self, other: &LightSums, axes: &Matrix3<f64>) {
+        let mut turn = SMatrix::<f64, 5, 5>::identity();
+        turn.fixed_view_mut::<3, 3>(1, 1).copy_from(axes);
+        let h = turn.tr_mul(&other.matrix()) * turn;
+        let mut at = 0;
+        for i in 0..5 {
+            for j in i..5 {
+                self.h[at] += h[(i, j)];
+                at += 1;
+            }
+        }
+        let g = turn.tr_mul(&SVector::from(other.g));
+        self.g.iter_mut().zip(g.iter()).for_each(|(a, b)| *a += b);
         self.cost += other.cost;
         self.count += other.count;
+    }
+
+    fn matrix(&self) -> SMatrix<f64, 5, 5> {
+        let mut h = SMatrix::zeros();
+        let mut upper = self.h.iter();
+        for i in 0..5 {
+            for (j, x) in (i..5).zip(&mut upper) {
+                (h[(i, j)], h[(j, i)]) = (*x, *x);
+            }
+        }
+        h
     }
 
     /// The light after one step of Gauss and Newton.
@@ -69,11 +100,11 @@ impl LightSums {
         if self.count < 60.0 {
             return None;
         }
-        let mut h = self.h;
+        let mut h = self.matrix();
         for k in 0..5 {
             h[(k, k)] += 1e-6 * (1.0 + h[(k, k)]);
         }
-        let s = h.cholesky()?.solve(&self.g);
+        let s = h.cholesky()?.solve(&SVector::from(self.g));
         let next =
             BallLight { ambient: light.ambient + s[0], light: light.light + Vector3::new(s[1], s[2], s[3]), limb: (light.limb + s[4]).clamp(LIMB.0, LIMB.1) };
         (next.ambient.is_finite() && next.light.norm().is_finite() && next.limb.is_finite()).then_some(next)
@@ -83,8 +114,8 @@ impl LightSums {
 impl BallLight {
     /// Brightness at a normal given in a camera's axes (z away from the camera), for the light in the same axes.
     #[inline]
-    pub fn at(&self, normal: &Vector3<f64>, light_in_camera: &Vector3<f64>) -> f64 {
-        (self.ambient + normal.dot(light_in_camera).max(0.0)).max(0.0) * (1.0 - self.limb * (1.0 + normal.z))
+    pub fn at(&self, normal: &Vector3<f32>, toward: &Vector3<f32>) -> f32 {
+        (self.ambient as f32 + normal.dot(toward).max(0.0)).max(0.0) * (1.0 - self.limb as f32 * (1.0 + normal.z))
     }
 
     /// What a usual place of the lit side shows, grey levels.
@@ -96,16 +127,21 @@ impl BallLight {
         BallLight { ambient: self.ambient * by, light: self.light * by, limb: self.limb }
     }
 
-    /// The light that explains clear pixels of a ball without a cover best; `axes` are one camera's (rows, in global axes).
-    /// Which pixels are lit depends on the answer, so there are several starts.
-    pub fn of(pixels: &[LitPixel], axes: &Matrix3<f64>) -> Option<BallLight> {
+    /// The light that explains clear pixels of a ball without a cover best, by picture with its camera's axes (rows, in global
+    /// axes). Which pixels are lit depends on the answer, so there are several starts.
+    pub fn of(pictures: &[(Matrix3<f64>, Vec<LitPixel>)]) -> Option<BallLight> {
+        let axes = pictures.first()?.0;
         let mut best: Option<(f64, BallLight)> = None;
         for start in STARTS {
             let mut light = BallLight { ambient: 40.0, light: axes.tr_mul(&Vector3::from(start)) * 100.0, limb: 0.0 };
             let mut cost = f64::INFINITY;
             for _ in 0..10 {
                 let mut sums = LightSums::default();
-                pixels.iter().for_each(|p| sums.add(&light, p));
+                for (axes, pixels) in pictures {
+                    let (mut own, toward) = (LightSums::default(), axes * light.light);
+                    pixels.iter().for_each(|p| own.add(&light, &toward, p));
+                    sums.merge(&own, axes);
+                }
                 cost = sums.cost;
                 let Some(next) = sums.step(&light) else { break };
                 light = next;
@@ -132,9 +168,12 @@ mod tests {
                 let q = x * x + y * y;
                 (q < 0.85).then(|| Vector3::new(x, y, -(1.0 - q).sqrt()))
             })
-            .map(|n| LitPixel { normal: axes.tr_mul(&n), along_sight: n.z, grey: truth.at(&n, &(axes * truth.light)), relief: 1.0, weight: 1.0 })
+            .map(|n| {
+                let grey = f64::from(truth.at(&n.map(|x| x as f32), &(axes * truth.light).map(|x| x as f32)));
+                LitPixel { normal: n, grey, relief: 1.0, weight: 1.0 }
+            })
             .collect();
-        let found = BallLight::of(&pixels, &axes).expect("a light");
+        let found = BallLight::of(&[(axes, pixels)]).expect("a light");
         assert!((found.light - truth.light).norm() < 1.0 && (found.ambient - 60.0).abs() < 0.5 && (found.limb - 0.2).abs() < 0.01, "{found:?}");
     }
 }

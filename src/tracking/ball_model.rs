@@ -3,12 +3,13 @@
 //!
 //! [`super::ball_fit`] knows nothing but a circle and takes the grey levels along it as they come. Here the levels of the ball
 //! are known from all pictures together, so that one side of the outline is enough and a dark line on the outline is
-//! expected. What lies behind the outline is continued from just outside it, with the help of the clip's median picture
-//! where that is what is seen outside.
+//! expected. What lies behind the outline is continued from just outside it ([`super::ball_surroundings`]).
 
-use super::ball_disc::{BallDisc, WIDE, add};
+use super::ball_disc::BallDisc;
 use super::ball_light::BallLight;
-use super::ball_texture::BallTexture;
+use super::ball_surroundings::Surroundings;
+use super::ball_texture::{BallTexture, Spot};
+use super::octet::LANES;
 use nalgebra::{Matrix2, Matrix3, SMatrix, SVector, Vector2};
 
 /// Pixels kept around the ball beyond its radius.
@@ -16,20 +17,16 @@ pub const MARGIN_PX: f64 = 5.0;
 /// Blur of lens and pixel, px, one standard deviation.
 pub const BLUR_PX: f64 = 0.62;
 /// A pixel with more of the ball than this shows nothing else.
-pub const CLEAR: f64 = 0.995;
+pub const CLEAR: f32 = 0.995;
 /// How far inside the outline pixels count, in radii: the lines hold the centre too.
 const INSIDE: f64 = 0.72;
-/// Pixels show the surroundings from here to there outside the outline: up to 1.5 % of the ball, px.
-const SURROUNDINGS_PX: (f64, f64) = (2.17 * BLUR_PX, 4.5);
-/// As long as the centre has moved by less, the surroundings stay as they are, px.
-const SAME_SURROUNDINGS_PX: f64 = 0.05;
 /// How far outside pixels take part, px, and the least share of the ball they must show.
 const OUTSIDE_PX: f64 = 3.0;
-const LEAST_SHARE: f64 = 0.03;
+const LEAST_SHARE: f32 = 0.03;
 /// What the model itself is good to, as a share of the ball's brightness (cover not quite as learnt, light not quite so).
-const MODEL: f64 = 0.03;
+const MODEL: f32 = 0.03;
 /// Tukey's limit, in deviations: 95 % efficient for normal residuals.
-const TUKEY: f64 = 4.685;
+const TUKEY: f32 = 4.685;
 /// How far the light of one picture may differ from one side of the disc to the other from the light of all.
 const TILT: f64 = 0.03;
 const ROUNDS: usize = 8;
@@ -37,15 +34,20 @@ const ROUNDS: usize = 8;
 const HUBER_ROUNDS: usize = 2;
 /// A step below this ends a fit, px.
 const SETTLED_PX: f64 = 0.003;
+/// As long as the centre has moved by less, the picture is predicted with its slopes: their change is below a grey level, and
+/// opposite on both sides of the outline's edge, px.
+const STRAIGHT_PX: f64 = 0.08;
 /// Sectors of the outline whose pulls count as independent: 30 degrees, a line or a panel's border.
 const SECTORS: usize = 12;
+/// Fewest pixels near the outline from which a centre is fitted.
+const FEWEST: usize = 40;
 
 /// One picture of the ball.
 pub struct BallPicture {
     /// Grey levels, `side` to a row.
-    pub pixels: Vec<f64>,
+    pub pixels: Vec<f32>,
     /// The same window of the clip's median picture.
-    pub behind: Option<Vec<f64>>,
+    pub behind: Option<Vec<f32>>,
     pub side: usize,
     /// Of the top left pixel.
     pub origin: Vector2<f64>,
@@ -62,6 +64,12 @@ pub struct BallPicture {
     pub teaches: bool,
     /// Before the impact 0, after it 1: each has a cover of its own, because the ball's attitude jumps.
     pub stretch: usize,
+}
+
+/// The disc of one picture and the places of the cover that it shows.
+pub struct BallFace {
+    pub disc: BallDisc,
+    spots: Vec<Spot>,
 }
 
 /// What all pictures of a stretch share.
@@ -84,91 +92,88 @@ pub struct ModelFit {
     pub agreeing: f64,
 }
 
-impl BallPicture {
-    /// The disc with light and cover, for gain 1.
-    pub fn painted(&self, disc: &BallDisc, light: &BallLight, texture: &BallTexture) -> Vec<f32> {
-        let toward = self.camera_from_global * light.light;
-        disc.painted(|n| light.at(n, &toward) * texture.at(&(self.ball_from_camera * n)))
+/// A pixel that shows some of the ball when the centre is at a certain place; what it shows does not depend on the cover.
+#[derive(Debug, Clone, Copy)]
+pub struct Shown {
+    /// In the window.
+    pub pixel: usize,
+    pub share: f32,
+    by_centre: [f32; 2],
+    /// What lies behind the ball there, with its variance, which is infinite where nobody knows; 0 where only the ball is seen.
+    pub behind: f32,
+    pub spread: f32,
+}
+
+impl BallFace {
+    pub fn new(picture: &BallPicture) -> Self {
+        let disc = BallDisc::new(picture.radius_px);
+        let turn = picture.ball_from_camera.map(|x| x as f32);
+        let spots = disc.normals.iter().map(|(_, n)| Spot::of(&(turn * n))).collect();
+        BallFace { disc, spots }
     }
 
-    /// The centre nearest to `self.centre` at which picture and model agree best. `tilted` leaves the light free to be a
-    /// little brighter on one side, for a centre that was fitted without. `None` when the picture does not determine it.
-    pub fn fit(&self, disc: &BallDisc, painted: &[f32], model: &BallModel, tilted: bool) -> Option<ModelFit> {
-        let noise = model.noise;
-        let (mut centre, mut gain) = (self.centre - self.origin, self.gain);
-        let unknowns = if tilted { 5 } else { 3 };
-        let mut rows: Vec<(SVector<f64, 5>, f64, f64, Vector2<f64>)> = Vec::with_capacity(400);
-        let mut around = Surroundings::of(self, &centre);
-        // A tilt is asked for where the centre without it is known: there is nothing to be careful about.
-        for round in if tilted { HUBER_ROUNDS } else { 0 }..ROUNDS {
-            // A few pixels more or less at their edge do not change them.
-            if (centre - around.centre).norm() > SAME_SURROUNDINGS_PX {
-                around = Surroundings::of(self, &centre);
+    /// The disc with light and cover, for gain 1.
+    pub fn painted(&self, picture: &BallPicture, light: &BallLight, texture: &BallTexture) -> Vec<f32> {
+        let toward = (picture.camera_from_global * light.light).map(|x| x as f32);
+        self.disc.painted(self.disc.normals.iter().zip(&self.spots).map(|((_, n), spot)| light.at(n, &toward) * texture.at(spot)))
+    }
+}
+
+impl BallPicture {
+    /// The pixels that show some of the ball when its centre is there (counted from the window's first pixel).
+    pub fn shown(&self, disc: &BallDisc, centre: &Vector2<f64>) -> Vec<Shown> {
+        let [cover] = disc.blurred([&disc.cover], centre, self.side, BLUR_PX, true);
+        let around = Surroundings::of(self, centre);
+        let mut out = Vec::with_capacity(self.pixels.len());
+        for (pixel, &share) in cover.value.iter().enumerate() {
+            if share < LEAST_SHARE {
+                continue;
             }
-            let [cover, ball] = disc.blurred([&disc.cover, painted], &centre, self.side, BLUR_PX, true);
-            rows.clear();
-            for (i, grey) in self.pixels.iter().enumerate() {
-                let d = Vector2::new((i % self.side) as f64, (i / self.side) as f64) - centre;
-                let rho = d.norm() - self.radius_px;
-                let share = f64::from(cover.value[i]);
-                if rho < -INSIDE * self.radius_px || rho > OUTSIDE_PX || share < LEAST_SHARE {
-                    continue;
-                }
-                let bright = f64::from(ball.value[i]);
-                let (behind, spread) = if share > CLEAR { (0.0, 0.0) } else { around.behind(i)? };
-                let slope = |ball: &[f32], cover: &[f32]| gain * f64::from(ball[i]) - f64::from(cover[i]) * behind;
-                let (jx, jy) = (slope(&ball.by_x, &cover.by_x), slope(&ball.by_y, &cover.by_y));
-                let outside = if share > CLEAR { 0.0 } else { 1.0 - share };
-                let residual = grey - gain * bright - outside * behind;
-                let variance = noise * noise + (MODEL * gain * bright).powi(2) + outside * outside * spread;
-                let (tx, ty) = if tilted { (bright * d.x / self.radius_px, bright * d.y / self.radius_px) } else { (0.0, 0.0) };
-                rows.push((SVector::<f64, 5>::from([jx, jy, bright, tx, ty]), residual, variance, d));
-            }
-            if rows.len() < 40 {
-                return None;
-            }
-            let mut sizes: Vec<f64> = rows.iter().map(|r| r.1.abs() / r.2.sqrt()).collect();
-            let mid = sizes.len() / 2;
-            let scale = (*sizes.select_nth_unstable_by(mid, f64::total_cmp).1 / 0.6745).max(1.0);
-            let mut h = SMatrix::<f64, 5, 5>::zeros();
-            let mut g = SVector::<f64, 5>::zeros();
+            let (behind, spread) = if share > CLEAR { (0.0, 0.0) } else { around.behind(pixel).unwrap_or((0.0, f32::INFINITY)) };
+            out.push(Shown { pixel, share, by_centre: [cover.by_x[pixel], cover.by_y[pixel]], behind, spread });
+        }
+        out
+    }
+
+    /// The centre nearest to `self.centre` at which picture and model agree best; `None` when the picture does not determine it.
+    pub fn fit(&self, face: &BallFace, model: &BallModel) -> Option<ModelFit> {
+        self.settle::<3>(&mut Straight::new(self, face, model), (self.centre - self.origin, self.gain), 0)
+    }
+
+    /// [`Self::fit`], and once more with the light free to be a little brighter on one side.
+    pub fn fit_twice(&self, face: &BallFace, model: &BallModel) -> Option<(ModelFit, ModelFit)> {
+        let mut straight = Straight::new(self, face, model);
+        let fit = self.settle::<3>(&mut straight, (self.centre - self.origin, self.gain), 0)?;
+        // Where the centre without the tilt is known there is nothing to be careful about.
+        let tilted = self.settle::<5>(&mut straight, (fit.centre - self.origin, fit.gain), HUBER_ROUNDS)?;
+        Some((fit, tilted))
+    }
+
+    /// Unknowns: centre and gain, then the light's tilt.
+    fn settle<const N: usize>(&self, straight: &mut Straight, start: (Vector2<f64>, f64), first_round: usize) -> Option<ModelFit> {
+        let (mut centre, mut gain) = start;
+        for round in first_round..ROUNDS {
+            straight.follow(&centre)?;
+            let scale = straight.miss(&(centre - straight.centre), gain as f32);
             // Huber first, so that a start half a pixel off is not taken for an outlier all around.
-            let weigh = |r: f64, variance: f64| {
-                let z = r.abs() / (variance.sqrt() * scale);
-                (z, if round < HUBER_ROUNDS { 1.0 / z.max(1.5) * 1.5 } else { (1.0 - (z / TUKEY).powi(2)).max(0.0).powi(2) } / variance)
-            };
-            for (j, r, variance, _) in &rows {
-                let (_, w) = weigh(*r, *variance);
-                for a in 0..unknowns {
-                    g[a] += j[a] * r * w;
-                    for b in a..unknowns {
-                        h[(a, b)] += j[a] * j[b] * w;
-                    }
-                }
-            }
-            h.fill_lower_triangle_with_upper_triangle();
-            for k in 3..5 {
-                h[(k, k)] += if tilted { 1.0 / (TILT * gain).powi(2) } else { 1.0 };
+            let huber = round < HUBER_ROUNDS;
+            let (mut h, g) = straight.weigh::<N>(scale, huber);
+            for k in 3..N {
+                h[(k, k)] += 1.0 / (TILT * gain).powi(2);
             }
             let inverse = h.try_inverse()?;
             let step = inverse * g;
-            centre += step.fixed_rows::<2>(0).map(|v| v.clamp(-0.5, 0.5));
+            let moved = Vector2::new(step[0].clamp(-0.5, 0.5), step[1].clamp(-0.5, 0.5));
+            centre += moved;
             gain += step[2];
             if !(centre.norm().is_finite() && gain > 0.05 && gain < 20.0) {
                 return None;
             }
-            if round > HUBER_ROUNDS && step.fixed_rows::<2>(0).norm() < SETTLED_PX || round + 1 == ROUNDS {
-                let mut pulls = [SVector::<f64, 5>::zeros(); SECTORS];
-                let mut agreeing = 0;
-                for (j, r, variance, d) in &rows {
-                    let (z, w) = weigh(*r, *variance);
-                    agreeing += usize::from(z < 2.5);
-                    pulls[sector_of(d)] += j * (r * w);
-                }
-                let scatter: SMatrix<f64, 5, 5> = pulls.iter().map(|p| p * p.transpose()).sum();
-                let freedom = SECTORS as f64 / (SECTORS - unknowns) as f64;
+            if round > HUBER_ROUNDS && moved.norm() < SETTLED_PX || round + 1 == ROUNDS {
+                let (scatter, agreeing) = straight.pulls::<N>(scale, huber);
+                let freedom = SECTORS as f64 / (SECTORS - N) as f64;
                 let covariance = (inverse * scatter * inverse).fixed_view::<2, 2>(0, 0) * freedom + inverse.fixed_view::<2, 2>(0, 0);
-                let fit = ModelFit { centre: centre + self.origin, covariance, gain, agreeing: agreeing as f64 / rows.len().max(unknowns) as f64 };
+                let fit = ModelFit { centre: centre + self.origin, covariance, gain, agreeing };
                 return (covariance[(0, 0)] > 0.0 && covariance[(1, 1)] > 0.0 && covariance.norm().is_finite()).then_some(fit);
             }
         }
@@ -176,114 +181,203 @@ impl BallPicture {
     }
 }
 
-fn sector_of(d: &Vector2<f64>) -> usize {
-    let turn = (d.y.atan2(d.x) / std::f64::consts::TAU).rem_euclid(1.0);
-    ((turn * SECTORS as f64) as usize).min(SECTORS - 1)
+/// Eight pixels near the outline, side by side: what they show and how that changes with the centre.
+#[derive(Clone, Copy, Default)]
+struct Eight {
+    grey: [f32; LANES],
+    ball: [f32; LANES],
+    ball_by: [[f32; LANES]; 2],
+    /// What is not the ball, 0 where only the ball is seen, and its change.
+    outside: [f32; LANES],
+    outside_by: [[f32; LANES]; 2],
+    behind: [f32; LANES],
+    spread: [f32; LANES],
+    /// From the centre, in radii.
+    from_centre: [[f32; LANES]; 2],
+    /// Pixels that make up the number count for nothing: 0 instead of 1.
+    there: [f32; LANES],
+    // At the present centre and gain:
+    miss: [f32; LANES],
+    variance: [f32; LANES],
+    /// Derivatives by the centre, gain and tilt.
+    slopes: [[f32; LANES]; 5],
 }
 
-/// The surroundings just outside the outline of one picture, continued inward.
-pub struct Surroundings<'a> {
+/// A picture's prediction near one place of the centre, straight on from there.
+struct Straight<'a> {
     picture: &'a BallPicture,
-    /// Where the outline was, from the window's first pixel.
+    face: &'a BallFace,
+    painted: Vec<f32>,
+    noise: f32,
+    /// Where the slopes are taken; far away at first.
     centre: Vector2<f64>,
-    /// Length of a row of the sums.
-    stride: usize,
-    /// By pixel, over the pixels near it that show the surroundings: weight, grey level and its square, difference from the median
-    /// picture and its square. Grey levels are counted from `level`.
-    sums: [Vec<f32>; 5],
-    level: f64,
+    eights: Vec<Eight>,
+    count: usize,
+    sizes: Vec<f32>,
 }
 
-/// Reach of the mean that continues the surroundings inward, px, and the weights of pixels 0 to 4 columns or rows away: a
-/// normal curve of 1.2 px.
-const NEAR: usize = 4;
-const FALLING: [f32; NEAR + 1] = [1.0, 0.706_648, 0.249_352, 0.043_937, 0.003_866];
-/// Less weight than this is nothing: the far corner of the reach has a fifteenth of a thousandth.
-const LEAST_WEIGHT: f32 = 1e-6;
-/// Variance of a median picture's pixel, grey levels squared.
-const MEDIAN_VARIANCE: f64 = 1.0;
+impl<'a> Straight<'a> {
+    fn new(picture: &'a BallPicture, face: &'a BallFace, model: &BallModel) -> Self {
+        let painted = face.painted(picture, model.light, model.texture);
+        Straight { picture, face, painted, noise: model.noise as f32, centre: Vector2::repeat(f64::INFINITY), eights: Vec::new(), count: 0, sizes: Vec::new() }
+    }
 
-impl<'a> Surroundings<'a> {
-    /// `centre` is counted from the window's first pixel.
-    pub fn of(picture: &'a BallPicture, centre: &Vector2<f64>) -> Self {
-        let side = picture.side;
-        let stride = side.next_multiple_of(WIDE) + WIDE;
-        let (from, to) = (picture.radius_px + SURROUNDINGS_PX.0, picture.radius_px + SURROUNDINGS_PX.1);
-        let level = picture.pixels.first().copied().unwrap_or_default();
-        // With room for the reach on all sides.
-        let mut sums: [Vec<f32>; 5] = std::array::from_fn(|_| vec![0.0; stride * (side + 2 * NEAR)]);
-        for (i, grey) in picture.pixels.iter().enumerate() {
-            let (x, y) = (i % side, i / side);
-            let d2 = (x as f64 - centre.x).powi(2) + (y as f64 - centre.y).powi(2);
-            if d2 > from * from && d2 < to * to {
-                let at = (y + NEAR) * stride + x + NEAR;
-                let g = (grey - level) as f32;
-                let e = picture.behind.as_ref().map_or(0.0, |m| (grey - m[i]) as f32);
-                for (sum, v) in sums.iter_mut().zip([1.0, g, g * g, e, e * e]) {
-                    sum[at] = v;
-                }
+    /// Predicts anew when the centre has moved; `None` when what lies behind the ball is not known or too little is seen.
+    fn follow(&mut self, centre: &Vector2<f64>) -> Option<()> {
+        if (centre - self.centre).norm() < STRAIGHT_PX {
+            return Some(());
+        }
+        let picture = self.picture;
+        self.centre = *centre;
+        let shown = picture.shown(&self.face.disc, centre);
+        let [ball] = self.face.disc.blurred([&self.painted], centre, picture.side, BLUR_PX, true);
+        self.eights.clear();
+        self.count = 0;
+        let (inner, outer) = (((1.0 - INSIDE) * picture.radius_px).powi(2), (picture.radius_px + OUTSIDE_PX).powi(2));
+        let mut eight = Eight::default();
+        for p in &shown {
+            let i = p.pixel;
+            let d = Vector2::new((i % picture.side) as f64, (i / picture.side) as f64) - centre;
+            if !(inner..=outer).contains(&d.norm_squared()) {
+                continue;
+            }
+            if p.spread.is_infinite() {
+                return None;
+            }
+            let l = self.count % LANES;
+            eight.grey[l] = picture.pixels[i];
+            eight.ball[l] = ball.value[i];
+            (eight.ball_by[0][l], eight.ball_by[1][l]) = (ball.by_x[i], ball.by_y[i]);
+            eight.outside[l] = if p.share > CLEAR { 0.0 } else { 1.0 - p.share };
+            (eight.outside_by[0][l], eight.outside_by[1][l]) = (-p.by_centre[0], -p.by_centre[1]);
+            (eight.behind[l], eight.spread[l]) = (p.behind, p.spread);
+            let d = d / picture.radius_px;
+            (eight.from_centre[0][l], eight.from_centre[1][l]) = (d.x as f32, d.y as f32);
+            eight.there[l] = 1.0;
+            self.count += 1;
+            if l + 1 == LANES {
+                self.eights.push(std::mem::take(&mut eight));
             }
         }
-        let count = if picture.behind.is_some() { 5 } else { 3 };
-        for sum in sums.iter_mut().take(count) {
-            pulp::Arch::new().dispatch(Spread { values: sum, side, stride });
+        if self.count % LANES > 0 {
+            self.eights.push(eight);
         }
-        Surroundings { picture, centre: *centre, stride, sums, level }
+        (self.count >= FEWEST).then_some(())
     }
 
-    /// What lies behind the ball at a pixel, with its variance: the mean of what is seen outside near it, or the median picture
-    /// moved by the mean by which it differs from what is seen outside near it, whichever varies less there. `None` when nothing
-    /// outside is near.
-    pub fn behind(&self, pixel: usize) -> Option<(f64, f64)> {
-        let at = pixel / self.picture.side * self.stride + pixel % self.picture.side;
-        let weight = *self.sums[0].get(at)?;
-        if weight < LEAST_WEIGHT {
-            return None;
+    /// Misses, deviations and slopes at a centre so far from where they were taken; answers with the scale of the misses in deviations.
+    fn miss(&mut self, moved: &Vector2<f64>, gain: f32) -> f32 {
+        pulp::Arch::new().dispatch(Miss { eights: &mut self.eights, moved: [moved.x as f32, moved.y as f32], gain, noise: self.noise });
+        self.sizes.clear();
+        for e in &self.eights {
+            self.sizes.extend((0..LANES).map(|l| e.miss[l] * e.miss[l] / e.variance[l]));
         }
-        let moments = |sum: &[f32], square: &[f32]| {
-            let mean = f64::from(sum[at] / weight);
-            (mean, (f64::from(square[at] / weight) - mean * mean).max(0.0))
-        };
-        let [_, grey, grey_square, off, off_square] = &self.sums;
-        let (mean, spread) = moments(grey, grey_square);
-        let known = self.picture.behind.as_ref().map(|m| {
-            let (off, off_spread) = moments(off, off_square);
-            (m[pixel] + off, off_spread + MEDIAN_VARIANCE)
-        });
-        Some(known.filter(|k| k.1 < spread).unwrap_or((mean + self.level, spread)))
+        self.sizes.truncate(self.count);
+        let mid = self.sizes.len() / 2;
+        (self.sizes.select_nth_unstable_by(mid, f32::total_cmp).1.sqrt() / 0.6745).max(1.0)
+    }
+
+    /// Normal equations.
+    fn weigh<const N: usize>(&self, scale: f32, huber: bool) -> (SMatrix<f64, N, N>, SVector<f64, N>) {
+        pulp::Arch::new().dispatch(Weigh::<N> { eights: &self.eights, scale, huber })
+    }
+
+    /// Scatter of the sectors' pulls, and the share of the pixels that agree.
+    fn pulls<const N: usize>(&self, scale: f32, huber: bool) -> (SMatrix<f64, N, N>, f64) {
+        let mut pulls = [SVector::<f64, N>::zeros(); SECTORS];
+        let mut agreeing = 0;
+        for i in 0..self.count {
+            let (e, l) = (&self.eights[i / LANES], i % LANES);
+            let z = e.miss[l].abs() / (e.variance[l].sqrt() * scale);
+            agreeing += usize::from(z < 2.5);
+            let pull = e.miss[l] * weight(z, huber) / e.variance[l];
+            pulls[sector_of(e.from_centre[0][l], e.from_centre[1][l])] += SVector::from_fn(|k, _| f64::from(e.slopes[k][l] * pull));
+        }
+        (pulls.iter().map(|p| p * p.transpose()).sum(), agreeing as f64 / self.count.max(N) as f64)
     }
 }
 
-/// Sums values over their neighbours with [`FALLING`] weights, rows then columns. The values stand [`NEAR`] pixels from the upper left
-/// corner, the sums in it.
-struct Spread<'a> {
-    values: &'a mut [f32],
-    side: usize,
-    stride: usize,
+/// Weight of a pixel that misses by so many deviations.
+#[inline(always)]
+fn weight(z: f32, huber: bool) -> f32 {
+    let within = (1.0 - (z / TUKEY) * (z / TUKEY)).max(0.0);
+    if huber { 1.5 / z.max(1.5) } else { within * within }
 }
 
-impl pulp::NullaryFnOnce for Spread<'_> {
+struct Miss<'a> {
+    eights: &'a mut [Eight],
+    moved: [f32; 2],
+    gain: f32,
+    noise: f32,
+}
+
+impl pulp::NullaryFnOnce for Miss<'_> {
     type Output = ();
 
     #[inline(always)]
     fn call(self) {
-        let Spread { values, side, stride } = self;
-        let width = side.next_multiple_of(WIDE);
-        let mut line = vec![0.0f32; width];
-        for row in values.chunks_exact_mut(stride) {
-            line.fill(0.0);
-            for k in 0..=2 * NEAR {
-                add(&mut line, &row[k..k + width], FALLING[k.abs_diff(NEAR)]);
+        let Miss { eights, moved: [x, y], gain, noise } = self;
+        for e in eights {
+            for l in 0..LANES {
+                let ball = e.ball[l] + e.ball_by[0][l] * x + e.ball_by[1][l] * y;
+                let clear = e.outside[l] == 0.0;
+                let outside = if clear { 0.0 } else { e.outside[l] + e.outside_by[0][l] * x + e.outside_by[1][l] * y };
+                e.miss[l] = (e.grey[l] - gain * ball - outside * e.behind[l]) * e.there[l];
+                e.variance[l] = noise * noise + (MODEL * gain * ball) * (MODEL * gain * ball) + outside * outside * e.spread[l];
+                for k in 0..2 {
+                    e.slopes[k][l] = gain * e.ball_by[k][l] + e.outside_by[k][l] * e.behind[l];
+                    e.slopes[3 + k][l] = ball * e.from_centre[k][l];
+                }
+                e.slopes[2][l] = ball;
             }
-            row[..width].copy_from_slice(&line);
-        }
-        for y in 0..side {
-            line.fill(0.0);
-            for k in 0..=2 * NEAR {
-                let from = (y + k) * stride;
-                add(&mut line, &values[from..from + width], FALLING[k.abs_diff(NEAR)]);
-            }
-            values[y * stride..y * stride + width].copy_from_slice(&line);
         }
     }
+}
+
+struct Weigh<'a, const N: usize> {
+    eights: &'a [Eight],
+    scale: f32,
+    huber: bool,
+}
+
+impl<const N: usize> pulp::NullaryFnOnce for Weigh<'_, N> {
+    type Output = (SMatrix<f64, N, N>, SVector<f64, N>);
+
+    #[inline(always)]
+    fn call(self) -> Self::Output {
+        let Weigh { eights, scale, huber } = self;
+        let mut h = [[[0.0f32; LANES]; N]; N];
+        let mut g = [[0.0f32; LANES]; N];
+        for e in eights {
+            let mut w = [0.0f32; LANES];
+            for l in 0..LANES {
+                let z = e.miss[l].abs() / (e.variance[l].sqrt() * scale);
+                w[l] = weight(z, huber) / e.variance[l] * e.there[l];
+            }
+            for a in 0..N {
+                for l in 0..LANES {
+                    let weighted = e.slopes[a][l] * w[l];
+                    g[a][l] += weighted * e.miss[l];
+                    for b in a..N {
+                        h[a][b][l] += weighted * e.slopes[b][l];
+                    }
+                }
+            }
+        }
+        let sum = |lanes: &[f32; LANES]| lanes.iter().map(|x| f64::from(*x)).sum::<f64>();
+        (SMatrix::from_fn(|i, j| sum(&h[i.min(j)][i.max(j)])), SVector::from_fn(|i, _| sum(&g[i])))
+    }
+}
+
+/// Twelve sectors of 30 degrees each.
+fn sector_of(x: f32, y: f32) -> usize {
+    // Within a quarter turn: tangents of 30 and 60 degrees. Quarters begin where x or y changes sign.
+    let (quarter, a, b) = match (x >= 0.0, y >= 0.0) {
+        (true, true) => (0, x, y),
+        (false, true) => (1, y, -x),
+        (false, false) => (2, -x, -y),
+        (true, false) => (3, -y, x),
+    };
+    const TAN_30: f32 = 0.577_350_26;
+    3 * quarter + if b < a * TAN_30 { 0 } else { usize::from(b * TAN_30 >= a) + 1 }
 }

@@ -6,9 +6,8 @@
 //! along the flight. Pictures of the contact keep the centre of their outline.
 
 use super::background::background;
-use super::ball_disc::BallDisc;
 use super::ball_learn::{Learnt, Lesson};
-use super::ball_model::{BallPicture, MARGIN_PX, ModelFit};
+use super::ball_model::{BallFace, BallPicture, MARGIN_PX, ModelFit};
 use super::ball_track::{BallFrame, outline_radius_px};
 use super::racket_pose::View;
 use super::shot_tracker::{ShotSetup, ShotTracks, TrackingError};
@@ -136,7 +135,7 @@ fn sights(
     Ok(sights?.into_iter().flatten().collect())
 }
 
-type Crop = (Vec<f64>, usize, Vector2<f64>);
+type Crop = (Vec<f32>, usize, Vector2<f64>);
 
 /// The pixels around the ball; `None` where they are not all in the picture.
 fn crop(
@@ -161,17 +160,17 @@ fn crop(
         return Ok(None);
     }
     let Some(view) = buffer.view() else { return Ok(None) };
-    let grey = |i: usize| view.get(left as i64 + (i % side) as i64, top as i64 + (i / side) as i64).map(f64::from);
-    let pixels: Option<Vec<f64>> = (0..side * side).map(grey).collect();
+    let grey = |i: usize| view.get(left as i64 + (i % side) as i64, top as i64 + (i / side) as i64).map(f32::from);
+    let pixels: Option<Vec<f32>> = (0..side * side).map(grey).collect();
     Ok(pixels.map(|p| (p, side, Vector2::new(left, top))))
 }
 
 /// The same pixels of the median picture.
-fn window(image: &GreyImage, origin: &Vector2<f64>, side: usize) -> Option<Vec<f64>> {
+fn window(image: &GreyImage, origin: &Vector2<f64>, side: usize) -> Option<Vec<f32>> {
     let (left, top) = (origin.x as usize, origin.y as usize);
     let row = |y: usize| image.pixels.get(y * image.width + left..y * image.width + left + side);
     let rows: Option<Vec<&[u8]>> = (top..top + side).map(row).collect();
-    (left + side <= image.width).then_some(rows?.concat().into_iter().map(f64::from).collect())
+    (left + side <= image.width).then_some(rows?.concat().into_iter().map(f32::from).collect())
 }
 
 /// Rows: right and down in the picture and away from the camera, at the ball, in global axes.
@@ -199,12 +198,12 @@ fn measure(sights: &mut [Sight], textured: &[bool; 2]) {
         if pass + 1 < ROUNDS.len() {
             lessons.par_iter_mut().for_each(|lesson| {
                 let model = learnt.model(lesson.picture.stretch);
-                let painted = lesson.picture.painted(&lesson.disc, model.light, model.texture);
-                if let Some(f) = lesson.picture.fit(&lesson.disc, &painted, &model, false)
+                if let Some(f) = lesson.picture.fit(&lesson.face, &model)
                     && (f.centre - lesson.picture.centre).norm() < FARTHEST_PX
                 {
                     lesson.picture.centre = f.centre;
                     lesson.picture.gain = f.gain;
+                    lesson.look_again();
                 }
             });
         }
@@ -212,12 +211,7 @@ fn measure(sights: &mut [Sight], textured: &[bool; 2]) {
     drop(lessons);
     sights.par_iter_mut().for_each(|sight| {
         let model = learnt.model(sight.picture.stretch);
-        let disc = BallDisc::new(sight.picture.radius_px);
-        let painted = sight.picture.painted(&disc, model.light, model.texture);
-        sight.fit = sight.picture.fit(&disc, &painted, &model, false).and_then(|f| {
-            (sight.picture.centre, sight.picture.gain) = (f.centre, f.gain);
-            Some((f, sight.picture.fit(&disc, &painted, &model, true)?))
-        });
+        sight.fit = sight.picture.fit_twice(&BallFace::new(&sight.picture), &model);
     });
 }
 

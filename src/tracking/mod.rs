@@ -12,6 +12,7 @@ mod ball_refine;
 mod ball_ring;
 mod ball_search;
 mod ball_shading;
+mod ball_surroundings;
 mod ball_texture;
 mod ball_track;
 mod band;

@@ -27,8 +27,25 @@ pub struct BallDisc {
     part: usize,
     /// Share of each place on the ball.
     pub cover: Vec<f32>,
-    /// Index and normal (camera axes) of the places on the ball.
-    pub normals: Vec<(u32, Vector3<f32>)>,
+    pub on_ball: PlacesOnBall,
+}
+
+/// The places of a disc that lie on the ball, one after another.
+#[derive(Default)]
+pub struct PlacesOnBall {
+    /// Where among all places.
+    pub at: Vec<u32>,
+    /// Share on the ball.
+    pub cover: Vec<f32>,
+    /// Normals, camera axes.
+    pub normals: [Vec<f32>; 3],
+}
+
+impl PlacesOnBall {
+    pub fn normals(&self) -> impl Iterator<Item = Vector3<f32>> {
+        let [x, y, z] = &self.normals;
+        x.iter().zip(y).zip(z).map(|((x, y), z)| Vector3::new(*x, *y, *z))
+    }
 }
 
 /// How the pixels of a row or column look at the disc: all with the same weights, each [`PER_PIXEL`] places farther on.
@@ -56,7 +73,7 @@ impl BallDisc {
         let places = 2 * half + 1;
         let part = (places + 2 * MARGIN).div_ceil(PER_PIXEL).next_multiple_of(WIDE) + WIDE;
         let stride = PER_PIXEL * part;
-        let mut disc = BallDisc { places, part, cover: vec![0.0; places * stride], normals: Vec::with_capacity(places * places) };
+        let mut disc = BallDisc { places, part, cover: vec![0.0; places * stride], on_ball: PlacesOnBall::default() };
         let (inner, outer) = ((radius - 0.5 * spacing).max(0.0).powi(2), (radius + 0.5 * spacing).powi(2));
         for row in 0..places {
             let y = (row as f32 - half as f32) * spacing;
@@ -75,19 +92,22 @@ impl BallDisc {
                     ((radius - rho) / spacing + 0.5, 1.0 / rho.max(radius))
                 };
                 disc.cover[at] = share;
-                disc.normals.push((at as u32, Vector3::new(x * out, y * out, -(1.0 - square * out * out).max(0.0).sqrt())));
+                disc.on_ball.at.push(at as u32);
+                disc.on_ball.cover.push(share);
+                for (all, n) in disc.on_ball.normals.iter_mut().zip([x * out, y * out, -(1.0 - square * out * out).max(0.0).sqrt()]) {
+                    all.push(n);
+                }
             }
         }
         disc
     }
 
-    /// The disc with a brightness at each of [`Self::normals`].
+    /// The disc with a brightness at each of the places on the ball, what they hide of the background counted.
     pub fn painted(&self, brightness: impl Iterator<Item = f32>) -> Vec<f32> {
         let mut out = vec![0.0; self.cover.len()];
-        for ((at, _), brightness) in self.normals.iter().zip(brightness) {
-            let at = *at as usize;
-            if let (Some(o), Some(c)) = (out.get_mut(at), self.cover.get(at)) {
-                *o = c * brightness;
+        for (at, brightness) in self.on_ball.at.iter().zip(brightness) {
+            if let Some(o) = out.get_mut(*at as usize) {
+                *o = brightness;
             }
         }
         out
@@ -96,6 +116,8 @@ impl BallDisc {
     /// Which places the pixels at `first`, `first` + 1, ... (px from the centre) look at.
     fn look(&self, first: f64, blur_px: f64) -> Look {
         let spacing = 1.0 / PER_PIXEL as f64;
+        // A place's own width is part of the blur.
+        let blur_px = (blur_px * blur_px - spacing * spacing / 12.0).max(0.01).sqrt();
         let at = first / spacing + (self.places / 2) as f64;
         let from = (at - 0.5 * (TAPS - 1) as f64).ceil();
         let unit = spacing / ((std::f64::consts::TAU).sqrt() * blur_px);
@@ -124,7 +146,7 @@ impl BallDisc {
 
     /// Where in a row the ball's square stands in the `k`-th of its parts.
     #[inline(always)]
-    fn on_ball(&self, k: usize) -> Range<usize> {
+    fn middle(&self, k: usize) -> Range<usize> {
         let first = k * self.part + MARGIN / PER_PIXEL;
         first..first + (self.places / PER_PIXEL + 2).next_multiple_of(WIDE)
     }
@@ -180,7 +202,7 @@ impl pulp::NullaryFnOnce for Blur<'_> {
             let first = rows.from + (v * PER_PIXEL) as isize;
             let taps = (-first).clamp(0, TAPS as isize) as usize..(disc.places as isize - first).clamp(0, TAPS as isize) as usize;
             for k in 0..PER_PIXEL {
-                for at in disc.on_ball(k).step_by(LANES) {
+                for at in disc.middle(k).step_by(LANES) {
                     let (mut sum, mut change) = (Octet::ZERO, Octet::ZERO);
                     for tap in taps.clone() {
                         let Some(places) = eight(painted, (first + tap as isize) as usize * stride + at) else { break };
@@ -245,8 +267,8 @@ impl pulp::NullaryFnOnce for Gather<'_> {
             for tap in 0..TAPS {
                 if let Some(to) = disc.row(rows, v, tap).and_then(|row| out.get_mut(row)) {
                     for k in 0..PER_PIXEL {
-                        let on_ball = disc.on_ball(k);
-                        add(&mut to[on_ball.clone()], &line[on_ball], rows.weight[tap]);
+                        let middle = disc.middle(k);
+                        add(&mut to[middle.clone()], &line[middle], rows.weight[tap]);
                     }
                 }
             }
@@ -289,7 +311,7 @@ mod tests {
     #[test]
     fn law_slopes_are_differences_and_gathering_is_the_transpose_of_blurring() {
         let disc = BallDisc::new(6.1);
-        let painted = disc.painted(disc.normals.iter().map(|(_, n)| 100.0 + 50.0 * n.x - 30.0 * n.y * n.z));
+        let painted = disc.painted(disc.on_ball.normals().zip(&disc.on_ball.cover).map(|(n, c)| c * (100.0 + 50.0 * n.x - 30.0 * n.y * n.z)));
         let (centre, h) = (Vector2::new(10.3, 9.8), 1e-2);
         let at = |x: f64, y: f64| disc.blurred([&painted], &Vector2::new(x, y), 21, 0.62, true)[0].clone();
         let (now, right, left, down, up) = (at(10.3, 9.8), at(10.3 + h, 9.8), at(10.3 - h, 9.8), at(10.3, 9.8 + h), at(10.3, 9.8 - h));

@@ -21,9 +21,8 @@ const GAINS: (f64, f64) = (0.2, 5.0);
 const BATCH: usize = 8;
 /// Fewest clear pixels of a picture that tell its gain.
 const FEWEST: usize = 20;
-/// Pictures, and one in so many of their pixels, that tell the light to begin with.
-const FIRST_PICTURES: usize = 24;
-const FIRST_STEP: usize = 3;
+/// Pixels of all pictures that tell the light to begin with.
+const FIRST_PIXELS: usize = 3000;
 /// One clear pixel in so many tells the noise.
 const NOISE_STEP: usize = 4;
 
@@ -42,7 +41,7 @@ impl<'a> Lesson<'a> {
     pub fn new(picture: &'a mut BallPicture) -> Self {
         let face = BallFace::new(picture);
         let turn = picture.ball_from_camera.map(|x| x as f32);
-        let cells = face.disc.normals.iter().map(|(_, n)| cell_of(&(turn * n))).collect();
+        let cells = face.disc.on_ball.normals().map(|n| cell_of(&(turn * n))).collect();
         let mut lesson = Lesson { picture, face, cells, shown: Vec::new(), clear: Vec::new() };
         lesson.look_again();
         lesson
@@ -70,7 +69,8 @@ impl<'a> Lesson<'a> {
         }
         let (stretch, side) = (self.picture.stretch, self.picture.side);
         let centre = self.picture.centre - self.picture.origin;
-        let painted = self.face.painted(self.picture, &now.light, &now.textures[stretch]);
+        let lit = self.face.lit(self.picture, &now.light);
+        let painted = self.face.painted(&lit, &now.textures[stretch]);
         let [ball] = self.face.disc.blurred([&painted], &centre, side, BLUR_PX, false);
         let usual_miss = self.settle_gain(&ball.value) as f32;
         let (gain, noise2) = (self.picture.gain as f32, (now.noise * now.noise) as f32);
@@ -84,16 +84,16 @@ impl<'a> Lesson<'a> {
             (misses[p.pixel], weights[p.pixel]) = (weight * residual, weight * p.share);
         }
         let (toward, mut light) = (self.picture.camera_from_global * now.light.light, LightSums::default());
-        let to_camera = toward.map(|x| x as f32);
+        let to_camera: [f32; 3] = toward.map(|x| x as f32).into();
         for (k, (at, normal)) in self.clear.iter().enumerate() {
             let p = &self.shown[*at];
-            let lit = gain * ball.value[p.pixel];
+            let (grey, expected) = (self.picture.pixels[p.pixel], gain * ball.value[p.pixel]);
             if k % NOISE_STEP == 0 {
-                sums.misses.push((self.picture.pixels[p.pixel] - lit).abs());
+                sums.misses.push((grey - expected).abs());
             }
-            let bare = now.light.at(&normal.map(|x| x as f32), &to_camera).max(3.0);
-            let pixel =
-                LitPixel { normal: *normal, grey: f64::from(self.picture.pixels[p.pixel]), relief: f64::from(lit / bare), weight: f64::from(weights[p.pixel] / p.share) };
+            let relief = f64::from(expected / now.light.at(normal.map(|x| x as f32).into(), to_camera).max(3.0));
+            let weight = f64::from(weights[p.pixel] / p.share);
+            let pixel = LitPixel { normal: *normal, toward_limb: 1.0 + normal.z, grey: f64::from(grey), relief, weight };
             light.add(&now.light, &toward, &pixel);
         }
         sums.light.merge(&light, &self.picture.camera_from_global);
@@ -101,9 +101,9 @@ impl<'a> Lesson<'a> {
             let [misses, weights] = self.face.disc.gathered([&misses, &weights], &centre, side, BLUR_PX);
             let per_usual = 1.0 / now.light.usual() as f32;
             let texture = sums.textures[stretch].get_or_insert_default();
-            for ((at, n), cell) in self.face.disc.normals.iter().zip(&self.cells) {
+            for ((at, lit), cell) in self.face.disc.on_ball.at.iter().zip(&lit).zip(&self.cells) {
                 let at = *at as usize;
-                let bare = gain * self.face.disc.cover[at] * now.light.at(n, &to_camera) * per_usual;
+                let bare = gain * lit * per_usual;
                 texture.add(*cell, misses[at] * bare * per_usual, weights[at] * bare * bare);
             }
         }
@@ -149,14 +149,17 @@ pub struct Learnt {
 impl Learnt {
     /// The light that a bare ball would need; the start.
     pub fn start(lessons: &[Lesson]) -> Option<Self> {
-        let some = lessons.iter().step_by(lessons.len().div_ceil(FIRST_PICTURES).max(1));
-        let pictures = some.map(|lesson| {
-            let p = &lesson.picture;
-            let inside = lesson.clear.iter().map(|(at, n)| (lesson.shown[*at].pixel, n)).step_by(FIRST_STEP);
-            let lit = inside.map(|(i, n)| LitPixel { normal: *n, grey: f64::from(p.pixels[i]), relief: p.gain, weight: 1.0 });
-            (p.camera_from_global, lit.collect())
-        });
-        let light = BallLight::of(&pictures.collect::<Vec<_>>())?;
+        let step = (lessons.iter().map(|l| l.clear.len()).sum::<usize>() / FIRST_PIXELS).max(1);
+        let lit = |lesson: &Lesson| {
+            let (p, clear) = (&lesson.picture, &lesson.clear);
+            let pixel = |(at, n): &(usize, Vector3<f64>)| {
+                let grey = f64::from(p.pixels[lesson.shown[*at].pixel]);
+                LitPixel { normal: p.camera_from_global.tr_mul(n), toward_limb: 1.0 + n.z, grey, relief: p.gain, weight: 1.0 }
+            };
+            clear.iter().step_by(step).map(pixel).collect::<Vec<_>>()
+        };
+        let pixels: Vec<LitPixel> = lessons.iter().flat_map(lit).collect();
+        let light = BallLight::of(&pixels, &lessons.first()?.picture.camera_from_global)?;
         Some(Learnt { light, textures: [BallTexture::bare(), BallTexture::bare()], noise: FIRST_NOISE })
     }
 

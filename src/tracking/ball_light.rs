@@ -2,6 +2,7 @@
 //! axes serves both cameras and both stretches of flight.
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+use rayon::prelude::*;
 
 /// How much darker or brighter than by Lambert's law the limb may be: beyond this it is no felt.
 const LIMB: (f64, f64) = (-0.5, 0.8);
@@ -18,10 +19,12 @@ pub struct BallLight {
     pub limb: f64,
 }
 
-/// A clear pixel of the ball: normal in the camera's axes, grey level, what gain and cover make of the light, weight.
+/// A clear pixel of the ball: normal, one less its share along the line of sight (0 at the disc's middle, 1 at the limb), grey level, what
+/// gain and cover make of the light, weight.
 #[derive(Clone, Copy)]
 pub struct LitPixel {
     pub normal: Vector3<f64>,
+    pub toward_limb: f64,
     pub grey: f64,
     pub relief: f64,
     pub weight: f64,
@@ -48,10 +51,9 @@ impl LightSums {
     #[inline]
     pub fn add(&mut self, light: &BallLight, toward: &Vector3<f64>, p: &LitPixel) {
         let direct = p.normal.dot(toward);
-        let toward_limb = 1.0 + p.normal.z;
-        let (fall, base) = (1.0 - light.limb * toward_limb, light.ambient + direct.max(0.0));
+        let (fall, base) = (1.0 - light.limb * p.toward_limb, light.ambient + direct.max(0.0));
         let lit = if direct > 0.0 { fall * p.relief } else { 0.0 };
-        let row = [fall * p.relief, p.normal.x * lit, p.normal.y * lit, p.normal.z * lit, -base * toward_limb * p.relief];
+        let row = [fall * p.relief, p.normal.x * lit, p.normal.y * lit, p.normal.z * lit, -base * p.toward_limb * p.relief];
         let residual = p.grey - base * row[0];
         let mut at = 0;
         for i in 0..5 {
@@ -113,9 +115,10 @@ impl LightSums {
 
 impl BallLight {
     /// Brightness at a normal given in a camera's axes (z away from the camera), for the light in the same axes.
-    #[inline]
-    pub fn at(&self, normal: &Vector3<f32>, toward: &Vector3<f32>) -> f32 {
-        (self.ambient as f32 + normal.dot(toward).max(0.0)).max(0.0) * (1.0 - self.limb as f32 * (1.0 + normal.z))
+    #[inline(always)]
+    pub fn at(&self, normal: [f32; 3], toward: [f32; 3]) -> f32 {
+        let direct = normal[0] * toward[0] + normal[1] * toward[1] + normal[2] * toward[2];
+        (self.ambient as f32 + direct.max(0.0)).max(0.0) * (1.0 - self.limb as f32 * (1.0 + normal[2]))
     }
 
     /// What a usual place of the lit side shows, grey levels.
@@ -127,30 +130,23 @@ impl BallLight {
         BallLight { ambient: self.ambient * by, light: self.light * by, limb: self.limb }
     }
 
-    /// The light that explains clear pixels of a ball without a cover best, by picture with its camera's axes (rows, in global
-    /// axes). Which pixels are lit depends on the answer, so there are several starts.
-    pub fn of(pictures: &[(Matrix3<f64>, Vec<LitPixel>)]) -> Option<BallLight> {
-        let axes = pictures.first()?.0;
-        let mut best: Option<(f64, BallLight)> = None;
-        for start in STARTS {
-            let mut light = BallLight { ambient: 40.0, light: axes.tr_mul(&Vector3::from(start)) * 100.0, limb: 0.0 };
+    /// The light that explains clear pixels of a ball without a cover best (normals in global axes); `axes` are one camera's (rows, in
+    /// global axes). Which pixels are lit depends on the answer, so there are several starts.
+    pub fn of(pixels: &[LitPixel], axes: &Matrix3<f64>) -> Option<BallLight> {
+        let from = |start: &[f64; 3]| {
+            let mut light = BallLight { ambient: 40.0, light: axes.tr_mul(&Vector3::from(*start)) * 100.0, limb: 0.0 };
             let mut cost = f64::INFINITY;
             for _ in 0..10 {
                 let mut sums = LightSums::default();
-                for (axes, pixels) in pictures {
-                    let (mut own, toward) = (LightSums::default(), axes * light.light);
-                    pixels.iter().for_each(|p| own.add(&light, &toward, p));
-                    sums.merge(&own, axes);
-                }
+                pixels.iter().for_each(|p| sums.add(&light, &light.light, p));
                 cost = sums.cost;
                 let Some(next) = sums.step(&light) else { break };
                 light = next;
             }
-            if cost.is_finite() && best.is_none_or(|b| cost < b.0) {
-                best = Some((cost, light));
-            }
-        }
-        best.map(|b| b.1)
+            (cost, light)
+        };
+        let found: Vec<(f64, BallLight)> = STARTS.par_iter().map(from).collect();
+        found.into_iter().filter(|f| f.0.is_finite()).min_by(|a, b| a.0.total_cmp(&b.0)).map(|f| f.1)
     }
 }
 
@@ -169,11 +165,11 @@ mod tests {
                 (q < 0.85).then(|| Vector3::new(x, y, -(1.0 - q).sqrt()))
             })
             .map(|n| {
-                let grey = f64::from(truth.at(&n.map(|x| x as f32), &(axes * truth.light).map(|x| x as f32)));
-                LitPixel { normal: n, grey, relief: 1.0, weight: 1.0 }
+                let grey = f64::from(truth.at(n.map(|x| x as f32).into(), (axes * truth.light).map(|x| x as f32).into()));
+                LitPixel { normal: axes.tr_mul(&n), toward_limb: 1.0 + n.z, grey, relief: 1.0, weight: 1.0 }
             })
             .collect();
-        let found = BallLight::of(&[(axes, pixels)]).expect("a light");
+        let found = BallLight::of(&pixels, &axes).expect("a light");
         assert!((found.light - truth.light).norm() < 1.0 && (found.ambient - 60.0).abs() < 0.5 && (found.limb - 0.2).abs() < 0.01, "{found:?}");
     }
 }

@@ -5,7 +5,7 @@
 //! are known from all pictures together, so that one side of the outline is enough and a dark line on the outline is
 //! expected. What lies behind the outline is continued from just outside it ([`super::ball_surroundings`]).
 
-use super::ball_disc::BallDisc;
+use super::ball_disc::{BallDisc, PlacesOnBall};
 use super::ball_light::BallLight;
 use super::ball_surroundings::Surroundings;
 use super::ball_texture::{BallTexture, Spot};
@@ -108,14 +108,41 @@ impl BallFace {
     pub fn new(picture: &BallPicture) -> Self {
         let disc = BallDisc::new(picture.radius_px);
         let turn = picture.ball_from_camera.map(|x| x as f32);
-        let spots = disc.normals.iter().map(|(_, n)| Spot::of(&(turn * n))).collect();
+        let spots = disc.on_ball.normals().map(|n| Spot::of(&(turn * n))).collect();
         BallFace { disc, spots }
     }
 
-    /// The disc with light and cover, for gain 1.
-    pub fn painted(&self, picture: &BallPicture, light: &BallLight, texture: &BallTexture) -> Vec<f32> {
-        let toward = (picture.camera_from_global * light.light).map(|x| x as f32);
-        self.disc.painted(self.disc.normals.iter().zip(&self.spots).map(|((_, n), spot)| light.at(n, &toward) * texture.at(spot)))
+    /// What light makes of the places on the ball, for gain 1 and without a cover; what they hide of the background counted.
+    pub fn lit(&self, picture: &BallPicture, light: &BallLight) -> Vec<f32> {
+        let toward = (picture.camera_from_global * light.light).map(|x| x as f32).into();
+        pulp::Arch::new().dispatch(Lit { places: &self.disc.on_ball, light, toward })
+    }
+
+    /// The disc with light (from [`Self::lit`]) and cover.
+    pub fn painted(&self, lit: &[f32], texture: &BallTexture) -> Vec<f32> {
+        self.disc.painted(lit.iter().zip(&self.spots).map(|(lit, spot)| lit * texture.at(spot)))
+    }
+}
+
+struct Lit<'a> {
+    places: &'a PlacesOnBall,
+    light: &'a BallLight,
+    toward: [f32; 3],
+}
+
+impl pulp::NullaryFnOnce for Lit<'_> {
+    type Output = Vec<f32>;
+
+    #[inline(always)]
+    fn call(self) -> Vec<f32> {
+        let Lit { places: PlacesOnBall { cover, normals: [x, y, z], .. }, light, toward } = self;
+        let n = cover.len();
+        let (x, y, z) = (&x[..n], &y[..n], &z[..n]);
+        let mut out = vec![0.0f32; n];
+        for i in 0..n {
+            out[i] = cover[i] * light.at([x[i], y[i], z[i]], toward);
+        }
+        out
     }
 }
 
@@ -218,7 +245,7 @@ struct Straight<'a> {
 
 impl<'a> Straight<'a> {
     fn new(picture: &'a BallPicture, face: &'a BallFace, model: &BallModel) -> Self {
-        let painted = face.painted(picture, model.light, model.texture);
+        let painted = face.painted(&face.lit(picture, model.light), model.texture);
         Straight { picture, face, painted, noise: model.noise as f32, centre: Vector2::repeat(f64::INFINITY), eights: Vec::new(), count: 0, sizes: Vec::new() }
     }
 

@@ -24,7 +24,7 @@ const SHORTEST_CONTACT_S: f64 = 4.0e-3;
 /// From here on it is surely free and round, and its cover is learnt (physics.md E.2).
 const LONGEST_CONTACT_S: f64 = 6.5e-3;
 /// Times of learning the ball and measuring its centres, and rounds of learning in each.
-const ROUNDS: [usize; 3] = [6, 4, 4];
+const ROUNDS: [usize; 3] = [6, 3, 3];
 /// A centre that moves farther than this from the outline's is not believed, px.
 const FARTHEST_PX: f64 = 1.2;
 /// Least share of pixels near the outline that must agree.

@@ -15,6 +15,8 @@ const KERNEL_RAD: f64 = 0.07;
 const CUT_OFF: f64 = 2.8;
 /// Weight of "as before" against the pixels of one picture (a pixel of usual brightness has weight 1).
 const PRIOR: f32 = 0.3;
+/// Share of the last step that every step goes on by: the blur lets fine lines come out only by and by.
+const MOMENTUM: f32 = 0.5;
 /// No cover is darker or brighter than this.
 const RANGE: (f32, f32) = (0.02, 2.5);
 
@@ -27,6 +29,8 @@ const CORNERS: usize = EDGE + 1;
 pub struct BallTexture {
     /// Over latitude and longitude.
     cells: Vec<f32>,
+    /// Their last step.
+    steps: Vec<f32>,
     /// At the corners of the cells on six faces of a cube.
     corners: Vec<f32>,
 }
@@ -70,13 +74,13 @@ pub fn cell_of(n: &Vector3<f32>) -> u16 {
 impl BallTexture {
     /// A bare ball.
     pub fn bare() -> Self {
-        BallTexture { cells: vec![1.0; ROWS * COLUMNS], corners: vec![1.0; 6 * CORNERS * CORNERS] }
+        BallTexture { cells: vec![1.0; ROWS * COLUMNS], steps: vec![0.0; ROWS * COLUMNS], corners: vec![1.0; 6 * CORNERS * CORNERS] }
     }
 
-    /// Moves every cell by the weighted mean miss around it.
+    /// Moves every cell by the weighted mean miss around it and a part of its last step.
     pub fn correct(&mut self, sums: &TextureSums) {
         let lattice = LATTICE.get_or_init(Lattice::new);
-        pulp::Arch::new().dispatch(Smooth { cells: &mut self.cells, sums, lattice });
+        pulp::Arch::new().dispatch(Smooth { cells: &mut self.cells, steps: &mut self.steps, sums, lattice });
         let corner = |(at, shares): &([u16; 4], [f32; 4])| at.iter().zip(shares).map(|(i, share)| self.cells[usize::from(*i)] * share).sum::<f32>();
         self.corners = lattice.corners.iter().map(corner).collect();
     }
@@ -125,6 +129,7 @@ impl Spot {
 /// One step of every cell.
 struct Smooth<'a> {
     cells: &'a mut [f32],
+    steps: &'a mut [f32],
     sums: &'a TextureSums,
     lattice: &'a Lattice,
 }
@@ -135,10 +140,10 @@ impl pulp::NullaryFnOnce for Smooth<'_> {
     /// All columns of a row side by side. Columns wrap around, so that lines stand three times after one another.
     #[inline(always)]
     fn call(self) {
-        let Smooth { cells, sums, lattice } = self;
+        let Smooth { cells, steps, sums, lattice } = self;
         let around = |values: &[f32]| values.chunks_exact(COLUMNS).flat_map(|line| [line; 3].concat()).collect::<Vec<f32>>();
         let (misses, weights) = (around(&sums.misses), around(&sums.weights));
-        for (cells, kernel) in cells.chunks_exact_mut(COLUMNS).zip(&lattice.kernels) {
+        for ((cells, steps), kernel) in cells.chunks_exact_mut(COLUMNS).zip(steps.chunks_exact_mut(COLUMNS)).zip(&lattice.kernels) {
             let (mut miss, mut weight) = ([0.0f32; COLUMNS], [PRIOR; COLUMNS]);
             for (row, shares) in kernel {
                 let first = 3 * COLUMNS * row + COLUMNS - shares.len() / 2;
@@ -147,8 +152,9 @@ impl pulp::NullaryFnOnce for Smooth<'_> {
                     add(&mut weight, &weights[first + k..first + k + COLUMNS], *share);
                 }
             }
-            for ((cell, miss), weight) in cells.iter_mut().zip(miss).zip(weight) {
-                *cell = (*cell + miss / weight).clamp(RANGE.0, RANGE.1);
+            for (((cell, step), miss), weight) in cells.iter_mut().zip(steps).zip(miss).zip(weight) {
+                *step = MOMENTUM * *step + miss / weight;
+                *cell = (*cell + *step).clamp(RANGE.0, RANGE.1);
             }
         }
     }

@@ -9,8 +9,8 @@ use crate::provenance::{Provenance, sha256_file, sha256_hex};
 use crate::session::{Session, ShotFolder};
 use crate::tracking::spin::{SPIN_FILE, spin_to_json};
 use crate::tracking::{
-    InStep, Overlay, PointState, ShotSetup, SyncMode, TrackExport, TrackingError, Tracks, c3d_bytes, contact_frames, dltdv_tables, points_to_csv, read_points,
-    refine_ball, spin_of_shot, track_in_step,
+    FoundSpins, InStep, Overlay, PointState, ShotSetup, SyncMode, TrackExport, TrackingError, Tracks, c3d_bytes, contact_frames, dltdv_tables, points_to_csv, read_points,
+    refine_ball, track_in_step,
 };
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -156,10 +156,10 @@ fn one(arguments: &Arguments, session: &Session, shot: &ShotFolder, rig: (&Stere
     let mut made = made?;
     let mut spin = None;
     if !arguments.no_spin {
-        let first = spin_of_shot(&made.clip, &setup, &made.tracked.tracks, &made.tracked.points)?;
-        refine_ball(&made.clip, &setup, &mut made.tracked, &first)?;
+        let found = FoundSpins::find(&made.clip, &setup, &made.tracked.tracks, &made.tracked.points)?;
+        refine_ball(&made.clip, &setup, &mut made.tracked, &found.rough())?;
         // The better centres tell the spin better: a drift of the outline looks like a turn.
-        spin = Some(spin_of_shot(&made.clip, &setup, &made.tracked.tracks, &made.tracked.points)?);
+        spin = Some(found.measure(&made.clip, &setup, &made.tracked.tracks, &made.tracked.points)?);
     }
     let tracked = &made.tracked;
     let summary = summary(&shot.id, &setup, &made, clip.gap_notes());

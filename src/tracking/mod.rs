@@ -49,7 +49,7 @@ pub use overlay::Overlay;
 pub use racket_figure::{RacketFigure, VISIBLE_DEPTH};
 pub use racket_pose::{MarkerObservation, PoseError, RacketPose, View, fit_pose, fit_pose_in, rigid_from_points};
 pub use racket_track::RacketFrame;
-pub use shot_spin::spin_of_shot;
+pub use shot_spin::FoundSpins;
 pub use shot_tracker::{ShotSetup, ShotTracks, TrackingError, track_shot};
 pub use space_points::contact_frames;
 pub use track_file::{ImagePoint, PointState, SpacePoint, Target, TrackFileError, TrackPoint, Tracks, points_to_csv, read_points};

@@ -1,11 +1,12 @@
 //! The ball's spin in one tracked shot: crops of the ball in free flight, before and after the contact.
 
 use super::shot_tracker::{ShotSetup, TrackingError};
-use super::spin::{BallSpin, BallView, GreyPatch, SpinSettings, measure_spin};
+use super::spin::{BallSpin, BallView, FoundSpin, GreyPatch, SpinSettings};
 use super::track_file::{SpacePoint, Target, Tracks};
 use crate::calibration::CameraId;
 use crate::footage::{FrameBuffer, FrameSource};
 use nalgebra::{Point3, Vector2};
+use std::collections::BTreeMap;
 
 /// Longest contact of ball and strings: 4 to 6 ms at the speeds of play (physics.md E.2). Frames in it show neither spin.
 const LONGEST_CONTACT_S: f64 = 6.5e-3;
@@ -26,15 +27,51 @@ struct Crop {
     position: Point3<f64>,
 }
 
-/// Measures the spin before and after the contact. `points` are those of the shot, t = 0 at first contact.
-pub fn spin_of_shot(source: &impl FrameSource, setup: &ShotSetup, tracks: &Tracks, points: &[SpacePoint]) -> Result<BallSpin, TrackingError> {
+/// The spins before and after the contact as they are found.
+#[derive(Debug, Clone)]
+pub struct FoundSpins {
+    found: [FoundSpin; 2],
+}
+
+impl FoundSpins {
+    /// Looks for the spins. `points` are those of the shot, t = 0 at first contact.
+    pub fn find(source: &impl FrameSource, setup: &ShotSetup, tracks: &Tracks, points: &[SpacePoint]) -> Result<Self, TrackingError> {
+        let crops = crops(source, setup, tracks, points)?;
+        let find = |side: usize| FoundSpin::find(&views(&crops[side]), setup.rig, setup.ball.radius_m(), &SpinSettings::new(setup.frame_rate_hz));
+        let (before, after) = rayon::join(|| find(0), || find(1));
+        Ok(FoundSpins { found: [before, after] })
+    }
+
+    /// What is known so far: good enough to learn the ball's cover with.
+    pub fn rough(&self) -> BallSpin {
+        let [before, after] = self.found.each_ref().map(|f| f.rough.clone());
+        BallSpin { before, after }
+    }
+
+    /// Measures the spins, with the centres as they are now.
+    pub fn measure(&self, source: &impl FrameSource, setup: &ShotSetup, tracks: &Tracks, points: &[SpacePoint]) -> Result<BallSpin, TrackingError> {
+        let crops = crops(source, setup, tracks, points)?;
+        let measure =
+            |side: usize| self.found[side].measure(&views(&crops[side]), setup.rig, setup.ball.radius_m(), &SpinSettings::new(setup.frame_rate_hz));
+        let (before, after) = rayon::join(|| measure(0), || measure(1));
+        Ok(BallSpin { before, after })
+    }
+}
+
+fn views(crops: &[Crop]) -> Vec<BallView<'_>> {
+    crops.iter().map(Crop::view).collect()
+}
+
+/// The ball in free flight before and after the contact.
+fn crops(source: &impl FrameSource, setup: &ShotSetup, tracks: &Tracks, points: &[SpacePoint]) -> Result<[Vec<Crop>; 2], TrackingError> {
     let radius = setup.ball.radius_m();
     let reach = MOST_FRAMES / setup.frame_rate_hz;
     let mut sides: [Vec<Crop>; 2] = [Vec::new(), Vec::new()];
     let mut buffer = FrameBuffer::default();
+    let balls: BTreeMap<u64, &SpacePoint> = points.iter().filter(|p| p.target == Target::Ball).map(|p| (p.frame, p)).collect();
     for index in 0..source.len() {
         let number = source.number(index);
-        let Some(point) = points.iter().find(|p| p.frame == number && p.target == Target::Ball) else { continue };
+        let Some(point) = balls.get(&number) else { continue };
         let side = if (-reach..0.0).contains(&point.t) {
             0
         } else if (LONGEST_CONTACT_S..LONGEST_CONTACT_S + reach).contains(&point.t) {
@@ -73,8 +110,7 @@ pub fn spin_of_shot(source: &impl FrameSource, setup: &ShotSetup, tracks: &Track
             });
         }
     }
-    let [before, after] = sides.each_ref().map(|crops| crops.iter().map(Crop::view).collect::<Vec<_>>());
-    Ok(measure_spin(&before, &after, setup.rig, radius, &SpinSettings::new(setup.frame_rate_hz)))
+    Ok(sides)
 }
 
 impl Crop {

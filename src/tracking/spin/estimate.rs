@@ -1,10 +1,11 @@
 //! From views to a spin estimate: search, registration, and the verdict whether it may be believed.
 
-use super::registration::{Effort, Registrar, Registration};
-use super::search::{Candidate, Search};
+use super::contest::{Contest, contest};
+use super::registration::{Effort, FoundMarkings, Registrar, Registration};
+use super::search::Search;
 use super::shading::{Mark, divide_out};
 use super::sphere_map::SphereMap;
-use super::view::{BallView, ViewInfo, sample_views};
+use super::view::{BallView, Sample, ViewInfo, sample_views};
 use crate::calibration::StereoRig;
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -94,25 +95,30 @@ pub struct BallSpin {
     pub after: SpinEstimate,
 }
 
-/// Measures the spin before first contact and after last contact. `radius_m` is the ball's; views may come in any order.
-pub fn measure_spin(before: &[BallView], after: &[BallView], rig: &StereoRig, radius_m: f64, settings: &SpinSettings) -> BallSpin {
-    let one = |views: &[BallView]| estimate_spin(views, rig, radius_m, settings);
-    let (before, after) = rayon::join(|| one(before), || one(after));
-    BallSpin { before, after }
+/// A spin as it is found: good enough to know how the ball turns while its pictures are measured better, and where the
+/// measurement begins.
+#[derive(Debug, Clone)]
+pub struct FoundSpin {
+    /// What is known so far.
+    pub rough: SpinEstimate,
+    start: Option<Start>,
+}
+
+#[derive(Debug, Clone)]
+struct Start {
+    contest: Contest,
+    omega: Vector3<f64>,
+    markings: FoundMarkings,
 }
 
 /// Least frames from which a spin is tried.
 const LEAST_FRAMES: usize = 4;
+/// Fewest pixels.
+const LEAST_SAMPLES: usize = 200;
+/// A registration whose last step is longer than this many of its shortest steps has not settled.
+const LONGEST_LAST_STEP: f64 = 50.0;
 /// Largest standard deviation of a component that still counts as measured, rad/s: 10 % of 1600 rpm.
 const LARGEST_SD: f64 = 17.0;
-/// Least lead over a rival behind a barrier, as a share of what the markings explain; twice that for a best solution that
-/// stands still. Measured (docs/spin.md, "Rivals"): a line that slides along itself leads by up to 0.18 where it stands
-/// still; two lines or dots lead by more than 0.3 over the nearest true rival.
-const LEAST_LEAD: f64 = 0.2;
-/// Least lead over a rival that is far away, barrier or not.
-const LEAST_FAR_LEAD: f64 = 0.06;
-/// Rise of the cost on the way to a rival that makes it one of its own.
-const BARRIER: f64 = 0.015;
 /// Most that may be left over beyond the noise, in units of what the markings explain: right spins of rendered balls leave
 /// 0.03 to 1.2 (poor pictures most), wrong ones 1.8 and more.
 const MOST_UNEXPLAINED: f64 = 1.5;
@@ -128,46 +134,77 @@ const NOISE_SHARE: f64 = 8.0;
 /// drift with the background, and 0.06 px covers them (docs/spin.md, "Uncertainty").
 const SYSTEMATIC_PX: f64 = 0.06;
 const SYSTEMATIC_RATE: f64 = 0.003;
-/// Axes about which a ball that seems to stand still is turned: one in 0.25 rad, twice the width of a blurred line.
-const PROBES: u32 = 100;
-/// Candidates that are registered.
-const CONTESTANTS: usize = 4;
 /// Frames over which residuals stay correlated.
 const MEMORY_FRAMES: f64 = 6.0;
 /// Cells along an edge of the map: for choosing among candidates (7 degrees), and for the answer (4.5 degrees, 0.6 px).
 const COARSE_EDGE: usize = 12;
 const FINE_EDGE: usize = 20;
-/// Which candidate: a coarse map without blur.
-const COARSE: Effort = Effort { steps: 4, last_step_rad_s: 0.5, light: false, memory_s: 0.0 };
 /// Fine map with blur, before the shading is fitted again.
-const FIRST: Effort = Effort { steps: 4, last_step_rad_s: 0.3, light: true, memory_s: 0.0 };
+const FIRST: Effort = Effort { steps: 8, last_step_rad_s: 0.3, light: true, memory_s: 0.0 };
 const FINAL: Effort = Effort { steps: 14, last_step_rad_s: 0.02, light: true, memory_s: 0.0 };
 
-/// Measures one constant spin vector over the free flight shown by `views`.
+/// Measures one constant spin vector over the free flight shown by `views`, which may come in any order. `radius_m` is the ball's.
 pub fn estimate_spin(views: &[BallView], rig: &StereoRig, radius_m: f64, settings: &SpinSettings) -> SpinEstimate {
-    let (infos, samples) = sample_views(views, rig, radius_m);
-    let frames = distinct_times(&infos, settings.frame_rate_hz);
-    if frames < LEAST_FRAMES || samples.len() < 200 {
-        return SpinEstimate::Refused { reason: SpinRefusal::TooFewFrames { seen: frames, needed: LEAST_FRAMES } };
+    FoundSpin::find(views, rig, radius_m, settings).measure(views, rig, radius_m, settings)
+}
+
+impl FoundSpin {
+    /// Looks for the spin everywhere.
+    pub fn find(views: &[BallView], rig: &StereoRig, radius_m: f64, settings: &SpinSettings) -> Self {
+        let (infos, samples) = sample_views(views, rig, radius_m);
+        if let Some(refusal) = too_few(&infos, &samples, settings) {
+            return FoundSpin { rough: refusal, start: None };
+        }
+        let (shading, marks) = divide_out(&infos, &samples, None);
+        let candidates = Search::new(&infos, &marks, 1.0 / settings.frame_rate_hz).candidates(settings.limit_rad_s);
+        // Which candidate: a coarse map, every second pixel, no blur.
+        let coarse_map = SphereMap::new(COARSE_EDGE);
+        let few: Vec<Mark> = marks.iter().copied().step_by(2).collect();
+        let coarse = Registrar::new(&coarse_map, &infos, &few, &shading, 0.0);
+        let Some(contest) = contest(&coarse, &candidates, span_s(&infos)) else {
+            let seen = distinct_times(&infos, settings.frame_rate_hz);
+            return FoundSpin { rough: SpinEstimate::Refused { reason: SpinRefusal::TooFewFrames { seen, needed: LEAST_FRAMES } }, start: None };
+        };
+        let map = SphereMap::new(FINE_EDGE);
+        let registrar = Registrar::new(&map, &infos, &marks, &shading, BLUR_PX);
+        let first = registrar.refine(contest.omega, &Effort { memory_s: MEMORY_FRAMES / settings.frame_rate_hz, ..FIRST });
+        let start = Start { contest, omega: first.omega, markings: registrar.found(&first) };
+        FoundSpin { rough: verdict(&infos, &first, &first.model_covariance, &start.contest, settings, &FIRST), start: Some(start) }
     }
-    let (shading, marks) = divide_out(&infos, &samples, None);
-    let candidates = Search::new(&infos, &marks, 1.0 / settings.frame_rate_hz).candidates(settings.limit_rad_s);
-    // Which candidate: a coarse map, every second pixel, no blur.
-    let coarse_map = SphereMap::new(COARSE_EDGE);
-    let few: Vec<Mark> = marks.iter().copied().step_by(2).collect();
-    let coarse = Registrar::new(&coarse_map, &infos, &few, &shading, 0.0);
-    let contest = contest(&coarse, &candidates, span_s(&infos));
-    let Some(contest) = contest else {
-        return SpinEstimate::Refused { reason: SpinRefusal::TooFewFrames { seen: frames, needed: LEAST_FRAMES } };
-    };
-    let map = SphereMap::new(FINE_EDGE);
-    let first = Registrar::new(&map, &infos, &marks, &shading, BLUR_PX).refine(contest.omega, &FIRST);
-    // The lines darken the first estimate of the shading where they pass most often; once they are known, again.
-    let (shading, marks) = divide_out(&infos, &samples, Some(&first.markings));
-    let registrar = Registrar::new(&map, &infos, &marks, &shading, BLUR_PX);
-    let best = registrar.refine(first.omega, &Effort { memory_s: MEMORY_FRAMES / settings.frame_rate_hz, ..FINAL });
+
+    /// The spin from the same pictures, or from pictures with better centres, beginning where it was found.
+    pub fn measure(&self, views: &[BallView], rig: &StereoRig, radius_m: f64, settings: &SpinSettings) -> SpinEstimate {
+        let Some(start) = &self.start else { return self.rough.clone() };
+        let (infos, samples) = sample_views(views, rig, radius_m);
+        if let Some(refusal) = too_few(&infos, &samples, settings) {
+            return refusal;
+        }
+        // The lines darken the first estimate of the shading where they pass most often; now that they are known, again.
+        let map = SphereMap::new(FINE_EDGE);
+        let (shading, marks) = divide_out(&infos, &samples, Some(&start.markings.at(&map, &infos, &samples)));
+        let registrar = Registrar::new(&map, &infos, &marks, &shading, BLUR_PX);
+        let best = registrar.refine(start.omega, &Effort { memory_s: MEMORY_FRAMES / settings.frame_rate_hz, ..FINAL });
+        verdict(&infos, &best, &widened(&registrar, &best), &start.contest, settings, &FINAL)
+    }
+}
+
+/// Refuses what no spin can be seen in.
+fn too_few(infos: &[ViewInfo], samples: &[Sample], settings: &SpinSettings) -> Option<SpinEstimate> {
+    let seen = distinct_times(infos, settings.frame_rate_hz);
+    (seen < LEAST_FRAMES || samples.len() < LEAST_SAMPLES).then_some(SpinEstimate::Refused { reason: SpinRefusal::TooFewFrames { seen, needed: LEAST_FRAMES } })
+}
+
+/// Whether a registration may be believed, and how far.
+fn verdict(
+    infos: &[ViewInfo],
+    best: &Registration,
+    model_covariance: &Matrix3<f64>,
+    contest: &Contest,
+    settings: &SpinSettings,
+    effort: &Effort,
+) -> SpinEstimate {
     let quality =
-        SpinQuality { views: infos.len(), pixels: marks.len(), noise: best.noise, markings: best.texture, outliers: best.outliers, margin: contest.margin };
+        SpinQuality { views: infos.len(), pixels: best.residuals.len(), noise: best.noise, markings: best.texture, outliers: best.outliers, margin: contest.margin };
     if best.texture < f64::max(LEAST_CONTRAST, 0.4 * best.noise) {
         return SpinEstimate::Refused { reason: SpinRefusal::NoMarkings { contrast: best.texture, noise: best.noise } };
     }
@@ -177,20 +214,20 @@ pub fn estimate_spin(views: &[BallView], rig: &StereoRig, radius_m: f64, setting
     if let Some(rival) = contest.rival {
         return SpinEstimate::Refused { reason: SpinRefusal::Ambiguous { first: best.omega.into(), second: rival.into() } };
     }
-    if best.last_step_rad_s > 1.0 {
+    if best.last_step_rad_s > LONGEST_LAST_STEP * effort.last_step_rad_s {
         return SpinEstimate::Refused { reason: SpinRefusal::Unsettled { step_rad_s: best.last_step_rad_s } };
     }
-    let share = unexplained(&best);
+    let share = unexplained(best);
     if share > MOST_UNEXPLAINED {
         return SpinEstimate::Refused { reason: SpinRefusal::Unexplained { share } };
     }
-    let model_covariance = widened(&registrar, &best);
     let covariance =
-        larger(&model_covariance, &best.scatter_covariance) * (1.0 + NOISE_SHARE * (best.noise / best.texture).powi(2)) + systematic(&best.omega, &infos);
+        larger(model_covariance, &best.scatter_covariance) * (1.0 + NOISE_SHARE * (best.noise / best.texture).powi(2)) + systematic(&best.omega, infos);
+    let frames_used = distinct_times(infos, settings.frame_rate_hz);
     let eigen = covariance.symmetric_eigen();
     let worst = eigen.eigenvalues.max().sqrt();
     if worst <= LARGEST_SD {
-        return SpinEstimate::Vector { omega_rad_s: best.omega, covariance, frames_used: frames, quality };
+        return SpinEstimate::Vector { omega_rad_s: best.omega, covariance, frames_used, quality };
     }
     // The direction of the spin itself when it is held, else the best-held direction.
     let along = best.omega.try_normalize(1e-9).map(|a| (a, a.dot(&(covariance * a)).sqrt())).filter(|(_, sd)| *sd <= LARGEST_SD);
@@ -203,7 +240,7 @@ pub fn estimate_spin(views: &[BallView], rig: &StereoRig, radius_m: f64, setting
             axis,
             rate_rad_s: best.omega.dot(&axis),
             sd_rad_s: sd,
-            frames_used: frames,
+            frames_used,
             reason: format!("the markings leave one direction free (standard deviation {worst:.0} rad/s)"),
         };
     }
@@ -236,80 +273,6 @@ fn systematic(omega: &Vector3<f64>, views: &[ViewInfo]) -> Matrix3<f64> {
     let radius_px = views.iter().map(|v| v.radius_px).sum::<f64>() / views.len().max(1) as f64;
     let turn = SYSTEMATIC_PX / radius_px.max(1.0) / (0.5 * span_s(views)).max(1e-6);
     Matrix3::identity() * (turn * turn) + omega * omega.transpose() * (SYSTEMATIC_RATE * SYSTEMATIC_RATE)
-}
-
-/// The best candidate and its strongest rival.
-struct Contest {
-    omega: Vector3<f64>,
-    /// A rival that cannot be ruled out.
-    rival: Option<Vector3<f64>>,
-    /// Lead over the rival in log-likelihood, as a share of what the markings explain.
-    margin: Option<f64>,
-}
-
-/// Registers the candidates on a coarse map and finds whether one clearly wins. Rivals closer than a twelfth of the rate
-/// are the same valley, whose width is the covariance's business.
-fn contest(coarse: &Registrar, candidates: &[Candidate], span_s: f64) -> Option<Contest> {
-    let apart = |a: &Vector3<f64>, b: &Vector3<f64>| (a - b).norm() > f64::max(a.norm() / 12.0, 0.15 / span_s.max(1e-6));
-    let mut fits: Vec<(Vector3<f64>, Registration)> = Vec::new();
-    for c in candidates {
-        if fits.len() < CONTESTANTS && fits.iter().all(|(start, f)| apart(start, &c.omega) && apart(&f.omega, &c.omega)) {
-            fits.push((c.omega, coarse.refine(c.omega, &COARSE)));
-        }
-    }
-    let noise = fits.iter().map(|(_, f)| f.noise).min_by(f64::total_cmp)?;
-    let cost = |f: &Registration| coarse.cost(&f.residuals, noise);
-    let explained = |f: &Registration| {
-        let bare: Vec<f32> = f.residuals.iter().zip(&f.markings).map(|(r, m)| r + m).collect();
-        coarse.cost(&bare, noise) - cost(f)
-    };
-    let mut fits: Vec<Registration> = fits.into_iter().map(|(_, f)| f).collect();
-    fits.sort_by(|a, b| cost(a).total_cmp(&cost(b)));
-    // Those that are near go on until they have arrived, or have met.
-    let limit = cost(&fits[0]) + 2.5 * LEAST_LEAD * explained(&fits[0]);
-    for f in fits.iter_mut().filter(|f| cost(f) <= limit) {
-        *f = coarse.refine(f.omega, &Effort { steps: 6, ..COARSE });
-    }
-    fits.sort_by(|a, b| cost(a).total_cmp(&cost(b)));
-    let best = fits.first()?;
-    let at_best = coarse.cost_at(&best.omega, noise, &COARSE);
-    let gain = explained(best).max(1.0);
-    // A solution that hardly moves the markings is favoured by everything that stands still: shading, strings, dirt.
-    let still = best.omega.norm() * span_s < 0.3;
-    let mut strongest: Option<(f64, f64, Vector3<f64>)> = None;
-    for f in fits.iter().skip(1).filter(|f| apart(&best.omega, &f.omega)) {
-        let lead = (cost(f) - cost(best)) / gain;
-        let way = f.omega - best.omega;
-        let level = |share: f64| (coarse.cost_at(&(best.omega + way * share), noise, &COARSE) - at_best) / gain;
-        let far = way.norm() > f64::max(best.omega.norm() / 3.0, 1.0 / span_s.max(1e-6));
-        let needed = if still {
-            2.0 * LEAST_LEAD
-        } else if far && lead < LEAST_FAR_LEAD {
-            LEAST_FAR_LEAD
-        } else if lead < LEAST_LEAD && level(0.3).max(level(0.6)) > level(1.0) + BARRIER {
-            LEAST_LEAD
-        } else {
-            0.0 // on the slope of the same valley: it has only not arrived yet
-        };
-        let strength = lead - needed;
-        if strongest.is_none_or(|s| strength < s.0) {
-            strongest = Some((strength, lead, f.omega));
-        }
-    }
-    if still && strongest.is_none_or(|s| s.0 > 0.0) {
-        // A line that slides along itself seems to stand still, and no search finds its rate: so a turn of one radian is
-        // tried about axes all around.
-        let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
-        let turns = (0..PROBES).map(|i| {
-            let z = (f64::from(i) + 0.5) / f64::from(PROBES);
-            let ((s, c), r) = ((golden * f64::from(i)).sin_cos(), (1.0 - z * z).sqrt());
-            Vector3::new(r * c, r * s, z) / span_s.max(1e-6)
-        });
-        let slides = turns.map(|omega| ((coarse.cost_at(&omega, noise, &COARSE) - at_best) / gain, omega)).min_by(|a, b| a.0.total_cmp(&b.0));
-        strongest = slides.map(|(lead, omega)| (lead - 2.0 * LEAST_LEAD, lead, omega)).or(strongest);
-    }
-    let rival = strongest.filter(|s| s.0 < 0.0).map(|s| s.2);
-    Some(Contest { omega: best.omega, rival, margin: strongest.map(|s| s.1) })
 }
 
 fn span_s(views: &[ViewInfo]) -> f64 {

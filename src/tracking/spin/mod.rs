@@ -5,6 +5,7 @@
 //! the spin vector in global axes with its covariance, or the one component that can be measured, or a refusal with
 //! its reason. Method and measured comparison: docs/spin.md.
 
+mod contest;
 mod estimate;
 mod registration;
 mod search;
@@ -13,6 +14,6 @@ mod sphere_map;
 mod spin_file;
 mod view;
 
-pub use estimate::{BallSpin, SpinEstimate, SpinQuality, SpinRefusal, SpinSettings, estimate_spin, measure_spin};
+pub use estimate::{BallSpin, FoundSpin, SpinEstimate, SpinQuality, SpinRefusal, SpinSettings, estimate_spin};
 pub use spin_file::{SPIN_FILE, SpinFileError, read_spin, spin_to_json};
 pub use view::{BallView, GreyPatch};

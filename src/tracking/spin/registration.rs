@@ -5,9 +5,9 @@
 //! normal equations are a block per cell, summed once per step and solved by conjugate gradients on the map alone. Gains and
 //! shading follow from what is left over between the steps.
 
-use super::shading::{Mark, Shading, TERMS, median, terms};
+use super::shading::{Factors, Mark, Shading, factors, least_squares, median, product};
 use super::sphere_map::{SphereMap, Spot};
-use super::view::ViewInfo;
+use super::view::{Sample, ViewInfo};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
 /// Degrees of freedom of the Student-t that the residuals are weighted by: strings and frame in front of the ball.
@@ -17,6 +17,8 @@ const NUISANCE_SD: f64 = 0.1;
 /// Prior of the map: precision of one value, and of the difference of two neighbours, in units of 1 / variance of the contrast.
 const VALUE_PRECISION: f32 = 0.3;
 const DIFFERENCE_PRECISION: f32 = 4.0;
+/// One pixel of a camera in so many tells its shading.
+const LIGHT_STEP: usize = 3;
 /// Longest step, rad/s.
 const LONGEST_STEP: f64 = 15.0;
 /// Rounds of conjugate gradients for a map from nothing, and from the last step's map.
@@ -37,6 +39,7 @@ pub(super) struct Registration {
     pub noise: f64,
     /// Fitted markings at every pixel, contrast.
     pub markings: Vec<f32>,
+    map: Vec<f32>,
     /// Root mean square of the fitted markings over the pixels, contrast.
     pub texture: f64,
     /// Length of the last step, rad/s.
@@ -58,10 +61,45 @@ pub(super) struct Effort {
     pub memory_s: f64,
 }
 
+/// The markings of a turning ball.
+#[derive(Debug, Clone)]
+pub(super) struct FoundMarkings {
+    omega: Vector3<f64>,
+    middle_s: f64,
+    map: Vec<f32>,
+}
+
+impl FoundMarkings {
+    /// Contrast at every sample; `map` is laid out as the one they were found on.
+    pub fn at(&self, map: &SphereMap, views: &[ViewInfo], samples: &[Sample]) -> Vec<f32> {
+        let back = turned_back(views, &self.omega, self.middle_s);
+        let at = |s: &Sample| {
+            let spot = map.spot(&turned(&back[s.view], &s.normal.map(|x| x as f32).into()));
+            inner(&map.values(&spot, &self.map), &spot.weights())
+        };
+        samples.iter().map(at).collect()
+    }
+}
+
+/// Rotations from global axes to those that turn with the ball, by view.
+fn turned_back(views: &[ViewInfo], omega: &Vector3<f64>, middle_s: f64) -> Vec<[[f32; 3]; 3]> {
+    let back = |v: &ViewInfo| {
+        let r = Rotation3::new(-omega * (v.time_s - middle_s));
+        std::array::from_fn(|i| std::array::from_fn(|j| r[(i, j)] as f32))
+    };
+    views.iter().map(back).collect()
+}
+
 pub(super) struct Registrar<'a> {
     map: &'a SphereMap,
     views: &'a [ViewInfo],
     marks: &'a [Mark],
+    /// By pixel: contrast, weight and its root.
+    contrasts: Vec<f32>,
+    weights: Vec<f32>,
+    roots: Vec<f32>,
+    /// Harmonics of the shading at each pixel, where light is fitted.
+    harmonics: Vec<Factors>,
     /// Where on the ball, in global axes, each pixel looks on the whole.
     looks_at: Vec<[f32; 3]>,
     middle_s: f64,
@@ -112,7 +150,16 @@ impl<'a> Registrar<'a> {
                 (view.axes * disc).map(|x| x as f32).into()
             })
             .collect();
-        Registrar { map, views, marks, looks_at, middle_s, variance: variance.max(1e-6) as f32 }
+        let (contrasts, weights): (Vec<f32>, Vec<f32>) = marks.iter().map(|m| (m.contrast as f32, m.weight as f32)).unzip();
+        let roots = weights.iter().map(|w| w.sqrt()).collect();
+        // The views' gains are the constants.
+        let harmonics = marks.iter().map(|m| factors(0.0, &m.disc)).collect();
+        Registrar { map, views, marks, contrasts, weights, roots, harmonics, looks_at, middle_s, variance: variance.max(1e-6) as f32 }
+    }
+
+    /// What a registration has found.
+    pub fn found(&self, registration: &Registration) -> FoundMarkings {
+        FoundMarkings { omega: registration.omega, middle_s: self.middle_s, map: registration.map.clone() }
     }
 
     /// Refines from `start`.
@@ -172,7 +219,7 @@ impl<'a> Registrar<'a> {
         let count = markings.len().max(1) as f64;
         let texture = (markings.iter().map(|m| f64::from(m * m)).sum::<f64>() / count).sqrt();
         let outliers = state.robust.iter().filter(|&&w| w < 0.5).count() as f64 / count;
-        Registration { omega, model_covariance, scatter_covariance, residuals, noise: state.noise, markings, texture, last_step_rad_s: length, outliers }
+        Registration { omega, model_covariance, scatter_covariance, residuals, noise: state.noise, markings, map: state.map.clone(), texture, last_step_rad_s: length, outliers }
     }
 
     /// Robust cost at a fixed spin, everything else fitted.
@@ -184,7 +231,7 @@ impl<'a> Registrar<'a> {
 
     /// The map at the start's attitude, without turning it: the slopes need a map first.
     fn first_map(&self, design: &Design, effort: &Effort) -> State {
-        let noise = 1.5 * median(self.marks.iter().map(|m| (m.contrast * m.weight.sqrt()).abs()).collect()).max(1e-4);
+        let noise = f64::from(1.5 * median(self.contrasts.iter().zip(&self.roots).map(|(c, r)| (c * r).abs()).collect())).max(1e-4);
         let mut state = State { map: vec![0.0; self.map.nodes()], light: vec![0.0; self.marks.len()], robust: vec![1.0; self.marks.len()], noise };
         for rounds in [ROUNDS, MORE_ROUNDS] {
             let (equations, _) = self.equations(design, &state);
@@ -201,22 +248,17 @@ impl<'a> Registrar<'a> {
             self.settle_light(&markings, state);
         }
         let residuals = self.residuals(&markings, state);
-        let scaled: Vec<f64> = residuals.iter().zip(self.marks).map(|(r, m)| (f64::from(*r) * m.weight.sqrt()).abs()).collect();
-        state.noise = (1.4826 * median(scaled.clone())).max(1e-4);
+        let scaled: Vec<f32> = residuals.iter().zip(&self.roots).map(|(r, root)| (r * root).abs()).collect();
+        let noise = (1.4826 * median(scaled.clone())).max(1e-4);
+        state.noise = f64::from(noise);
+        let (tail, per_noise) = (TAIL as f32, 1.0 / noise);
         for (w, s) in state.robust.iter_mut().zip(&scaled) {
-            *w = ((TAIL + 1.0) / (TAIL + (s / state.noise).powi(2))).min(1.0) as f32;
+            *w = ((tail + 1.0) / (tail + (s * per_noise) * (s * per_noise))).min(1.0);
         }
     }
 
     fn design(&self, omega: &Vector3<f64>) -> Design {
-        let back: Vec<[[f32; 3]; 3]> = self
-            .views
-            .iter()
-            .map(|v| {
-                let r = Rotation3::new(-omega * (v.time_s - self.middle_s));
-                std::array::from_fn(|i| std::array::from_fn(|j| r[(i, j)] as f32))
-            })
-            .collect();
+        let back = turned_back(self.views, omega, self.middle_s);
         let body: Vec<[f32; 3]> = self.looks_at.iter().zip(self.marks).map(|(n, m)| turned(&back[m.view], n)).collect();
         Design { spots: body.iter().map(|b| self.map.spot(b)).collect(), body }
     }
@@ -226,20 +268,20 @@ impl<'a> Registrar<'a> {
     }
 
     fn residuals(&self, markings: &[f32], state: &State) -> Vec<f32> {
-        self.marks.iter().zip(markings).zip(&state.light).map(|((m, on), light)| m.contrast as f32 - on - light).collect()
+        self.contrasts.iter().zip(markings).zip(&state.light).map(|((contrast, on), light)| contrast - on - light).collect()
     }
 
     /// The map's normal equations with the prior, and every pixel's weight.
     fn equations(&self, d: &Design, state: &State) -> (Equations, Vec<f32>) {
         let scale = (state.noise * state.noise).recip() as f32;
-        let weights: Vec<f32> = state.robust.iter().zip(self.marks).map(|(r, m)| r * m.weight as f32 * scale).collect();
+        let weights: Vec<f32> = state.robust.iter().zip(&self.weights).map(|(r, w)| r * w * scale).collect();
         // A node belongs to four cells, an edge to two.
         let (value, difference) = (0.25 * VALUE_PRECISION / self.variance, 0.5 * DIFFERENCE_PRECISION / self.variance);
         let own = value + 2.0 * difference;
         let bare: Block = [own, -difference, -difference, 0.0, own, 0.0, -difference, own, -difference, own];
         let mut blocks = vec![bare; self.map.corners().len()];
         let mut right = vec![0.0; self.map.nodes()];
-        for (((s, m), light), &w) in d.spots.iter().zip(self.marks).zip(&state.light).zip(&weights) {
+        for (((s, contrast), light), &w) in d.spots.iter().zip(&self.contrasts).zip(&state.light).zip(&weights) {
             let k = s.weights();
             let b = &mut blocks[usize::from(s.cell)];
             let kw = k.map(|x| x * w);
@@ -250,7 +292,7 @@ impl<'a> Registrar<'a> {
                     at += 1;
                 }
             }
-            let y = m.contrast as f32 - light;
+            let y = contrast - light;
             for (node, x) in self.map.corners()[usize::from(s.cell)].iter().zip(kw) {
                 right[usize::from(*node)] += x * y;
             }
@@ -311,30 +353,24 @@ impl<'a> Registrar<'a> {
 
     /// Gain per view and shading per camera from what the map leaves over, each with its prior.
     fn settle_light(&self, markings: &[f32], state: &mut State) {
-        let scale = (state.noise * state.noise).recip();
-        let prior = NUISANCE_SD.powi(-2);
+        let (scale, prior) = ((state.noise * state.noise).recip() as f32, NUISANCE_SD.powi(-2));
         for camera in crate::calibration::CameraId::BOTH {
-            let mut normal = nalgebra::SMatrix::<f64, TERMS, TERMS>::identity() * prior;
-            let mut right = nalgebra::SVector::<f64, TERMS>::zeros();
-            for (i, m) in self.marks.iter().enumerate().filter(|(_, m)| self.views[m.view].camera == camera).step_by(3) {
-                let t = nalgebra::SVector::<f64, TERMS>::from(terms(&m.disc));
-                let w = 3.0 * f64::from(state.robust[i]) * m.weight * scale;
-                normal.ger(w, &t, &t, 1.0);
-                right.axpy(w * (m.contrast - f64::from(markings[i])), &t, 1.0);
-            }
-            let Some(c) = normal.cholesky().map(|c| c.solve(&right)) else { continue };
-            for (i, m) in self.marks.iter().enumerate().filter(|(_, m)| self.views[m.view].camera == camera) {
-                state.light[i] = terms(&m.disc).iter().zip(c.iter()).map(|(t, c)| t * c).sum::<f64>() as f32;
+            let own = || self.marks.iter().enumerate().filter(|(_, m)| self.views[m.view].camera == camera).map(|(i, _)| i);
+            let one = |i: usize| (&self.harmonics[i], self.contrasts[i] - markings[i], LIGHT_STEP as f32 * state.robust[i] * self.weights[i] * scale);
+            let Some(coefficients) = least_squares(own().step_by(LIGHT_STEP).map(one), prior) else { continue };
+            for i in own() {
+                state.light[i] = product(&self.harmonics[i], &coefficients);
             }
         }
-        let mut gains = vec![(prior, 0.0); self.views.len()];
-        for ((m, on), (light, robust)) in self.marks.iter().zip(markings).zip(state.light.iter().zip(&state.robust)) {
-            let w = f64::from(*robust) * m.weight * scale;
-            gains[m.view].0 += w;
-            gains[m.view].1 += w * (m.contrast - f64::from(on + light));
+        let mut gains = vec![(prior as f32, 0.0f32); self.views.len()];
+        for (i, m) in self.marks.iter().enumerate() {
+            let w = state.robust[i] * self.weights[i] * scale;
+            let gain = &mut gains[m.view];
+            gain.0 += w;
+            gain.1 += w * (self.contrasts[i] - markings[i] - state.light[i]);
         }
         for (light, m) in state.light.iter_mut().zip(self.marks) {
-            *light += (gains[m.view].1 / gains[m.view].0) as f32;
+            *light += gains[m.view].1 / gains[m.view].0;
         }
     }
 
@@ -364,8 +400,10 @@ impl<'a> Registrar<'a> {
     fn score(&self, d: &Design, state: &State, slopes: &[[f32; 3]], weights: &[f32]) -> Vector3<f64> {
         let residuals = self.residuals(&self.markings(d, &state.map), state);
         let mut sum = Vector3::zeros();
-        for ((slope, w), r) in slopes.iter().zip(weights).zip(&residuals) {
-            sum += Vector3::from(*slope).map(f64::from) * f64::from(w * r);
+        let pixels: Vec<[f32; 3]> = slopes.iter().zip(weights).zip(&residuals).map(|((slope, w), r)| slope.map(|s| s * w * r)).collect();
+        for some in pixels.chunks(64) {
+            let part = some.iter().fold([0.0f32; 3], |a, b| [a[0] + b[0], a[1] + b[1], a[2] + b[2]]);
+            sum += Vector3::from(part.map(f64::from));
         }
         sum
     }

@@ -1,13 +1,13 @@
 //! Light on the ball: a smooth pattern that stays with the camera while the markings turn under it.
 
 use super::view::{Sample, ViewInfo};
-use nalgebra::{DMatrix, DVector, Vector3};
+use nalgebra::{SMatrix, SVector, Vector3};
 
 /// Harmonics up to order 3 of the normal, the constant left out (a view's gain takes it). A matt ball under any lights
 /// is held by order 2 to about 1 % (Basri and Jacobs 2003; Ramamoorthi and Hanrahan 2001); order 3 takes glints.
-pub(super) const TERMS: usize = 15;
+const TERMS: usize = 15;
 
-pub(super) fn terms(n: &Vector3<f64>) -> [f64; TERMS] {
+fn terms(n: &Vector3<f64>) -> [f64; TERMS] {
     let (x, y, z) = (n.x, n.y, n.z);
     let zz = z - 0.7; // the used part of the disc has z near 0.5 to 1: keeps the terms apart
     [
@@ -75,33 +75,26 @@ pub(super) fn divide_out(views: &[ViewInfo], samples: &[Sample], markings: Optio
         None => samples.iter().map(|s| s.grey).collect(),
     };
     // Gain: the median over the disc.
-    let gains: Vec<f64> = per_view.iter().map(|own| median(own.iter().map(|&i| felt[i]).collect()).max(1.0)).collect();
+    let gains: Vec<f64> = per_view.iter().map(|own| f64::from(median(own.iter().map(|&i| felt[i] as f32).collect())).max(1.0)).collect();
     let mut shading = Shading { coefficients: [Vec::new(), Vec::new()] };
     for camera in crate::calibration::CameraId::BOTH {
-        let own: Vec<usize> = (0..samples.len()).filter(|&i| views[samples[i].view].camera == camera).collect();
-        if own.len() < 10 * (TERMS + 1) {
+        let own: Vec<usize> = (0..samples.len()).filter(|&i| views[samples[i].view].camera == camera).step_by(STEP).collect();
+        if own.len() * STEP < 10 * UNKNOWNS {
             continue;
         }
-        let row = |i: usize| {
-            let t = terms(&samples[i].disc);
-            DVector::from_fn(TERMS + 1, |k, _| if k == 0 { 1.0 } else { t[k - 1] })
-        };
-        let mut weight = vec![1.0; own.len()];
+        let factors: Vec<Factors> = own.iter().map(|&i| factors(1.0, &samples[i].disc)).collect();
+        let values: Vec<f32> = own.iter().map(|&i| (felt[i] / gains[samples[i].view]) as f32).collect();
+        let mut weights = vec![1.0f32; own.len()];
         for _ in 0..4 {
-            let mut normal = DMatrix::<f64>::identity(TERMS + 1, TERMS + 1) * 1e-6;
-            let mut right = DVector::<f64>::zeros(TERMS + 1);
-            for (&i, &w) in own.iter().zip(&weight) {
-                let r = row(i);
-                normal.ger(w, &r, &r, 1.0);
-                right.axpy(w * felt[i] / gains[samples[i].view], &r, 1.0);
-            }
-            let Some(solution) = normal.cholesky().map(|c| c.solve(&right)) else { break };
-            let misses: Vec<f64> = own.iter().map(|&i| felt[i] / gains[samples[i].view] - row(i).dot(&solution)).collect();
+            let equations = factors.iter().zip(&values).zip(&weights).map(|((f, v), w)| (f, *v, *w));
+            let Some(solution) = least_squares(equations, 1e-6) else { break };
+            let misses: Vec<f32> = values.iter().zip(&factors).map(|(v, f)| v - product(f, &solution)).collect();
             let scale = 1.5 * median(misses.iter().map(|m| m.abs()).collect()).max(1e-3);
-            for (k, miss) in misses.iter().enumerate() {
-                weight[k] = 1.0 / (1.0 + (miss / (2.0 * scale)).powi(2)).powi(2);
+            for (weight, miss) in weights.iter_mut().zip(&misses) {
+                let square = (miss / (2.0 * scale)) * (miss / (2.0 * scale));
+                *weight = 1.0 / ((1.0 + square) * (1.0 + square));
             }
-            shading.coefficients[camera.index()] = solution.iter().copied().collect();
+            shading.coefficients[camera.index()] = solution.map(f64::from).to_vec();
         }
     }
     let mut marks: Vec<Mark> = samples
@@ -118,11 +111,85 @@ pub(super) fn divide_out(views: &[ViewInfo], samples: &[Sample], markings: Optio
     (shading, marks)
 }
 
+/// One pixel of a camera in so many is asked for its shading: thousands of pixels for sixteen numbers.
+const STEP: usize = 2;
+const UNKNOWNS: usize = TERMS + 1;
+
+/// A constant and the harmonics at one place of the disc.
+pub(super) type Factors = [f32; UNKNOWNS];
+
+pub(super) fn factors(constant: f32, disc: &Vector3<f64>) -> Factors {
+    let t = terms(disc);
+    std::array::from_fn(|k| if k == 0 { constant } else { t[k - 1] as f32 })
+}
+
+#[inline(always)]
+pub(super) fn product(a: &Factors, b: &Factors) -> f32 {
+    let mut lanes = [0.0f32; UNKNOWNS];
+    for k in 0..UNKNOWNS {
+        lanes[k] = a[k] * b[k];
+    }
+    // Halves, quarters, ...: a fixed order that wide registers like.
+    for half in [8, 4, 2, 1] {
+        for k in 0..half {
+            lanes[k] += lanes[k + half];
+        }
+    }
+    lanes[0]
+}
+
+/// Coefficients of (factors, value, weight); `prior` is the precision of each about 0.
+pub(super) fn least_squares<'a>(equations: impl Iterator<Item = (&'a Factors, f32, f32)>, prior: f64) -> Option<Factors> {
+    pulp::Arch::new().dispatch(LeastSquares { equations, prior })
+}
+
+struct LeastSquares<I> {
+    equations: I,
+    prior: f64,
+}
+
+/// Equations whose products are summed in single precision.
+const SINGLY: usize = 64;
+
+impl<'a, I: Iterator<Item = (&'a Factors, f32, f32)>> pulp::NullaryFnOnce for LeastSquares<I> {
+    type Output = Option<Factors>;
+
+    #[inline(always)]
+    fn call(self) -> Self::Output {
+        let mut normal = SMatrix::<f64, UNKNOWNS, UNKNOWNS>::identity() * self.prior;
+        let mut right = SVector::<f64, UNKNOWNS>::zeros();
+        let mut equations = self.equations.peekable();
+        while equations.peek().is_some() {
+            let mut sums = [[0.0f32; UNKNOWNS]; UNKNOWNS];
+            let mut values = [0.0f32; UNKNOWNS];
+            for (factors, value, weight) in equations.by_ref().take(SINGLY) {
+                for (i, sums) in sums.iter_mut().enumerate() {
+                    let weighted = weight * factors[i];
+                    for j in 0..UNKNOWNS {
+                        sums[j] += weighted * factors[j];
+                    }
+                }
+                for j in 0..UNKNOWNS {
+                    values[j] += weight * value * factors[j];
+                }
+            }
+            for i in 0..UNKNOWNS {
+                for j in 0..UNKNOWNS {
+                    normal[(i, j)] += f64::from(sums[i][j]);
+                }
+                right[i] += f64::from(values[i]);
+            }
+        }
+        let solution: [f64; UNKNOWNS] = normal.cholesky()?.solve(&right).into();
+        Some(solution.map(|x| x as f32))
+    }
+}
+
 /// Median; 0 of nothing.
-pub(super) fn median(mut x: Vec<f64>) -> f64 {
+pub(super) fn median(mut x: Vec<f32>) -> f32 {
     if x.is_empty() {
         return 0.0;
     }
     let mid = x.len() / 2;
-    *x.select_nth_unstable_by(mid, f64::total_cmp).1
+    *x.select_nth_unstable_by(mid, f32::total_cmp).1
 }

@@ -6,6 +6,7 @@
 
 use super::ball_light::{BallLight, LightSums, LitPixel};
 use super::ball_model::{BLUR_PX, BallFace, BallModel, BallPicture, CLEAR, Shown};
+use super::ball_surroundings::Surroundings;
 use super::ball_texture::{BallTexture, TextureSums, cell_of};
 use nalgebra::{Matrix3, Vector2, Vector3};
 use rayon::prelude::*;
@@ -31,8 +32,8 @@ pub struct Lesson<'a> {
     pub picture: &'a mut BallPicture,
     pub face: BallFace,
     cells: Vec<u16>,
-    /// Pixels that teach, for the present centre.
-    shown: Vec<Shown>,
+    /// Pixels that show some of the ball, for the present centre.
+    pub shown: Vec<Shown>,
     /// Where among them the clear ones are, and their normals in the camera's axes.
     clear: Vec<(usize, Vector3<f64>)>,
 }
@@ -49,8 +50,8 @@ impl<'a> Lesson<'a> {
 
     /// What does not depend on light and cover, when the centre has moved.
     pub fn look_again(&mut self) {
-        let mut shown = self.picture.shown(&self.face.disc, &(self.picture.centre - self.picture.origin));
-        shown.retain(|p| p.share >= TEACHING_SHARE && p.spread.is_finite());
+        let centre = self.picture.centre - self.picture.origin;
+        let shown = self.picture.shown(&self.face.disc, &centre, &Surroundings::of(self.picture, &centre));
         self.clear = shown.iter().enumerate().filter(|(_, p)| p.share > CLEAR).map(|(k, p)| (k, self.normal(p.pixel))).collect();
         self.shown = shown;
     }
@@ -75,7 +76,7 @@ impl<'a> Lesson<'a> {
         let usual_miss = self.settle_gain(&ball.value) as f32;
         let (gain, noise2) = (self.picture.gain as f32, (now.noise * now.noise) as f32);
         let (mut misses, mut weights) = (vec![0.0f32; side * side], vec![0.0f32; side * side]);
-        for p in &self.shown {
+        for p in self.shown.iter().filter(|p| p.share >= TEACHING_SHARE && p.spread.is_finite()) {
             let outside = if p.share > CLEAR { 0.0 } else { 1.0 - p.share };
             let residual = self.picture.pixels[p.pixel] - gain * ball.value[p.pixel] - outside * p.behind;
             let spread = outside * outside * p.spread;
@@ -274,7 +275,7 @@ mod tests {
             (0..rounds).for_each(|_| learnt.improve(&mut lessons, &[true, false]).expect("learnt"));
             for lesson in &mut lessons {
                 let model = learnt.model(0);
-                let fit = lesson.picture.fit(&lesson.face, &model).expect("fitted");
+                let fit = lesson.picture.fit(&lesson.face, &model, &lesson.shown).expect("fitted");
                 (lesson.picture.centre, lesson.picture.gain) = (fit.centre, fit.gain);
                 lesson.look_again();
             }

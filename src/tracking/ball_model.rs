@@ -37,6 +37,8 @@ const SETTLED_PX: f64 = 0.003;
 /// As long as the centre has moved by less, the picture is predicted with its slopes: their change is below a grey level, and
 /// opposite on both sides of the outline's edge, px.
 const STRAIGHT_PX: f64 = 0.08;
+/// As long as the centre has moved by less, the surroundings stay as they are, px.
+const SAME_SURROUNDINGS_PX: f64 = 0.25;
 /// Sectors of the outline whose pulls count as independent: 30 degrees, a line or a panel's border.
 const SECTORS: usize = 12;
 /// Fewest pixels near the outline from which a centre is fitted.
@@ -148,23 +150,26 @@ impl pulp::NullaryFnOnce for Lit<'_> {
 
 impl BallPicture {
     /// The pixels that show some of the ball when its centre is there (counted from the window's first pixel).
-    pub fn shown(&self, disc: &BallDisc, centre: &Vector2<f64>) -> Vec<Shown> {
+    pub fn shown(&self, disc: &BallDisc, centre: &Vector2<f64>, around: &Surroundings) -> Vec<Shown> {
         let [cover] = disc.blurred([&disc.cover], centre, self.side, BLUR_PX, true);
-        let around = Surroundings::of(self, centre);
         let mut out = Vec::with_capacity(self.pixels.len());
         for (pixel, &share) in cover.value.iter().enumerate() {
             if share < LEAST_SHARE {
                 continue;
             }
-            let (behind, spread) = if share > CLEAR { (0.0, 0.0) } else { around.behind(pixel).unwrap_or((0.0, f32::INFINITY)) };
+            let (behind, spread) = if share > CLEAR { (0.0, 0.0) } else { around.behind(self, pixel).unwrap_or((0.0, f32::INFINITY)) };
             out.push(Shown { pixel, share, by_centre: [cover.by_x[pixel], cover.by_y[pixel]], behind, spread });
         }
         out
     }
 
     /// The centre nearest to `self.centre` at which picture and model agree best; `None` when the picture does not determine it.
-    pub fn fit(&self, face: &BallFace, model: &BallModel) -> Option<ModelFit> {
-        self.settle::<3>(&mut Straight::new(self, face, model), (self.centre - self.origin, self.gain), 0)
+    /// `shown` are the pixels at `self.centre`.
+    pub fn fit(&self, face: &BallFace, model: &BallModel, shown: &[Shown]) -> Option<ModelFit> {
+        let mut straight = Straight::new(self, face, model);
+        let start = self.centre - self.origin;
+        straight.predict(&start, shown)?;
+        self.settle::<3>(&mut straight, (start, self.gain), 0)
     }
 
     /// [`Self::fit`], and once more with the light free to be a little brighter on one side.
@@ -238,6 +243,8 @@ struct Straight<'a> {
     noise: f32,
     /// Where the slopes are taken; far away at first.
     centre: Vector2<f64>,
+    /// Where the surroundings were looked at.
+    around: Option<(Vector2<f64>, Surroundings)>,
     eights: Vec<Eight>,
     count: usize,
     sizes: Vec<f32>,
@@ -246,7 +253,17 @@ struct Straight<'a> {
 impl<'a> Straight<'a> {
     fn new(picture: &'a BallPicture, face: &'a BallFace, model: &BallModel) -> Self {
         let painted = face.painted(&face.lit(picture, model.light), model.texture);
-        Straight { picture, face, painted, noise: model.noise as f32, centre: Vector2::repeat(f64::INFINITY), eights: Vec::new(), count: 0, sizes: Vec::new() }
+        Straight {
+            picture,
+            face,
+            painted,
+            noise: model.noise as f32,
+            centre: Vector2::repeat(f64::INFINITY),
+            around: None,
+            eights: Vec::new(),
+            count: 0,
+            sizes: Vec::new(),
+        }
     }
 
     /// Predicts anew when the centre has moved; `None` when what lies behind the ball is not known or too little is seen.
@@ -254,15 +271,26 @@ impl<'a> Straight<'a> {
         if (centre - self.centre).norm() < STRAIGHT_PX {
             return Some(());
         }
+        // A few pixels more or less at their edge do not change the surroundings.
+        let around = match self.around.take() {
+            Some((at, around)) if (centre - at).norm() < SAME_SURROUNDINGS_PX => (at, around),
+            _ => (*centre, Surroundings::of(self.picture, centre)),
+        };
+        let shown = self.picture.shown(&self.face.disc, centre, &around.1);
+        self.around = Some(around);
+        self.predict(centre, &shown)
+    }
+
+    /// Predicts at a place of the centre, where these pixels show something of the ball.
+    fn predict(&mut self, centre: &Vector2<f64>, shown: &[Shown]) -> Option<()> {
         let picture = self.picture;
         self.centre = *centre;
-        let shown = picture.shown(&self.face.disc, centre);
         let [ball] = self.face.disc.blurred([&self.painted], centre, picture.side, BLUR_PX, true);
         self.eights.clear();
         self.count = 0;
         let (inner, outer) = (((1.0 - INSIDE) * picture.radius_px).powi(2), (picture.radius_px + OUTSIDE_PX).powi(2));
         let mut eight = Eight::default();
-        for p in &shown {
+        for p in shown {
             let i = p.pixel;
             let d = Vector2::new((i % picture.side) as f64, (i / picture.side) as f64) - centre;
             if !(inner..=outer).contains(&d.norm_squared()) {

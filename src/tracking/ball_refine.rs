@@ -198,7 +198,7 @@ fn measure(sights: &mut [Sight], textured: &[bool; 2]) {
         if pass + 1 < ROUNDS.len() {
             lessons.par_iter_mut().for_each(|lesson| {
                 let model = learnt.model(lesson.picture.stretch);
-                if let Some(f) = lesson.picture.fit(&lesson.face, &model)
+                if let Some(f) = lesson.picture.fit(&lesson.face, &model, &lesson.shown)
                     && (f.centre - lesson.picture.centre).norm() < FARTHEST_PX
                 {
                     lesson.picture.centre = f.centre;

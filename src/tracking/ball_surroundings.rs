@@ -9,8 +9,8 @@ use nalgebra::Vector2;
 const SURROUNDINGS_PX: (f64, f64) = (2.17 * BLUR_PX, 4.5);
 
 /// The surroundings just outside the outline of one picture, continued inward.
-pub struct Surroundings<'a> {
-    picture: &'a BallPicture,
+pub struct Surroundings {
+    side: usize,
     /// Length of a row of the sums.
     stride: usize,
     /// By pixel, over the pixels near it that show the surroundings: weight, grey level and its square, difference from the median
@@ -28,9 +28,9 @@ const LEAST_WEIGHT: f32 = 1e-6;
 /// Variance of a median picture's pixel, grey levels squared.
 const MEDIAN_VARIANCE: f32 = 1.0;
 
-impl<'a> Surroundings<'a> {
+impl Surroundings {
     /// `centre` is counted from the window's first pixel.
-    pub fn of(picture: &'a BallPicture, centre: &Vector2<f64>) -> Self {
+    pub fn of(picture: &BallPicture, centre: &Vector2<f64>) -> Self {
         let side = picture.side;
         let stride = side.next_multiple_of(WIDE) + WIDE;
         let (from, to) = (picture.radius_px + SURROUNDINGS_PX.0, picture.radius_px + SURROUNDINGS_PX.1);
@@ -53,14 +53,14 @@ impl<'a> Surroundings<'a> {
         for sum in sums.iter_mut().take(count) {
             pulp::Arch::new().dispatch(Spread { values: sum, side, stride });
         }
-        Surroundings { picture, stride, sums, level }
+        Surroundings { side, stride, sums, level }
     }
 
     /// What lies behind the ball at a pixel, with its variance: the mean of what is seen outside near it, or the median picture
     /// moved by the mean by which it differs from what is seen outside near it, whichever varies less there. `None` when nothing
     /// outside is near.
-    pub fn behind(&self, pixel: usize) -> Option<(f32, f32)> {
-        let at = pixel / self.picture.side * self.stride + pixel % self.picture.side;
+    pub fn behind(&self, picture: &BallPicture, pixel: usize) -> Option<(f32, f32)> {
+        let at = pixel / self.side * self.stride + pixel % self.side;
         let weight = *self.sums[0].get(at)?;
         if weight < LEAST_WEIGHT {
             return None;
@@ -71,7 +71,7 @@ impl<'a> Surroundings<'a> {
         };
         let [_, grey, grey_square, off, off_square] = &self.sums;
         let (mean, spread) = moments(grey, grey_square);
-        let known = self.picture.behind.as_ref().map(|m| {
+        let known = picture.behind.as_ref().map(|m| {
             let (off, off_spread) = moments(off, off_square);
             (m[pixel] + off, off_spread + MEDIAN_VARIANCE)
         });

@@ -51,8 +51,7 @@ impl FoundSpins {
     /// Measures the spins, with the centres as they are now.
     pub fn measure(&self, source: &impl FrameSource, setup: &ShotSetup, tracks: &Tracks, points: &[SpacePoint]) -> Result<BallSpin, TrackingError> {
         let crops = crops(source, setup, tracks, points)?;
-        let measure =
-            |side: usize| self.found[side].measure(&views(&crops[side]), setup.rig, setup.ball.radius_m(), &SpinSettings::new(setup.frame_rate_hz));
+        let measure = |side: usize| self.found[side].measure(&views(&crops[side]), setup.rig, setup.ball.radius_m(), &SpinSettings::new(setup.frame_rate_hz));
         let (before, after) = rayon::join(|| measure(0), || measure(1));
         Ok(BallSpin { before, after })
     }

@@ -65,7 +65,7 @@ impl TapeLight {
                 for q in PLACES {
                     let up = (1.0 - q * q).sqrt();
                     let grey = fit.brightness(q, up) * shade.at(q);
-                    pixels.push(LitPixel { normal: view.sideways * q + view.upward * up, along_sight: -up, grey, relief: 1.0, weight: 1.0 });
+                    pixels.push(LitPixel { normal: view.sideways * q + view.upward * up, toward_limb: 1.0 - up, grey, relief: 1.0, weight: 1.0 });
                 }
             }
         }

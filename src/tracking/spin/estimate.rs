@@ -140,7 +140,7 @@ const MEMORY_FRAMES: f64 = 6.0;
 const COARSE_EDGE: usize = 12;
 const FINE_EDGE: usize = 20;
 /// Fine map with blur, before the shading is fitted again.
-const FIRST: Effort = Effort { steps: 8, last_step_rad_s: 0.3, light: true, memory_s: 0.0 };
+const FIRST: Effort = Effort { steps: 4, last_step_rad_s: 0.3, light: true, memory_s: 0.0 };
 const FINAL: Effort = Effort { steps: 14, last_step_rad_s: 0.02, light: true, memory_s: 0.0 };
 
 /// Measures one constant spin vector over the free flight shown by `views`, which may come in any order. `radius_m` is the ball's.
@@ -168,7 +168,7 @@ impl FoundSpin {
         let map = SphereMap::new(FINE_EDGE);
         let registrar = Registrar::new(&map, &infos, &marks, &shading, BLUR_PX);
         let first = registrar.refine(contest.omega, &Effort { memory_s: MEMORY_FRAMES / settings.frame_rate_hz, ..FIRST });
-        let start = Start { contest, omega: first.omega, markings: registrar.found(&first) };
+        let start = Start { contest, omega: first.omega, markings: registrar.found(&first, &shading, BLUR_PX) };
         FoundSpin { rough: verdict(&infos, &first, &first.model_covariance, &start.contest, settings, &FIRST), start: Some(start) }
     }
 
@@ -203,8 +203,14 @@ fn verdict(
     settings: &SpinSettings,
     effort: &Effort,
 ) -> SpinEstimate {
-    let quality =
-        SpinQuality { views: infos.len(), pixels: best.residuals.len(), noise: best.noise, markings: best.texture, outliers: best.outliers, margin: contest.margin };
+    let quality = SpinQuality {
+        views: infos.len(),
+        pixels: best.residuals.len(),
+        noise: best.noise,
+        markings: best.texture,
+        outliers: best.outliers,
+        margin: contest.margin,
+    };
     if best.texture < f64::max(LEAST_CONTRAST, 0.4 * best.noise) {
         return SpinEstimate::Refused { reason: SpinRefusal::NoMarkings { contrast: best.texture, noise: best.noise } };
     }

@@ -67,6 +67,8 @@ pub(super) struct FoundMarkings {
     omega: Vector3<f64>,
     middle_s: f64,
     map: Vec<f32>,
+    shading: Shading,
+    blur_px: f64,
 }
 
 impl FoundMarkings {
@@ -74,7 +76,9 @@ impl FoundMarkings {
     pub fn at(&self, map: &SphereMap, views: &[ViewInfo], samples: &[Sample]) -> Vec<f32> {
         let back = turned_back(views, &self.omega, self.middle_s);
         let at = |s: &Sample| {
-            let spot = map.spot(&turned(&back[s.view], &s.normal.map(|x| x as f32).into()));
+            let view = &views[s.view];
+            let looks_at = view.axes * blurred_direction(&s.disc, &self.shading, view, self.blur_px);
+            let spot = map.spot(&turned(&back[s.view], &looks_at.map(|x| x as f32).into()));
             inner(&map.values(&spot, &self.map), &spot.weights())
         };
         samples.iter().map(at).collect()
@@ -158,8 +162,8 @@ impl<'a> Registrar<'a> {
     }
 
     /// What a registration has found.
-    pub fn found(&self, registration: &Registration) -> FoundMarkings {
-        FoundMarkings { omega: registration.omega, middle_s: self.middle_s, map: registration.map.clone() }
+    pub fn found(&self, registration: &Registration, shading: &Shading, blur_px: f64) -> FoundMarkings {
+        FoundMarkings { omega: registration.omega, middle_s: self.middle_s, map: registration.map.clone(), shading: shading.clone(), blur_px }
     }
 
     /// Refines from `start`.
@@ -219,7 +223,18 @@ impl<'a> Registrar<'a> {
         let count = markings.len().max(1) as f64;
         let texture = (markings.iter().map(|m| f64::from(m * m)).sum::<f64>() / count).sqrt();
         let outliers = state.robust.iter().filter(|&&w| w < 0.5).count() as f64 / count;
-        Registration { omega, model_covariance, scatter_covariance, residuals, noise: state.noise, markings, map: state.map.clone(), texture, last_step_rad_s: length, outliers }
+        Registration {
+            omega,
+            model_covariance,
+            scatter_covariance,
+            residuals,
+            noise: state.noise,
+            markings,
+            map: state.map.clone(),
+            texture,
+            last_step_rad_s: length,
+            outliers,
+        }
     }
 
     /// Robust cost at a fixed spin, everything else fitted.

@@ -78,10 +78,12 @@ pub(super) fn divide_out(views: &[ViewInfo], samples: &[Sample], markings: Optio
     let gains: Vec<f64> = per_view.iter().map(|own| f64::from(median(own.iter().map(|&i| felt[i] as f32).collect())).max(1.0)).collect();
     let mut shading = Shading { coefficients: [Vec::new(), Vec::new()] };
     for camera in crate::calibration::CameraId::BOTH {
-        let own: Vec<usize> = (0..samples.len()).filter(|&i| views[samples[i].view].camera == camera).step_by(STEP).collect();
-        if own.len() * STEP < 10 * UNKNOWNS {
+        let mut own: Vec<usize> = (0..samples.len()).filter(|&i| views[samples[i].view].camera == camera).collect();
+        if own.len() < 10 * UNKNOWNS {
             continue;
         }
+        let step = (own.len() / ENOUGH).max(1);
+        own = own.into_iter().step_by(step).collect();
         let factors: Vec<Factors> = own.iter().map(|&i| factors(1.0, &samples[i].disc)).collect();
         let values: Vec<f32> = own.iter().map(|&i| (felt[i] / gains[samples[i].view]) as f32).collect();
         let mut weights = vec![1.0f32; own.len()];
@@ -111,8 +113,8 @@ pub(super) fn divide_out(views: &[ViewInfo], samples: &[Sample], markings: Optio
     (shading, marks)
 }
 
-/// One pixel of a camera in so many is asked for its shading: thousands of pixels for sixteen numbers.
-const STEP: usize = 2;
+/// So many pixels tell a camera's shading; fewer make spins of seven frames worse.
+const ENOUGH: usize = 4000;
 const UNKNOWNS: usize = TERMS + 1;
 
 /// A constant and the harmonics at one place of the disc.

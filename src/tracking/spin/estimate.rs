@@ -115,8 +115,8 @@ struct Start {
 const LEAST_FRAMES: usize = 4;
 /// Fewest pixels.
 const LEAST_SAMPLES: usize = 200;
-/// A registration whose last step is longer than this many of its shortest steps has not settled.
-const LONGEST_LAST_STEP: f64 = 50.0;
+/// A registration whose last step is longer has not settled: of a spin that was only found, and of a measured one, rad/s.
+const SETTLED: (f64, f64) = (3.0, 1.0);
 /// Largest standard deviation of a component that still counts as measured, rad/s: 10 % of 1600 rpm.
 const LARGEST_SD: f64 = 17.0;
 /// Most that may be left over beyond the noise, in units of what the markings explain: right spins of rendered balls leave
@@ -140,7 +140,7 @@ const MEMORY_FRAMES: f64 = 6.0;
 const COARSE_EDGE: usize = 12;
 const FINE_EDGE: usize = 20;
 /// Fine map with blur, before the shading is fitted again.
-const FIRST: Effort = Effort { steps: 4, last_step_rad_s: 0.3, light: true, memory_s: 0.0 };
+const FIRST: Effort = Effort { steps: 8, last_step_rad_s: 0.3, light: true, memory_s: 0.0 };
 const FINAL: Effort = Effort { steps: 14, last_step_rad_s: 0.02, light: true, memory_s: 0.0 };
 
 /// Measures one constant spin vector over the free flight shown by `views`, which may come in any order. `radius_m` is the ball's.
@@ -169,7 +169,7 @@ impl FoundSpin {
         let registrar = Registrar::new(&map, &infos, &marks, &shading, BLUR_PX);
         let first = registrar.refine(contest.omega, &Effort { memory_s: MEMORY_FRAMES / settings.frame_rate_hz, ..FIRST });
         let start = Start { contest, omega: first.omega, markings: registrar.found(&first, &shading, BLUR_PX) };
-        FoundSpin { rough: verdict(&infos, &first, &first.model_covariance, &start.contest, settings, &FIRST), start: Some(start) }
+        FoundSpin { rough: verdict(&infos, &first, &first.model_covariance, &start.contest, settings, SETTLED.0), start: Some(start) }
     }
 
     /// The spin from the same pictures, or from pictures with better centres, beginning where it was found.
@@ -184,7 +184,7 @@ impl FoundSpin {
         let (shading, marks) = divide_out(&infos, &samples, Some(&start.markings.at(&map, &infos, &samples)));
         let registrar = Registrar::new(&map, &infos, &marks, &shading, BLUR_PX);
         let best = registrar.refine(start.omega, &Effort { memory_s: MEMORY_FRAMES / settings.frame_rate_hz, ..FINAL });
-        verdict(&infos, &best, &widened(&registrar, &best), &start.contest, settings, &FINAL)
+        verdict(&infos, &best, &widened(&registrar, &best), &start.contest, settings, SETTLED.1)
     }
 }
 
@@ -201,7 +201,7 @@ fn verdict(
     model_covariance: &Matrix3<f64>,
     contest: &Contest,
     settings: &SpinSettings,
-    effort: &Effort,
+    settled_rad_s: f64,
 ) -> SpinEstimate {
     let quality = SpinQuality {
         views: infos.len(),
@@ -220,7 +220,7 @@ fn verdict(
     if let Some(rival) = contest.rival {
         return SpinEstimate::Refused { reason: SpinRefusal::Ambiguous { first: best.omega.into(), second: rival.into() } };
     }
-    if best.last_step_rad_s > LONGEST_LAST_STEP * effort.last_step_rad_s {
+    if best.last_step_rad_s > settled_rad_s {
         return SpinEstimate::Refused { reason: SpinRefusal::Unsettled { step_rad_s: best.last_step_rad_s } };
     }
     let share = unexplained(best);

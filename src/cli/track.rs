@@ -91,8 +91,8 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let shots = session.select(&arguments.shot)?;
     let results = shell.results_of_session(&arguments.session);
     let rig_file = results.join("calibration.json");
-    let rig = read_rig(&rig_file)?;
-    let rig_hash = sha256_file(&rig_file).map_err(CliError::input)?;
+    let (rig, rig_hash) = rayon::join(|| read_rig(&rig_file), || sha256_file(&rig_file).map_err(CliError::input));
+    let (rig, rig_hash) = (rig?, rig_hash?);
     let mut summaries = Vec::new();
     let mut failed: Vec<String> = session.broken_shots.iter().filter(|_| arguments.shot.is_empty()).map(|(id, why)| format!("{id}: {why}")).collect();
     for shot in shots {

@@ -23,7 +23,8 @@ pub struct Clip {
 impl Clip {
     /// Lists `left/` and `right/` below the shot's folder.
     pub fn list(left: &Path, right: &Path) -> Result<Self, FootageError> {
-        let (left, right) = (numbered_images(left)?, numbered_images(right)?);
+        let (left, right) = rayon::join(|| numbered_images(left), || numbered_images(right));
+        let (left, right) = (left?, right?);
         let (mut l, mut r) = (left.into_iter().peekable(), right.into_iter().peekable());
         let mut pairs = Vec::new();
         loop {

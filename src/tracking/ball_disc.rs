@@ -5,7 +5,7 @@
 //! part of a pixel needs the second step only, and the derivatives come with it.
 
 use super::octet::{LANES, Octet};
-use nalgebra::{Vector2, Vector3};
+use nalgebra::Vector2;
 use std::ops::Range;
 
 /// Values at a time; lengths of rows are multiples of it.
@@ -39,13 +39,6 @@ pub struct PlacesOnBall {
     pub cover: Vec<f32>,
     /// Normals, camera axes.
     pub normals: [Vec<f32>; 3],
-}
-
-impl PlacesOnBall {
-    pub fn normals(&self) -> impl Iterator<Item = Vector3<f32>> {
-        let [x, y, z] = &self.normals;
-        x.iter().zip(y).zip(z).map(|((x, y), z)| Vector3::new(*x, *y, *z))
-    }
 }
 
 /// How the pixels of a row or column look at the disc: all with the same weights, each [`PER_PIXEL`] places farther on.
@@ -311,7 +304,8 @@ mod tests {
     #[test]
     fn law_slopes_are_differences_and_gathering_is_the_transpose_of_blurring() {
         let disc = BallDisc::new(6.1);
-        let painted = disc.painted(disc.on_ball.normals().zip(&disc.on_ball.cover).map(|(n, c)| c * (100.0 + 50.0 * n.x - 30.0 * n.y * n.z)));
+        let PlacesOnBall { cover, normals: [x, y, z], .. } = &disc.on_ball;
+        let painted = disc.painted((0..cover.len()).map(|i| cover[i] * (100.0 + 50.0 * x[i] - 30.0 * y[i] * z[i])));
         let (centre, h) = (Vector2::new(10.3, 9.8), 1e-2);
         let at = |x: f64, y: f64| disc.blurred([&painted], &Vector2::new(x, y), 21, 0.62, true)[0].clone();
         let (now, right, left, down, up) = (at(10.3, 9.8), at(10.3 + h, 9.8), at(10.3 - h, 9.8), at(10.3, 9.8 + h), at(10.3, 9.8 - h));

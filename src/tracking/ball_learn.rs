@@ -7,7 +7,7 @@
 use super::ball_light::{BallLight, LightSums, LitPixel};
 use super::ball_model::{BLUR_PX, BallFace, BallModel, BallPicture, CLEAR, Shown};
 use super::ball_surroundings::Surroundings;
-use super::ball_texture::{BallTexture, TextureSums, cell_of};
+use super::ball_texture::{BallTexture, TextureSums, cells_of};
 use nalgebra::{Matrix3, Vector2, Vector3};
 use rayon::prelude::*;
 
@@ -41,17 +41,16 @@ pub struct Lesson<'a> {
 impl<'a> Lesson<'a> {
     pub fn new(picture: &'a mut BallPicture) -> Self {
         let face = BallFace::new(picture);
-        let turn = picture.ball_from_camera.map(|x| x as f32);
-        let cells = face.disc.on_ball.normals().map(|n| cell_of(&(turn * n))).collect();
+        let cells = cells_of(&face.on_ball);
         let mut lesson = Lesson { picture, face, cells, shown: Vec::new(), clear: Vec::new() };
-        lesson.look_again();
+        lesson.look_again(BLUR_PX);
         lesson
     }
 
     /// What does not depend on light and cover, when the centre has moved.
-    pub fn look_again(&mut self) {
+    pub fn look_again(&mut self, blur_px: f64) {
         let centre = self.picture.centre - self.picture.origin;
-        let shown = self.picture.shown(&self.face.disc, &centre, &Surroundings::of(self.picture, &centre));
+        let shown = self.picture.shown(&self.face.disc, &centre, &Surroundings::of(self.picture, &centre), blur_px);
         self.clear = shown.iter().enumerate().filter(|(_, p)| p.share > CLEAR).map(|(k, p)| (k, self.normal(p.pixel))).collect();
         self.shown = shown;
     }
@@ -68,11 +67,11 @@ impl<'a> Lesson<'a> {
         if self.clear.len() < FEWEST {
             return;
         }
-        let (stretch, side) = (self.picture.stretch, self.picture.side);
+        let (stretch, side, blur_px) = (self.picture.stretch, self.picture.side, now.blur_px[self.picture.camera.index()]);
         let centre = self.picture.centre - self.picture.origin;
         let lit = self.face.lit(self.picture, &now.light);
         let painted = self.face.painted(&lit, &now.textures[stretch]);
-        let [ball] = self.face.disc.blurred([&painted], &centre, side, BLUR_PX, false);
+        let [ball] = self.face.disc.blurred([&painted], &centre, side, blur_px, false);
         let usual_miss = self.settle_gain(&ball.value) as f32;
         let (gain, noise2) = (self.picture.gain as f32, (now.noise * now.noise) as f32);
         let (mut misses, mut weights) = (vec![0.0f32; side * side], vec![0.0f32; side * side]);
@@ -99,7 +98,7 @@ impl<'a> Lesson<'a> {
         }
         sums.light.merge(&light, &self.picture.camera_from_global);
         if textured {
-            let [misses, weights] = self.face.disc.gathered([&misses, &weights], &centre, side, BLUR_PX);
+            let [misses, weights] = self.face.disc.gathered([&misses, &weights], &centre, side, blur_px);
             let per_usual = 1.0 / now.light.usual() as f32;
             let texture = sums.textures[stretch].get_or_insert_default();
             for ((at, lit), cell) in self.face.disc.on_ball.at.iter().zip(&lit).zip(&self.cells) {
@@ -145,6 +144,8 @@ pub struct Learnt {
     pub light: BallLight,
     pub textures: [BallTexture; 2],
     pub noise: f64,
+    /// By camera.
+    pub blur_px: [f64; 2],
 }
 
 impl Learnt {
@@ -161,11 +162,12 @@ impl Learnt {
         };
         let pixels: Vec<LitPixel> = lessons.iter().flat_map(lit).collect();
         let light = BallLight::of(&pixels, &lessons.first()?.picture.camera_from_global)?;
-        Some(Learnt { light, textures: [BallTexture::bare(), BallTexture::bare()], noise: FIRST_NOISE })
+        Some(Learnt { light, textures: [BallTexture::bare(), BallTexture::bare()], noise: FIRST_NOISE, blur_px: [BLUR_PX; 2] })
     }
 
-    pub fn model(&self, stretch: usize) -> BallModel<'_> {
-        BallModel { light: &self.light, texture: &self.textures[stretch.min(1)], noise: self.noise }
+    /// What a picture is compared with.
+    pub fn model(&self, picture: &BallPicture) -> BallModel<'_> {
+        BallModel { light: &self.light, texture: &self.textures[picture.stretch.min(1)], noise: self.noise, blur_px: self.blur_px[picture.camera.index()] }
     }
 
     /// Goes round once; `textured` says which stretches have a cover to learn.
@@ -212,6 +214,7 @@ impl Learnt {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::calibration::CameraId;
     use nalgebra::Rotation3;
 
     const RADIUS_PX: f64 = 8.3;
@@ -265,6 +268,7 @@ mod tests {
                 ball_from_camera: *turned.matrix(),
                 gain: 1.0,
                 teaches: true,
+                camera: CameraId::Left,
                 stretch: 0,
             });
             truth.push(centre);
@@ -274,10 +278,10 @@ mod tests {
         for rounds in [6, 4, 4, 4] {
             (0..rounds).for_each(|_| learnt.improve(&mut lessons, &[true, false]).expect("learnt"));
             for lesson in &mut lessons {
-                let model = learnt.model(0);
+                let model = learnt.model(lesson.picture);
                 let fit = lesson.picture.fit(&lesson.face, &model, &lesson.shown).expect("fitted");
                 (lesson.picture.centre, lesson.picture.gain) = (fit.centre, fit.gain);
-                lesson.look_again();
+                lesson.look_again(BLUR_PX);
             }
         }
         let rms = (pictures.iter().zip(&truth).map(|(p, t)| (p.centre - t).norm_squared()).sum::<f64>() / 32.0).sqrt();

@@ -10,6 +10,7 @@ use super::ball_light::BallLight;
 use super::ball_surroundings::Surroundings;
 use super::ball_texture::{BallTexture, Spot};
 use super::octet::LANES;
+use crate::calibration::CameraId;
 use nalgebra::{Matrix2, Matrix3, SMatrix, SVector, Vector2};
 
 /// Pixels kept around the ball beyond its radius.
@@ -64,6 +65,7 @@ pub struct BallPicture {
     pub gain: f64,
     /// Whether the ball is round and free here, so that the cover may be learnt.
     pub teaches: bool,
+    pub camera: CameraId,
     /// Before the impact 0, after it 1: each has a cover of its own, because the ball's attitude jumps.
     pub stretch: usize,
 }
@@ -71,6 +73,8 @@ pub struct BallPicture {
 /// The disc of one picture and the places of the cover that it shows.
 pub struct BallFace {
     pub disc: BallDisc,
+    /// Directions of its places in the ball's axes.
+    pub on_ball: [Vec<f32>; 3],
     spots: Vec<Spot>,
 }
 
@@ -81,6 +85,8 @@ pub struct BallModel<'a> {
     pub texture: &'a BallTexture,
     /// Of one pixel, grey levels.
     pub noise: f64,
+    /// Of the picture's camera: lens and pixel together, one standard deviation.
+    pub blur_px: f64,
 }
 
 /// A fitted centre.
@@ -109,9 +115,10 @@ pub struct Shown {
 impl BallFace {
     pub fn new(picture: &BallPicture) -> Self {
         let disc = BallDisc::new(picture.radius_px);
-        let turn = picture.ball_from_camera.map(|x| x as f32);
-        let spots = disc.on_ball.normals().map(|n| Spot::of(&(turn * n))).collect();
-        BallFace { disc, spots }
+        let on_ball = pulp::Arch::new().dispatch(Turn { by: &picture.ball_from_camera.map(|x| x as f32), directions: &disc.on_ball.normals });
+        let [x, y, z] = &on_ball;
+        let spots = x.iter().zip(y).zip(z).map(|((x, y), z)| Spot::of([*x, *y, *z])).collect();
+        BallFace { disc, on_ball, spots }
     }
 
     /// What light makes of the places on the ball, for gain 1 and without a cover; what they hide of the background counted.
@@ -123,6 +130,30 @@ impl BallFace {
     /// The disc with light (from [`Self::lit`]) and cover.
     pub fn painted(&self, lit: &[f32], texture: &BallTexture) -> Vec<f32> {
         self.disc.painted(lit.iter().zip(&self.spots).map(|(lit, spot)| lit * texture.at(spot)))
+    }
+}
+
+struct Turn<'a> {
+    by: &'a Matrix3<f32>,
+    directions: &'a [Vec<f32>; 3],
+}
+
+impl pulp::NullaryFnOnce for Turn<'_> {
+    type Output = [Vec<f32>; 3];
+
+    #[inline(always)]
+    fn call(self) -> [Vec<f32>; 3] {
+        let [x, y, z] = self.directions;
+        let n = x.len();
+        let (y, z) = (&y[..n], &z[..n]);
+        [0, 1, 2].map(|k| {
+            let (a, b, c) = (self.by[(k, 0)], self.by[(k, 1)], self.by[(k, 2)]);
+            let mut out = vec![0.0f32; n];
+            for i in 0..n {
+                out[i] = a * x[i] + b * y[i] + c * z[i];
+            }
+            out
+        })
     }
 }
 
@@ -150,8 +181,8 @@ impl pulp::NullaryFnOnce for Lit<'_> {
 
 impl BallPicture {
     /// The pixels that show some of the ball when its centre is there (counted from the window's first pixel).
-    pub fn shown(&self, disc: &BallDisc, centre: &Vector2<f64>, around: &Surroundings) -> Vec<Shown> {
-        let [cover] = disc.blurred([&disc.cover], centre, self.side, BLUR_PX, true);
+    pub fn shown(&self, disc: &BallDisc, centre: &Vector2<f64>, around: &Surroundings, blur_px: f64) -> Vec<Shown> {
+        let [cover] = disc.blurred([&disc.cover], centre, self.side, blur_px, true);
         let mut out = Vec::with_capacity(self.pixels.len());
         for (pixel, &share) in cover.value.iter().enumerate() {
             if share < LEAST_SHARE {
@@ -183,10 +214,14 @@ impl BallPicture {
 
     /// Unknowns: centre and gain, then the light's tilt.
     fn settle<const N: usize>(&self, straight: &mut Straight, start: (Vector2<f64>, f64), first_round: usize) -> Option<ModelFit> {
-        let (mut centre, mut gain) = start;
+        let ((mut centre, mut gain), mut scale) = (start, 1.0);
         for round in first_round..ROUNDS {
             straight.follow(&centre)?;
-            let scale = straight.miss(&(centre - straight.centre), gain as f32);
+            straight.miss(&(centre - straight.centre), gain as f32);
+            // What is usual no longer changes when the centre is nearly right.
+            if round <= HUBER_ROUNDS {
+                scale = straight.scale();
+            }
             // Huber first, so that a start half a pixel off is not taken for an outlier all around.
             let huber = round < HUBER_ROUNDS;
             let (mut h, g) = straight.weigh::<N>(scale, huber);
@@ -241,6 +276,7 @@ struct Straight<'a> {
     face: &'a BallFace,
     painted: Vec<f32>,
     noise: f32,
+    blur_px: f64,
     /// Where the slopes are taken; far away at first.
     centre: Vector2<f64>,
     /// Where the surroundings were looked at.
@@ -258,6 +294,7 @@ impl<'a> Straight<'a> {
             face,
             painted,
             noise: model.noise as f32,
+            blur_px: model.blur_px,
             centre: Vector2::repeat(f64::INFINITY),
             around: None,
             eights: Vec::new(),
@@ -276,7 +313,7 @@ impl<'a> Straight<'a> {
             Some((at, around)) if (centre - at).norm() < SAME_SURROUNDINGS_PX => (at, around),
             _ => (*centre, Surroundings::of(self.picture, centre)),
         };
-        let shown = self.picture.shown(&self.face.disc, centre, &around.1);
+        let shown = self.picture.shown(&self.face.disc, centre, &around.1, self.blur_px);
         self.around = Some(around);
         self.predict(centre, &shown)
     }
@@ -285,7 +322,7 @@ impl<'a> Straight<'a> {
     fn predict(&mut self, centre: &Vector2<f64>, shown: &[Shown]) -> Option<()> {
         let picture = self.picture;
         self.centre = *centre;
-        let [ball] = self.face.disc.blurred([&self.painted], centre, picture.side, BLUR_PX, true);
+        let [ball] = self.face.disc.blurred([&self.painted], centre, picture.side, self.blur_px, true);
         self.eights.clear();
         self.count = 0;
         let (inner, outer) = (((1.0 - INSIDE) * picture.radius_px).powi(2), (picture.radius_px + OUTSIDE_PX).powi(2));
@@ -320,9 +357,13 @@ impl<'a> Straight<'a> {
         (self.count >= FEWEST).then_some(())
     }
 
-    /// Misses, deviations and slopes at a centre so far from where they were taken; answers with the scale of the misses in deviations.
-    fn miss(&mut self, moved: &Vector2<f64>, gain: f32) -> f32 {
+    /// Misses, deviations and slopes at a centre so far from where they were taken.
+    fn miss(&mut self, moved: &Vector2<f64>, gain: f32) {
         pulp::Arch::new().dispatch(Miss { eights: &mut self.eights, moved: [moved.x as f32, moved.y as f32], gain, noise: self.noise });
+    }
+
+    /// Scale of the misses, in deviations.
+    fn scale(&mut self) -> f32 {
         self.sizes.clear();
         for e in &self.eights {
             self.sizes.extend((0..LANES).map(|l| e.miss[l] * e.miss[l] / e.variance[l]));

@@ -5,7 +5,6 @@
 //! picture can be predicted ([`super::ball_model`]). Each centre is still measured in its own picture: nothing is smoothed
 //! along the flight. Pictures of the contact keep the centre of their outline.
 
-use super::background::background;
 use super::ball_learn::{Learnt, Lesson};
 use super::ball_model::{BallFace, BallPicture, MARGIN_PX, ModelFit};
 use super::ball_track::{BallFrame, outline_radius_px};
@@ -57,8 +56,7 @@ pub fn refine_ball(source: &impl FrameSource, setup: &ShotSetup, shot: &mut Shot
         SpinEstimate::Refused { reason: SpinRefusal::NoMarkings { .. } } => Some((Vector3::zeros(), false)),
         _ => None,
     });
-    let (left, right) = rayon::join(|| background(source, 0), || background(source, 1));
-    let mut sights = sights(source, setup, &view, shot, contact, &turning, &[left?, right?])?;
+    let mut sights = sights(source, setup, &view, shot, contact, &turning)?;
     let textured = turning.map(|t| t.is_some_and(|t| t.1));
     measure(&mut sights, &textured);
     for sight in &sights {
@@ -101,7 +99,6 @@ fn sights(
     shot: &ShotTracks,
     contact: f64,
     turning: &[Option<(Vector3<f64>, bool)>; 2],
-    backgrounds: &[Option<GreyImage>; 2],
 ) -> Result<Vec<Sight>, TrackingError> {
     let taught = MOST_TEACHING / setup.frame_rate_hz;
     let both = |buffer: &mut FrameBuffer, index: usize| -> Result<Vec<Sight>, TrackingError> {
@@ -122,10 +119,10 @@ fn sights(
             if let Some((pixels, side, origin)) = crop(source, index, camera, &point.uv, radius_px, setup.rig.image_size, buffer)? {
                 let camera_from_global = local_axes(setup, view, camera, ball);
                 let ball_from_camera = Rotation3::from_scaled_axis(omega * t).inverse().matrix() * camera_from_global.transpose();
-                let behind = backgrounds[camera.index()].as_ref().and_then(|b| window(b, &origin, side));
+                let behind = shot.still[camera.index()].as_ref().and_then(|b| window(b, &origin, side));
                 let centre = point.uv;
                 let picture =
-                    BallPicture { pixels, behind, side, origin, centre, radius_px, camera_from_global, ball_from_camera, gain: 1.0, teaches, stretch };
+                    BallPicture { pixels, behind, side, origin, centre, radius_px, camera_from_global, ball_from_camera, gain: 1.0, teaches, camera, stretch };
                 out.push(Sight { index, camera, picture, fit: None });
             }
         }
@@ -160,9 +157,12 @@ fn crop(
         return Ok(None);
     }
     let Some(view) = buffer.view() else { return Ok(None) };
-    let grey = |i: usize| view.get(left as i64 + (i % side) as i64, top as i64 + (i / side) as i64).map(f32::from);
-    let pixels: Option<Vec<f32>> = (0..side * side).map(grey).collect();
-    Ok(pixels.map(|p| (p, side, Vector2::new(left, top))))
+    let mut pixels = Vec::with_capacity(side * side);
+    for y in top as usize..top as usize + side {
+        let Some(row) = view.row(y).and_then(|row| row.get(left as usize..left as usize + side)) else { return Ok(None) };
+        pixels.extend(row.iter().map(|p| f32::from(*p)));
+    }
+    Ok(Some((pixels, side, Vector2::new(left, top))))
 }
 
 /// The same pixels of the median picture.
@@ -197,20 +197,20 @@ fn measure(sights: &mut [Sight], textured: &[bool; 2]) {
         // In the end every picture is measured, not only those that teach.
         if pass + 1 < ROUNDS.len() {
             lessons.par_iter_mut().for_each(|lesson| {
-                let model = learnt.model(lesson.picture.stretch);
+                let model = learnt.model(lesson.picture);
                 if let Some(f) = lesson.picture.fit(&lesson.face, &model, &lesson.shown)
                     && (f.centre - lesson.picture.centre).norm() < FARTHEST_PX
                 {
                     lesson.picture.centre = f.centre;
                     lesson.picture.gain = f.gain;
-                    lesson.look_again();
+                    lesson.look_again(model.blur_px);
                 }
             });
         }
     }
     drop(lessons);
     sights.par_iter_mut().for_each(|sight| {
-        let model = learnt.model(sight.picture.stretch);
+        let model = learnt.model(&sight.picture);
         sight.fit = sight.picture.fit_twice(&BallFace::new(&sight.picture), &model);
     });
 }

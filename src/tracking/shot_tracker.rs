@@ -19,7 +19,7 @@ use super::track_file::{PointState, SpacePoint, Target, TrackPoint, Tracks};
 use super::tube_width::WidthEvidence;
 use crate::calibration::{CameraId, StereoRig};
 use crate::equipment::{Ball, Racket};
-use crate::footage::{FootageError, FrameBuffer, FrameSource, GreyView};
+use crate::footage::{FootageError, FrameBuffer, FrameSource, GreyImage, GreyView};
 use nalgebra::{Isometry3, Point3};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -67,6 +67,8 @@ pub struct ShotTracks {
     pub notes: Vec<String>,
     /// Pictures that are there and cannot be read, with the reason; they count as missing.
     pub unreadable: Vec<String>,
+    /// What either camera sees when nothing moves.
+    pub(super) still: [Option<GreyImage>; 2],
 }
 
 /// What a shot is tracked with.
@@ -106,11 +108,8 @@ pub fn track_shot(source: &impl FrameSource, setup: &ShotSetup, cancel: &AtomicB
     let focus = view.focus().ok_or(TrackingError::NoVolume)?;
     let shape = BandShape::default();
     let mut shot = Shot { source, setup, view: &view, figure, shape, focus, cancel, progress, stale: Vec::new(), broken: Mutex::default() };
-    let start = shot.acquire_racket()?;
-    // One frame tells the throat's direction to a degree or two, and the bands are followed with it; several tell it better.
-    let start = shot.light_tape(start)?;
-    let start = shot.turn_throat(start)?;
-    let start = shot.widen_throat(start)?;
+    let (start, (left, right)) = rayon::join(|| shot.start(), || rayon::join(|| background(source, 0), || background(source, 1)));
+    let (start, still) = (start?, [left?, right?]);
     let (mut racket, prints) = shot.follow_racket(&start)?;
     shot.stale = recording::repeated(&prints);
     for (stale, still) in shot.stale.iter_mut().zip(racket_track::stood_still(&racket)) {
@@ -130,13 +129,13 @@ pub fn track_shot(source: &impl FrameSource, setup: &ShotSetup, cancel: &AtomicB
     let figure = shot.figure.clone();
     racket_track::settle_deviations(&view, &figure, &mut racket);
     notes.extend(recording::dark_or_bright(source, &means));
-    let ball = shot.find_and_follow_ball(&racket)?;
+    let ball = shot.find_and_follow_ball(&racket, &still)?;
     face::settle(&mut racket, &ball, &figure);
     let contact_frame = space_points::first_contact(source, &racket, &ball, setup.ball.radius_m());
     let points = space_points::space_points(source, setup, &view, &figure, &racket, &ball, contact_frame);
     let tracks = named(source, &racket, &ball);
     let unreadable = shot.broken.into_inner().unwrap_or_default().into_values().collect();
-    Ok(ShotTracks { figure, tracks, racket, ball, points, contact_frame, notes, unreadable })
+    Ok(ShotTracks { figure, tracks, racket, ball, points, contact_frame, notes, unreadable, still })
 }
 
 struct Shot<'a, S: FrameSource> {
@@ -242,6 +241,15 @@ impl<S: FrameSource> Shot<'_, S> {
     /// Pixels per metre at the middle of the volume.
     fn px_per_m(&self, camera: CameraId) -> f64 {
         self.setup.rig.camera(camera).fx / (self.view.eye(camera) - self.focus).norm()
+    }
+
+    /// The racket in some frame, with its light and figure.
+    fn start(&mut self) -> Result<RacketStart, TrackingError> {
+        let start = self.acquire_racket()?;
+        let start = self.light_tape(start)?;
+        // One frame tells the throat's direction to a degree or two, and the bands are followed with it; several tell it better.
+        let start = self.turn_throat(start)?;
+        self.widen_throat(start)
     }
 
     /// Finds the racket in some frame: the middle first, then halves, quarters, ...
@@ -447,10 +455,8 @@ impl<S: FrameSource> Shot<'_, S> {
     }
 
     /// Finds the ball that meets the racket and follows it both ways.
-    fn find_and_follow_ball(&self, racket: &[Option<RacketFrame>]) -> Result<Vec<Option<BallFrame>>, TrackingError> {
+    fn find_and_follow_ball(&self, racket: &[Option<RacketFrame>], still: &[Option<GreyImage>; 2]) -> Result<Vec<Option<BallFrame>>, TrackingError> {
         let n = self.source.len();
-        let (left, right) = rayon::join(|| background(self.source, 0), || background(self.source, 1));
-        let backgrounds = [left?, right?];
         let mut scene = BallScene {
             view: self.view,
             radius_m: self.setup.ball.radius_m(),
@@ -465,7 +471,7 @@ impl<S: FrameSource> Shot<'_, S> {
             let mut frames: [Vec<BallFrame>; 3] = Default::default();
             for (k, found) in frames.iter_mut().enumerate() {
                 let images = self.read(first + k, &mut buffers)?;
-                let of = |c: CameraId| match (&images[c.index()], &backgrounds[c.index()], scene.radius_px(c, &self.focus)) {
+                let of = |c: CameraId| match (&images[c.index()], &still[c.index()], scene.radius_px(c, &self.focus)) {
                     (Some(v), Some(b), Some(r)) => ball_search::candidates(v, b, r),
                     _ => Vec::new(),
                 };

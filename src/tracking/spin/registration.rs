@@ -8,6 +8,7 @@
 use super::shading::{Factors, Mark, Shading, factors, least_squares, median, product};
 use super::sphere_map::{SphereMap, Spot};
 use super::view::{Sample, ViewInfo};
+use crate::calibration::CameraId;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
 /// Degrees of freedom of the Student-t that the residuals are weighted by: strings and frame in front of the ball.
@@ -61,6 +62,13 @@ pub(super) struct Effort {
     pub memory_s: f64,
 }
 
+/// One camera's pixels: all, and some that tell the shading, with their harmonics.
+struct Lit {
+    own: Vec<usize>,
+    some: Vec<usize>,
+    harmonics: Vec<Factors>,
+}
+
 /// The markings of a turning ball.
 #[derive(Debug, Clone)]
 pub(super) struct FoundMarkings {
@@ -104,6 +112,7 @@ pub(super) struct Registrar<'a> {
     roots: Vec<f32>,
     /// Harmonics of the shading at each pixel, where light is fitted.
     harmonics: Vec<Factors>,
+    lit: [Lit; 2],
     /// Where on the ball, in global axes, each pixel looks on the whole.
     looks_at: Vec<[f32; 3]>,
     middle_s: f64,
@@ -157,8 +166,13 @@ impl<'a> Registrar<'a> {
         let (contrasts, weights): (Vec<f32>, Vec<f32>) = marks.iter().map(|m| (m.contrast as f32, m.weight as f32)).unzip();
         let roots = weights.iter().map(|w| w.sqrt()).collect();
         // The views' gains are the constants.
-        let harmonics = marks.iter().map(|m| factors(0.0, &m.disc)).collect();
-        Registrar { map, views, marks, contrasts, weights, roots, harmonics, looks_at, middle_s, variance: variance.max(1e-6) as f32 }
+        let harmonics: Vec<Factors> = marks.iter().map(|m| factors(0.0, &m.disc)).collect();
+        let lit = CameraId::BOTH.map(|camera| {
+            let own: Vec<usize> = (0..marks.len()).filter(|&i| views[marks[i].view].camera == camera).collect();
+            let some: Vec<usize> = own.iter().copied().step_by(LIGHT_STEP).collect();
+            Lit { harmonics: some.iter().map(|&i| harmonics[i]).collect(), own, some }
+        });
+        Registrar { map, views, marks, contrasts, weights, roots, harmonics, lit, looks_at, middle_s, variance: variance.max(1e-6) as f32 }
     }
 
     /// What a registration has found.
@@ -369,11 +383,11 @@ impl<'a> Registrar<'a> {
     /// Gain per view and shading per camera from what the map leaves over, each with its prior.
     fn settle_light(&self, markings: &[f32], state: &mut State) {
         let (scale, prior) = ((state.noise * state.noise).recip() as f32, NUISANCE_SD.powi(-2));
-        for camera in crate::calibration::CameraId::BOTH {
-            let own = || self.marks.iter().enumerate().filter(|(_, m)| self.views[m.view].camera == camera).map(|(i, _)| i);
-            let one = |i: usize| (&self.harmonics[i], self.contrasts[i] - markings[i], LIGHT_STEP as f32 * state.robust[i] * self.weights[i] * scale);
-            let Some(coefficients) = least_squares(own().step_by(LIGHT_STEP).map(one), prior) else { continue };
-            for i in own() {
+        for lit in &self.lit {
+            let values: Vec<f32> = lit.some.iter().map(|&i| self.contrasts[i] - markings[i]).collect();
+            let weights: Vec<f32> = lit.some.iter().map(|&i| LIGHT_STEP as f32 * state.robust[i] * self.weights[i] * scale).collect();
+            let Some(coefficients) = least_squares(&lit.harmonics, &values, &weights, prior) else { continue };
+            for &i in &lit.own {
                 state.light[i] = product(&self.harmonics[i], &coefficients);
             }
         }

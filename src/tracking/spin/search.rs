@@ -12,6 +12,7 @@ use super::view::{USED_RADIUS, ViewInfo};
 use crate::calibration::CameraId;
 use nalgebra::{Matrix3, Vector3};
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
 
 /// Cells per edge of the cube around the sphere for the last ranking: 0.14, the width of a blurred line on a ball of 16 px.
 const CELLS: usize = 14;
@@ -29,6 +30,8 @@ const UNSEEN: f32 = 0.005;
 const HOPEFUL: usize = 700;
 const WIDEST: usize = 120;
 const KEPT: usize = 40;
+/// One pixel in so many is asked while they are improved.
+const SOME: usize = 2;
 /// Those that are improved before they are ranked for good.
 const RANKED: usize = 10;
 
@@ -40,14 +43,67 @@ pub(super) struct Search<'a> {
     longest: usize,
     variance: f32,
     middle_s: f64,
-    pixels: Vec<Pixel>,
+    pixels: Pixels,
+    /// One in [`SOME`] of them.
+    some: Pixels,
 }
 
-/// Normal, weight, weight × contrast, weight × contrast² of a pixel.
-struct Pixel {
-    view: usize,
-    normal: [f32; 3],
-    sums: [f32; 3],
+/// Pixels of all views: where they look and what they show.
+struct Pixels {
+    /// By view: its pixels.
+    of_view: Vec<Range<usize>>,
+    normals: [Vec<f32>; 3],
+    /// Weight and weight × contrast.
+    sums: Vec<[f32; 2]>,
+    /// Sum of weight × contrast².
+    square: f32,
+}
+
+impl Pixels {
+    /// One mark in so many; marks stand view by view.
+    fn new(views: usize, marks: &[Mark], every: usize) -> Self {
+        let mut pixels = Pixels { of_view: Vec::with_capacity(views), normals: Default::default(), sums: Vec::new(), square: 0.0 };
+        let mut marks = marks.iter().step_by(every).peekable();
+        for view in 0..views {
+            let first = pixels.sums.len();
+            while let Some(m) = marks.next_if(|m| m.view == view) {
+                for (all, n) in pixels.normals.iter_mut().zip(m.normal.iter()) {
+                    all.push(*n as f32);
+                }
+                let weighted = m.weight * m.contrast;
+                pixels.sums.push([m.weight as f32, weighted as f32]);
+                pixels.square += (weighted * m.contrast) as f32;
+            }
+            pixels.of_view.push(first..pixels.sums.len());
+        }
+        pixels
+    }
+}
+
+/// Cells of a view's pixels, turned by three rows.
+struct Places<'a> {
+    pixels: &'a Pixels,
+    range: Range<usize>,
+    rows: &'a [[f32; 3]; 3],
+    out: &'a mut Vec<u32>,
+}
+
+impl pulp::NullaryFnOnce for Places<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let n = self.range.len();
+        let [x, y, z] = self.pixels.normals.each_ref().map(|v| &v[self.range.clone()]);
+        self.out.clear();
+        self.out.resize(n, 0);
+        let (x, y, z, out) = (&x[..n], &y[..n], &z[..n], &mut self.out[..n]);
+        let r = self.rows;
+        for i in 0..n {
+            let place = |k: usize| whole(r[k][0] * x[i] + r[k][1] * y[i] + r[k][2] * z[i] + (0.5 * CELLS as f32 - 0.5));
+            out[i] = (place(0) * CELLS as u32 + place(1)) * CELLS as u32 + place(2);
+        }
+    }
 }
 
 /// The pictures of one camera on a common grid over the disc.
@@ -83,11 +139,8 @@ impl<'a> Search<'a> {
         let longest = cameras.iter().filter_map(|c| Some((c.frames.keys().last()? - c.frames.keys().next()?) as usize)).max().unwrap_or(0);
         let (sum, weight) = marks.iter().fold((0.0, 1e-12), |(s, w), m| (s + m.weight * m.contrast * m.contrast, w + m.weight));
         let middle_s = views.iter().map(|v| v.time_s).sum::<f64>() / views.len().max(1) as f64;
-        let pixel = |m: &Mark| {
-            let weighted = m.weight * m.contrast;
-            Pixel { view: m.view, normal: m.normal.map(|x| x as f32).into(), sums: [m.weight, weighted, weighted * m.contrast].map(|x| x as f32) }
-        };
-        Search { views, frame_s, cameras, longest, variance: (sum / weight) as f32, middle_s, pixels: marks.iter().map(pixel).collect() }
+        let [pixels, some] = [1, SOME].map(|every| Pixels::new(views.len(), marks, every));
+        Search { views, frame_s, cameras, longest, variance: (sum / weight) as f32, middle_s, pixels, some }
     }
 
     fn apart(&self, frames: &BTreeSet<usize>) -> Vec<Apart> {
@@ -119,32 +172,27 @@ impl<'a> Search<'a> {
         (sum + unseen * 2.0 * self.variance) / (weight + unseen).max(f32::MIN_POSITIVE)
     }
 
-    /// Variance inside the cells per degree of freedom, all pixels turned back to one attitude; `every` skips pixels.
-    fn spread(&self, omega: &Vector3<f64>, every: usize) -> f32 {
-        let mut cells = vec![[0.0f32; 2]; CELLS * CELLS * CELLS];
-        let back: Vec<[[f32; 3]; 3]> = self
-            .views
-            .iter()
-            .map(|v| turn(&(-omega * (v.time_s - self.middle_s)).map(|x| x as f32).into()).map(|row| row.map(|x| x * (0.4999 * CELLS as f32))))
-            .collect();
-        let (mut square, mut count) = (0.0f32, 0usize);
-        for p in self.pixels.iter().step_by(every) {
-            let r = &back[p.view];
-            let place = |i: usize| whole(r[i][0] * p.normal[0] + r[i][1] * p.normal[1] + r[i][2] * p.normal[2] + (0.5 * CELLS as f32 - 0.5)) as usize;
-            let at = (place(0) * CELLS + place(1)) * CELLS + place(2);
-            // A direction is a unit vector, so that the place is inside; `min` spares the check.
-            let cell = &mut cells[at.min(CELLS * CELLS * CELLS - 1)];
-            cell[0] += p.sums[0];
-            cell[1] += p.sums[1];
-            square += p.sums[2];
-            count += 1;
+    /// Variance inside the cells per degree of freedom, all these pixels turned back to one attitude.
+    fn spread(&self, omega: &Vector3<f64>, pixels: &Pixels) -> f32 {
+        const ALL: usize = CELLS * CELLS * CELLS;
+        let mut cells = vec![[0.0f32; 2]; ALL];
+        let mut places = Vec::new();
+        for (view, range) in self.views.iter().zip(&pixels.of_view) {
+            let rows = turn(&(-omega * (view.time_s - self.middle_s)).map(|x| x as f32).into()).map(|row| row.map(|x| x * (0.4999 * CELLS as f32)));
+            pulp::Arch::new().dispatch(Places { pixels, range: range.clone(), rows: &rows, out: &mut places });
+            for (at, [weight, weighted]) in places.iter().zip(&pixels.sums[range.clone()]) {
+                // A direction is a unit vector, so that the place is inside; `min` spares the check.
+                let cell = &mut cells[(*at as usize).min(ALL - 1)];
+                cell[0] += weight;
+                cell[1] += weighted;
+            }
         }
         let (mut explained, mut occupied) = (0.0f32, 0usize);
         for &[weight, weighted] in &cells {
             explained += weighted * weighted / weight.max(1e-6);
             occupied += usize::from(weight > 0.0);
         }
-        (square - explained).max(0.0) / (count.saturating_sub(occupied)).max(1) as f32
+        (pixels.square - explained).max(0.0) / (pixels.sums.len().saturating_sub(occupied)).max(1) as f32
     }
 
     /// The best rates below `limit_rad_s`, best first, distinct on the scale the whole window resolves.
@@ -182,7 +230,7 @@ impl<'a> Search<'a> {
             let finer: BTreeSet<[i64; 3]> = places.iter().flat_map(|at| cube(1).map(move |d| [2 * at[0] + d[0], 2 * at[1] + d[1], 2 * at[2] + d[2]])).collect();
             places = finer.into_iter().filter(|at| rate(at, step).norm() <= limit_rad_s).collect();
         }
-        let mut ranked: Vec<(Vector3<f64>, f32)> = places.iter().map(|at| rate(at, step)).map(|omega| (omega, self.spread(&omega, 1))).collect();
+        let mut ranked: Vec<(Vector3<f64>, f32)> = places.iter().map(|at| rate(at, step)).map(|omega| (omega, self.spread(&omega, &self.pixels))).collect();
         ranked.sort_by(|a, b| a.1.total_cmp(&b.1));
         let distinct = |found: Vec<(Vector3<f64>, f32)>, apart: f64, most: usize| {
             let mut kept: Vec<(Vector3<f64>, f32)> = Vec::new();
@@ -201,7 +249,7 @@ impl<'a> Search<'a> {
 
     /// Moves to the best of the neighbours (faces of a cube of ±step, then ±step/2) until none is better.
     fn descend(&self, from: Vector3<f64>, step: f64) -> (Vector3<f64>, f32) {
-        let mut best = (from, self.spread(&from, 2));
+        let mut best = (from, self.spread(&from, &self.some));
         let mut step = step;
         for _ in 0..2 {
             for _ in 0..3 {
@@ -210,7 +258,7 @@ impl<'a> Search<'a> {
                     for sign in [-1.0, 1.0] {
                         let mut omega = centre;
                         omega[axis] += sign * step;
-                        let cost = self.spread(&omega, 2);
+                        let cost = self.spread(&omega, &self.some);
                         if cost < best.1 {
                             best = (omega, cost);
                         }
@@ -222,7 +270,7 @@ impl<'a> Search<'a> {
             }
             step *= 0.5;
         }
-        (best.0, self.spread(&best.0, 1))
+        (best.0, self.spread(&best.0, &self.pixels))
     }
 }
 

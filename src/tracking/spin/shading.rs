@@ -88,8 +88,7 @@ pub(super) fn divide_out(views: &[ViewInfo], samples: &[Sample], markings: Optio
         let values: Vec<f32> = own.iter().map(|&i| (felt[i] / gains[samples[i].view]) as f32).collect();
         let mut weights = vec![1.0f32; own.len()];
         for _ in 0..4 {
-            let equations = factors.iter().zip(&values).zip(&weights).map(|((f, v), w)| (f, *v, *w));
-            let Some(solution) = least_squares(equations, 1e-6) else { break };
+            let Some(solution) = least_squares(&factors, &values, &weights, 1e-6) else { break };
             let misses: Vec<f32> = values.iter().zip(&factors).map(|(v, f)| v - product(f, &solution)).collect();
             let scale = 1.5 * median(misses.iter().map(|m| m.abs()).collect()).max(1e-3);
             for (weight, miss) in weights.iter_mut().zip(&misses) {
@@ -140,50 +139,55 @@ pub(super) fn product(a: &Factors, b: &Factors) -> f32 {
     lanes[0]
 }
 
-/// Coefficients of (factors, value, weight); `prior` is the precision of each about 0.
-pub(super) fn least_squares<'a>(equations: impl Iterator<Item = (&'a Factors, f32, f32)>, prior: f64) -> Option<Factors> {
-    pulp::Arch::new().dispatch(LeastSquares { equations, prior })
-}
-
-struct LeastSquares<I> {
-    equations: I,
-    prior: f64,
+/// Coefficients that explain weighted values best; `prior` is the precision of each about 0.
+pub(super) fn least_squares(factors: &[Factors], values: &[f32], weights: &[f32], prior: f64) -> Option<Factors> {
+    let mut normal = SMatrix::<f64, UNKNOWNS, UNKNOWNS>::identity() * prior;
+    let mut right = SVector::<f64, UNKNOWNS>::zeros();
+    for ((factors, values), weights) in factors.chunks(SINGLY).zip(values.chunks(SINGLY)).zip(weights.chunks(SINGLY)) {
+        let (sums, products) = pulp::Arch::new().dispatch(Products { factors, values, weights });
+        for i in 0..UNKNOWNS {
+            for j in 0..UNKNOWNS {
+                normal[(i, j)] += f64::from(sums[i][j]);
+            }
+            right[i] += f64::from(products[i]);
+        }
+    }
+    let solution: [f64; UNKNOWNS] = normal.cholesky()?.solve(&right).into();
+    Some(solution.map(|x| x as f32))
 }
 
 /// Equations whose products are summed in single precision.
-const SINGLY: usize = 64;
+const SINGLY: usize = 128;
 
-impl<'a, I: Iterator<Item = (&'a Factors, f32, f32)>> pulp::NullaryFnOnce for LeastSquares<I> {
-    type Output = Option<Factors>;
+struct Products<'a> {
+    factors: &'a [Factors],
+    values: &'a [f32],
+    weights: &'a [f32],
+}
+
+impl pulp::NullaryFnOnce for Products<'_> {
+    type Output = ([Factors; UNKNOWNS], Factors);
 
     #[inline(always)]
     fn call(self) -> Self::Output {
-        let mut normal = SMatrix::<f64, UNKNOWNS, UNKNOWNS>::identity() * self.prior;
-        let mut right = SVector::<f64, UNKNOWNS>::zeros();
-        let mut equations = self.equations.peekable();
-        while equations.peek().is_some() {
-            let mut sums = [[0.0f32; UNKNOWNS]; UNKNOWNS];
-            let mut values = [0.0f32; UNKNOWNS];
-            for (factors, value, weight) in equations.by_ref().take(SINGLY) {
-                for (i, sums) in sums.iter_mut().enumerate() {
-                    let weighted = weight * factors[i];
-                    for j in 0..UNKNOWNS {
-                        sums[j] += weighted * factors[j];
-                    }
-                }
+        let mut sums = [[0.0f32; UNKNOWNS]; UNKNOWNS];
+        let mut products = [0.0f32; UNKNOWNS];
+        let n = self.factors.len().min(self.values.len()).min(self.weights.len());
+        let (factors, values, weights) = (&self.factors[..n], &self.values[..n], &self.weights[..n]);
+        for k in 0..n {
+            let f = &factors[k];
+            for i in 0..UNKNOWNS {
+                let weighted = weights[k] * f[i];
                 for j in 0..UNKNOWNS {
-                    values[j] += weight * value * factors[j];
+                    sums[i][j] += weighted * f[j];
                 }
             }
-            for i in 0..UNKNOWNS {
-                for j in 0..UNKNOWNS {
-                    normal[(i, j)] += f64::from(sums[i][j]);
-                }
-                right[i] += f64::from(values[i]);
+            let weighted = weights[k] * values[k];
+            for j in 0..UNKNOWNS {
+                products[j] += weighted * f[j];
             }
         }
-        let solution: [f64; UNKNOWNS] = normal.cholesky()?.solve(&right).into();
-        Some(solution.map(|x| x as f32))
+        (sums, products)
     }
 }
 

@@ -270,8 +270,9 @@ impl pulp::NullaryFnOnce for Gather<'_> {
     }
 }
 
+/// Eight values from here on.
 #[inline(always)]
-fn eight(values: &[f32], at: usize) -> Option<&[f32; LANES]> {
+pub fn eight(values: &[f32], at: usize) -> Option<&[f32; LANES]> {
     values.get(at..at + LANES)?.first_chunk()
 }
 

@@ -116,8 +116,7 @@ impl BallFace {
     pub fn new(picture: &BallPicture) -> Self {
         let disc = BallDisc::new(picture.radius_px);
         let on_ball = pulp::Arch::new().dispatch(Turn { by: &picture.ball_from_camera.map(|x| x as f32), directions: &disc.on_ball.normals });
-        let [x, y, z] = &on_ball;
-        let spots = x.iter().zip(y).zip(z).map(|((x, y), z)| Spot::of([*x, *y, *z])).collect();
+        let spots = Spot::of(&on_ball);
         BallFace { disc, on_ball, spots }
     }
 

@@ -1,8 +1,9 @@
 //! What lies behind the ball in one picture: continued inward from just outside the outline, with the help of the clip's median
 //! picture where that is what is seen outside.
 
-use super::ball_disc::{WIDE, add};
+use super::ball_disc::{WIDE, eight};
 use super::ball_model::{BLUR_PX, BallPicture};
+use super::octet::{LANES, Octet};
 use nalgebra::Vector2;
 
 /// Pixels show the surroundings from here to there outside the outline: up to 1.5 % of the ball, px.
@@ -96,19 +97,27 @@ impl pulp::NullaryFnOnce for Spread<'_> {
         let width = side.next_multiple_of(WIDE);
         let mut line = vec![0.0f32; width];
         for row in values.chunks_exact_mut(stride) {
-            line.fill(0.0);
-            for k in 0..=2 * NEAR {
-                add(&mut line, &row[k..k + width], FALLING[k.abs_diff(NEAR)]);
+            for at in (0..width).step_by(LANES) {
+                let mut sum = Octet::ZERO;
+                for k in 0..=2 * NEAR {
+                    if let Some(places) = eight(row, at + k) {
+                        sum = sum.plus_times(places, FALLING[k.abs_diff(NEAR)]);
+                    }
+                }
+                line[at..at + LANES].copy_from_slice(&sum.0);
             }
             row[..width].copy_from_slice(&line);
         }
         for y in 0..side {
-            line.fill(0.0);
-            for k in 0..=2 * NEAR {
-                let from = (y + k) * stride;
-                add(&mut line, &values[from..from + width], FALLING[k.abs_diff(NEAR)]);
+            for at in (y * stride..y * stride + width).step_by(LANES) {
+                let mut sum = Octet::ZERO;
+                for k in 0..=2 * NEAR {
+                    if let Some(places) = eight(values, at + k * stride) {
+                        sum = sum.plus_times(places, FALLING[k.abs_diff(NEAR)]);
+                    }
+                }
+                values[at..at + LANES].copy_from_slice(&sum.0);
             }
-            values[y * stride..y * stride + width].copy_from_slice(&line);
         }
     }
 }

@@ -140,26 +140,42 @@ pub struct Spot {
 }
 
 impl Spot {
-    /// In a direction in the ball's axes, of any length.
-    #[inline]
-    pub fn of(n: [f32; 3]) -> Self {
-        let size = n.map(f32::abs);
-        let axis = if size[0] >= size[1] && size[0] >= size[2] {
-            0
-        } else if size[1] >= size[2] {
-            1
-        } else {
-            2
-        };
-        let scale = 0.5 * EDGE as f32 / size[axis].max(1e-12);
-        let place = |v: f32| {
-            let x = v * scale + 0.5 * EDGE as f32;
-            let i = (x.max(0.0) as usize).min(EDGE - 1);
-            (i, x - i as f32)
-        };
-        let ((i, p), (j, q)) = (place(n[(axis + 1) % 3]), place(n[(axis + 2) % 3]));
-        let corner = ((2 * axis + usize::from(n[axis] < 0.0)) * CORNERS + i) * CORNERS + j;
-        Spot { corner: corner as u32, shares: [p, q] }
+    /// In directions in the ball's axes, of any length, whose coordinates stand in three rows.
+    pub fn of(directions: &[Vec<f32>; 3]) -> Vec<Self> {
+        pulp::Arch::new().dispatch(Spots { directions })
+    }
+}
+
+struct Spots<'a> {
+    directions: &'a [Vec<f32>; 3],
+}
+
+impl pulp::NullaryFnOnce for Spots<'_> {
+    type Output = Vec<Spot>;
+
+    #[inline(always)]
+    fn call(self) -> Vec<Spot> {
+        let [x, y, z] = self.directions;
+        let n = x.len().min(y.len()).min(z.len());
+        let (x, y, z) = (&x[..n], &y[..n], &z[..n]);
+        let mut out = vec![Spot { corner: 0, shares: [0.0; 2] }; n];
+        for i in 0..n {
+            let (x, y, z) = (x[i], y[i], z[i]);
+            let (first, second) = (x.abs() >= y.abs() && x.abs() >= z.abs(), y.abs() >= z.abs());
+            let (axis, main, one, two) = if first {
+                (0, x, y, z)
+            } else if second {
+                (1, y, z, x)
+            } else {
+                (2, z, x, y)
+            };
+            let scale = 0.5 * EDGE as f32 / main.abs().max(1e-12);
+            let (u, v) = (one * scale + 0.5 * EDGE as f32, two * scale + 0.5 * EDGE as f32);
+            let (j, k) = (u.clamp(0.0, EDGE as f32 - 1.0) as i32, v.clamp(0.0, EDGE as f32 - 1.0) as i32);
+            let face = 2 * axis + i32::from(main < 0.0);
+            out[i] = Spot { corner: ((face * CORNERS as i32 + j) * CORNERS as i32 + k) as u32, shares: [u - j as f32, v - k as f32] };
+        }
+        out
     }
 }
 
@@ -290,7 +306,7 @@ mod tests {
         many.for_each(|(n, value, weight)| sums.add(cells_of(&[vec![n.x], vec![n.y], vec![n.z]])[0], weight * (value - 1.0), weight));
         let mut texture = BallTexture::bare();
         texture.correct(&sums);
-        let at = |texture: &BallTexture, n: Vector3<f32>| texture.at(&Spot::of(n.into()));
+        let at = |texture: &BallTexture, n: Vector3<f32>| texture.at(&Spot::of(&[vec![n.x], vec![n.y], vec![n.z]])[0]);
         for n in [Vector3::new(0.8, 0.0, -0.6), Vector3::y(), -Vector3::y()] {
             assert!(at(&texture, n) < 0.45, "{n}: {}", at(&texture, n));
         }

@@ -1,6 +1,7 @@
 //! Light on the ball: a smooth pattern that stays with the camera while the markings turn under it.
 
 use super::view::{Sample, ViewInfo};
+use crate::tracking::octet::{LANES, Octet};
 use nalgebra::{SMatrix, SVector, Vector3};
 
 /// Harmonics up to order 3 of the normal, the constant left out (a view's gain takes it). A matt ball under any lights
@@ -168,24 +169,34 @@ struct Products<'a> {
 impl pulp::NullaryFnOnce for Products<'_> {
     type Output = ([Factors; UNKNOWNS], Factors);
 
+    /// Up to [`SINGLY`] equations, eight side by side.
     #[inline(always)]
     fn call(self) -> Self::Output {
-        let mut sums = [[0.0f32; UNKNOWNS]; UNKNOWNS];
-        let mut products = [0.0f32; UNKNOWNS];
-        let n = self.factors.len().min(self.values.len()).min(self.weights.len());
-        let (factors, values, weights) = (&self.factors[..n], &self.values[..n], &self.weights[..n]);
-        for k in 0..n {
-            let f = &factors[k];
-            for i in 0..UNKNOWNS {
-                let weighted = weights[k] * f[i];
-                for j in 0..UNKNOWNS {
-                    sums[i][j] += weighted * f[j];
-                }
+        let mut columns = [[[0.0f32; LANES]; SINGLY / LANES]; UNKNOWNS];
+        let mut weighted = columns;
+        let mut values = [[0.0f32; LANES]; SINGLY / LANES];
+        for (k, ((factors, value), weight)) in self.factors.iter().zip(self.values).zip(self.weights).take(SINGLY).enumerate() {
+            let (at, lane) = (k / LANES, k % LANES);
+            values[at][lane] = *value;
+            for (i, f) in factors.iter().enumerate() {
+                columns[i][at][lane] = *f;
+                weighted[i][at][lane] = f * weight;
             }
-            let weighted = weights[k] * values[k];
-            for j in 0..UNKNOWNS {
-                products[j] += weighted * f[j];
+        }
+        let dot = |a: &[[f32; LANES]; SINGLY / LANES], b: &[[f32; LANES]; SINGLY / LANES]| {
+            let mut sum = Octet::ZERO;
+            for (a, b) in a.iter().zip(b) {
+                sum = sum.plus_products(a, b);
             }
+            sum.0.iter().sum::<f32>()
+        };
+        let (mut sums, mut products) = ([[0.0f32; UNKNOWNS]; UNKNOWNS], [0.0f32; UNKNOWNS]);
+        for i in 0..UNKNOWNS {
+            for j in i..UNKNOWNS {
+                let sum = dot(&weighted[i], &columns[j]);
+                (sums[i][j], sums[j][i]) = (sum, sum);
+            }
+            products[i] = dot(&weighted[i], &values);
         }
         (sums, products)
     }

@@ -1,0 +1,202 @@
+//! The ball of a shot: found where something flies that meets the racket, followed both ways, measured once more with its light.
+
+use super::ball_search;
+use super::ball_shading::{BallShading, LimbProfile};
+use super::ball_track::{BallFrame, BallScene, MeanDisc};
+use super::racket_track::RacketFrame;
+use super::shot_frames::{PATIENCE, Shot, spread};
+use super::shot_tracker::TrackingError;
+use crate::calibration::CameraId;
+use crate::footage::{FrameBuffer, FrameSource, GreyImage};
+use nalgebra::Point3;
+use rayon::prelude::*;
+
+/// Blur of the ball's outline, px, one standard deviation.
+const BALL_BLUR_PX: f64 = 0.55;
+/// A ball in play comes this much nearer to the racket (or goes away by it) while it is seen, m: 10 m/s over six frames.
+const LEAST_APPROACH_M: f64 = 0.06;
+/// A score (below) at which no other ball is looked for: at the racket and 0.2 m farther away before, or much farther.
+const CLEAR_SCORE: f64 = 0.13;
+/// Longest gap in the ball's track that is looked into again, frames.
+const FILLED: f64 = 6.0;
+
+/// A ball as first followed, and the mean pictures of its disc.
+#[derive(Clone)]
+struct Flight {
+    frames: Vec<Option<BallFrame>>,
+    means: [MeanDisc; 2],
+}
+
+impl<S: FrameSource> Shot<'_, S> {
+    /// Finds the ball that meets the racket and follows it both ways.
+    pub(super) fn find_and_follow_ball(&self, racket: &[Option<RacketFrame>], still: &[Option<GreyImage>; 2]) -> Result<Vec<Option<BallFrame>>, TrackingError> {
+        let n = self.source.len();
+        let mut scene = BallScene {
+            view: self.view,
+            radius_m: self.setup.ball.radius_m(),
+            limb: [LimbProfile::new(&BallShading::default(), 8.0, BALL_BLUR_PX), LimbProfile::new(&BallShading::default(), 8.0, BALL_BLUR_PX)],
+            frame_rate_hz: self.setup.frame_rate_hz,
+            faint: false,
+        };
+        let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
+        let mut best = (f64::INFINITY, Flight { frames: vec![None; n], means: Default::default() });
+        let mut claimed: Vec<Vec<Option<BallFrame>>> = Vec::new();
+        for first in spread(n.saturating_sub(2)).into_iter().take(24) {
+            let mut frames: [Vec<BallFrame>; 3] = Default::default();
+            for (k, found) in frames.iter_mut().enumerate() {
+                let images = self.read(first + k, &mut buffers)?;
+                let of = |c: CameraId| match (&images[c.index()], &still[c.index()], scene.radius_px(c, &self.focus)) {
+                    (Some(v), Some(b), Some(r)) => ball_search::candidates(v, b, r),
+                    _ => Vec::new(),
+                };
+                let (left, right) = rayon::join(|| of(CameraId::Left), || of(CameraId::Right));
+                let candidates = [left, right];
+                *found = scene.space_candidates(&images, &candidates, &self.focus);
+                if found.is_empty() {
+                    break;
+                }
+            }
+            for flight in scene.flights(&frames) {
+                let known = |t: &Vec<Option<BallFrame>>| t[first + 1].is_some_and(|b| (b.position - flight[1].position).norm() < 0.03);
+                if claimed.iter().any(known) {
+                    continue;
+                }
+                let track = self.follow_ball(&scene, first, &flight)?;
+                let count = track.frames.iter().flatten().count();
+                if count >= 6 {
+                    // Distances from the stringbed's centre, m. What stays at its own is fastened to the racket or the arm.
+                    let distances = track
+                        .frames
+                        .iter()
+                        .zip(racket)
+                        .filter_map(|(b, r)| Some((b.as_ref()?.position.coords - r.as_ref()?.pose.global_from_racket.translation.vector).norm()));
+                    let (near, far) = distances.fold((f64::INFINITY, 0.0f64), |(near, far), d| (near.min(d), far.max(d)));
+                    // The nearest counts, then who came from farther away, then the longer track.
+                    let (near_m, approach_m) = (near.max(0.15), (far - near).min(0.5));
+                    let score = if far - near < LEAST_APPROACH_M { f64::INFINITY } else { near_m - 0.1 * approach_m - 1e-4 * count as f64 };
+                    if score < best.0 {
+                        best = (score, track.clone());
+                    }
+                }
+                claimed.push(track.frames);
+            }
+            if best.0 < CLEAR_SCORE {
+                break;
+            }
+        }
+        self.remeasure_ball(&mut scene, best.1)
+    }
+
+    /// Learns the light from the ball as first measured, then measures every frame again with it.
+    fn remeasure_ball(&self, scene: &mut BallScene, rough: Flight) -> Result<Vec<Option<BallFrame>>, TrackingError> {
+        let Flight { frames: rough, means } = rough;
+        let Some(near) = rough.iter().flatten().find(|b| b.stereo).map(|b| b.position) else { return Ok(rough) };
+        scene.set_light(&means, &near, BALL_BLUR_PX);
+        scene.faint = true;
+        let numbers: Vec<f64> = (0..rough.len()).map(|i| self.source.number(i) as f64).collect();
+        let scene: &BallScene = scene;
+        let again = |buffers: &mut [FrameBuffer; 2], index: usize| {
+            let expected = match &rough[index] {
+                Some(b) if b.stereo => Some((b.position, true)),
+                ball => expected_ball(&rough, &numbers, index).or(ball.map(|b| (b.position, true))),
+            };
+            let Some((p, within)) = expected else { return Ok(None) };
+            let found = scene.measure(&self.read_rows(index, self.ball_rows(scene, &p, 1), buffers)?, &p, 1);
+            // Beyond the flight's ends nobody has seen a ball: there both cameras must agree.
+            Ok(found.filter(|b| within || b.stereo))
+        };
+        (0..rough.len()).into_par_iter().map_init(Default::default, again).collect()
+    }
+
+    fn follow_ball(&self, scene: &BallScene, first: usize, flight: &[BallFrame; 3]) -> Result<Flight, TrackingError> {
+        let n = self.source.len();
+        let mut frames = vec![None; n];
+        let mut means: [MeanDisc; 2] = Default::default();
+        for (k, b) in flight.iter().enumerate() {
+            frames[first + k] = Some(*b);
+        }
+        let (back, forth) = rayon::join(
+            || self.follow_ball_one_way(scene, (first + 1, flight[1]), (first, flight[0]), (0..first).rev()),
+            || self.follow_ball_one_way(scene, (first + 1, flight[1]), (first + 2, flight[2]), first + 3..n),
+        );
+        for (some, mean) in [back?, forth?] {
+            for (index, b) in some {
+                frames[index] = Some(b);
+            }
+            means.iter_mut().zip(&mean).for_each(|(all, some)| all.add(some));
+        }
+        Ok(Flight { frames, means })
+    }
+
+    fn follow_ball_one_way(
+        &self,
+        scene: &BallScene,
+        before: (usize, BallFrame),
+        last: (usize, BallFrame),
+        indices: impl Iterator<Item = usize>,
+    ) -> Result<(Vec<(usize, BallFrame)>, [MeanDisc; 2]), TrackingError> {
+        let mut means: [MeanDisc; 2] = Default::default();
+        let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
+        let at = |i: usize| self.source.number(i) as f64;
+        let (mut previous, mut last) = ((at(before.0), before.1.position), (at(last.0), last.1.position));
+        let mut out = Vec::new();
+        let mut lost = 0;
+        for index in indices {
+            let now = at(index);
+            let predicted = last.1 + (last.1 - previous.1) * ((now - last.0) / (last.0 - previous.0));
+            let reach_px = (4 + 2 * lost as i32).min(12);
+            let images = self.read_rows(index, self.ball_rows(scene, &predicted, reach_px), &mut buffers)?;
+            if images.iter().all(Option::is_none) {
+                continue;
+            }
+            match scene.measure(&images, &predicted, reach_px) {
+                Some(b) => {
+                    previous = last;
+                    last = (now, b.position);
+                    lost = 0;
+                    for camera in CameraId::BOTH {
+                        if let Some(image) = &images[camera.index()] {
+                            scene.add_to_mean(&mut means[camera.index()], image, camera, &b);
+                        }
+                    }
+                    out.push((index, b));
+                }
+                None => {
+                    lost += 1;
+                    if lost > PATIENCE {
+                        break;
+                    }
+                }
+            }
+        }
+        Ok((out, means))
+    }
+
+    /// The rows of each picture that measuring the ball near a place looks at: its outline may be found `reach_px` away, and
+    /// the fit may move by most of a radius from there.
+    fn ball_rows(&self, scene: &BallScene, at: &Point3<f64>, reach_px: i32) -> [Option<(usize, usize)>; 2] {
+        CameraId::BOTH.map(|camera| {
+            let (uv, radius) = (self.view.project(camera, at)?, scene.radius_px(camera, at)?);
+            let half = 2.0 * radius + f64::from(reach_px) + 8.0;
+            let row = |v: f64| v.clamp(0.0, self.setup.rig.image_size[1] as f64) as usize;
+            let first = row((uv.y - half).floor());
+            Some((first, row((uv.y + half).ceil()) - first))
+        })
+    }
+}
+
+/// Where a ball that was not seen by both cameras should be: on the straight line between its neighbours in time that
+/// were, or beyond the last two (then `false`), over at most [`FILLED`] frames.
+fn expected_ball(seen: &[Option<BallFrame>], numbers: &[f64], index: usize) -> Option<(Point3<f64>, bool)> {
+    let known = |i: &usize| seen[*i].is_some_and(|b| b.stereo) && (numbers[*i] - numbers[index]).abs() <= FILLED;
+    let before: Vec<usize> = (0..index).rev().filter(known).take(2).collect();
+    let after: Vec<usize> = (index + 1..seen.len()).filter(known).take(2).collect();
+    let (a, b) = match (before.as_slice(), after.as_slice()) {
+        ([a, ..], [b, ..]) => (*a, *b),
+        ([a, b], []) | ([], [a, b]) => (*b, *a),
+        _ => return None,
+    };
+    let (p, q) = (seen[a]?.position, seen[b]?.position);
+    let within = !before.is_empty() && !after.is_empty();
+    Some((p + (q - p) * ((numbers[index] - numbers[a]) / (numbers[b] - numbers[a])), within))
+}

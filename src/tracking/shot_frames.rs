@@ -1,0 +1,130 @@
+//! What following one shot has in hand: its pictures, the cameras, the racket's figure and light as known so far.
+
+use super::band::BandShape;
+use super::racket_figure::RacketFigure;
+use super::racket_pose::View;
+use super::racket_track::RacketScene;
+use super::recording::Fingerprint;
+use super::shot_tracker::{ShotSetup, TrackingError};
+use crate::calibration::CameraId;
+use crate::footage::{FrameBuffer, FrameSource, GreyView};
+use nalgebra::Point3;
+use std::collections::BTreeMap;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Frames over which a lost racket or ball is still expected where it was going.
+pub const PATIENCE: usize = 6;
+
+pub struct Shot<'a, S: FrameSource> {
+    pub source: &'a S,
+    pub setup: &'a ShotSetup<'a>,
+    pub view: &'a View<'a>,
+    pub figure: RacketFigure,
+    pub shape: BandShape,
+    pub focus: Point3<f64>,
+    pub cancel: &'a AtomicBool,
+    pub progress: &'a (dyn Fn(usize) + Sync),
+    /// Pictures that repeat the one before or are washed out, by index and camera; they are read as missing.
+    pub stale: Vec<[bool; 2]>,
+    /// Why a picture could not be read, by index and camera.
+    pub broken: Mutex<BTreeMap<(usize, usize), String>>,
+}
+
+impl<S: FrameSource> Shot<'_, S> {
+    pub(super) fn scene(&self) -> RacketScene<'_> {
+        RacketScene { view: self.view, figure: &self.figure, shape: &self.shape }
+    }
+
+    fn check_cancelled(&self) -> Result<(), TrackingError> {
+        if self.cancel.load(Ordering::Relaxed) { Err(TrackingError::Cancelled) } else { Ok(()) }
+    }
+
+    /// Reads both pictures of a frame; a picture that is missing or broken is `None`.
+    pub(super) fn read<'b>(&self, index: usize, buffers: &'b mut [FrameBuffer; 2]) -> Result<[Option<GreyView<'b>>; 2], TrackingError> {
+        self.read_rows(index, [None; 2], buffers)
+    }
+
+    /// [`Self::read`], of each picture only the rows needed (first, count).
+    pub(super) fn read_rows<'b>(
+        &self,
+        index: usize,
+        rows: [Option<(usize, usize)>; 2],
+        buffers: &'b mut [FrameBuffer; 2],
+    ) -> Result<[Option<GreyView<'b>>; 2], TrackingError> {
+        let [l, r] = buffers;
+        Ok([self.read_one(index, 0, rows[0], l)?, self.read_one(index, 1, rows[1], r)?])
+    }
+
+    pub(super) fn read_one<'b>(
+        &self,
+        index: usize,
+        camera: usize,
+        rows: Option<(usize, usize)>,
+        buffer: &'b mut FrameBuffer,
+    ) -> Result<Option<GreyView<'b>>, TrackingError> {
+        self.check_cancelled()?;
+        if self.stale.get(index).is_some_and(|s| s[camera]) {
+            return Ok(None);
+        }
+        let there = self.source.read(index, camera, rows, buffer).unwrap_or_else(|e| {
+            if let Ok(mut broken) = self.broken.lock() {
+                broken.insert((index, camera), e.to_string());
+            }
+            false
+        });
+        let view = if there { buffer.view() } else { None };
+        let [calibrated_width, calibrated_height] = self.setup.rig.image_size;
+        if let Some(GreyView { width, height, .. }) = view
+            && (width, height) != (calibrated_width, calibrated_height)
+        {
+            return Err(TrackingError::Size { frame: self.source.number(index), width, height, calibrated_width, calibrated_height });
+        }
+        Ok(view)
+    }
+
+    /// Mean grey of a whole picture; `None` where it is missing.
+    pub(super) fn mean_grey(&self, index: usize, camera: usize) -> Option<f64> {
+        Some(Fingerprint::of(&self.read_one(index, camera, None, &mut FrameBuffer::default()).ok()??).mean())
+    }
+
+    /// Pixels per metre at the middle of the volume.
+    pub(super) fn px_per_m(&self, camera: CameraId) -> f64 {
+        self.setup.rig.camera(camera).fx / (self.view.eye(camera) - self.focus).norm()
+    }
+}
+
+/// Frame indices by halving the clip: 1/2, 1/4, 3/4, 1/8, ... of its length, each once.
+pub fn spread(n: usize) -> Vec<usize> {
+    let (mut out, mut taken) = (Vec::with_capacity(n), vec![false; n]);
+    let parts = n.next_power_of_two();
+    let mut step = parts;
+    while step > 1 {
+        for k in (step / 2..parts).step_by(step) {
+            let index = k * n / parts;
+            if !std::mem::replace(&mut taken[index], true) {
+                out.push(index);
+            }
+        }
+        step /= 2;
+    }
+    out.extend((0..n).filter(|&i| !taken[i]));
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn law_spread_visits_every_frame_once_middle_first() {
+        for n in [0, 1, 2, 3, 7, 44, 300] {
+            let mut order = spread(n);
+            if n > 2 {
+                assert!(order[0] > n / 4 && order[0] < 3 * n / 4 + 1, "{n} {}", order[0]);
+            }
+            order.sort_unstable();
+            assert_eq!(order, (0..n).collect::<Vec<_>>());
+        }
+    }
+}

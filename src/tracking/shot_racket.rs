@@ -1,0 +1,249 @@
+//! The racket of a shot: found in some frame, its light and figure learnt there, followed from there both ways.
+
+use super::band::BandView;
+use super::band_search::{self, BandCandidate};
+use super::face;
+use super::racket_figure::RacketFigure;
+use super::racket_search;
+use super::racket_track::{self, RacketFrame};
+use super::recording::{Fingerprint, Fingerprints};
+use super::shot_frames::{PATIENCE, Shot, spread};
+use super::shot_tracker::TrackingError;
+use super::tape_light::TapeLight;
+use super::throat::ThroatEvidence;
+use super::tube_width::WidthEvidence;
+use crate::calibration::CameraId;
+use crate::footage::{FrameBuffer, FrameSource, GreyView};
+use nalgebra::Isometry3;
+
+/// Frames whose pictures are asked for the direction of the throat.
+const THROAT_FRAMES: usize = 8;
+/// The same for its width: the first frame found and those after it.
+const WIDTH_FRAMES: usize = 4;
+/// Rounds in which the light on the tape is found.
+const LIGHT_ROUNDS: usize = 2;
+/// Least share of the usual contrast that still counts as tape.
+const LEAST_CONTRAST: f64 = 0.45;
+
+/// The racket in the frames of one direction, and every picture's fingerprint.
+type OneWay = (Vec<(usize, RacketFrame)>, Vec<(usize, [Option<Fingerprint>; 2])>);
+
+/// The racket where it was found, and the contrast its bands must have, by camera.
+pub struct RacketStart {
+    index: usize,
+    frame: RacketFrame,
+    least_contrast: [f64; 2],
+}
+
+impl<S: FrameSource> Shot<'_, S> {
+    /// The racket in some frame, with its light and figure.
+    pub(super) fn start(&mut self) -> Result<RacketStart, TrackingError> {
+        let start = self.acquire_racket()?;
+        let start = self.light_tape(start)?;
+        // One frame tells the throat's direction to a degree or two, and the bands are followed with it; several tell it better.
+        let start = self.turn_throat(start)?;
+        self.widen_throat(start)
+    }
+
+    /// Finds the racket in some frame: the middle first, then halves, quarters, ...
+    fn acquire_racket(&self) -> Result<RacketStart, TrackingError> {
+        let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
+        let (mut searched, mut most) = (0, [0, 0]);
+        for index in spread(self.source.len()) {
+            let images = self.read(index, &mut buffers)?;
+            let [Some(l), Some(r)] = &images else { continue };
+            searched += 1;
+            let candidates = self.band_candidates(l, r);
+            for c in 0..2 {
+                most[c] = most[c].max(candidates[c].len());
+            }
+            let Some(found) = racket_search::search(self.view, &self.figure, &candidates) else { continue };
+            if let Some(start) = self.confirm(index, &images, &found.global_from_racket) {
+                return Ok(start);
+            }
+        }
+        Err(TrackingError::NoRacket { searched, left: most[0], right: most[1] })
+    }
+
+    /// What may be tape in either picture.
+    fn band_candidates(&self, left: &GreyView, right: &GreyView) -> [Vec<BandCandidate>; 2] {
+        let of = |view: &GreyView, camera: CameraId| band_search::candidates(view, self.px_per_m(camera), self.shape.white_half_m);
+        let (left, right) = rayon::join(|| of(left, CameraId::Left), || of(right, CameraId::Right));
+        [left, right]
+    }
+
+    /// A racket is believed when the bands themselves, not only candidate places, agree on one pose.
+    fn confirm(&self, index: usize, images: &[Option<GreyView>; 2], pose: &Isometry3<f64>) -> Option<RacketStart> {
+        let scene = self.scene();
+        let frame = racket_track::measure(&scene, images, pose, 2, &[4.0, 4.0])?;
+        if frame.count() < 6 || frame.pose.chi2 > 40.0 * frame.pose.dof as f64 {
+            return None;
+        }
+        let mut least_contrast = [0.0; 2];
+        for camera in CameraId::BOTH {
+            let image = images[camera.index()].as_ref()?;
+            let mut contrasts: Vec<f64> = (0..5)
+                .filter(|m| frame.points[camera.index()][*m].is_some())
+                .filter_map(|m| BandView::at(self.view, &self.figure, &frame.pose.global_from_racket, camera, m)?.contrast(image, &self.shape, 0.0, 0.0))
+                .collect();
+            contrasts.sort_by(f64::total_cmp);
+            least_contrast[camera.index()] = LEAST_CONTRAST * contrasts.get(contrasts.len() / 2)?;
+        }
+        Some(RacketStart { index, frame, least_contrast })
+    }
+
+    /// The start with the light as its bands show it.
+    fn light_tape(&mut self, mut start: RacketStart) -> Result<RacketStart, TrackingError> {
+        let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
+        let images = self.read(start.index, &mut buffers)?;
+        // The first time every band tells its own brightness, then what the light leaves over.
+        for _ in 0..LIGHT_ROUNDS {
+            let Some(light) = TapeLight::of(&self.scene(), &images, &start.frame) else { return Ok(start) };
+            let before = self.shape.light.replace(light);
+            let Some(again) = self.confirm(start.index, &images, &start.frame.pose.global_from_racket) else {
+                self.shape.light = before;
+                return Ok(start);
+            };
+            start = again;
+        }
+        Ok(start)
+    }
+
+    /// The start with the throat's direction as its pictures show it.
+    fn turn_throat(&mut self, start: RacketStart) -> Result<RacketStart, TrackingError> {
+        let Some(figure) = self.throat_of(&[(start.index, &start.frame)])? else { return Ok(start) };
+        self.confirm_with(start, figure)
+    }
+
+    /// The figure with the throat's direction as the pictures of a few of these frames show it.
+    pub(super) fn throat_of(&self, frames: &[(usize, &RacketFrame)]) -> Result<Option<RacketFigure>, TrackingError> {
+        let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
+        let mut evidence = ThroatEvidence::default();
+        let looked_at = frames.len().min(THROAT_FRAMES);
+        for k in 0..looked_at {
+            let (index, frame) = frames[k * frames.len() / looked_at];
+            let rows = CameraId::BOTH.map(|c| self.scene().rows(c, &frame.pose.global_from_racket, 1));
+            let images = self.read_rows(index, rows, &mut buffers)?;
+            evidence.add(&self.scene(), &images, frame);
+        }
+        Ok(evidence.angle(&self.figure).map(|(angle, _)| self.figure.with_throat(angle)))
+    }
+
+    /// The start with the throat's width as its pictures and the next ones show it.
+    fn widen_throat(&mut self, start: RacketStart) -> Result<RacketStart, TrackingError> {
+        let next = self.follow_racket_one_way(&start, (start.index + 1..self.source.len()).take(WIDTH_FRAMES - 1))?.0;
+        let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
+        let mut evidence = WidthEvidence::default();
+        for (index, frame) in std::iter::once((start.index, &start.frame)).chain(next.iter().map(|(i, f)| (*i, f))) {
+            let rows = CameraId::BOTH.map(|c| self.scene().rows(c, &frame.pose.global_from_racket, 1));
+            let images = self.read_rows(index, rows, &mut buffers)?;
+            evidence.add(&self.scene(), &images, frame);
+        }
+        let wider = self.figure.with_throat_width(evidence.throat_to_head());
+        self.confirm_with(start, wider)
+    }
+
+    /// The start measured once more with another figure, which stays if the bands agree.
+    fn confirm_with(&mut self, start: RacketStart, figure: RacketFigure) -> Result<RacketStart, TrackingError> {
+        let before = std::mem::replace(&mut self.figure, figure);
+        let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
+        let images = self.read(start.index, &mut buffers)?;
+        Ok(match self.confirm(start.index, &images, &start.frame.pose.global_from_racket) {
+            Some(again) => again,
+            None => {
+                self.figure = before;
+                start
+            }
+        })
+    }
+
+    /// Follows the racket from the frame where it was found to both ends of the clip.
+    pub(super) fn follow_racket(&self, start: &RacketStart) -> Result<(Vec<Option<RacketFrame>>, Fingerprints), TrackingError> {
+        let n = self.source.len();
+        let (back, forth) = rayon::join(|| self.follow_racket_one_way(start, (0..start.index).rev()), || self.follow_racket_one_way(start, start.index + 1..n));
+        let mut all = vec![None; n];
+        all[start.index] = Some(start.frame.clone());
+        let mut prints = vec![[None, None]; n];
+        let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
+        prints[start.index] = self.read(start.index, &mut buffers)?.map(|v| v.map(|v| Fingerprint::of(&v)));
+        for (frames, seen) in [back?, forth?] {
+            for (index, frame) in frames {
+                all[index] = Some(frame);
+            }
+            for (index, print) in seen {
+                prints[index] = print;
+            }
+        }
+        Ok((all, prints))
+    }
+
+    /// Measures the frames with a stale picture again, from the other camera alone.
+    pub(super) fn remeasure_stale(&self, start: &RacketStart, racket: &mut [Option<RacketFrame>]) -> Result<(), TrackingError> {
+        let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
+        for index in (0..racket.len()).filter(|i| self.stale.get(*i).is_some_and(|s| s.contains(&true))) {
+            let images = self.read(index, &mut buffers)?;
+            let pose = |i: Option<usize>| racket.get(i?)?.as_ref().map(|r| r.pose.global_from_racket);
+            let expected = match (pose(index.checked_sub(1)), pose(Some(index + 1))) {
+                (Some(a), Some(b)) => Some(a.lerp_slerp(&b, 0.5)),
+                (one, other) => one.or(other),
+            };
+            racket[index] = expected.and_then(|p| racket_track::measure(&self.scene(), &images, &p, 2, &start.least_contrast));
+        }
+        Ok(())
+    }
+
+    fn follow_racket_one_way(&self, start: &RacketStart, indices: impl Iterator<Item = usize>) -> Result<OneWay, TrackingError> {
+        let scene = self.scene();
+        let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
+        let mut out: Vec<(usize, RacketFrame)> = Vec::new();
+        let mut last = (self.source.number(start.index) as f64, start.frame.pose.global_from_racket);
+        let mut previous: Option<(f64, Isometry3<f64>)> = None;
+        let mut prints = Vec::new();
+        let mut lost = 0;
+        for index in indices {
+            (self.progress)(1);
+            let now = self.source.number(index) as f64;
+            let mut found = None;
+            let predicted = racket_track::predict(previous.as_ref().map(|p| &p.1), &last.1, previous.map_or(1.0, |p| last.0 - p.0), now - last.0);
+            let reach = if previous.is_none() { 5 } else { (3 + 2 * lost as i32).min(7) };
+            let expected = lost <= PATIENCE;
+            let rows = if expected { CameraId::BOTH.map(|c| scene.rows(c, &predicted, reach)) } else { [None; 2] };
+            let images = self.read_rows(index, rows, &mut buffers)?;
+            if images.iter().all(Option::is_none) {
+                continue;
+            }
+            prints.push((index, images.map(|v| v.map(|v| Fingerprint::of(&v)))));
+            if expected {
+                found = racket_track::measure(&scene, &images, &predicted, reach, &start.least_contrast);
+            }
+            if found.is_none()
+                && lost >= 2
+                && let images = self.read(index, &mut buffers)?
+                && let [Some(l), Some(r)] = &images
+            {
+                // Lost: search the whole pictures again.
+                let candidates = self.band_candidates(l, r);
+                found = racket_search::search(self.view, &self.figure, &candidates)
+                    .and_then(|p| racket_track::measure(&scene, &images, &p.global_from_racket, 2, &start.least_contrast))
+                    .filter(|f| f.count() >= 6)
+                    .map(|f| face::nearest_twin(f, &last.1));
+            }
+            match found {
+                Some(frame) => {
+                    let pose = frame.pose.global_from_racket;
+                    if !frame.stereo() {
+                        // Its depth is poor: recorded, but the motion goes on from the frames before.
+                        out.push((index, frame));
+                        continue;
+                    }
+                    previous = if lost <= PATIENCE { Some(last) } else { None };
+                    last = (now, pose);
+                    lost = 0;
+                    out.push((index, frame));
+                }
+                None => lost += 1,
+            }
+        }
+        Ok((out, prints))
+    }
+}

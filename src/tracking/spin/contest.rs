@@ -14,6 +14,8 @@ const LEAST_FAR_LEAD: f64 = 0.06;
 const BARRIER: f64 = 0.015;
 /// Axes about which a ball that seems to stand still is turned: one in 0.25 rad, twice the width of a blurred line.
 const PROBES: u32 = 100;
+/// Turn over the window within which another candidate lies in the same valley, rad.
+const SAME_VALLEY: f64 = 0.4;
 /// Candidates that are registered.
 const CONTESTANTS: usize = 4;
 /// Which candidate: a coarse map without blur.
@@ -25,6 +27,8 @@ pub(super) struct Contest {
     pub omega: Vector3<f64>,
     /// A rival that cannot be ruled out.
     pub rival: Option<Vector3<f64>>,
+    /// Other candidates in the same valley, best first.
+    pub near: Vec<Vector3<f64>>,
     /// Lead over the rival in log-likelihood, as a share of what the markings explain.
     pub margin: Option<f64>,
 }
@@ -91,5 +95,6 @@ pub(super) fn contest(coarse: &Registrar, candidates: &[Candidate], span_s: f64)
         strongest = slides.map(|(lead, omega)| (lead - 2.0 * LEAST_LEAD, lead, omega)).or(strongest);
     }
     let rival = strongest.filter(|s| s.0 < 0.0).map(|s| s.2);
-    Some(Contest { omega: best.omega, rival, margin: strongest.map(|s| s.1) })
+    let near = fits.iter().skip(1).map(|f| f.omega).filter(|w| (w - best.omega).norm() * span_s < SAME_VALLEY).collect();
+    Some(Contest { omega: best.omega, rival, near, margin: strongest.map(|s| s.1) })
 }

@@ -7,7 +7,7 @@ use super::shading::{Mark, divide_out};
 use super::sphere_map::SphereMap;
 use super::view::{BallView, Sample, ViewInfo, sample_views};
 use crate::calibration::StereoRig;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Rotation3, Vector3};
 use serde::{Deserialize, Serialize};
 
 /// What the estimator must know about the recording.
@@ -120,8 +120,8 @@ const SETTLED: (f64, f64) = (3.0, 1.0);
 /// Largest standard deviation of a component that still counts as measured, rad/s: 10 % of 1600 rpm.
 const LARGEST_SD: f64 = 17.0;
 /// Most that may be left over beyond the noise, in units of what the markings explain: right spins of rendered balls leave
-/// 0.03 to 1.2 (poor pictures most), wrong ones 1.8 and more.
-const MOST_UNEXPLAINED: f64 = 1.5;
+/// 0.03 to 0.6, wrong ones 1.5 and more.
+const MOST_UNEXPLAINED: f64 = 1.0;
 /// Least contrast of the markings (root mean square over the ball); a bare ball shows 0.007 of shading left over.
 const LEAST_CONTRAST: f64 = 0.015;
 /// Blur of the recording, standard deviation in px: lens and pixel together. Between 0.45 and 0.75 px the rate
@@ -134,11 +134,15 @@ const NOISE_SHARE: f64 = 8.0;
 /// drift with the background, and 0.06 px covers them (docs/spin.md, "Uncertainty").
 const SYSTEMATIC_PX: f64 = 0.06;
 const SYSTEMATIC_RATE: f64 = 0.003;
+/// Maps with other cells over which the spin is averaged, and the share of one map's scatter that stays in the mean of all:
+/// dents that the pictures make lie at the same place on all (docs/spin.md, "Cells").
+const OTHER_CELLS: usize = 3;
+const CELLS_SHARE: f64 = 0.5;
 /// Frames over which residuals stay correlated.
 const MEMORY_FRAMES: f64 = 6.0;
-/// Cells along an edge of the map: for choosing among candidates (7 degrees), and for the answer (4.5 degrees, 0.6 px).
+/// Cells along an edge of the map: for choosing among candidates (7 degrees), and for the answer (5.6 degrees).
 const COARSE_EDGE: usize = 12;
-const FINE_EDGE: usize = 20;
+const FINE_EDGE: usize = 16;
 /// Fine map with blur, before the shading is fitted again.
 const FIRST: Effort = Effort { steps: 8, last_step_rad_s: 0.3, light: true, memory_s: 0.0 };
 const FINAL: Effort = Effort { steps: 14, last_step_rad_s: 0.02, light: true, memory_s: 0.0 };
@@ -169,7 +173,8 @@ impl FoundSpin {
         let registrar = Registrar::new(&map, &infos, &marks, &shading, BLUR_PX);
         let first = registrar.refine(contest.omega, &Effort { memory_s: MEMORY_FRAMES / settings.frame_rate_hz, ..FIRST });
         let start = Start { contest, omega: first.omega, markings: registrar.found(&first, &shading, BLUR_PX) };
-        FoundSpin { rough: verdict(&infos, &first, &first.model_covariance, &start.contest, settings, SETTLED.0), start: Some(start) }
+        let rough = Measured { omega: first.omega, covariance: stated(&first, &first.model_covariance, &infos) };
+        FoundSpin { rough: verdict(&infos, &first, &rough, &start.contest, settings, SETTLED.0), start: Some(start) }
     }
 
     /// The spin from the same pictures, or from pictures with better centres, beginning where it was found.
@@ -182,9 +187,12 @@ impl FoundSpin {
         // The lines darken the first estimate of the shading where they pass most often; now that they are known, again.
         let map = SphereMap::new(FINE_EDGE);
         let (shading, marks) = divide_out(&infos, &samples, Some(&start.markings.at(&map, &infos, &samples)));
-        let registrar = Registrar::new(&map, &infos, &marks, &shading, BLUR_PX);
+        let mut registrar = Registrar::new(&map, &infos, &marks, &shading, BLUR_PX);
         let best = registrar.refine(start.omega, &Effort { memory_s: MEMORY_FRAMES / settings.frame_rate_hz, ..FINAL });
-        verdict(&infos, &best, &widened(&registrar, &best), &start.contest, settings, SETTLED.1)
+        let on_first = stated(&best, &widened(&registrar, &best), &infos);
+        let (omega, scatter) = over_cells(&mut registrar, &best.omega, &start.omega, &start.contest.near);
+        let measured = Measured { omega, covariance: on_first + scatter * CELLS_SHARE };
+        verdict(&infos, &best, &measured, &start.contest, settings, SETTLED.1)
     }
 }
 
@@ -194,15 +202,20 @@ fn too_few(infos: &[ViewInfo], samples: &[Sample], settings: &SpinSettings) -> O
     (seen < LEAST_FRAMES || samples.len() < LEAST_SAMPLES).then_some(SpinEstimate::Refused { reason: SpinRefusal::TooFewFrames { seen, needed: LEAST_FRAMES } })
 }
 
+/// A spin and its covariance, rad/s.
+struct Measured {
+    omega: Vector3<f64>,
+    covariance: Matrix3<f64>,
+}
+
+/// The covariance that one registration states.
+fn stated(best: &Registration, model_covariance: &Matrix3<f64>, infos: &[ViewInfo]) -> Matrix3<f64> {
+    larger(model_covariance, &best.scatter_covariance) * (1.0 + NOISE_SHARE * (best.noise / best.texture).powi(2)) + systematic(&best.omega, infos)
+}
+
 /// Whether a registration may be believed, and how far.
-fn verdict(
-    infos: &[ViewInfo],
-    best: &Registration,
-    model_covariance: &Matrix3<f64>,
-    contest: &Contest,
-    settings: &SpinSettings,
-    settled_rad_s: f64,
-) -> SpinEstimate {
+fn verdict(infos: &[ViewInfo], best: &Registration, measured: &Measured, contest: &Contest, settings: &SpinSettings, settled_rad_s: f64) -> SpinEstimate {
+    let &Measured { omega, covariance } = measured;
     let quality = SpinQuality {
         views: infos.len(),
         pixels: best.residuals.len(),
@@ -214,11 +227,11 @@ fn verdict(
     if best.texture < f64::max(LEAST_CONTRAST, 0.4 * best.noise) {
         return SpinEstimate::Refused { reason: SpinRefusal::NoMarkings { contrast: best.texture, noise: best.noise } };
     }
-    if best.omega.norm() > 0.98 * settings.limit_rad_s {
-        return SpinEstimate::Refused { reason: SpinRefusal::Aliased { rate_rad_s: best.omega.norm(), limit_rad_s: settings.limit_rad_s } };
+    if omega.norm() > 0.98 * settings.limit_rad_s {
+        return SpinEstimate::Refused { reason: SpinRefusal::Aliased { rate_rad_s: omega.norm(), limit_rad_s: settings.limit_rad_s } };
     }
     if let Some(rival) = contest.rival {
-        return SpinEstimate::Refused { reason: SpinRefusal::Ambiguous { first: best.omega.into(), second: rival.into() } };
+        return SpinEstimate::Refused { reason: SpinRefusal::Ambiguous { first: omega.into(), second: rival.into() } };
     }
     if best.last_step_rad_s > settled_rad_s {
         return SpinEstimate::Refused { reason: SpinRefusal::Unsettled { step_rad_s: best.last_step_rad_s } };
@@ -227,16 +240,14 @@ fn verdict(
     if share > MOST_UNEXPLAINED {
         return SpinEstimate::Refused { reason: SpinRefusal::Unexplained { share } };
     }
-    let covariance =
-        larger(model_covariance, &best.scatter_covariance) * (1.0 + NOISE_SHARE * (best.noise / best.texture).powi(2)) + systematic(&best.omega, infos);
     let frames_used = distinct_times(infos, settings.frame_rate_hz);
     let eigen = covariance.symmetric_eigen();
     let worst = eigen.eigenvalues.max().sqrt();
     if worst <= LARGEST_SD {
-        return SpinEstimate::Vector { omega_rad_s: best.omega, covariance, frames_used, quality };
+        return SpinEstimate::Vector { omega_rad_s: omega, covariance, frames_used, quality };
     }
     // The direction of the spin itself when it is held, else the best-held direction.
-    let along = best.omega.try_normalize(1e-9).map(|a| (a, a.dot(&(covariance * a)).sqrt())).filter(|(_, sd)| *sd <= LARGEST_SD);
+    let along = omega.try_normalize(1e-9).map(|a| (a, a.dot(&(covariance * a)).sqrt())).filter(|(_, sd)| *sd <= LARGEST_SD);
     let (axis, sd) = along.unwrap_or_else(|| {
         let k = eigen.eigenvalues.imin();
         (eigen.eigenvectors.column(k).into(), eigen.eigenvalues[k].sqrt())
@@ -244,13 +255,29 @@ fn verdict(
     if sd <= LARGEST_SD {
         return SpinEstimate::OneAxis {
             axis,
-            rate_rad_s: best.omega.dot(&axis),
+            rate_rad_s: omega.dot(&axis),
             sd_rad_s: sd,
             frames_used,
             reason: format!("the markings leave one direction free (standard deviation {worst:.0} rad/s)"),
         };
     }
     SpinEstimate::Refused { reason: SpinRefusal::TooUncertain { sd_rad_s: sd } }
+}
+
+/// The mean spin over maps whose cells lie differently on the ball, and the scatter of one of them. Along a line that slides
+/// along itself the cost is nearly flat, and the cells' own corners make dents in it, in one of which every registration
+/// stays; on other cells the dents lie elsewhere. `near`: where else in the same valley to begin.
+fn over_cells(registrar: &mut Registrar, on_first: &Vector3<f64>, start: &Vector3<f64>, near: &[Vector3<f64>]) -> (Vector3<f64>, Matrix3<f64>) {
+    let mut all = vec![*on_first];
+    for i in 0..OTHER_CELLS {
+        // Attitudes far from one another and from the cube's own symmetries.
+        let k = i as f64;
+        registrar.lay_cells(Rotation3::new(Vector3::new((1.7 * k + 0.3).sin(), (2.9 * k + 1.0).cos(), (0.77 * k).sin()) * 1.3));
+        all.push(registrar.refine(*near.get(i).unwrap_or(start), &FINAL).omega);
+    }
+    let mean = all.iter().sum::<Vector3<f64>>() / all.len() as f64;
+    let scatter = all.iter().map(|w| (w - mean) * (w - mean).transpose()).sum::<Matrix3<f64>>() / (all.len() - 1) as f64;
+    (mean, scatter)
 }
 
 /// What the best spin leaves over beyond the noise of most pixels, in units of the markings it explains. At a wrong spin the

@@ -20,6 +20,9 @@ const VALUE_PRECISION: f32 = 0.3;
 const DIFFERENCE_PRECISION: f32 = 4.0;
 /// One pixel of a camera in so many tells its shading.
 const LIGHT_STEP: usize = 3;
+/// Share of a pixel's own contrast by which the map may miss it: lines are narrower than its cells, and a pixel on a line that
+/// the map has not found yet would count as a thing in front of the ball.
+const MISSED_SHARE: f32 = 0.1;
 /// Longest step, rad/s.
 const LONGEST_STEP: f64 = 15.0;
 /// Rounds of conjugate gradients for a map from nothing, and from the last step's map.
@@ -82,7 +85,7 @@ pub(super) struct FoundMarkings {
 impl FoundMarkings {
     /// Contrast at every sample; `map` is laid out as the one they were found on.
     pub fn at(&self, map: &SphereMap, views: &[ViewInfo], samples: &[Sample]) -> Vec<f32> {
-        let back = turned_back(views, &self.omega, self.middle_s);
+        let back = turned_back(views, &self.omega, self.middle_s, &Rotation3::identity());
         let at = |s: &Sample| {
             let view = &views[s.view];
             let looks_at = view.axes * blurred_direction(&s.disc, &self.shading, view, self.blur_px);
@@ -93,10 +96,10 @@ impl FoundMarkings {
     }
 }
 
-/// Rotations from global axes to those that turn with the ball, by view.
-fn turned_back(views: &[ViewInfo], omega: &Vector3<f64>, middle_s: f64) -> Vec<[[f32; 3]; 3]> {
+/// Rotations from global axes to those of the map's cells, which turn with the ball, by view.
+fn turned_back(views: &[ViewInfo], omega: &Vector3<f64>, middle_s: f64, cells: &Rotation3<f64>) -> Vec<[[f32; 3]; 3]> {
     let back = |v: &ViewInfo| {
-        let r = Rotation3::new(-omega * (v.time_s - middle_s));
+        let r = cells * Rotation3::new(-omega * (v.time_s - middle_s));
         std::array::from_fn(|i| std::array::from_fn(|j| r[(i, j)] as f32))
     };
     views.iter().map(back).collect()
@@ -106,15 +109,18 @@ pub(super) struct Registrar<'a> {
     map: &'a SphereMap,
     views: &'a [ViewInfo],
     marks: &'a [Mark],
-    /// By pixel: contrast, weight and its root.
+    /// By pixel: contrast, weight and its root, and the variance that the map may miss, times the weight.
     contrasts: Vec<f32>,
     weights: Vec<f32>,
     roots: Vec<f32>,
+    missed: Vec<f32>,
     /// Harmonics of the shading at each pixel, where light is fitted.
     harmonics: Vec<Factors>,
     lit: [Lit; 2],
     /// Where on the ball, in global axes, each pixel looks on the whole.
     looks_at: Vec<[f32; 3]>,
+    /// Attitude of the map's cells on the ball.
+    cells: Rotation3<f64>,
     middle_s: f64,
     variance: f32,
 }
@@ -165,6 +171,8 @@ impl<'a> Registrar<'a> {
             .collect();
         let (contrasts, weights): (Vec<f32>, Vec<f32>) = marks.iter().map(|m| (m.contrast as f32, m.weight as f32)).unzip();
         let roots = weights.iter().map(|w| w.sqrt()).collect();
+        let missed = weights.iter().zip(&contrasts).map(|(w, c)| w * (MISSED_SHARE * c).powi(2)).collect();
+        let cells = Rotation3::identity();
         // The views' gains are the constants.
         let harmonics: Vec<Factors> = marks.iter().map(|m| factors(0.0, &m.disc)).collect();
         let lit = CameraId::BOTH.map(|camera| {
@@ -172,7 +180,18 @@ impl<'a> Registrar<'a> {
             let some: Vec<usize> = own.iter().copied().step_by(LIGHT_STEP).collect();
             Lit { harmonics: some.iter().map(|&i| harmonics[i]).collect(), own, some }
         });
-        Registrar { map, views, marks, contrasts, weights, roots, harmonics, lit, looks_at, middle_s, variance: variance.max(1e-6) as f32 }
+        Registrar { map, views, marks, contrasts, weights, roots, missed, harmonics, lit, looks_at, cells, middle_s, variance: variance.max(1e-6) as f32 }
+    }
+
+    /// Goes on with a map whose cells lie otherwise on the ball.
+    pub fn lay_cells(&mut self, cells: Rotation3<f64>) {
+        self.cells = cells;
+    }
+
+    /// Every pixel's relative information: of its noise, and of what the map may miss there.
+    fn informed(&self, noise: f64) -> Vec<f32> {
+        let precision = (noise * noise).recip() as f32;
+        self.weights.iter().zip(&self.missed).map(|(w, m)| w / (1.0 + m * precision)).collect()
     }
 
     /// What a registration has found.
@@ -277,7 +296,7 @@ impl<'a> Registrar<'a> {
             self.settle_light(&markings, state);
         }
         let residuals = self.residuals(&markings, state);
-        let scaled: Vec<f32> = residuals.iter().zip(&self.roots).map(|(r, root)| (r * root).abs()).collect();
+        let scaled: Vec<f32> = residuals.iter().zip(&self.informed(state.noise)).map(|(r, w)| r.abs() * w.sqrt()).collect();
         let noise = (1.4826 * median(scaled.clone())).max(1e-4);
         state.noise = f64::from(noise);
         let (tail, per_noise) = (TAIL as f32, 1.0 / noise);
@@ -287,7 +306,7 @@ impl<'a> Registrar<'a> {
     }
 
     fn design(&self, omega: &Vector3<f64>) -> Design {
-        let back = turned_back(self.views, omega, self.middle_s);
+        let back = turned_back(self.views, omega, self.middle_s, &self.cells);
         let body: Vec<[f32; 3]> = self.looks_at.iter().zip(self.marks).map(|(n, m)| turned(&back[m.view], n)).collect();
         Design { spots: body.iter().map(|b| self.map.spot(b)).collect(), body }
     }
@@ -303,7 +322,7 @@ impl<'a> Registrar<'a> {
     /// The map's normal equations with the prior, and every pixel's weight.
     fn equations(&self, d: &Design, state: &State) -> (Equations, Vec<f32>) {
         let scale = (state.noise * state.noise).recip() as f32;
-        let weights: Vec<f32> = state.robust.iter().zip(&self.weights).map(|(r, w)| r * w * scale).collect();
+        let weights: Vec<f32> = state.robust.iter().zip(&self.informed(state.noise)).map(|(r, w)| r * w * scale).collect();
         // A node belongs to four cells, an edge to two.
         let (value, difference) = (0.25 * VALUE_PRECISION / self.variance, 0.5 * DIFFERENCE_PRECISION / self.variance);
         let own = value + 2.0 * difference;
@@ -383,9 +402,10 @@ impl<'a> Registrar<'a> {
     /// Gain per view and shading per camera from what the map leaves over, each with its prior.
     fn settle_light(&self, markings: &[f32], state: &mut State) {
         let (scale, prior) = ((state.noise * state.noise).recip() as f32, NUISANCE_SD.powi(-2));
+        let informed = self.informed(state.noise);
         for lit in &self.lit {
             let values: Vec<f32> = lit.some.iter().map(|&i| self.contrasts[i] - markings[i]).collect();
-            let weights: Vec<f32> = lit.some.iter().map(|&i| LIGHT_STEP as f32 * state.robust[i] * self.weights[i] * scale).collect();
+            let weights: Vec<f32> = lit.some.iter().map(|&i| LIGHT_STEP as f32 * state.robust[i] * informed[i] * scale).collect();
             let Some(coefficients) = least_squares(&lit.harmonics, &values, &weights, prior) else { continue };
             for &i in &lit.own {
                 state.light[i] = product(&self.harmonics[i], &coefficients);
@@ -393,7 +413,7 @@ impl<'a> Registrar<'a> {
         }
         let mut gains = vec![(prior as f32, 0.0f32); self.views.len()];
         for (i, m) in self.marks.iter().enumerate() {
-            let w = state.robust[i] * self.weights[i] * scale;
+            let w = state.robust[i] * informed[i] * scale;
             let gain = &mut gains[m.view];
             gain.0 += w;
             gain.1 += w * (self.contrasts[i] - markings[i] - state.light[i]);
@@ -410,7 +430,7 @@ impl<'a> Registrar<'a> {
             .iter()
             .map(|v| {
                 let t = v.time_s - self.middle_s;
-                let m = (left_jacobian(&(omega * t)).transpose() * t) * Rotation3::new(omega * t).matrix();
+                let m = (left_jacobian(&(omega * t)).transpose() * t) * (Rotation3::new(omega * t) * self.cells.inverse()).matrix();
                 std::array::from_fn(|i| std::array::from_fn(|j| m[(i, j)] as f32))
             })
             .collect();
@@ -485,7 +505,7 @@ impl<'a> Registrar<'a> {
     pub fn cost(&self, residuals: &[f32], noise: f64) -> f64 {
         let scale = (noise * noise * TAIL).recip();
         // The logarithm of a product of eight is eight logarithms.
-        let terms: Vec<f64> = residuals.iter().zip(self.marks).map(|(r, m)| 1.0 + f64::from(r * r) * m.weight * scale).collect();
+        let terms: Vec<f64> = residuals.iter().zip(&self.informed(noise)).map(|(r, w)| 1.0 + f64::from(r * r) * f64::from(*w) * scale).collect();
         0.5 * (TAIL + 1.0) * terms.chunks(8).map(|c| c.iter().product::<f64>().ln()).sum::<f64>()
     }
 }

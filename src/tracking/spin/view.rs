@@ -71,7 +71,7 @@ pub(super) struct ViewInfo {
 
 /// Part of the ball's disc that is used: beyond it, lines are foreshortened below the width of the blur and the
 /// background mixes in. Measured in docs/spin.md, "Used part of the disc".
-pub(super) const USED_RADIUS: f64 = 0.82;
+pub(super) const USED_RADIUS: f64 = 0.88;
 
 /// The pixels of the ball's disc in all views whose disc is at least half inside the picture.
 pub(super) fn sample_views(views: &[BallView], rig: &StereoRig, radius_m: f64) -> (Vec<ViewInfo>, Vec<Sample>) {

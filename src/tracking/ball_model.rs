@@ -11,12 +11,14 @@ use super::ball_surroundings::Surroundings;
 use super::ball_texture::{BallTexture, Spot};
 use super::octet::LANES;
 use crate::calibration::CameraId;
-use nalgebra::{Matrix2, Matrix3, SMatrix, SVector, Vector2};
+use nalgebra::{Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3};
 
 /// Pixels kept around the ball beyond its radius.
 pub const MARGIN_PX: f64 = 5.0;
-/// Blur of lens and pixel, px, one standard deviation.
+/// Blur of lens and pixel before it is known, px, one standard deviation.
 pub const BLUR_PX: f64 = 0.62;
+/// Difference of two blurs that tells how the picture changes with it, px.
+const BLUR_STEP_PX: f64 = 0.04;
 /// A pixel with more of the ball than this shows nothing else.
 pub const CLEAR: f32 = 0.995;
 /// How far inside the outline pixels count, in radii: the lines hold the centre too.
@@ -85,7 +87,7 @@ pub struct BallModel<'a> {
     pub texture: &'a BallTexture,
     /// Of one pixel, grey levels.
     pub noise: f64,
-    /// Of the picture's camera: lens and pixel together, one standard deviation.
+    /// Of the picture's camera: lens, pixel and motion together, one standard deviation.
     pub blur_px: f64,
 }
 
@@ -200,6 +202,38 @@ impl BallPicture {
         let start = self.centre - self.origin;
         straight.predict(&start, shown)?;
         self.settle::<3>(&mut straight, (start, self.gain), 0)
+    }
+
+    /// What the pixels astride the outline say about the blur, with centre and gain free: pull (weighted misses times the slope by the
+    /// blur) and weight. Their ratio is the step toward a better blur, px. `shown` as for [`Self::fit`], under the model's blur.
+    pub fn blur_pull(&self, face: &BallFace, model: &BallModel, shown: &[Shown]) -> Option<(f64, f64)> {
+        let centre = self.centre - self.origin;
+        let painted = face.painted(&face.lit(self, model.light), model.texture);
+        let [ball] = face.disc.blurred([&painted], &centre, self.side, model.blur_px, true);
+        let [wider_cover, wider_ball] = face.disc.blurred([&face.disc.cover, &painted], &centre, self.side, model.blur_px + BLUR_STEP_PX, false);
+        let (gain, noise2) = (self.gain as f32, (model.noise * model.noise) as f32);
+        let (mut h, mut g) = (Matrix3::zeros(), Vector3::zeros());
+        let (mut cross, mut square, mut pull) = (Vector3::zeros(), 0.0, 0.0);
+        for p in shown.iter().filter(|p| (LEAST_SHARE..CLEAR).contains(&p.share) && p.spread.is_finite()) {
+            let i = p.pixel;
+            let (bright, outside) = (ball.value[i], 1.0 - p.share);
+            let residual = self.pixels[i] - gain * bright - outside * p.behind;
+            let variance = noise2 + (MODEL * gain * bright).powi(2) + outside * outside * p.spread;
+            let z = residual.abs() / variance.sqrt();
+            let w = f64::from((1.0 - (z / TUKEY).powi(2)).max(0.0).powi(2) / variance);
+            let j = [gain * ball.by_x[i] - p.by_centre[0] * p.behind, gain * ball.by_y[i] - p.by_centre[1] * p.behind, bright];
+            let j = Vector3::from(j).map(f64::from);
+            let by_blur = f64::from(gain * (wider_ball.value[i] - bright) - (wider_cover.value[i] - p.share) * p.behind) / BLUR_STEP_PX;
+            let residual = f64::from(residual);
+            h += j * j.transpose() * w;
+            g += j * (residual * w);
+            cross += j * (by_blur * w);
+            square += by_blur * by_blur * w;
+            pull += by_blur * residual * w;
+        }
+        let free = h.try_inverse()? * cross;
+        let (pull, weight) = (pull - free.dot(&g), square - free.dot(&cross));
+        (pull.is_finite() && weight > 0.0 && weight.is_finite()).then_some((pull, weight))
     }
 
     /// [`Self::fit`], and once more with the light free to be a little brighter on one side.

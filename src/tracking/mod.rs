@@ -37,6 +37,7 @@ mod shot_spin;
 mod shot_tracker;
 mod space_points;
 pub mod spin;
+mod stray_ball;
 mod tape_light;
 mod throat;
 mod track_file;

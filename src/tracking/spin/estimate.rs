@@ -304,12 +304,8 @@ fn widened(registrar: &Registrar, best: &Registration) -> Matrix3<f64> {
 /// ball's centre drifting with the background. A turn error over the window, isotropic, and one in proportion.
 fn systematic(omega: &Vector3<f64>, views: &[ViewInfo]) -> Matrix3<f64> {
     let radius_px = views.iter().map(|v| v.radius_px).sum::<f64>() / views.len().max(1) as f64;
-    let angle = SYSTEMATIC_PX / radius_px.max(1.0);
-    let turn = angle / (0.5 * span_s(views)).max(1e-6);
-    // A ball that goes round within the window shows a leaning axis by that angle alone, however long it is watched.
-    let (along, square) = (omega * omega.transpose(), omega.norm_squared());
-    let across = Matrix3::identity() * square - along;
-    Matrix3::identity() * (turn * turn) + across * (angle * angle) + along * (SYSTEMATIC_RATE * SYSTEMATIC_RATE)
+    let turn = SYSTEMATIC_PX / radius_px.max(1.0) / (0.5 * span_s(views)).max(1e-6);
+    Matrix3::identity() * (turn * turn) + omega * omega.transpose() * (SYSTEMATIC_RATE * SYSTEMATIC_RATE)
 }
 
 fn span_s(views: &[ViewInfo]) -> f64 {

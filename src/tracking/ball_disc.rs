@@ -66,7 +66,9 @@ impl BallDisc {
         let places = 2 * half + 1;
         let part = (places + 2 * MARGIN).div_ceil(PER_PIXEL).next_multiple_of(WIDE) + WIDE;
         let stride = PER_PIXEL * part;
-        let mut disc = BallDisc { places, part, cover: vec![0.0; places * stride], on_ball: PlacesOnBall::default() };
+        let room = (3.3 * (radius / spacing + 1.0).powi(2)) as usize;
+        let on_ball = PlacesOnBall { at: Vec::with_capacity(room), cover: Vec::with_capacity(room), normals: [0; 3].map(|_| Vec::with_capacity(room)) };
+        let mut disc = BallDisc { places, part, cover: vec![0.0; places * stride], on_ball };
         let (inner, outer) = ((radius - 0.5 * spacing).max(0.0).powi(2), (radius + 0.5 * spacing).powi(2));
         for row in 0..places {
             let y = (row as f32 - half as f32) * spacing;
@@ -142,14 +144,6 @@ impl BallDisc {
     fn middle(&self, k: usize) -> Range<usize> {
         let first = k * self.part + MARGIN / PER_PIXEL;
         first..first + (self.places / PER_PIXEL + 2).next_multiple_of(WIDE)
-    }
-
-    /// Where the row of the disc stands that a pixel row sees through a tap.
-    #[inline(always)]
-    fn row(&self, look: &Look, pixel: usize, tap: usize) -> Option<Range<usize>> {
-        let row = look.from + (pixel * PER_PIXEL + tap) as isize;
-        let stride = PER_PIXEL * self.part;
-        (row >= 0 && (row as usize) < self.places).then(|| row as usize * stride..(row as usize + 1) * stride)
     }
 
     /// Where in a row the `count` places stand that the first and following pixels see through a tap; `None` where the row does not
@@ -245,24 +239,50 @@ struct Gather<'a> {
 impl pulp::NullaryFnOnce for Gather<'_> {
     type Output = Vec<f32>;
 
+    /// Each pixel row spread over its line of the disc first, then each row of the disc from the lines of the pixel rows that see it.
     #[inline(always)]
     fn call(self) -> Vec<f32> {
         let Gather { disc, window, columns, rows, side } = self;
         let mut out = vec![0.0f32; disc.cover.len()];
-        let mut line = vec![0.0f32; PER_PIXEL * disc.part];
-        for (v, pixels) in window.chunks_exact(side.max(1)).enumerate() {
-            line.fill(0.0);
-            for tap in 0..TAPS {
-                if let Some(seen) = disc.seen(columns, tap, side) {
-                    add(&mut line[seen], pixels, columns.weight[tap]);
+        let width = disc.middle(0).len();
+        let mut lines = vec![0.0f32; side * PER_PIXEL * width];
+        // A row of pixels with nothing on either side.
+        let mut padded = vec![0.0f32; side + 2 * (MARGIN + width)];
+        for (pixels, lines) in window.chunks_exact(side.max(1)).zip(lines.chunks_exact_mut(PER_PIXEL * width)) {
+            padded[MARGIN + width..MARGIN + width + side].copy_from_slice(pixels);
+            for (k, line) in lines.chunks_exact_mut(width).enumerate() {
+                let first = disc.middle(k).start - k * disc.part + MARGIN + width;
+                for at in (0..width).step_by(LANES) {
+                    let mut sum = Octet::ZERO;
+                    for tap in 0..TAPS {
+                        let column = columns.from + (MARGIN + tap) as isize;
+                        if column.rem_euclid(PER_PIXEL as isize) as usize != k {
+                            continue;
+                        }
+                        let from = usize::try_from((first + at) as isize - column.div_euclid(PER_PIXEL as isize));
+                        if let Some(pixels) = from.ok().and_then(|from| eight(&padded, from)) {
+                            sum = sum.plus_times(pixels, columns.weight[tap]);
+                        }
+                    }
+                    line[at..at + LANES].copy_from_slice(&sum.0);
                 }
             }
-            for tap in 0..TAPS {
-                if let Some(to) = disc.row(rows, v, tap).and_then(|row| out.get_mut(row)) {
-                    for k in 0..PER_PIXEL {
-                        let middle = disc.middle(k);
-                        add(&mut to[middle.clone()], &line[middle], rows.weight[tap]);
+        }
+        for row in 0..disc.places {
+            let seen_from = row as isize - rows.from;
+            let first = (seen_from - TAPS as isize).div_euclid(PER_PIXEL as isize) + 1;
+            let seen = first.clamp(0, side as isize) as usize..(seen_from.div_euclid(PER_PIXEL as isize) + 1).clamp(0, side as isize) as usize;
+            for k in 0..PER_PIXEL {
+                let to = row * PER_PIXEL * disc.part + disc.middle(k).start;
+                for at in (0..width).step_by(LANES) {
+                    let mut sum = Octet::ZERO;
+                    for v in seen.clone() {
+                        let tap = (seen_from - (v * PER_PIXEL) as isize) as usize;
+                        if let (Some(line), Some(weight)) = (eight(&lines, (v * PER_PIXEL + k) * width + at), rows.weight.get(tap)) {
+                            sum = sum.plus_times(line, *weight);
+                        }
                     }
+                    out[to + at..to + at + LANES].copy_from_slice(&sum.0);
                 }
             }
         }

@@ -36,7 +36,7 @@ const MOST_SD_PX: f64 = 0.35;
 /// stretch was 0.3 to 0.75 of the scatter within it, and all errors together 1.1 to 1.4 times what sectors and tilt say (docs/tracking.md).
 const COMMON: f64 = 1.4;
 /// Frames next to the contact from which the ball is learnt: as many as the spin is measured from; more teach little.
-const MOST_TEACHING: f64 = 30.0;
+const MOST_TEACHING: f64 = 24.0;
 /// Fewest pictures of one camera from which a ball is learnt.
 const FEWEST: usize = 4;
 

@@ -384,7 +384,7 @@ impl<'a> Straight<'a> {
                 self.eights.push(std::mem::take(&mut eight));
             }
         }
-        if self.count % LANES > 0 {
+        if !self.count.is_multiple_of(LANES) {
             self.eights.push(eight);
         }
         (self.count >= FEWEST).then_some(())

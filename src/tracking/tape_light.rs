@@ -9,6 +9,7 @@ use super::racket_track::{RacketFrame, RacketScene};
 use crate::calibration::CameraId;
 use crate::footage::GreyView;
 use nalgebra::{Matrix3, Vector3};
+use std::sync::OnceLock;
 
 /// Places across a band at which its brightness is read off, in tube radii.
 const PLACES: [f64; 9] = [-0.8, -0.6, -0.4, -0.2, 0.0, 0.2, 0.4, 0.6, 0.8];
@@ -42,12 +43,16 @@ impl BandShade {
     }
 }
 
+/// Places across over which a band's mean brightness is taken, with the surface's height there.
+const STEPS: usize = 16;
+static MEAN_PLACES: OnceLock<[(f64, f64); STEPS]> = OnceLock::new();
+
 impl TapeLight {
     /// Over a band whose places across and up the surface have these directions (unit vectors, global axes).
     pub fn over(&self, across: &Vector3<f64>, up: &Vector3<f64>) -> BandShade {
-        const STEPS: usize = 16;
         let raw = BandShade { ambient: self.ambient, across: self.toward.dot(across), up: self.toward.dot(up) };
-        let mean = (0..STEPS).map(|i| raw.at((2.0 * i as f64 + 1.0) / STEPS as f64 - 1.0)).sum::<f64>() / STEPS as f64;
+        let places = MEAN_PLACES.get_or_init(|| std::array::from_fn(|i| (2.0 * i as f64 + 1.0) / STEPS as f64 - 1.0).map(|q: f64| (q, (1.0 - q * q).sqrt())));
+        let mean = raw.ambient + places.iter().map(|(q, up)| (raw.across * q + raw.up * up).max(0.0)).sum::<f64>() / STEPS as f64;
         if mean > 1e-6 { BandShade { ambient: raw.ambient / mean, across: raw.across / mean, up: raw.up / mean } } else { BandShade::EVEN }
     }
 

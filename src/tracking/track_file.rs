@@ -122,7 +122,13 @@ impl Tracks {
             };
             let (frame, camera, target) = (p.frame, p.camera.name(), p.target.name());
             match &p.point {
-                Some(ImagePoint { uv, sd }) => writeln!(out, "{frame},{camera},{target},{:.4},{:.4},{:.4},{:.4},{state}", uv.x, uv.y, sd.x, sd.y),
+                Some(ImagePoint { uv, sd }) => {
+                    write!(out, "{frame},{camera},{target},")?;
+                    for v in [uv.x, uv.y, sd.x, sd.y] {
+                        push_fixed(out, v, 4);
+                    }
+                    writeln!(out, "{state}")
+                }
                 None => writeln!(out, "{frame},{camera},{target},,,,,{state}"),
             }
         };
@@ -159,10 +165,46 @@ pub struct SpacePoint {
 pub fn points_to_csv(points: &[SpacePoint]) -> String {
     let row = |out: &mut String, p: &SpacePoint| {
         let (x, s) = (p.position, p.sd);
-        write!(out, "{},{:.9},{},{:.7},{:.7},{:.7},", p.frame, p.t, p.target.name(), x.x, x.y, x.z)?;
-        writeln!(out, "{:.7},{:.7},{:.7},{:.4}", s.x, s.y, s.z, p.residual_px)
+        write!(out, "{},", p.frame)?;
+        push_fixed(out, p.t, 9);
+        write!(out, "{},", p.target.name())?;
+        for v in [x.x, x.y, x.z, s.x, s.y, s.z] {
+            push_fixed(out, v, 7);
+        }
+        writeln!(out, "{:.4}", p.residual_px)
     };
     table("frame,t,target,x,y,z,x_sd,y_sd,z_sd,residual_px", points, row)
+}
+
+/// Appends a number with so many decimals (up to nine) and a comma. A table holds thousands, and exact decimal expansion takes longer
+/// than the rest of its writing; the last digit may differ from it where the value is halfway between two.
+fn push_fixed(out: &mut String, value: f64, decimals: u32) {
+    let one = 10u64.pow(decimals);
+    let scaled = (value.abs() * one as f64).round();
+    if scaled.is_nan() || scaled > 9e15 {
+        // Writing to a string does not fail.
+        write!(out, "{value:.0$},", decimals as usize).unwrap_or_default();
+        return;
+    }
+    let mut digits = [b'0'; 24];
+    let (mut rest, mut at) = (scaled as u64, digits.len());
+    for k in 0.. {
+        if k == decimals && k > 0 {
+            at -= 1;
+            digits[at] = b'.';
+        }
+        if rest == 0 && k > decimals {
+            break;
+        }
+        at -= 1;
+        digits[at] = b'0' + (rest % 10) as u8;
+        rest /= 10;
+    }
+    if value.is_sign_negative() {
+        out.push('-');
+    }
+    out.extend(digits[at..].iter().map(|d| char::from(*d)));
+    out.push(',');
 }
 
 /// A table's text: its head and a line of every item, written side by side.
@@ -191,4 +233,21 @@ pub fn read_points(path: &Path) -> Result<Vec<SpacePoint>, TrackFileError> {
         points.push(SpacePoint { frame, t, target, position: Point3::new(x, y, z), sd: Vector3::new(x_sd, y_sd, z_sd), residual_px });
     }
     Ok(points)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn agrees_with_exact_decimals() {
+        let many = (0..20_000).map(|i| (f64::from(i) * 0.777).sin() * 10f64.powi(i % 12 - 7));
+        for v in many.chain([0.0, -0.0, 1.0, -1.0, 0.5, 12.3456, 511.99999, -0.00001, 1e12, -3e20, f64::NAN, f64::INFINITY]) {
+            for decimals in [4, 7, 9] {
+                let mut out = String::new();
+                push_fixed(&mut out, v, decimals);
+                assert_eq!(out, format!("{v:.0$},", decimals as usize));
+            }
+        }
+    }
 }

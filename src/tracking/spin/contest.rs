@@ -8,8 +8,8 @@ use nalgebra::Vector3;
 /// stands still. Measured (docs/spin.md, "Rivals"): a line that slides along itself leads by up to 0.18 where it stands
 /// still; two lines or dots lead by more than 0.3 over the nearest true rival.
 const LEAST_LEAD: f64 = 0.2;
-/// Least lead over a rival that is far away, barrier or not.
-const LEAST_FAR_LEAD: f64 = 0.06;
+/// Least lead over a rival that is far away, barrier or not: one wrong spin in footage led by 0.07.
+const LEAST_FAR_LEAD: f64 = 0.1;
 /// Rise of the cost on the way to a rival that makes it one of its own.
 const BARRIER: f64 = 0.015;
 /// Axes about which a ball that seems to stand still is turned: one in 0.25 rad, twice the width of a blurred line.

@@ -173,8 +173,11 @@ impl FoundSpin {
         let registrar = Registrar::new(&map, &infos, &marks, &shading, BLUR_PX);
         let first = registrar.refine(contest.omega, &Effort { memory_s: MEMORY_FRAMES / settings.frame_rate_hz, ..FIRST });
         let start = Start { contest, omega: first.omega, markings: registrar.found(&first, &shading, BLUR_PX) };
-        let rough = Measured { omega: first.omega, covariance: stated(&first, &first.model_covariance, &infos) };
-        FoundSpin { rough: verdict(&infos, &first, &rough, &start.contest, settings, SETTLED.0), start: Some(start) }
+        let rough = match refused(&first, &start.contest, settings, SETTLED.0) {
+            Some(reason) => SpinEstimate::Refused { reason },
+            None => held(&infos, &first, first.omega, stated(&first, &first.model_covariance, &infos), &start.contest, settings),
+        };
+        FoundSpin { rough, start: Some(start) }
     }
 
     /// The spin from the same pictures, or from pictures with better centres, beginning where it was found.
@@ -189,10 +192,12 @@ impl FoundSpin {
         let (shading, marks) = divide_out(&infos, &samples, Some(&start.markings.at(&map, &infos, &samples)));
         let mut registrar = Registrar::new(&map, &infos, &marks, &shading, BLUR_PX);
         let best = registrar.refine(start.omega, &Effort { memory_s: MEMORY_FRAMES / settings.frame_rate_hz, ..FINAL });
+        if let Some(reason) = refused(&best, &start.contest, settings, SETTLED.1) {
+            return SpinEstimate::Refused { reason };
+        }
         let on_first = stated(&best, &widened(&registrar, &best), &infos);
         let (omega, scatter) = over_cells(&mut registrar, &best.omega, &start.omega, &start.contest.near);
-        let measured = Measured { omega, covariance: on_first + scatter * CELLS_SHARE };
-        verdict(&infos, &best, &measured, &start.contest, settings, SETTLED.1)
+        held(&infos, &best, omega, on_first + scatter * CELLS_SHARE, &start.contest, settings)
     }
 }
 
@@ -202,20 +207,29 @@ fn too_few(infos: &[ViewInfo], samples: &[Sample], settings: &SpinSettings) -> O
     (seen < LEAST_FRAMES || samples.len() < LEAST_SAMPLES).then_some(SpinEstimate::Refused { reason: SpinRefusal::TooFewFrames { seen, needed: LEAST_FRAMES } })
 }
 
-/// A spin and its covariance, rad/s.
-struct Measured {
-    omega: Vector3<f64>,
-    covariance: Matrix3<f64>,
-}
-
 /// The covariance that one registration states.
 fn stated(best: &Registration, model_covariance: &Matrix3<f64>, infos: &[ViewInfo]) -> Matrix3<f64> {
     larger(model_covariance, &best.scatter_covariance) * (1.0 + NOISE_SHARE * (best.noise / best.texture).powi(2)) + systematic(&best.omega, infos)
 }
 
-/// Whether a registration may be believed, and how far.
-fn verdict(infos: &[ViewInfo], best: &Registration, measured: &Measured, contest: &Contest, settings: &SpinSettings, settled_rad_s: f64) -> SpinEstimate {
-    let &Measured { omega, covariance } = measured;
+/// Why a registration may not be believed.
+fn refused(best: &Registration, contest: &Contest, settings: &SpinSettings, settled_rad_s: f64) -> Option<SpinRefusal> {
+    let (omega, share) = (best.omega, unexplained(best));
+    if best.texture < f64::max(LEAST_CONTRAST, 0.4 * best.noise) {
+        Some(SpinRefusal::NoMarkings { contrast: best.texture, noise: best.noise })
+    } else if omega.norm() > 0.98 * settings.limit_rad_s {
+        Some(SpinRefusal::Aliased { rate_rad_s: omega.norm(), limit_rad_s: settings.limit_rad_s })
+    } else if let Some(rival) = contest.rival {
+        Some(SpinRefusal::Ambiguous { first: omega.into(), second: rival.into() })
+    } else if best.last_step_rad_s > settled_rad_s {
+        Some(SpinRefusal::Unsettled { step_rad_s: best.last_step_rad_s })
+    } else {
+        (share > MOST_UNEXPLAINED).then_some(SpinRefusal::Unexplained { share })
+    }
+}
+
+/// How much of a believed spin its covariance holds: all of it, one axis, or nothing.
+fn held(infos: &[ViewInfo], best: &Registration, omega: Vector3<f64>, covariance: Matrix3<f64>, contest: &Contest, settings: &SpinSettings) -> SpinEstimate {
     let quality = SpinQuality {
         views: infos.len(),
         pixels: best.residuals.len(),
@@ -224,22 +238,6 @@ fn verdict(infos: &[ViewInfo], best: &Registration, measured: &Measured, contest
         outliers: best.outliers,
         margin: contest.margin,
     };
-    if best.texture < f64::max(LEAST_CONTRAST, 0.4 * best.noise) {
-        return SpinEstimate::Refused { reason: SpinRefusal::NoMarkings { contrast: best.texture, noise: best.noise } };
-    }
-    if omega.norm() > 0.98 * settings.limit_rad_s {
-        return SpinEstimate::Refused { reason: SpinRefusal::Aliased { rate_rad_s: omega.norm(), limit_rad_s: settings.limit_rad_s } };
-    }
-    if let Some(rival) = contest.rival {
-        return SpinEstimate::Refused { reason: SpinRefusal::Ambiguous { first: omega.into(), second: rival.into() } };
-    }
-    if best.last_step_rad_s > settled_rad_s {
-        return SpinEstimate::Refused { reason: SpinRefusal::Unsettled { step_rad_s: best.last_step_rad_s } };
-    }
-    let share = unexplained(best);
-    if share > MOST_UNEXPLAINED {
-        return SpinEstimate::Refused { reason: SpinRefusal::Unexplained { share } };
-    }
     let frames_used = distinct_times(infos, settings.frame_rate_hz);
     let eigen = covariance.symmetric_eigen();
     let worst = eigen.eigenvalues.max().sqrt();

@@ -160,7 +160,11 @@ impl<S: FrameSource> Shot<'_, S> {
     /// Follows the racket from the frame where it was found to both ends of the clip.
     pub(super) fn follow_racket(&self, start: &RacketStart) -> Result<(Vec<Option<RacketFrame>>, Fingerprints), TrackingError> {
         let n = self.source.len();
-        let (back, forth) = rayon::join(|| self.follow_racket_one_way(start, (0..start.index).rev()), || self.follow_racket_one_way(start, start.index + 1..n));
+        let told = |_: &usize| (self.progress)(1);
+        let (back, forth) = rayon::join(
+            || self.follow_racket_one_way(start, (0..start.index).rev().inspect(told)),
+            || self.follow_racket_one_way(start, (start.index + 1..n).inspect(told)),
+        );
         let mut all = vec![None; n];
         all[start.index] = Some(start.frame.clone());
         let mut prints = vec![[None, None]; n];
@@ -201,7 +205,6 @@ impl<S: FrameSource> Shot<'_, S> {
         let mut prints = Vec::new();
         let mut lost = 0;
         for index in indices {
-            (self.progress)(1);
             let now = self.source.number(index) as f64;
             let mut found = None;
             let predicted = racket_track::predict(previous.as_ref().map(|p| &p.1), &last.1, previous.map_or(1.0, |p| last.0 - p.0), now - last.0);

@@ -71,6 +71,9 @@ struct ShotSummary {
     /// Whether the cameras were found out of step and left so.
     #[serde(default)]
     out_of_step: bool,
+    /// How many times as wide as the head's tubes the throat's were seen; `null` when no marker lies there.
+    #[serde(default)]
+    throat_width: Option<f64>,
     notes: Vec<String>,
     /// Pictures that cannot be read; they count as missing.
     unreadable: Vec<String>,
@@ -263,6 +266,11 @@ fn earlier(folder: &Path) -> Option<TrackRecord> {
     serde_json::from_str(&std::fs::read_to_string(folder.join(TRACK_FILE)).ok()?).ok()
 }
 
+/// How wide tracking saw the tubes of the throat in this shot, if tracks are its own.
+pub fn throat_width(folder: &Path) -> Option<f64> {
+    earlier(folder)?.summary.throat_width.filter(|w| (0.5..2.0).contains(w))
+}
+
 /// Whether an earlier run had the same input, wrote what is asked for now, and no picture is younger than its result.
 fn still_holds(record: &TrackRecord, arguments: &Arguments, folder: &Path, provenance: &Provenance, clip: &Clip) -> bool {
     let time = |path: &Path| std::fs::metadata(path).and_then(|m| m.modified()).ok();
@@ -285,6 +293,7 @@ fn summary(id: &str, setup: &ShotSetup, made: &InStep, gaps: Vec<String>) -> Sho
         contact_frames: contact_frames(&made.clip, setup, tracked),
         right_shift: made.right_shift,
         out_of_step: made.out_of_step,
+        throat_width: tracked.figure.throat_width(),
         notes: gaps.into_iter().chain(tracked.notes.iter().cloned()).collect(),
         unreadable: tracked.unreadable.clone(),
         error: None,

@@ -2,6 +2,7 @@
 
 use super::Shell;
 use super::error::CliError;
+use super::track::throat_width;
 use crate::calibration::StereoRig;
 use crate::equipment::Racket;
 use crate::kinematics::{MeasureSettings, TapeErrors};
@@ -55,11 +56,18 @@ impl TrackedSession {
 
 /// What the tracks of the session say about each racket's tape. Damaged tracks are named when their shot is measured.
 fn tapes(session: &Session, rig: &StereoRig, results: &Path) -> BTreeMap<String, TapeErrors> {
-    let mut by_racket: BTreeMap<&str, (&Racket, Vec<Tracks>)> = BTreeMap::new();
+    let mut by_racket: BTreeMap<&str, (&Racket, Vec<Tracks>, Vec<f64>)> = BTreeMap::new();
     for shot in &session.shots {
-        let Ok(tracks) = Tracks::read(&results.join("shots").join(&shot.id).join("tracks.csv")) else { continue };
-        by_racket.entry(&shot.racket.name).or_insert((&shot.racket, Vec::new())).1.push(tracks);
+        let place = results.join("shots").join(&shot.id);
+        let Ok(tracks) = Tracks::read(&place.join("tracks.csv")) else { continue };
+        let (_, all, widths) = by_racket.entry(&shot.racket.name).or_insert((&shot.racket, Vec::new(), Vec::new()));
+        all.push(tracks);
+        widths.extend(throat_width(&place));
     }
-    let of = |racket: &Racket, tracks: &[Tracks]| Some(TapeErrors::of(rig, &RacketFigure::of(racket)?, &tracks.iter().collect::<Vec<_>>()));
-    by_racket.into_iter().filter_map(|(name, (racket, tracks))| Some((name.to_owned(), of(racket, &tracks)?))).collect()
+    let of = |(racket, tracks, widths): (&Racket, Vec<Tracks>, Vec<f64>)| {
+        let figure = RacketFigure::of(racket)?;
+        let seen = if widths.is_empty() { figure } else { figure.with_throat_width(widths.iter().sum::<f64>() / widths.len() as f64) };
+        Some(TapeErrors::of(rig, &seen, &tracks.iter().collect::<Vec<_>>()))
+    };
+    by_racket.into_iter().filter_map(|(name, racket)| Some((name.to_owned(), of(racket)?))).collect()
 }

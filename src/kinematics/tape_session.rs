@@ -33,6 +33,8 @@ const MOST: f64 = 4.0;
 pub struct TapeErrors {
     /// Angle of the tubes at markers 4 and 5 from the racket's axis, rad; `None` when nothing was said about it.
     pub throat_angle_rad: Option<f64>,
+    /// How many times as wide as the head's tubes the ones at markers 4 and 5 are; `None` when no marker lies there.
+    pub throat_width: Option<f64>,
     /// Image error of a band that persists over one shot, per axis, one deviation, px.
     pub shot_px: f64,
     /// Image error of a band that all shots share.
@@ -42,10 +44,10 @@ pub struct TapeErrors {
 impl TapeErrors {
     /// Before anything was seen.
     pub fn expected() -> Self {
-        TapeErrors { throat_angle_rad: None, shot_px: EXPECTED_PX, shared_px: EXPECTED_PX }
+        TapeErrors { throat_angle_rad: None, throat_width: None, shot_px: EXPECTED_PX, shared_px: EXPECTED_PX }
     }
 
-    /// From the tracks of shots with one racket.
+    /// From the tracks of shots with one racket; `figure` has the throat's width, which pictures tell and tracks do not.
     pub fn of(rig: &StereoRig, figure: &RacketFigure, shots: &[&Tracks]) -> Self {
         let picked: Vec<Vec<Vec<MarkerObservation>>> = evenly(shots.len(), SHOTS).map(|i| frames(shots[i])).filter(|f| !f.is_empty()).collect();
         if picked.is_empty() {
@@ -68,7 +70,7 @@ impl TapeErrors {
         let throat_angle_rad = throat_angle_rad.map(|a| (2.0 * a.to_degrees()).round().to_radians() / 2.0);
         let left = residuals(throat_angle_rad.unwrap_or(0.0));
         let (shot_px, shared_px) = spread(&left);
-        TapeErrors { throat_angle_rad, shot_px, shared_px }
+        TapeErrors { throat_angle_rad, throat_width: figure.throat_width(), shot_px, shared_px }
     }
 }
 

@@ -87,18 +87,18 @@ impl<'a> Lesson<'a> {
             let weight = trust * noise2 / (noise2 + spread);
             (misses[p.pixel], weights[p.pixel]) = (weight * residual, weight * p.share);
         }
-        let (toward, mut light) = (self.picture.camera_from_global * now.light.light, LightSums::default());
-        let to_camera: [f32; 3] = toward.map(|x| x as f32).into();
+        let axes = &self.picture.camera_from_global;
+        let (directions, seen, mut light) = (now.light.directions(axes), now.light.seen(axes), LightSums::default());
         for (k, (at, normal)) in self.clear.iter().enumerate() {
             let p = &self.shown[*at];
             let (grey, expected) = (self.picture.pixels[p.pixel], gain * ball.value[p.pixel]);
             if k % NOISE_STEP == 0 {
                 sums.misses.push((grey - expected).abs());
             }
-            let relief = f64::from(expected / now.light.at(normal.map(|x| x as f32).into(), to_camera).max(3.0));
+            let relief = f64::from(expected / seen.at(normal.map(|x| x as f32).into()).max(3.0));
             let weight = f64::from(weights[p.pixel] / p.share);
             let pixel = LitPixel { normal: *normal, toward_limb: 1.0 + normal.z, grey: f64::from(grey), relief, weight };
-            light.add(&now.light, &toward, &pixel);
+            light.add(&now.light, &directions, &pixel);
         }
         sums.light.merge(&light, &self.picture.camera_from_global);
         if textured {

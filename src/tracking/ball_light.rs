@@ -1,15 +1,22 @@
-//! Light on the ball: from all around and from one direction, fading toward the limb as felt does. One light in global
-//! axes serves both cameras and both stretches of flight.
+//! Light on the ball: from all around (from the sky more than from the ground), and from one direction, fading toward the limb as felt
+//! does. One light in global axes serves both cameras and both stretches of flight.
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use rayon::prelude::*;
 
 /// How much darker or brighter than by Lambert's law the limb may be: beyond this it is no felt.
 const LIMB: (f64, f64) = (-0.5, 0.8);
+/// Unknowns: all around, toward the light (3), limb, sky.
+const UNKNOWNS: usize = 6;
+/// The first of them explain a few pixels; the sky wants many.
+const FEW: usize = 5;
+/// What the sky adds, as a share of the light from all around, before pictures tell: 0, with this deviation.
+const SKY: f64 = 0.5;
 /// Light tried first, in one camera's axes: from the camera, from above, from either side, from behind either side.
 const STARTS: [[f64; 3]; 6] = [[0.0, -0.3, -0.95], [0.0, -0.95, -0.3], [0.7, -0.6, -0.4], [-0.7, -0.6, -0.4], [0.7, -0.6, 0.4], [-0.7, -0.6, 0.4]];
 
-/// Brightness in a direction `n` (outward normal) seen along `z`: (ambient + max(0, n·light)) (1 − limb (1 + n·z)).
+/// Brightness in a direction `n` (outward normal) seen along `z`:
+/// (ambient + sky n·up + max(0, n·light)) (1 − limb (1 + n·z)), up the second global axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BallLight {
     pub ambient: f64,
@@ -17,6 +24,27 @@ pub struct BallLight {
     pub light: Vector3<f64>,
     /// Share of the brightness that is missing at the limb.
     pub limb: f64,
+    /// How much brighter than `ambient` it is from straight above, and darker from below, grey levels (negative where the second axis
+    /// points down). Without it a ball under the open sky seems to sit a thirtieth of a pixel lower in every picture than it does.
+    pub sky: f64,
+}
+
+/// A [`BallLight`] in one camera's axes.
+#[derive(Debug, Clone, Copy)]
+pub struct SeenLight {
+    ambient: f32,
+    toward: [f32; 3],
+    sky: [f32; 3],
+    limb: f32,
+}
+
+impl SeenLight {
+    /// Brightness at a normal, z away from the camera.
+    #[inline(always)]
+    pub fn at(&self, n: [f32; 3]) -> f32 {
+        let [direct, sky] = [self.toward, self.sky].map(|l| n[0] * l[0] + n[1] * l[1] + n[2] * l[2]);
+        (self.ambient + sky + direct.max(0.0)).max(0.0) * (1.0 - self.limb * (1.0 + n[2]))
+    }
 }
 
 /// A clear pixel of the ball: normal, one less its share along the line of sight (0 at the disc's middle, 1 at the limb), grey level, what
@@ -34,29 +62,30 @@ pub struct LitPixel {
 #[derive(Debug, Clone, Copy)]
 pub struct LightSums {
     /// The upper triangle, row by row.
-    h: [f64; 15],
-    g: [f64; 5],
+    h: [f64; UNKNOWNS * (UNKNOWNS + 1) / 2],
+    g: [f64; UNKNOWNS],
     cost: f64,
     count: f64,
 }
 
 impl Default for LightSums {
     fn default() -> Self {
-        LightSums { h: [0.0; 15], g: [0.0; 5], cost: 0.0, count: 0.0 }
+        LightSums { h: [0.0; UNKNOWNS * (UNKNOWNS + 1) / 2], g: [0.0; UNKNOWNS], cost: 0.0, count: 0.0 }
     }
 }
 
 impl LightSums {
-    /// `toward` is the light in the axes of the pixel's normal; the sums are in these axes.
+    /// `toward` and `up` are the light and the second global axis in the axes of the pixel's normal; the sums are in these axes.
     #[inline]
-    pub fn add(&mut self, light: &BallLight, toward: &Vector3<f64>, p: &LitPixel) {
-        let direct = p.normal.dot(toward);
-        let (fall, base) = (1.0 - light.limb * p.toward_limb, light.ambient + direct.max(0.0));
-        let lit = if direct > 0.0 { fall * p.relief } else { 0.0 };
-        let row = [fall * p.relief, p.normal.x * lit, p.normal.y * lit, p.normal.z * lit, -base * p.toward_limb * p.relief];
-        let residual = p.grey - base * row[0];
+    pub fn add(&mut self, light: &BallLight, [toward, up]: &[Vector3<f64>; 2], p: &LitPixel) {
+        let (direct, above, u) = (p.normal.dot(toward), p.normal.dot(up), p.toward_limb);
+        let fall = (1.0 - light.limb * u) * p.relief;
+        let base = light.ambient + light.sky * above + direct.max(0.0);
+        let lit = if direct > 0.0 { fall } else { 0.0 };
+        let row = [fall, p.normal.x * lit, p.normal.y * lit, p.normal.z * lit, -base * u * p.relief, above * fall];
+        let residual = p.grey - base * fall;
         let mut at = 0;
-        for i in 0..5 {
+        for i in 0..UNKNOWNS {
             let weighted = row[i] * p.weight;
             for x in &row[i..] {
                 self.h[at] += weighted * x;
@@ -70,12 +99,12 @@ impl LightSums {
 
     /// Adds sums over one camera's pictures; its axes stand in the rows of `axes`.
     pub fn merge(&mut self, other: &LightSums, axes: &Matrix3<f64>) {
-        let mut turn = SMatrix::<f64, 5, 5>::identity();
+        let mut turn = SMatrix::<f64, UNKNOWNS, UNKNOWNS>::identity();
         turn.fixed_view_mut::<3, 3>(1, 1).copy_from(axes);
         let h = turn.tr_mul(&other.matrix()) * turn;
         let mut at = 0;
-        for i in 0..5 {
-            for j in i..5 {
+        for i in 0..UNKNOWNS {
+            for j in i..UNKNOWNS {
                 self.h[at] += h[(i, j)];
                 at += 1;
             }
@@ -86,11 +115,11 @@ impl LightSums {
         self.count += other.count;
     }
 
-    fn matrix(&self) -> SMatrix<f64, 5, 5> {
+    fn matrix(&self) -> SMatrix<f64, UNKNOWNS, UNKNOWNS> {
         let mut h = SMatrix::zeros();
         let mut upper = self.h.iter();
-        for i in 0..5 {
-            for (j, x) in (i..5).zip(&mut upper) {
+        for i in 0..UNKNOWNS {
+            for (j, x) in (i..UNKNOWNS).zip(&mut upper) {
                 (h[(i, j)], h[(j, i)]) = (*x, *x);
             }
         }
@@ -99,26 +128,44 @@ impl LightSums {
 
     /// The light after one step of Gauss and Newton.
     pub fn step(&self, light: &BallLight) -> Option<BallLight> {
+        self.step_of(light, UNKNOWNS)
+    }
+
+    /// The same for the first unknowns only.
+    fn step_of(&self, light: &BallLight, free: usize) -> Option<BallLight> {
         if self.count < 60.0 {
             return None;
         }
-        let mut h = self.matrix();
-        for k in 0..5 {
-            h[(k, k)] += 1e-6 * (1.0 + h[(k, k)]);
+        let (mut h, mut g) = (self.matrix(), SVector::from(self.g));
+        let prior = (self.cost / self.count + 1.0) / (SKY * light.ambient.abs().max(1.0)).powi(2);
+        h[(5, 5)] += prior;
+        g[5] -= prior * light.sky;
+        for k in 0..UNKNOWNS {
+            h[(k, k)] += if k < free { 1e-6 * (1.0 + h[(k, k)]) } else { 1e12 * (1.0 + h[(k, k)]) };
         }
-        let s = h.cholesky()?.solve(&SVector::from(self.g));
-        let next =
-            BallLight { ambient: light.ambient + s[0], light: light.light + Vector3::new(s[1], s[2], s[3]), limb: (light.limb + s[4]).clamp(LIMB.0, LIMB.1) };
-        (next.ambient.is_finite() && next.light.norm().is_finite() && next.limb.is_finite()).then_some(next)
+        let s = h.cholesky()?.solve(&g);
+        let next = BallLight {
+            ambient: light.ambient + s[0],
+            light: light.light + Vector3::new(s[1], s[2], s[3]),
+            limb: (light.limb + s[4]).clamp(LIMB.0, LIMB.1),
+            sky: light.sky + s[5],
+        };
+        (next.ambient.is_finite() && next.light.norm().is_finite() && next.limb.is_finite() && next.sky.is_finite()).then_some(next)
     }
 }
 
 impl BallLight {
-    /// Brightness at a normal given in a camera's axes (z away from the camera), for the light in the same axes.
-    #[inline(always)]
-    pub fn at(&self, normal: [f32; 3], toward: [f32; 3]) -> f32 {
-        let direct = normal[0] * toward[0] + normal[1] * toward[1] + normal[2] * toward[2];
-        (self.ambient as f32 + direct.max(0.0)).max(0.0) * (1.0 - self.limb as f32 * (1.0 + normal[2]))
+    /// The light as a camera sees it whose axes stand in the rows of `axes`.
+    pub fn seen(&self, axes: &Matrix3<f64>) -> SeenLight {
+        let [toward, sky] = self.directions(axes);
+        let sky = sky * self.sky;
+        let [toward, sky] = [toward, sky].map(|v| v.map(|x| x as f32).into());
+        SeenLight { ambient: self.ambient as f32, toward, sky, limb: self.limb as f32 }
+    }
+
+    /// The light's vector and straight up in a camera's axes.
+    pub fn directions(&self, axes: &Matrix3<f64>) -> [Vector3<f64>; 2] {
+        [axes * self.light, axes * Vector3::y()]
     }
 
     /// What a usual place of the lit side shows, grey levels.
@@ -127,20 +174,20 @@ impl BallLight {
     }
 
     pub fn scaled(&self, by: f64) -> BallLight {
-        BallLight { ambient: self.ambient * by, light: self.light * by, limb: self.limb }
+        BallLight { ambient: self.ambient * by, light: self.light * by, sky: self.sky * by, ..*self }
     }
 
     /// The light that explains clear pixels of a ball without a cover best (normals in global axes); `axes` are one camera's (rows, in
     /// global axes). Which pixels are lit depends on the answer, so there are several starts.
     pub fn of(pixels: &[LitPixel], axes: &Matrix3<f64>) -> Option<BallLight> {
         let from = |start: &[f64; 3]| {
-            let mut light = BallLight { ambient: 40.0, light: axes.tr_mul(&Vector3::from(*start)) * 100.0, limb: 0.0 };
+            let mut light = BallLight { ambient: 40.0, light: axes.tr_mul(&Vector3::from(*start)) * 100.0, limb: 0.0, sky: 0.0 };
             let mut cost = f64::INFINITY;
             for _ in 0..10 {
                 let mut sums = LightSums::default();
-                pixels.iter().for_each(|p| sums.add(&light, &light.light, p));
+                pixels.iter().for_each(|p| sums.add(&light, &light.directions(&Matrix3::identity()), p));
                 cost = sums.cost;
-                let Some(next) = sums.step(&light) else { break };
+                let Some(next) = sums.step_of(&light, FEW) else { break };
                 light = next;
             }
             (cost, light)
@@ -154,22 +201,41 @@ impl BallLight {
 mod tests {
     use super::*;
 
-    #[test]
-    fn truth_direct_light_ambient_and_limb_are_found() {
-        let truth = BallLight { ambient: 60.0, light: Vector3::new(50.0, 90.0, -30.0), limb: 0.2 };
+    /// Clear pixels of a bare ball, and the axes of the camera that sees it.
+    fn seen(truth: &BallLight) -> (Vec<LitPixel>, Matrix3<f64>) {
         let axes = Matrix3::new(0.8, 0.0, 0.6, 0.0, -1.0, 0.0, 0.6, 0.0, -0.8);
-        let pixels: Vec<LitPixel> = (0..900)
+        let pixels = (0..900)
             .filter_map(|i| {
                 let (x, y) = ((i % 30) as f64 / 15.0 - 0.97, (i / 30) as f64 / 15.0 - 0.97);
                 let q = x * x + y * y;
                 (q < 0.85).then(|| Vector3::new(x, y, -(1.0 - q).sqrt()))
             })
             .map(|n| {
-                let grey = f64::from(truth.at(n.map(|x| x as f32).into(), (axes * truth.light).map(|x| x as f32).into()));
+                let grey = f64::from(truth.seen(&axes).at(n.map(|x| x as f32).into()));
                 LitPixel { normal: axes.tr_mul(&n), toward_limb: 1.0 + n.z, grey, relief: 1.0, weight: 1.0 }
             })
             .collect();
+        (pixels, axes)
+    }
+
+    #[test]
+    fn truth_direct_light_ambient_and_limb_are_found() {
+        let truth = BallLight { ambient: 60.0, light: Vector3::new(50.0, 90.0, -30.0), limb: 0.2, sky: 0.0 };
+        let (pixels, axes) = seen(&truth);
         let found = BallLight::of(&pixels, &axes).expect("a light");
         assert!((found.light - truth.light).norm() < 1.0 && (found.ambient - 60.0).abs() < 0.5 && (found.limb - 0.2).abs() < 0.01, "{found:?}");
+    }
+
+    #[test]
+    fn truth_a_sky_brighter_than_the_ground_is_told_from_the_sun() {
+        let truth = BallLight { ambient: 80.0, light: Vector3::new(40.0, 90.0, -10.0), limb: 0.15, sky: 24.0 };
+        let (pixels, axes) = seen(&truth);
+        let mut found = BallLight::of(&pixels, &axes).expect("a light");
+        for _ in 0..12 {
+            let mut sums = LightSums::default();
+            pixels.iter().for_each(|p| sums.add(&found, &found.directions(&Matrix3::identity()), p));
+            found = sums.step(&found).expect("a step");
+        }
+        assert!((found.sky - 24.0).abs() < 1.0 && (found.light - truth.light).norm() < 2.0 && (found.limb - 0.15).abs() < 0.01, "{found:?}");
     }
 }

@@ -6,7 +6,7 @@
 //! expected. What lies behind the outline is continued from just outside it ([`super::ball_surroundings`]).
 
 use super::ball_disc::{BallDisc, PlacesOnBall};
-use super::ball_light::BallLight;
+use super::ball_light::{BallLight, SeenLight};
 use super::ball_surroundings::Surroundings;
 use super::ball_texture::{BallTexture, Spot};
 use super::octet::LANES;
@@ -124,8 +124,7 @@ impl BallFace {
 
     /// What light makes of the places on the ball, for gain 1 and without a cover; what they hide of the background counted.
     pub fn lit(&self, picture: &BallPicture, light: &BallLight) -> Vec<f32> {
-        let toward = (picture.camera_from_global * light.light).map(|x| x as f32).into();
-        pulp::Arch::new().dispatch(Lit { places: &self.disc.on_ball, light, toward })
+        pulp::Arch::new().dispatch(Lit { places: &self.disc.on_ball, light: &light.seen(&picture.camera_from_global) })
     }
 
     /// The disc with light (from [`Self::lit`]) and cover.
@@ -160,8 +159,7 @@ impl pulp::NullaryFnOnce for Turn<'_> {
 
 struct Lit<'a> {
     places: &'a PlacesOnBall,
-    light: &'a BallLight,
-    toward: [f32; 3],
+    light: &'a SeenLight,
 }
 
 impl pulp::NullaryFnOnce for Lit<'_> {
@@ -169,12 +167,12 @@ impl pulp::NullaryFnOnce for Lit<'_> {
 
     #[inline(always)]
     fn call(self) -> Vec<f32> {
-        let Lit { places: PlacesOnBall { cover, normals: [x, y, z], .. }, light, toward } = self;
+        let Lit { places: PlacesOnBall { cover, normals: [x, y, z], .. }, light } = self;
         let n = cover.len();
         let (x, y, z) = (&x[..n], &y[..n], &z[..n]);
         let mut out = vec![0.0f32; n];
         for i in 0..n {
-            out[i] = cover[i] * light.at([x[i], y[i], z[i]], toward);
+            out[i] = cover[i] * light.at([x[i], y[i], z[i]]);
         }
         out
     }

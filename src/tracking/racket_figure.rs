@@ -54,9 +54,20 @@ impl RacketFigure {
     /// The same figure with the throat's tubes so many times as wide as the head's.
     pub fn with_throat_width(&self, to_head: f64) -> Self {
         let mut figure = self.clone();
-        let head = (0..5).find(|k| !self.in_throat().any(|t| t == *k)).map_or(self.tube_radius_m[0], |k| self.tube_radius_m[k]);
+        let head = self.head_tube_radius_m();
         self.in_throat().for_each(|k| figure.tube_radius_m[k] = head * to_head);
         figure
+    }
+
+    /// How many times as wide as the head's tubes the throat's are; `None` when no marker lies off the head.
+    pub fn throat_width(&self) -> Option<f64> {
+        let throat = self.in_throat().next()?;
+        Some(self.tube_radius_m[throat] / self.head_tube_radius_m())
+    }
+
+    fn head_tube_radius_m(&self) -> f64 {
+        let head = (0..self.points.len()).find(|k| !self.in_throat().any(|t| t == *k));
+        self.tube_radius_m[head.unwrap_or(0)]
     }
 
     /// Markers between head and shaft, off the racket's axis: the tube's bend is known on the head only.

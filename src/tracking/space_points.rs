@@ -8,10 +8,15 @@ use super::shot_tracker::{ShotSetup, ShotTracks};
 use super::track_file::{SpacePoint, Target};
 use crate::calibration::{CalibrationSpread, CameraId};
 use crate::footage::FrameSource;
-use nalgebra::{Matrix3, Point3, Vector3};
+use nalgebra::{Matrix2, Matrix2x3, Matrix3, Point3, Vector3};
 
 /// A marker known worse than this, m, is left out (one camera alone hardly tells depth); its image points stay.
 const MOST_SD_M: f64 = 0.005;
+
+/// How far the two cameras' errors of the ball's centre go together, in either picture axis: both see it under one light, and what is not
+/// understood of the light shifts both centres alike. Two upright cameras that err alike err in height, less in depth. Over 84
+/// stretches of eight rendered sessions the heights' squared errors were 1.2 and the depths' 0.7 of what independent errors would give.
+const SHARED: f64 = 0.25;
 
 /// First contact as a fractional frame number: the ball's centre, still in free flight, one radius from the string plane.
 ///
@@ -115,6 +120,7 @@ pub fn meet(view: &View, ball: &BallFrame) -> Option<(Point3<f64>, Matrix3<f64>,
     let points = [ball.points[0]?, ball.points[1]?];
     let mut p = ball.position;
     let mut h = Matrix3::zeros();
+    let mut weighted = [Matrix2x3::zeros(); 2];
     let mut miss = 0.0;
     for _ in 0..4 {
         h = Matrix3::zeros();
@@ -123,13 +129,17 @@ pub fn meet(view: &View, ball: &BallFrame) -> Option<(Point3<f64>, Matrix3<f64>,
         for camera in CameraId::BOTH {
             let o = points[camera.index()];
             let (uv, j) = view.project_with_jacobian(camera, &p)?;
-            let r = o.uv - uv;
-            let w = nalgebra::Matrix2::new(o.sd.x.powi(-2), 0.0, 0.0, o.sd.y.powi(-2));
-            h += j.transpose() * w * j;
-            g += j.transpose() * w * r;
-            miss += r.norm_squared() / 2.0;
+            let whiten = Matrix2::from_diagonal(&o.sd.map(f64::recip));
+            let (j, r) = (whiten * j, whiten * (o.uv - uv));
+            h += j.tr_mul(&j);
+            g += j.tr_mul(&r);
+            miss += (o.uv - uv).norm_squared() / 2.0;
+            weighted[camera.index()] = j;
         }
         p += h.cholesky()?.solve(&g);
     }
-    Some((p, h.try_inverse()?, miss.sqrt()))
+    let alone = h.try_inverse()?;
+    let [left, right] = weighted.map(|j| alone * j.transpose());
+    let together = left * right.transpose();
+    Some((p, alone + (together + together.transpose()) * SHARED, miss.sqrt()))
 }

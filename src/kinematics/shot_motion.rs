@@ -16,7 +16,7 @@ use super::{FitError, KinematicsError};
 use crate::calibration::{CameraId, StereoRig};
 use crate::equipment::{Ball, Racket};
 use crate::reconstruction::{Triangulated, Triangulator};
-use crate::tracking::{MarkerObservation, RacketFigure, Target, Tracks, View, fit_pose_in};
+use crate::tracking::{BALL_ERRORS_ALIKE, MarkerObservation, RacketFigure, Target, Tracks, View, fit_pose_in};
 use nalgebra::{Isometry3, Point3, Vector3};
 use std::collections::BTreeMap;
 
@@ -164,7 +164,7 @@ fn frame_views(rig: &StereoRig, tracks: &Tracks, moving: &MovingRacket, clock: F
     for frame in tracks.frames() {
         let point = |target| {
             let (l, r) = (tracks.get(frame, CameraId::Left, target)?, tracks.get(frame, CameraId::Right, target)?);
-            space.triangulate(&l, &r).ok()
+            space.triangulate_alike(&l, &r, BALL_ERRORS_ALIKE).ok()
         };
         let observations: Vec<MarkerObservation> = CameraId::BOTH
             .iter()

@@ -6,7 +6,7 @@
 use super::shot_motion::ShotMotion;
 use crate::calibration::{CameraId, StereoRig};
 use crate::reconstruction::Triangulator;
-use crate::tracking::{ImagePoint, MarkerObservation, SpacePoint, Target, Tracks, View, fit_pose_in};
+use crate::tracking::{BALL_ERRORS_ALIKE, ImagePoint, MarkerObservation, SpacePoint, Target, Tracks, View, fit_pose_in};
 use std::collections::BTreeMap;
 
 /// Every point that both cameras saw, sorted by frame and target.
@@ -30,7 +30,8 @@ pub fn space_points(rig: &StereoRig, tracks: &Tracks, motion: &ShotMotion) -> Ve
                 seen.push(point);
             }
             let [left, right] = &seen[..] else { continue };
-            if let Ok(p) = space.triangulate(left, right) {
+            let alike = if target == Target::Ball { BALL_ERRORS_ALIKE } else { 0.0 };
+            if let Ok(p) = space.triangulate_alike(left, right, alike) {
                 out.push(SpacePoint {
                     frame: *frame,
                     t: view.t - motion.first_contact_t,

@@ -2,7 +2,7 @@
 
 use crate::calibration::{CalibrationError3d, Camera, CameraId, StereoRig};
 use crate::tracking::ImagePoint;
-use nalgebra::{Isometry3, Matrix2x3, Matrix3, Point3, Vector2, Vector3};
+use nalgebra::{Isometry3, Matrix2, Matrix2x3, Matrix3, Point3, Vector2, Vector3};
 
 /// Smallest angle between the rays, rad. Below it a pixel of noise moves the point by more than 300 pixels' worth of depth.
 const MIN_RAY_ANGLE: f64 = 0.003;
@@ -84,6 +84,12 @@ impl Triangulator {
     /// The maximum-likelihood point: least squares of pixel distances weighted by their deviations (Gauss-Newton from the
     /// rays' midpoint).
     pub fn triangulate(&self, left: &ImagePoint, right: &ImagePoint) -> Result<Triangulated, TriangulationError> {
+        self.triangulate_alike(left, right, 0.0)
+    }
+
+    /// [`Triangulator::triangulate`] where the two pictures' errors are not independent: `alike` is their correlation in either
+    /// picture axis. The place is the same, its covariance is not.
+    pub fn triangulate_alike(&self, left: &ImagePoint, right: &ImagePoint, alike: f64) -> Result<Triangulated, TriangulationError> {
         for (camera, p) in [(CameraId::Left, left), (CameraId::Right, right)] {
             if !(p.uv.x.is_finite() && p.uv.y.is_finite() && p.sd.x > 0.0 && p.sd.y > 0.0 && p.sd.x.is_finite() && p.sd.y.is_finite()) {
                 return Err(TriangulationError::BadPixel { camera, u: p.uv.x, v: p.uv.y, u_sd: p.sd.x, v_sd: p.sd.y });
@@ -107,6 +113,10 @@ impl Triangulator {
         }
         let (normal, _, residuals) = self.equations(&x, left, right, &weights)?;
         let covariance = normal.try_inverse().ok_or(TriangulationError::NotConverged)?;
+        let [(_, jl), (_, jr)] = self.seen(&x)?;
+        let [l, r] = [(jl, left), (jr, right)].map(|(j, p)| covariance * j.transpose() * Matrix2::from_diagonal(&p.sd.map(f64::recip)));
+        let together = l * r.transpose();
+        let covariance = covariance + (together + together.transpose()) * alike;
         let r = self.global_from_left.rotation.to_rotation_matrix();
         let to_global = |c: Matrix3<f64>| {
             let g = r.matrix() * c * r.matrix().transpose();
@@ -151,12 +161,8 @@ impl Triangulator {
 
     /// Normal matrix, gradient and residuals (seen minus predicted) at a point of the left camera's frame.
     fn equations(&self, x: &Point3<f64>, left: &ImagePoint, right: &ImagePoint, weights: &[Vector2<f64>; 2]) -> Result<Equations, TriangulationError> {
-        let behind = |camera| TriangulationError::BehindCamera { camera };
-        let (uv, jl) = self.cameras[0].project_with_jacobian(x).ok_or(behind(CameraId::Left))?;
-        let dl = left.uv - uv;
-        let (uv, jr) = self.cameras[1].project_with_jacobian(&(self.right_from_left * x)).ok_or(behind(CameraId::Right))?;
-        let jr: Matrix2x3<f64> = jr * self.right_from_left.rotation.to_rotation_matrix().matrix();
-        let dr = right.uv - uv;
+        let [(l, jl), (r, jr)] = self.seen(x)?;
+        let (dl, dr) = (left.uv - l, right.uv - r);
         let mut normal = Matrix3::zeros();
         let mut gradient = Vector3::zeros();
         for (j, d, w) in [(jl, dl, weights[0]), (jr, dr, weights[1])] {
@@ -165,6 +171,14 @@ impl Triangulator {
             gradient += wj.transpose() * d;
         }
         Ok((normal, gradient, [dl, dr]))
+    }
+
+    /// Where either picture shows a point, and how that changes with it; left camera's frame.
+    fn seen(&self, x: &Point3<f64>) -> Result<[(Vector2<f64>, Matrix2x3<f64>); 2], TriangulationError> {
+        let behind = |camera| TriangulationError::BehindCamera { camera };
+        let left = self.cameras[0].project_with_jacobian(x).ok_or(behind(CameraId::Left))?;
+        let (uv, j) = self.cameras[1].project_with_jacobian(&(self.right_from_left * x)).ok_or(behind(CameraId::Right))?;
+        Ok([left, (uv, j * self.right_from_left.rotation.to_rotation_matrix().matrix())])
     }
 }
 
@@ -258,6 +272,18 @@ mod tests {
             let beside = spread.widen(&(p + Vector3::new(0.03, 0.0, 0.0)), &Vector3::zeros());
             assert_eq!(beside, spread.widen(&p, &Vector3::zeros()));
         }
+    }
+
+    #[test]
+    fn law_errors_alike_in_both_pictures_widen_the_height_and_narrow_the_depth() {
+        let mut rig = rig();
+        rig.global_from_left = RigidTransform::from_isometry(&Isometry3::identity());
+        let [l, r] = seen(&rig, &Point3::new(0.1, 0.2, 11.4), 0.1);
+        let space = Triangulator::new(&rig);
+        let [alone, alike] = [0.0, 0.25].map(|c| space.triangulate_alike(&l, &r, c).expect("well posed"));
+        let ratio = alike.covariance.diagonal().component_div(&alone.covariance.diagonal());
+        assert_eq!(alone.position, alike.position);
+        assert!((ratio.y - 1.25).abs() < 0.02 && ratio.z < 0.9 && alike.covariance.cholesky().is_some(), "{ratio}");
     }
 
     #[test]

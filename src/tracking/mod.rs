@@ -55,5 +55,5 @@ pub use racket_pose::{MarkerObservation, PoseError, RacketPose, View, fit_pose, 
 pub use racket_track::RacketFrame;
 pub use shot_spin::FoundSpins;
 pub use shot_tracker::{ShotSetup, ShotTracks, TrackingError, track_shot};
-pub use space_points::contact_frames;
+pub use space_points::{BALL_ERRORS_ALIKE, contact_frames};
 pub use track_file::{ImagePoint, PointState, SpacePoint, Target, TrackFileError, TrackPoint, Tracks, points_to_csv, read_points};

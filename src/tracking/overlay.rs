@@ -2,7 +2,7 @@
 //!
 //! What was measured is drawn as a ring (ball) or cross (tape) coloured by how far the two views disagree: green below
 //! [`FINE_PX`], over yellow, to red at [`BAD_PX`]; blue where only one camera saw it. A hidden marker's expected place is a
-//! magenta box. Behind each runs its track over the frames before.
+//! magenta box. Markers carry their numbers. Behind each runs its track over the frames before.
 
 use super::track_file::{SpacePoint, Target, Tracks};
 use crate::calibration::{CameraId, StereoRig};
@@ -144,17 +144,21 @@ impl Overlay<'_> {
             }
             match self.tracks.get(piece.frame, camera, target) {
                 Some(p) if target == Target::Ball => tile.ring(p.uv, 11.0, colour(piece.frame, target)),
-                Some(p) => tile.cross(p.uv, colour(piece.frame, target)),
+                Some(p) => {
+                    tile.cross(p.uv, colour(piece.frame, target));
+                    tile.name(p.uv, target, colour(piece.frame, target));
+                }
                 None => {
                     let expected = self.points.iter().find(|p| p.frame == piece.frame && p.target == target);
                     if let Some(uv) = expected.and_then(|p| self.rig.project(camera, &p.position)) {
                         tile.square(uv, MAGENTA);
+                        tile.name(uv, target, MAGENTA);
                     }
                 }
             }
         }
         tile.border(if piece.doubtful { RED } else { GREY });
-        tile.number(piece.frame, if piece.doubtful { RED } else { WHITE });
+        tile.number(piece.frame, (2, 1), if piece.doubtful { RED } else { WHITE });
     }
 }
 
@@ -173,6 +177,10 @@ struct Tile<'a> {
     window: Window,
 }
 
+/// Tile pixels to a dot of a digit.
+const DOT: usize = 2;
+/// From a marker to its number, right and down, px.
+const NAME_OFFSET_PX: f64 = 3.0;
 /// Digits on a grid of 3 x 5, row by row from the top, highest bit left.
 const DIGITS: [[u8; 5]; 10] = [
     [7, 5, 5, 5, 7],
@@ -269,16 +277,24 @@ impl Tile<'_> {
         }
     }
 
-    /// A frame number in the upper left corner, on black.
-    fn number(&mut self, n: u64, colour: Rgb<u8>) {
-        const DOT: usize = 2;
+    /// A marker's number beside it; the ball's ring needs none.
+    fn name(&mut self, uv: Vector2<f64>, target: Target, colour: Rgb<u8>) {
+        let (at, (w, h)) = (self.place(uv + Vector2::repeat(NAME_OFFSET_PX)), self.size());
+        let inside = at.x >= 1.0 && at.y >= 1.0 && at.x < (w - 4 * DOT) as f64 && at.y < (h - 7 * DOT) as f64;
+        if inside && target != Target::Ball {
+            self.number(target.index() as u64 + 1, (at.x as usize, at.y as usize), colour);
+        }
+    }
+
+    /// A number on black; its upper left corner on the tile.
+    fn number(&mut self, n: u64, (left, top): (usize, usize), colour: Rgb<u8>) {
         for (k, c) in n.to_string().bytes().enumerate() {
             let rows = DIGITS[usize::from(c - b'0') % 10];
             for y in 0..7 * DOT {
                 for x in 0..4 * DOT {
                     let (row, column) = (y / DOT, x / DOT);
                     let lit = (1..=5).contains(&row) && column < 3 && rows[row - 1] >> (2 - column) & 1 == 1;
-                    self.set(2 + k * 4 * DOT + x, 1 + y, if lit { colour } else { Rgb([0, 0, 0]) });
+                    self.set(left + k * 4 * DOT + x, top + y, if lit { colour } else { Rgb([0, 0, 0]) });
                 }
             }
         }
@@ -340,6 +356,9 @@ mod tests {
         assert_eq!(at(250.0, 300.0), shade(3.0));
         assert_eq!(at(200.0, 304.0), shade(0.0));
         assert_eq!(at(225.0, 290.0), Rgb([20; 3]));
+        // Marker 1 carries a 1: its upright stroke between black.
+        let name = |dots: f64, row: f64| at(200.0 + NAME_OFFSET_PX + (dots - 0.5) * 0.5 * DOT as f64, 300.0 + NAME_OFFSET_PX + (row - 0.5) * 0.5 * DOT as f64);
+        assert_eq!([name(1.5, 3.5), name(0.5, 3.5), name(2.5, 3.5)], [shade(0.0), Rgb([0; 3]), Rgb([0; 3])]);
         assert!(Overlay { tracks: &Tracks::default(), points: &[], rig: &rig }.sheet(&Dark(10), CameraId::Left, 3).expect("read").is_none());
     }
 }

@@ -13,10 +13,10 @@ use nalgebra::{Matrix2, Matrix2x3, Matrix3, Point3, Vector3};
 /// A marker known worse than this, m, is left out (one camera alone hardly tells depth); its image points stay.
 const MOST_SD_M: f64 = 0.005;
 
-/// How far the two cameras' errors of the ball's centre go together, in either picture axis: both see it under one light, and what is not
+/// Correlation of the two cameras' errors of the ball's centre, in either picture axis: both see it under one light, and what is not
 /// understood of the light shifts both centres alike. Two upright cameras that err alike err in height, less in depth. Over 84
 /// stretches of eight rendered sessions the heights' squared errors were 1.2 and the depths' 0.7 of what independent errors would give.
-const SHARED: f64 = 0.25;
+pub const BALL_ERRORS_ALIKE: f64 = 0.25;
 
 /// First contact as a fractional frame number: the ball's centre, still in free flight, one radius from the string plane.
 ///
@@ -141,5 +141,5 @@ pub fn meet(view: &View, ball: &BallFrame) -> Option<(Point3<f64>, Matrix3<f64>,
     let alone = h.try_inverse()?;
     let [left, right] = weighted.map(|j| alone * j.transpose());
     let together = left * right.transpose();
-    Some((p, alone + (together + together.transpose()) * SHARED, miss.sqrt()))
+    Some((p, alone + (together + together.transpose()) * BALL_ERRORS_ALIKE, miss.sqrt()))
 }

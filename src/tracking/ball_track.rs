@@ -42,6 +42,18 @@ pub struct BallFrame {
     pub stereo: bool,
 }
 
+impl BallFrame {
+    /// Takes away what one camera saw, and the frame with it when the other saw nothing.
+    pub fn forget(frame: &mut Option<BallFrame>, camera: usize) {
+        let Some(ball) = frame else { return };
+        ball.points[camera] = None;
+        ball.stereo = false;
+        if ball.points.iter().all(Option::is_none) {
+            *frame = None;
+        }
+    }
+}
+
 /// What all frames share.
 #[derive(Clone)]
 pub struct BallScene<'a> {

@@ -8,6 +8,7 @@ mod ball_fit;
 mod ball_learn;
 mod ball_light;
 mod ball_model;
+mod ball_presence;
 mod ball_refine;
 mod ball_ring;
 mod ball_search;

@@ -275,11 +275,15 @@ pub fn settle_deviations(view: &View, figure: &RacketFigure, frames: &mut [Optio
             if let Some(p) = &mut frame.points[camera][marker] {
                 p.sd *= z2.sqrt();
             }
+            // What the other bands put so far elsewhere is not the marker.
+            frame.points[camera][marker] = frame.points[camera][marker].filter(|p| p.sd.max() < MOST_SD_PX);
             refit(frame);
         }
     });
 }
 
+/// A marker known worse than this is not measured, px.
+const MOST_SD_PX: f64 = 0.9;
 /// Deviations shrink to no less than this share: what stays the same over a clip are few numbers (20 coordinates of ten bands, of which a
 /// pose takes six), and they may be small by chance.
 const LEAST_SHRUNK: f64 = 0.5;

@@ -1,5 +1,6 @@
 //! The ball of a shot: found where something flies that meets the racket, followed both ways, measured once more with its light.
 
+use super::ball_presence;
 use super::ball_search;
 use super::ball_shading::{BallShading, LimbProfile};
 use super::ball_track::{BallFrame, BallScene, MeanDisc};
@@ -84,11 +85,12 @@ impl<S: FrameSource> Shot<'_, S> {
                 break;
             }
         }
-        self.remeasure_ball(&mut scene, best.1)
+        self.remeasure_ball(&mut scene, best.1, still)
     }
 
-    /// Learns the light from the ball as first measured, then measures every frame again with it.
-    fn remeasure_ball(&self, scene: &mut BallScene, rough: Flight) -> Result<Vec<Option<BallFrame>>, TrackingError> {
+    /// Learns the light from the ball as first measured, then measures every frame again with it. Where the picture is as it is without
+    /// a ball, there is none.
+    fn remeasure_ball(&self, scene: &mut BallScene, rough: Flight, still: &[Option<GreyImage>; 2]) -> Result<Vec<Option<BallFrame>>, TrackingError> {
         let Flight { frames: rough, means } = rough;
         let Some(near) = rough.iter().flatten().find(|b| b.stereo).map(|b| b.position) else { return Ok(rough) };
         scene.set_light(&means, &near, BALL_BLUR_PX);
@@ -100,12 +102,20 @@ impl<S: FrameSource> Shot<'_, S> {
                 Some(b) if b.stereo => Some((b.position, true)),
                 ball => expected_ball(&rough, &numbers, index).or(ball.map(|b| (b.position, true))),
             };
-            let Some((p, within)) = expected else { return Ok(None) };
-            let found = scene.measure(&self.read_rows(index, self.ball_rows(scene, &p, 1), buffers)?, &p, 1);
+            let Some((p, within)) = expected else { return Ok((None, [None; 2])) };
+            let images = self.read_rows(index, self.ball_rows(scene, &p, 1), buffers)?;
             // Beyond the flight's ends nobody has seen a ball: there both cameras must agree.
-            Ok(found.filter(|b| within || b.stereo))
+            let found = scene.measure(&images, &p, 1).filter(|b| within || b.stereo);
+            let changes = CameraId::BOTH.map(|c| {
+                let (image, still, radius) = (images[c.index()].as_ref()?, still[c.index()].as_ref()?, scene.radius_px(c, &p)?);
+                ball_presence::change(image, still, &found?.points[c.index()]?.uv, radius)
+            });
+            Ok((found, changes))
         };
-        (0..rough.len()).into_par_iter().map_init(Default::default, again).collect()
+        let all: Result<Vec<_>, TrackingError> = (0..rough.len()).into_par_iter().map_init(Default::default, again).collect();
+        let (mut ball, changes): (Vec<_>, Vec<_>) = all?.into_iter().unzip();
+        ball_presence::drop_absent(&mut ball, &changes);
+        Ok(ball)
     }
 
     fn follow_ball(&self, scene: &BallScene, first: usize, flight: &[BallFrame; 3]) -> Result<Flight, TrackingError> {

@@ -2,14 +2,15 @@
 //! compared with: `benches/peers/track_opencv_*.py`.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use rayon::prelude::*;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
-use sweetspot::calibration::{RigidTransform, StereoRig};
-use sweetspot::footage::{Clip, FrameBuffer, FrameSource};
+use sweetspot::calibration::{CameraId, RigidTransform, StereoRig};
+use sweetspot::footage::{Clip, FrameBuffer, FrameSource, Rows};
 use sweetspot::session::Session;
 use sweetspot::synthetic::footage_world::{FootageSpec, FootageWorld};
 use sweetspot::synthetic::look::Setting;
-use sweetspot::tracking::{ShotSetup, track_shot};
+use sweetspot::tracking::{ShotSetup, Target, track_shot};
 
 fn film(folder: &Path) -> serde_json::Value {
     // 4000 frames a second keep racket and ball in the picture for 300 frames.
@@ -55,14 +56,45 @@ fn tracking(c: &mut Criterion) {
     let mut group = c.benchmark_group("tracking, two cameras");
     group.sample_size(10);
     group.throughput(Throughput::Elements(clip.pairs.len() as u64));
-    for rows in [None, Some((200, 96))] {
-        let name = rows.map_or("reading whole pictures, one core".to_owned(), |(_, n)| format!("reading {n} rows, one core"));
+    for rows in [None, Some(96)] {
+        let name = rows.map_or("reading whole pictures, one core".to_owned(), |n| format!("reading {n} rows, one core"));
         group.bench_function(name, |b| {
             let mut buffer = FrameBuffer::default();
-            b.iter(|| (0..clip.len()).filter(|i| (0..2).all(|c| clip.read(*i, c, rows, &mut buffer).is_ok())).count())
+            b.iter(|| (0..clip.len()).filter(|i| (0..2).all(|c| clip.read(*i, c, rows.map_or(Rows::ALL, |n| Rows::span(200, n)), &mut buffer).is_ok())).count())
         });
     }
     let setup = ShotSetup { rig: &rig, racket: &shot.racket, ball: &shot.ball, frame_rate_hz: session.frame_rate_hz };
+    // What no tracker of these pictures can leave out: the folders listed, every file opened, the rows of its targets read, their
+    // pixels summed once.
+    let tracks = track_shot(&clip, &setup, &AtomicBool::new(false), &|_| ()).expect("tracked").tracks;
+    let centres = |number: u64, camera: CameraId| -> Vec<(f64, f64, f64)> {
+        let half = |target: Target| if target == Target::Ball { 12.0 } else { 9.0 };
+        Target::ALL.iter().filter_map(|t| Some((tracks.get(number, camera, *t)?.uv, half(*t)))).map(|(uv, half)| (uv.x, uv.y, half)).collect()
+    };
+    let targets: Vec<[Vec<(f64, f64, f64)>; 2]> = clip.pairs.iter().map(|p| CameraId::BOTH.map(|c| centres(p.number, c))).collect();
+    for threads in [1, 2] {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+        group.bench_function(format!("the floor: rows of the targets, one sum over their pixels, {threads} threads"), |b| {
+            b.iter(|| {
+                let clip = Clip::list(&shot.camera("left"), &shot.camera("right")).expect("pictures");
+                let sum = |buffer: &mut FrameBuffer, index: usize| -> u64 {
+                    let of_camera = |camera: usize, buffer: &mut FrameBuffer| -> u64 {
+                        let rows = Rows::of(targets[index][camera].iter().map(|(_, v, half)| ((v - half).max(0.0) as usize, (v + half) as usize)));
+                        assert!(clip.read(index, camera, rows, buffer).expect("read"));
+                        let view = buffer.view().expect("rows");
+                        let box_sum = |&(u, v, half): &(f64, f64, f64)| -> u64 {
+                            let columns = (u - half).max(0.0) as usize..((u + half) as usize).min(view.width);
+                            let rows = (v - half).max(0.0) as usize..(v + half) as usize;
+                            rows.filter_map(|y| view.row(y)?.get(columns.clone())).flatten().map(|g| u64::from(*g)).sum()
+                        };
+                        targets[index][camera].iter().map(box_sum).sum()
+                    };
+                    of_camera(0, buffer) + of_camera(1, buffer)
+                };
+                pool.install(|| (0..clip.len()).into_par_iter().map_init(FrameBuffer::default, sum).sum::<u64>())
+            })
+        });
+    }
     for threads in [1, 2] {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
         group.bench_function(format!("markers and ball, {threads} threads"), |b| {

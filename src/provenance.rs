@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
-use std::io::{self, Read, Write};
+use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 
 /// Version of the program and, after the plus, which source it was built from: written into every result, so that what
@@ -57,12 +57,33 @@ fn hex(digest: &[u8]) -> String {
 ///
 /// Makes the folder when it is missing. Errors name the file.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    write_whole(path, bytes, true)
+}
+
+/// [`write_atomically`] that leaves it to the system when the bytes reach the disk: for tables quickly made again, whose reader
+/// finds out after a power cut that they are not whole.
+pub fn write_soon(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    write_whole(path, bytes, false)
+}
+
+/// Whether a file ends with a whole line, as every table does; one cut off by a power failure is empty or ends with zeros.
+pub fn ends_with_line(path: &Path) -> bool {
+    let last = |mut file: std::fs::File| {
+        let mut byte = [0];
+        file.seek(SeekFrom::End(-1)).and_then(|_| file.read_exact(&mut byte)).is_ok_and(|()| byte == *b"\n")
+    };
+    std::fs::File::open(path).is_ok_and(last)
+}
+
+fn write_whole(path: &Path, bytes: &[u8], to_the_disk: bool) -> io::Result<()> {
     let named = |e: io::Error| io::Error::new(e.kind(), format!("{}: cannot be written ({e})", path.display()));
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or_else(|| Path::new("."));
     std::fs::create_dir_all(folder).map_err(named)?;
     let mut file = tempfile::Builder::new().prefix(".sweetspot-").suffix(".tmp").tempfile_in(folder).map_err(named)?;
     file.write_all(bytes).map_err(named)?;
-    file.as_file().sync_data().map_err(named)?;
+    if to_the_disk {
+        file.as_file().sync_data().map_err(named)?;
+    }
     // A named temporary file is private (0600); results are for everybody who may read the folder.
     #[cfg(unix)]
     {

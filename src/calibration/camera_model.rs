@@ -21,6 +21,7 @@ pub struct Camera {
 
 impl Camera {
     /// Distorts normalised coordinates; also returns the 2×2 Jacobian.
+    #[inline]
     pub fn distort(&self, x: f64, y: f64) -> (Vector2<f64>, Matrix2<f64>) {
         let [k1, k2, p1, p2, k3] = self.distortion;
         let r2 = x * x + y * y;
@@ -38,11 +39,13 @@ impl Camera {
     }
 
     /// Pixel of a point in the camera's own frame (x right, y down, z forward, m); `None` behind the camera.
+    #[inline]
     pub fn project(&self, p: &Point3<f64>) -> Option<Vector2<f64>> {
         self.project_with_jacobian(p).map(|(uv, _)| uv)
     }
 
     /// Pixel and its derivative with respect to the point.
+    #[inline]
     pub fn project_with_jacobian(&self, p: &Point3<f64>) -> Option<(Vector2<f64>, Matrix2x3<f64>)> {
         if p.z <= 1e-9 {
             return None;

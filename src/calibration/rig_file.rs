@@ -3,6 +3,7 @@
 use super::{CalibrationError, Camera, RigidTransform, StereoRig};
 use crate::provenance::write_atomically;
 use nalgebra::Matrix3;
+use serde::Deserialize;
 use std::fmt::Write;
 use std::path::Path;
 
@@ -14,6 +15,28 @@ impl StereoRig {
     pub fn read(path: &Path) -> Result<Self, CalibrationError> {
         let text = read_limited(path)?;
         let rig: StereoRig = serde_json::from_str(&text).map_err(|e| CalibrationError::Format { path: path.into(), what: e.to_string() })?;
+        rig.check(path)?;
+        Ok(rig)
+    }
+
+    /// [`Self::read`] of what measuring needs: cameras, axes and their uncertainty. The reports, nearly all of the file, are passed
+    /// over.
+    pub fn read_to_measure_with(path: &Path) -> Result<Self, CalibrationError> {
+        let text = read_limited(path)?;
+        let file: Measuring = serde_json::from_str(&text).map_err(|e| CalibrationError::Format { path: path.into(), what: e.to_string() })?;
+        let reference = file.volume.and_then(|v| v.reference_points_m).map(|points| ("volume".to_owned(), serde_json::json!({ "reference_points_m": points })));
+        let rig = StereoRig {
+            image_size: file.image_size,
+            left: file.left,
+            right: file.right,
+            r: file.r,
+            t: file.t,
+            rms_stereo_px: file.rms_stereo_px,
+            pairs: Vec::new(),
+            square_mm: None,
+            global_from_left: file.global_from_left,
+            more: file.covariance.map(|c| ("covariance".to_owned(), c)).into_iter().chain(reference).collect(),
+        };
         rig.check(path)?;
         Ok(rig)
     }
@@ -136,6 +159,27 @@ impl StereoRig {
     }
 }
 
+/// The part of `calibration.json` that measuring needs; names as in [`StereoRig`].
+#[derive(Deserialize)]
+struct Measuring {
+    image_size: [usize; 2],
+    left: Camera,
+    right: Camera,
+    #[serde(rename = "R")]
+    r: [[f64; 3]; 3],
+    #[serde(rename = "T")]
+    t: [f64; 3],
+    rms_stereo_px: f64,
+    global_from_left: RigidTransform,
+    covariance: Option<serde_json::Value>,
+    volume: Option<Volume>,
+}
+
+#[derive(Deserialize)]
+struct Volume {
+    reference_points_m: Option<serde_json::Value>,
+}
+
 fn read_limited(path: &Path) -> Result<String, CalibrationError> {
     let unreadable = |source| CalibrationError::Unreadable { path: path.into(), source };
     let bytes = std::fs::metadata(path).map_err(unreadable)?.len();
@@ -198,6 +242,11 @@ mod tests {
         let (json, yml) = (folder.path().join("calibration.json"), folder.path().join("calibration.yml"));
         rig().write(&json).expect("written");
         assert_eq!(StereoRig::read(&json).expect("read"), rig());
+        let (covariance, volume) = (serde_json::json!({ "matrix": [[1.0]] }), serde_json::json!({ "reference_points_m": [[1.0, 2.0, 3.0]] }));
+        let needed: std::collections::BTreeMap<_, _> = [("covariance".to_owned(), covariance), ("volume".to_owned(), volume)].into();
+        let reported = needed.clone().into_iter().chain([("boards".to_owned(), serde_json::json!([1, 2]))]).collect();
+        StereoRig { more: reported, ..rig() }.write(&json).expect("written");
+        assert_eq!(StereoRig::read_to_measure_with(&json).expect("read"), StereoRig { more: needed, ..rig() });
         std::fs::write(&yml, rig().to_opencv_yaml()).expect("written");
         let back = StereoRig::read_opencv_yaml(&yml).expect("read");
         assert_eq!((back.left.fx, back.right.cy, back.r, back.t, back.image_size), (3000.0, 260.0, rig().r, rig().t, [512, 512]));

@@ -108,6 +108,11 @@ impl Shell {
     pub fn write(&self, path: &Path, bytes: &[u8]) -> Result<(), CliError> {
         crate::provenance::write_atomically(path, bytes).map_err(CliError::output)
     }
+
+    /// [`Self::write`] without waiting for the disk ([`crate::provenance::write_soon`]).
+    pub fn write_soon(&self, path: &Path, bytes: &[u8]) -> Result<(), CliError> {
+        crate::provenance::write_soon(path, bytes).map_err(CliError::output)
+    }
 }
 
 macro_rules! commands {

@@ -2,10 +2,10 @@
 
 use super::Shell;
 use super::error::CliError;
-use super::tracked_session::read_rig;
+use super::tracked_session::rig_to_measure_with;
 use crate::calibration::{CameraId, StereoRig};
 use crate::footage::Clip;
-use crate::provenance::{Provenance, sha256_file, sha256_hex};
+use crate::provenance::{Provenance, ends_with_line, sha256_file, sha256_hex};
 use crate::session::{Session, ShotFolder};
 use crate::tracking::spin::{SPIN_FILE, spin_to_json};
 use crate::tracking::{
@@ -94,7 +94,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let shots = session.select(&arguments.shot)?;
     let results = shell.results_of_session(&arguments.session);
     let rig_file = results.join("calibration.json");
-    let (rig, rig_hash) = rayon::join(|| read_rig(&rig_file), || sha256_file(&rig_file).map_err(CliError::input));
+    let (rig, rig_hash) = rayon::join(|| rig_to_measure_with(&rig_file), || sha256_file(&rig_file).map_err(CliError::input));
     let (rig, rig_hash) = (rig?, rig_hash?);
     let mut summaries = Vec::new();
     let mut failed: Vec<String> = session.broken_shots.iter().filter(|_| arguments.shot.is_empty()).map(|(id, why)| format!("{id}: {why}")).collect();
@@ -154,7 +154,8 @@ fn one(arguments: &Arguments, session: &Session, shot: &ShotFolder, rig: (&Stere
     let bar = shell.progress(clip.pairs.len() as u64, "tracking");
     let setup = ShotSetup { rig: rig.0, racket: &shot.racket, ball: &shot.ball, frame_rate_hz: session.frame_rate_hz };
     let mode = if arguments.sync == Sync::Auto { SyncMode::Auto } else { SyncMode::Report };
-    let made = track_in_step(&clip, &setup, mode, shell.cancel_flag(), &|n| bar.inc(n as u64));
+    let track = || track_in_step(&clip, &setup, mode, shell.cancel_flag(), &|n| bar.inc(n as u64));
+    let (made, provenance) = rayon::join(track, || (*provenance).clone());
     bar.finish_and_clear();
     let mut made = made?;
     let mut spin = None;
@@ -175,16 +176,13 @@ fn one(arguments: &Arguments, session: &Session, shot: &ShotFolder, rig: (&Stere
         let _ = std::fs::remove_file(folder.join(SPIN_FILE));
     }
     let spin = spin.map(|s| (SPIN_FILE, spin_to_json(&s)));
-    let write = |name: &str, text: &str| shell.write(&folder.join(name), text.as_bytes()).map_err(Failure::All);
+    let write = |name: &str, text: &str| shell.write_soon(&folder.join(name), text.as_bytes()).map_err(Failure::All);
     let (points, tracks) = rayon::join(
-        || {
-            LazyLock::force(&provenance);
-            write("points.csv", &points_to_csv(&tracked.points))
-        },
+        || write("points.csv", &points_to_csv(&tracked.points)),
         || write("tracks.csv", &tracked.tracks.to_csv()).and_then(|()| spin.map_or(Ok(()), |(name, text)| write(name, &text))),
     );
     points.and(tracks)?;
-    let record = TrackRecord { summary, provenance: provenance.clone() };
+    let record = TrackRecord { summary, provenance };
     let json = serde_json::to_string_pretty(&record).map_err(|e| Failure::All(CliError::output(e)))? + "\n";
     // track.json last: it says that the others are whole.
     write(TRACK_FILE, &json)?;
@@ -276,7 +274,7 @@ fn still_holds(record: &TrackRecord, arguments: &Arguments, folder: &Path, prove
     let time = |path: &Path| std::fs::metadata(path).and_then(|m| m.modified()).ok();
     let Some(written) = time(&folder.join(TRACK_FILE)) else { return false };
     let younger = |path: &PathBuf| time(path).is_none_or(|t| t > written);
-    let whole = [SPIN_FILE, "points.csv", "tracks.csv"].iter().all(|name| *name == SPIN_FILE && arguments.no_spin || folder.join(name).exists());
+    let whole = [SPIN_FILE, "points.csv", "tracks.csv"].iter().all(|name| *name == SPIN_FILE && arguments.no_spin || ends_with_line(&folder.join(name)));
     let settled = arguments.sync == Sync::Report || !record.summary.out_of_step;
     whole && settled && record.provenance == *provenance && !clip.pairs.iter().flat_map(|p| p.files.iter().flatten()).any(younger)
 }

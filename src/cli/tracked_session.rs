@@ -3,7 +3,7 @@
 use super::Shell;
 use super::error::CliError;
 use super::track::throat_width;
-use crate::calibration::StereoRig;
+use crate::calibration::{CalibrationError, StereoRig};
 use crate::equipment::Racket;
 use crate::kinematics::{MeasureSettings, TapeErrors};
 use crate::session::{Session, ShotFolder};
@@ -13,7 +13,16 @@ use std::path::{Path, PathBuf};
 
 /// The rig of an earlier `sweetspot calibrate`, checked.
 pub fn read_rig(file: &Path) -> Result<StereoRig, CliError> {
-    StereoRig::read(file).map_err(|e| CliError::from(e).hint("run `sweetspot calibrate SESSION` first; with --force it writes the file anew"))
+    StereoRig::read(file).map_err(hinted)
+}
+
+/// The same without the file's reports, which tracking has no use for.
+pub fn rig_to_measure_with(file: &Path) -> Result<StereoRig, CliError> {
+    StereoRig::read_to_measure_with(file).map_err(hinted)
+}
+
+fn hinted(e: CalibrationError) -> CliError {
+    CliError::from(e).hint("run `sweetspot calibrate SESSION` first; with --force it writes the file anew")
 }
 
 /// A session whose shots have been tracked.

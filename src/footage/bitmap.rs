@@ -2,9 +2,10 @@
 //! read, into a buffer that is used again, and looked at in place. Everything else goes the general way
 //! ([`super::read_grey`]).
 
-use super::GreyView;
-use std::io::{Read, Seek, SeekFrom};
+use super::{GreyView, Rows};
+use std::fs::File;
 use std::path::Path;
+use std::sync::OnceLock;
 
 /// Largest file taken the quick way, bytes.
 const MOST: u64 = 1 << 26;
@@ -13,7 +14,7 @@ const HEAD: usize = 1280;
 
 /// Where the pixels stand in the file.
 #[derive(Debug, Clone, Copy)]
-struct Layout {
+pub struct Layout {
     offset: usize,
     width: usize,
     height: usize,
@@ -25,35 +26,54 @@ struct Layout {
 #[derive(Debug, Default)]
 pub struct Bitmap {
     head: Vec<u8>,
-    /// File length, everything before the pixels, and the layout of the picture read last: pictures of one camera share them.
+    /// File length, everything before the pixels, and the layout of the picture looked at last: pictures of one camera share them.
     known: Option<(u64, Vec<u8>, Layout)>,
     bytes: Vec<u8>,
-    /// First row and number of rows in `bytes`.
-    band: Option<(usize, usize)>,
+    /// First row and number of rows in `bytes`, and the file's layout.
+    band: Option<(usize, usize, Layout)>,
+    /// Rows of the band that were not read; empty where all were.
+    left_out: Vec<bool>,
 }
 
 impl Bitmap {
-    /// Reads rows (first, count) of the file, all without `rows`; `false` when it is not an uncompressed 8-bit bitmap with a
+    /// Reads rows of a file; `known` is its layout once it has been read. `false` when it is not an uncompressed 8-bit bitmap with a
     /// grey ramp, whole to its last row. Rows beyond the picture are left out.
-    pub fn read(&mut self, path: &Path, rows: Option<(usize, usize)>) -> std::io::Result<bool> {
+    pub fn read(&mut self, path: &Path, rows: Rows, known: &OnceLock<Layout>) -> std::io::Result<bool> {
         self.band = None;
-        let mut file = std::fs::File::open(path)?;
-        let length = file.metadata()?.len();
-        if !(54..=MOST).contains(&length) {
-            return Ok(false);
+        let file = File::open(path)?;
+        let l = match known.get() {
+            Some(layout) => *layout,
+            None => {
+                let length = file.metadata()?.len();
+                if !(54..=MOST).contains(&length) {
+                    return Ok(false);
+                }
+                self.head.resize(HEAD.min(length as usize), 0);
+                read_exact_at(&file, &mut self.head, 0)?;
+                let Some(layout) = self.layout(length) else { return Ok(false) };
+                *known.get_or_init(|| layout)
+            }
+        };
+        let spans = rows.within(l.height);
+        let (first, end) = spans.clone().fold((l.height, 0), |(first, end), span| (first.min(span.0), end.max(span.1)));
+        let count = end.saturating_sub(first);
+        if self.bytes.len() < count * l.stride {
+            self.bytes.resize(count * l.stride, 0);
         }
-        self.head.resize(HEAD.min(length as usize), 0);
-        file.read_exact(&mut self.head)?;
-        let Some(l) = self.layout(length) else { return Ok(false) };
-        let (first, count) = rows.unwrap_or((0, l.height));
-        let first = first.min(l.height);
-        let count = count.min(l.height - first);
-        // Bottom-up bitmaps begin with the lowest row.
-        let stored = if l.flipped { l.height - first - count } else { first };
-        file.seek(SeekFrom::Start((l.offset + stored * l.stride) as u64))?;
-        self.bytes.resize(count * l.stride, 0);
-        file.read_exact(&mut self.bytes)?;
-        self.band = Some((first, count));
+        self.left_out.clear();
+        if spans.clone().map(|(first, end)| end - first).sum::<usize>() < count {
+            self.left_out.resize(count, true);
+        }
+        for (top, below) in spans {
+            // Bottom-up bitmaps begin with the lowest row.
+            let (in_file, in_band) = if l.flipped { (l.height - below, end - below) } else { (top, top - first) };
+            let bytes = &mut self.bytes[in_band * l.stride..(in_band + below - top) * l.stride];
+            read_exact_at(&file, bytes, (l.offset + in_file * l.stride) as u64)?;
+            if let Some(left_out) = self.left_out.get_mut(top - first..below - first) {
+                left_out.fill(false);
+            }
+        }
+        self.band = Some((first.min(l.height), count, l));
         Ok(true)
     }
 
@@ -73,9 +93,23 @@ impl Bitmap {
 
     /// The rows read last.
     pub fn view(&self) -> Option<GreyView<'_>> {
-        let ((first, count), (_, _, l)) = (self.band?, self.known.as_ref()?);
-        GreyView::band(&self.bytes, l.stride, l.flipped, (l.width, l.height), first, count)
+        let (first, count, l) = self.band.as_ref()?;
+        let bytes = self.bytes.get(..count * l.stride)?;
+        Some(GreyView::band(bytes, l.stride, l.flipped, (l.width, l.height), *first, *count)?.without(&self.left_out))
     }
+}
+
+/// Fills `bytes` from this place in the file on.
+#[cfg(unix)]
+fn read_exact_at(file: &File, bytes: &mut [u8], at: u64) -> std::io::Result<()> {
+    std::os::unix::fs::FileExt::read_exact_at(file, bytes, at)
+}
+
+#[cfg(not(unix))]
+fn read_exact_at(mut file: &File, bytes: &mut [u8], at: u64) -> std::io::Result<()> {
+    use std::io::{Read, Seek, SeekFrom};
+    file.seek(SeekFrom::Start(at))?;
+    file.read_exact(bytes)
 }
 
 /// Header and palette are in `head`; the file is `length` bytes long.
@@ -117,21 +151,26 @@ mod tests {
         image.save_with_format(&bmp, image::ImageFormat::Bmp).expect("saved");
         image.save_with_format(&png, image::ImageFormat::Png).expect("saved");
         let mut quick = Bitmap::default();
-        assert!(quick.read(&bmp, None).expect("read"));
+        assert!(quick.read(&bmp, Rows::ALL, &OnceLock::new()).expect("read"));
         let view = quick.view().expect("a view");
         let rows: Vec<u8> = (0..21).flat_map(|y| view.row(y).expect("inside").to_vec()).collect();
         assert_eq!(GreyImage { width: 37, height: 21, pixels: rows.clone() }, read_grey(&bmp).expect("read"));
         for (first, count) in [(0, 3), (7, 9), (18, 3), (18, 40), (30, 2)] {
-            assert!(quick.read(&bmp, Some((first, count))).expect("read"));
+            assert!(quick.read(&bmp, Rows::span(first, count), &OnceLock::new()).expect("read"));
             let band = quick.view().expect("a view");
             for y in 0..24 {
                 let inside = (first..first + count).contains(&y) && y < 21;
                 assert_eq!(band.row(y), if inside { Some(&rows[y * 37..(y + 1) * 37]) } else { None }, "{first} {count} {y}");
             }
         }
-        assert!(!quick.read(&png, None).expect("read") && quick.view().is_none());
+        assert!(quick.read(&bmp, Rows::of([(15, 19), (2, 5)]), &OnceLock::new()).expect("read"));
+        for y in 0..24 {
+            let inside = (2..5).contains(&y) || (15..19).contains(&y);
+            assert_eq!(quick.view().expect("a view").row(y), if inside { Some(&rows[y * 37..(y + 1) * 37]) } else { None }, "{y}");
+        }
+        assert!(!quick.read(&png, Rows::ALL, &OnceLock::new()).expect("read") && quick.view().is_none());
         let whole = std::fs::read(&bmp).expect("read");
         std::fs::write(&bmp, &whole[..whole.len() - 40]).expect("written");
-        assert!(!quick.read(&bmp, Some((0, 2))).expect("read"), "a cut file is refused even when the rows asked for are there");
+        assert!(!quick.read(&bmp, Rows::span(0, 2), &OnceLock::new()).expect("read"), "a cut file is refused even when the rows asked for are there");
     }
 }

@@ -1,9 +1,10 @@
 //! One shot's recording: the frames of both cameras, paired by the number in their names; gaps stay gaps.
 
+use super::bitmap::Layout;
 use super::decoded_pictures::DecodedPictures;
 use super::{FootageError, numbered_images};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// One instant: the picture of each camera, where there is one.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -18,6 +19,8 @@ pub struct FramePair {
 pub struct Clip {
     pub pairs: Vec<FramePair>,
     pub(super) decoded: Arc<DecodedPictures>,
+    /// How each bitmap stands in its file, once it has been read, by camera.
+    pub(super) layouts: Arc<Vec<[OnceLock<Layout>; 2]>>,
 }
 
 impl Clip {
@@ -32,7 +35,7 @@ impl Clip {
                 (Some(a), Some(b)) => a.0.min(b.0),
                 (Some(a), None) => a.0,
                 (None, Some(b)) => b.0,
-                (None, None) => return Ok(Clip { pairs, decoded: Arc::default() }),
+                (None, None) => return Ok(Clip::of(pairs, Arc::default())),
             };
             let files = [l.next_if(|f| f.0 == number).map(|f| f.1), r.next_if(|f| f.0 == number).map(|f| f.1)];
             pairs.push(FramePair { number, files });
@@ -51,8 +54,12 @@ impl Clip {
                 files.entry(number).or_default()[1] = Some(right.clone());
             }
         }
-        let pairs = files.into_iter().map(|(number, files)| FramePair { number, files }).collect();
-        Clip { pairs, decoded: self.decoded.clone() }
+        Clip::of(files.into_iter().map(|(number, files)| FramePair { number, files }).collect(), self.decoded.clone())
+    }
+
+    fn of(pairs: Vec<FramePair>, decoded: Arc<DecodedPictures>) -> Self {
+        let layouts = Arc::new(pairs.iter().map(|_| Default::default()).collect());
+        Clip { pairs, decoded, layouts }
     }
 
     /// What the user should know about missing pictures: one line per camera that lacks some.

@@ -1,7 +1,7 @@
 //! Where tracking gets its frames from: a recorded clip, or pictures in memory (tests, synthetic worlds).
 
 use super::bitmap::Bitmap;
-use super::{Clip, FootageError, GreyImage, GreyView};
+use super::{Clip, FootageError, GreyImage, GreyView, Rows};
 use std::sync::Arc;
 
 /// Frames of both cameras by index. Reading is independent per index, so that several threads may read at once.
@@ -15,9 +15,9 @@ pub trait FrameSource: Sync {
     /// Number of a frame, as in its file name. Ascending; gaps are allowed.
     fn number(&self, index: usize) -> u64;
 
-    /// Reads camera 0 (left) or 1 (right) into the buffer; `false` when that camera lacks the frame. `rows` (first, count)
-    /// are the only rows needed; more may be read.
-    fn read(&self, index: usize, camera: usize, rows: Option<(usize, usize)>, buffer: &mut FrameBuffer) -> Result<bool, FootageError>;
+    /// Reads camera 0 (left) or 1 (right) into the buffer; `false` when that camera lacks the frame. `rows` are the only rows
+    /// needed; more may be read.
+    fn read(&self, index: usize, camera: usize, rows: Rows, buffer: &mut FrameBuffer) -> Result<bool, FootageError>;
 }
 
 /// A reusable place for one picture.
@@ -48,10 +48,11 @@ impl FrameSource for Clip {
         self.pairs.get(index).map_or(0, |p| p.number)
     }
 
-    fn read(&self, index: usize, camera: usize, rows: Option<(usize, usize)>, buffer: &mut FrameBuffer) -> Result<bool, FootageError> {
-        let Some(path) = self.pairs.get(index).and_then(|p| p.files[camera].as_ref()) else { return Ok(false) };
+    fn read(&self, index: usize, camera: usize, rows: Rows, buffer: &mut FrameBuffer) -> Result<bool, FootageError> {
+        let (Some(pair), Some(layouts)) = (self.pairs.get(index), self.layouts.get(index)) else { return Ok(false) };
+        let Some(path) = &pair.files[camera] else { return Ok(false) };
         buffer.whole = None;
-        if !buffer.bitmap.read(path, rows).unwrap_or(false) {
+        if !buffer.bitmap.read(path, rows, &layouts[camera]).unwrap_or(false) {
             buffer.put(self.decoded.read(path)?);
         }
         Ok(true)

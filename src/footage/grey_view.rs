@@ -2,13 +2,17 @@
 
 use super::GreyImage;
 
-/// Rows `first_row..first_row + rows` of a picture `width` wide and `height` high. Bottom-up bitmaps are looked at in
-/// place: `flipped` says that the memory starts with the lowest row.
+/// Rows `first_row..first_row + rows` of a picture `width` wide and `height` high, without those that were left out. Bottom-up
+/// bitmaps are looked at in place: `flipped` says that the memory starts with the lowest row.
 #[derive(Debug, Clone, Copy)]
 pub struct GreyView<'a> {
     pixels: &'a [u8],
     stride: usize,
     flipped: bool,
+    /// By row of the band; empty where none is left out.
+    left_out: &'a [bool],
+    /// First column in memory and how many there are: all but in a patch.
+    columns: (usize, usize),
     pub width: usize,
     pub height: usize,
     pub first_row: usize,
@@ -18,7 +22,17 @@ pub struct GreyView<'a> {
 impl<'a> GreyView<'a> {
     /// The whole picture.
     pub fn of(image: &'a GreyImage) -> Self {
-        GreyView { pixels: &image.pixels, stride: image.width, flipped: false, width: image.width, height: image.height, first_row: 0, rows: image.height }
+        GreyView {
+            pixels: &image.pixels,
+            stride: image.width,
+            flipped: false,
+            left_out: &[],
+            columns: (0, image.width),
+            width: image.width,
+            height: image.height,
+            first_row: 0,
+            rows: image.height,
+        }
     }
 
     /// A band of rows in memory; `None` when `pixels` is shorter than the band.
@@ -29,6 +43,8 @@ impl<'a> GreyView<'a> {
             pixels,
             stride,
             flipped,
+            left_out: &[],
+            columns: (0, width),
             width,
             height,
             first_row,
@@ -36,26 +52,47 @@ impl<'a> GreyView<'a> {
         })
     }
 
-    /// One row of the picture; `None` outside the band.
-    #[inline]
-    pub fn row(&self, y: usize) -> Option<&'a [u8]> {
-        let i = y.checked_sub(self.first_row).filter(|i| *i < self.rows)?;
-        let at = if self.flipped { self.rows - 1 - i } else { i } * self.stride;
-        self.pixels.get(at..at + self.width)
+    /// The same band of which some rows (by row of the band) were never read.
+    pub fn without(self, left_out: &'a [bool]) -> Self {
+        GreyView { left_out, ..self }
     }
 
-    /// Grey value at a pixel; `None` outside the band.
+    /// A box of a picture, row by row: its first column and row, columns and rows, and the picture's size.
+    pub(super) fn patch(pixels: &'a [u8], corner: (usize, usize), extent: (usize, usize), size: (usize, usize)) -> Self {
+        let ((first_column, first_row), (columns, rows), (width, height)) = (corner, extent, size);
+        GreyView { pixels, stride: columns, flipped: false, left_out: &[], columns: (first_column, columns), width, height, first_row, rows }
+    }
+
+    /// What is in memory of one row, with its first column; `None` outside the band and where the row was left out.
+    #[inline]
+    pub fn part_of_row(&self, y: usize) -> Option<(usize, &'a [u8])> {
+        let i = y.checked_sub(self.first_row).filter(|i| *i < self.rows && !self.left_out.get(*i).is_some_and(|out| *out))?;
+        let at = if self.flipped { self.rows - 1 - i } else { i } * self.stride;
+        let (first, count) = self.columns;
+        Some((first, self.pixels.get(at..at + count)?))
+    }
+
+    /// One whole row of the picture; `None` where it is not in memory.
+    #[inline]
+    pub fn row(&self, y: usize) -> Option<&'a [u8]> {
+        self.part_of_row(y).map(|(_, row)| row).filter(|row| row.len() == self.width)
+    }
+
+    /// Grey value at a pixel; `None` where it is not in memory.
     #[inline]
     pub fn get(&self, x: i64, y: i64) -> Option<u8> {
         if x < 0 || y < 0 {
             return None;
         }
-        self.row(y as usize)?.get(x as usize).copied()
+        let (first, row) = self.part_of_row(y as usize)?;
+        row.get((x as usize).checked_sub(first)?).copied()
     }
 
-    /// Whether a box (inclusive) lies inside the band.
+    /// Whether a box (inclusive) lies inside the band, all its rows read.
     pub fn contains(&self, x0: i64, y0: i64, x1: i64, y1: i64) -> bool {
-        x0 >= 0 && y0 >= self.first_row as i64 && x1 < self.width as i64 && y1 < (self.first_row + self.rows) as i64
+        let (first, count) = self.columns;
+        let inside = x0 >= first as i64 && y0 >= self.first_row as i64 && x1 < (first + count) as i64 && y1 < (self.first_row + self.rows) as i64;
+        inside && (self.left_out.is_empty() || (y0..=y1).all(|y| self.part_of_row(y as usize).is_some()))
     }
 }
 
@@ -76,5 +113,8 @@ mod tests {
         }
         assert!(GreyView::band(&flipped, 5, true, (5, 4), 2, 3).is_none());
         assert_eq!(whole.get(-1, 0), None);
+        let some = band.without(&[false, true, false]);
+        assert_eq!([1, 2, 3].map(|y| some.get(2, y)), [whole.get(2, 1), None, whole.get(2, 3)]);
+        assert!(some.contains(0, 1, 4, 1) && !some.contains(0, 1, 4, 3) && band.contains(0, 1, 4, 3));
     }
 }

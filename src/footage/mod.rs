@@ -7,10 +7,14 @@ mod bitmap;
 mod clip;
 mod decoded_pictures;
 mod frame_source;
+mod grey_patch;
 mod grey_view;
 mod image_file;
+mod rows;
 
 pub use clip::{Clip, FramePair};
 pub use frame_source::{FrameBuffer, FrameSource};
+pub use grey_patch::GreyPatch;
 pub use grey_view::GreyView;
 pub use image_file::{FootageError, GreyImage, numbered_images, read_grey};
+pub use rows::Rows;

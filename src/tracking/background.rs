@@ -1,6 +1,6 @@
 //! What the fixed cameras see when nothing moves: the median of a few frames spread over the clip.
 
-use crate::footage::{FootageError, FrameBuffer, FrameSource, GreyImage};
+use crate::footage::{FootageError, FrameBuffer, FrameSource, GreyImage, GreyView, Rows};
 
 /// Frames looked at. Seven spread over the clip keep a racket or ball that passes from entering the median; memory stays
 /// the same however long the clip is.
@@ -11,34 +11,29 @@ const BLOCK: usize = 64;
 /// The median picture of one camera; `None` when fewer than three frames can be read or their sizes differ.
 pub fn background(source: &impl FrameSource, camera: usize) -> Result<Option<GreyImage>, FootageError> {
     let n = source.len();
-    let mut pictures: Vec<GreyImage> = Vec::with_capacity(SAMPLES);
-    let mut buffer = FrameBuffer::default();
+    let mut buffers: [FrameBuffer; SAMPLES] = Default::default();
     let mut previous = usize::MAX;
-    for k in 0..SAMPLES {
+    let mut pictures: Vec<GreyView> = Vec::with_capacity(SAMPLES);
+    for (k, buffer) in buffers.iter_mut().enumerate() {
         let index = if n == 0 { break } else { (n - 1) * k / (SAMPLES - 1) };
-        if index == previous || !matches!(source.read(index, camera, None, &mut buffer), Ok(true)) {
+        if index == previous || !matches!(source.read(index, camera, Rows::ALL, buffer), Ok(true)) {
             continue; // a gap or a broken file: the median does without
         }
         previous = index;
-        if let Some(view) = buffer.view() {
-            let mut pixels = Vec::with_capacity(view.width * view.rows);
-            for y in view.first_row..view.first_row + view.rows {
-                pixels.extend_from_slice(view.row(y).unwrap_or_default());
-            }
-            pictures.push(GreyImage { width: view.width, height: view.height, pixels });
-        }
+        pictures.extend(buffer.view());
     }
     let Some(first) = pictures.first() else { return Ok(None) };
     let (width, height) = (first.width, first.height);
-    if pictures.len() < 3 || pictures.iter().any(|p| p.width != width || p.pixels.len() != width * height) {
+    if pictures.len() < 3 || pictures.iter().any(|p| (p.width, p.height, p.rows) != (width, height, height)) {
         return Ok(None);
     }
     let mut pixels = vec![0u8; width * height];
     let mut ranked = [[0u8; BLOCK]; SAMPLES];
-    for (block, out) in pixels.chunks_mut(BLOCK).enumerate() {
-        let at = block * BLOCK;
+    let blocks = pixels.chunks_mut(width.max(1)).enumerate().flat_map(|(y, row)| row.chunks_mut(BLOCK).enumerate().map(move |(k, out)| (y, k * BLOCK, out)));
+    for (y, x, out) in blocks {
         for (r, p) in ranked.iter_mut().zip(&pictures) {
-            r[..out.len()].copy_from_slice(&p.pixels[at..at + out.len()]);
+            let seen = p.row(y).unwrap_or_default();
+            r[..out.len()].copy_from_slice(&seen[x..x + out.len()]);
         }
         // Odd-even transposition: n rounds of exchanges between neighbours put n values in order, a block of pixels at once.
         let seen = &mut ranked[..pictures.len()];
@@ -70,7 +65,7 @@ mod tests {
             index as u64
         }
 
-        fn read(&self, index: usize, _: usize, _: Option<(usize, usize)>, buffer: &mut FrameBuffer) -> Result<bool, FootageError> {
+        fn read(&self, index: usize, _: usize, _: Rows, buffer: &mut FrameBuffer) -> Result<bool, FootageError> {
             buffer.put(self.0[index].clone());
             Ok(true)
         }

@@ -13,10 +13,22 @@ use super::ball_shading::{LimbProfile, SECTORS};
 use crate::footage::GreyView;
 use nalgebra::{Matrix2, Vector2};
 use std::cell::RefCell;
+use std::sync::LazyLock;
 
+/// The middle of every sector, seen from the centre.
+static DIRECTIONS: LazyLock<[Vector2<f64>; SECTORS]> = LazyLock::new(|| {
+    std::array::from_fn(|k| {
+        let a = std::f64::consts::TAU * (k as f64 + 0.5) / SECTORS as f64;
+        Vector2::new(a.cos(), a.sin())
+    })
+});
 const ROUNDS: usize = 10;
+/// From this round on sectors that disagree count less.
+const ROBUST_FROM: usize = 3;
 /// What one sector is good to beyond its noise, px: lines and panels that touch the outline.
 const SECTOR_SD_PX: f64 = 0.12;
+/// Rounds of the sectors' agreement end where the shift changes by less, px.
+const AGREED_PX: f64 = 1e-4;
 /// Tukey's limit, in deviations.
 const TUKEY: f64 = 4.0;
 
@@ -77,10 +89,7 @@ fn fit_in(ring: &mut BallRing, image: &GreyView, start: Vector2<f64>, radius_px:
     if !(2.5..200.0).contains(&radius_px) {
         return None;
     }
-    let directions: [Vector2<f64>; SECTORS] = std::array::from_fn(|k| {
-        let a = std::f64::consts::TAU * (k as f64 + 0.5) / SECTORS as f64;
-        Vector2::new(a.cos(), a.sin())
-    });
+    let directions = &*DIRECTIONS;
     ring.reset(radius_px);
     let mut centre = start;
     let mut levels = [[0.0; 2]; SECTORS];
@@ -88,7 +97,7 @@ fn fit_in(ring: &mut BallRing, image: &GreyView, start: Vector2<f64>, radius_px:
     for round in 0..ROUNDS {
         let sectors = ring.sums(image, &RingModel { centre, profile, levels: &levels, scale })?;
         let mut settle = |step: &Vector2<f64>| {
-            for ((levels, sector), u) in levels.iter_mut().zip(&sectors).zip(&directions) {
+            for ((levels, sector), u) in levels.iter_mut().zip(&sectors).zip(directions) {
                 let change = sector.change_of_levels(u.dot(step));
                 *levels = [levels[0] + change[0], levels[1] + change[1]];
             }
@@ -98,14 +107,13 @@ fn fit_in(ring: &mut BallRing, image: &GreyView, start: Vector2<f64>, radius_px:
             continue;
         }
         let mut variances = sectors.map(|s| s.variance());
-        variances.sort_by(f64::total_cmp);
-        let usual = variances[SECTORS / 2].max(0.25);
+        let usual = variances.select_nth_unstable_by(SECTORS / 2, f64::total_cmp).1.max(0.25);
         let seen: [(f64, f64); SECTORS] = std::array::from_fn(|k| {
             let (h, d) = sectors[k].outline();
             // The noise is the same everywhere: no sector is trusted beyond what half of them show.
             (d, sectors[k].variance().max(usual) / h + SECTOR_SD_PX * SECTOR_SD_PX)
         });
-        let agreed = agree(&directions, &seen, if round < 3 { f64::INFINITY } else { TUKEY })?;
+        let agreed = agree(directions, &seen, if round < ROBUST_FROM { f64::INFINITY } else { TUKEY })?;
         let step = agreed.shift.map(|v| v.clamp(-1.0, 1.0));
         centre += step;
         if (centre - start).norm() > 0.8 * radius_px || !centre.norm().is_finite() {
@@ -113,7 +121,7 @@ fn fit_in(ring: &mut BallRing, image: &GreyView, start: Vector2<f64>, radius_px:
         }
         settle(&step);
         scale = (2.0 * usual.sqrt()).max(1.0);
-        if round > 3 && step.norm() < settled_px || round + 1 == ROUNDS {
+        if round > ROBUST_FROM && step.norm() < settled_px || round + 1 == ROUNDS {
             let limb = profile.at(-1.0, 0).map_or(1.0, |l| f64::from(l.ball));
             let edge = levels.iter().map(|l| (l[1] * limb - l[0]).abs()).sum::<f64>() / SECTORS as f64;
             return Some(BallFit { uv: centre, covariance: agreed.covariance, outline: agreed.share, residual: usual.sqrt(), edge });
@@ -130,26 +138,34 @@ struct Agreed {
 
 /// The shift most sectors agree on, from each sector's shift outward and its variance.
 fn agree(directions: &[Vector2<f64>; SECTORS], seen: &[(f64, f64); SECTORS], tukey: f64) -> Option<Agreed> {
+    let precision = seen.map(|(_, variance)| 1.0 / variance);
+    let per_sd = precision.map(f64::sqrt);
     let mut shift = Vector2::zeros();
-    let mut out = None;
+    let mut out: Option<Agreed> = None;
     // Without a limit all count the same, and the first round is the answer.
     for round in 0..if tukey.is_infinite() { 1 } else { 5 } {
-        let (mut h, mut g) = (Matrix2::zeros(), Vector2::zeros());
+        let (mut h, mut g) = ([0.0; 3], [0.0; 2]);
         let (mut chi, mut weight, mut good) = (0.0, 0.0, 0);
-        for (u, (d, variance)) in directions.iter().zip(seen) {
-            let z = (d - u.dot(&shift)) / variance.sqrt();
+        for (k, u) in directions.iter().enumerate() {
+            let (d, variance) = seen[k];
+            let z = (d - u.dot(&shift)) * per_sd[k];
             let w = if round == 0 { 1.0 } else { (1.0 - (z / tukey).powi(2)).max(0.0).powi(2) };
-            h += u * u.transpose() * (w / variance);
-            g += u * (d * w / variance);
+            let p = w * precision[k];
+            h = [h[0] + p * u.x * u.x, h[1] + p * u.x * u.y, h[2] + p * u.y * u.y];
+            g = [g[0] + p * d * u.x, g[1] + p * d * u.y];
             chi += w * z * z;
             weight += w;
-            good += usize::from(z.abs() < 2.5 && *variance < 0.16);
+            good += usize::from(z.abs() < 2.5 && variance < 0.16);
         }
-        let inverse = h.try_inverse()?;
-        shift = inverse * g;
+        let inverse = Matrix2::new(h[0], h[1], h[1], h[2]).try_inverse()?;
+        let next = inverse * Vector2::from(g);
         // The scatter of the sectors corrects their stated deviations, upward only.
         let scatter = (chi / (weight - 2.0).max(1.0)).max(1.0);
-        out = Some(Agreed { shift, covariance: inverse * scatter, share: good as f64 / SECTORS as f64 });
+        out = Some(Agreed { shift: next, covariance: inverse * scatter, share: good as f64 / SECTORS as f64 });
+        if round > 0 && (next - shift).amax() < AGREED_PX {
+            break;
+        }
+        shift = next;
     }
     out.filter(|o| o.covariance[(0, 0)] > 0.0 && o.covariance[(1, 1)] > 0.0 && o.covariance.norm().is_finite())
 }

@@ -27,7 +27,8 @@ pub fn change(image: &GreyView, still: &GreyImage, centre: &Vector2<f64>, radius
     for y in y0..=y1 {
         let half = (reach * reach - (y as f64 - centre.y).powi(2)).max(0.0).sqrt();
         let columns = (centre.x - half).ceil() as usize..=(centre.x + half).floor() as usize;
-        let seen = image.row(y as usize)?.get(columns.clone())?;
+        let (first, row) = image.part_of_row(y as usize)?;
+        let seen = row.get(columns.start().checked_sub(first)?..=columns.end().checked_sub(first)?)?;
         let behind = still.pixels.get(y as usize * still.width..(y as usize + 1) * still.width)?.get(columns)?;
         sum += seen.iter().zip(behind).map(|(a, b)| u32::from(a.abs_diff(*b))).sum::<u32>();
         count += seen.len() as u32;

@@ -15,7 +15,7 @@ use super::spin::{BallSpin, SpinEstimate, SpinRefusal};
 use super::stray_ball;
 use super::track_file::{ImagePoint, PointState, Target};
 use crate::calibration::CameraId;
-use crate::footage::{FrameBuffer, FrameSource, GreyImage};
+use crate::footage::{FrameBuffer, FrameSource, GreyImage, Rows};
 use nalgebra::{Matrix3, Rotation3, Vector2, Vector3};
 use rayon::prelude::*;
 
@@ -157,7 +157,7 @@ fn crop(
         return Ok(None);
     }
     // A picture that cannot be read is named where the shot is tracked.
-    if !matches!(source.read(index, camera.index(), Some((top as usize, side)), buffer), Ok(true)) {
+    if !matches!(source.read(index, camera.index(), Rows::span(top as usize, side), buffer), Ok(true)) {
         return Ok(None);
     }
     let Some(view) = buffer.view() else { return Ok(None) };

@@ -1,10 +1,8 @@
-//! The sums of one round of the outline's fit ([`super::ball_fit`]) over the pixels of the ring, eight at a time in the widest
-//! registers the processor has, in single precision: a picture has eight bits. Sums run in eight fixed lanes, so that every
-//! processor gives the same bits.
+//! The sums of one round of the outline's fit ([`super::ball_fit`]) over the pixels of the ring, in the widest registers the
+//! processor has and in single precision: a picture has eight bits. One pixel of every sector is taken at a time, so that the sums of
+//! all sectors stand side by side; their order is fixed, and every processor gives the same bits.
 
 use super::ball_shading::{LimbProfile, SECTORS};
-use super::band_sums::{STRIDE, dots};
-use super::octet::LANES;
 use crate::footage::GreyView;
 use nalgebra::Vector2;
 
@@ -13,8 +11,10 @@ const INSIDE_PX: f64 = 1.6;
 const OUTSIDE_PX: f64 = 2.3;
 /// Pixels are gathered for a ring wider by this on either side and serve until the centre has moved by as much.
 const SLACK_PX: f64 = 0.5;
-/// Arrays of one value per pixel that lead to the sums.
-const ARRAYS: usize = 14;
+/// Pixels up to so far outside the outline are looked at, px.
+pub const REACH_PX: f64 = OUTSIDE_PX + SLACK_PX;
+/// One value of every sector.
+type Sectors = [f32; SECTORS];
 
 /// Weighted sums over a sector's pixels: a = (surroundings' share, ball's share), j = slope outward of the model, r = residual.
 #[derive(Clone, Copy, Default)]
@@ -38,21 +38,25 @@ pub struct RingModel<'a> {
     pub scale: f64,
 }
 
-/// The pixels around an outline, sector by sector, each sector filled up to whole lanes. Memory is used again.
+/// One pixel of every sector.
+#[derive(Clone, Copy)]
+struct Slot {
+    /// Places from where the ring was gathered, px.
+    dx: Sectors,
+    dy: Sectors,
+    grey: Sectors,
+    /// 1 for a pixel, 0 where the sector has none left.
+    real: Sectors,
+}
+
+const EMPTY: Slot = Slot { dx: [0.0; SECTORS], dy: [0.0; SECTORS], grey: [0.0; SECTORS], real: [0.0; SECTORS] };
+
+/// The pixels around an outline. Memory is used again.
 #[derive(Default)]
 pub struct BallRing {
-    /// Places from `gathered_at`, px; grey levels; 1 for a pixel, 0 where a sector is only filled up.
-    dx: Vec<f32>,
-    dy: Vec<f32>,
-    grey: Vec<f32>,
-    real: Vec<f32>,
-    /// Where each sector begins; one more for the end.
-    starts: [usize; SECTORS + 1],
+    slots: Vec<Slot>,
     gathered_at: Option<Vector2<f64>>,
     radius_px: f64,
-    found: Vec<(usize, f32, f32, u8)>,
-    steps: Vec<u32>,
-    work: Vec<f32>,
 }
 
 impl BallRing {
@@ -83,45 +87,34 @@ impl BallRing {
     fn gather(&mut self, image: &GreyView, centre: Vector2<f64>) {
         let (inner, outer) = ((self.radius_px - INSIDE_PX - SLACK_PX).max(0.0), self.radius_px + OUTSIDE_PX + SLACK_PX);
         let (inner2, outer2) = (inner * inner, outer * outer);
-        self.found.clear();
+        self.slots.clear();
         let mut counts = [0usize; SECTORS];
         let (left, right) = ((centre.x - outer).ceil() as i64, (centre.x + outer).floor() as i64);
         for y in (centre.y - outer).ceil() as i64..=(centre.y + outer).floor() as i64 {
             // Beyond the picture there is nothing; the ring itself lies within.
-            let Some(row) = usize::try_from(y).ok().and_then(|y| image.row(y)) else { continue };
+            let Some((first, row)) = usize::try_from(y).ok().and_then(|y| image.part_of_row(y)) else { continue };
             let dy = y as f64 - centre.y;
-            for x in left.max(0)..=right.min(row.len() as i64 - 1) {
+            for x in left.max(first as i64)..=right.min((first + row.len()) as i64 - 1) {
                 let dx = x as f64 - centre.x;
                 let rho2 = dx * dx + dy * dy;
                 if rho2 <= outer2 && rho2 >= inner2 {
                     let sector = sector_of(dx, dy);
+                    let at = counts[sector];
                     counts[sector] += 1;
-                    self.found.push((sector, dx as f32, dy as f32, row[x as usize]));
+                    if at == self.slots.len() {
+                        self.slots.push(EMPTY);
+                    }
+                    let slot = &mut self.slots[at];
+                    (slot.dx[sector], slot.dy[sector], slot.grey[sector], slot.real[sector]) = (dx as f32, dy as f32, f32::from(row[x as usize - first]), 1.0);
                 }
             }
-        }
-        let mut end = 0;
-        for (start, count) in self.starts.iter_mut().zip(counts) {
-            *start = end;
-            end += count.next_multiple_of(LANES);
-        }
-        self.starts[SECTORS] = end;
-        for v in [&mut self.dx, &mut self.dy, &mut self.grey, &mut self.real] {
-            v.clear();
-            v.resize(end.next_multiple_of(STRIDE), 0.0);
-        }
-        let mut next = self.starts;
-        for (sector, dx, dy, grey) in &self.found {
-            let at = &mut next[*sector];
-            (self.dx[*at], self.dy[*at], self.grey[*at], self.real[*at]) = (*dx, *dy, f32::from(*grey), 1.0);
-            *at += 1;
         }
         self.gathered_at = Some(centre);
     }
 }
 
 struct Round<'a> {
-    ring: &'a mut BallRing,
+    ring: &'a BallRing,
     model: &'a RingModel<'a>,
     /// The centre, from where the pixels were gathered.
     shift: Vector2<f64>,
@@ -139,83 +132,62 @@ impl pulp::NullaryFnOnce for Round<'_> {
 // Plain loops over whole arrays throughout: what is called through closures of the standard library would not be compiled for the
 // wide registers.
 #[inline(always)]
-fn round(ring: &mut BallRing, model: &RingModel, shift: &Vector2<f64>) -> [SectorSums; SECTORS] {
-    let n = ring.dx.len();
-    let mut sums = [SectorSums::default(); SECTORS];
-    if ring.work.len() < ARRAYS * n {
-        ring.work.resize(ARRAYS * n, 0.0);
-    }
-    ring.steps.resize(n.max(ring.steps.len()), 0);
-    let (dx, dy, grey, real, steps) = (&ring.dx[..n], &ring.dy[..n], &ring.grey[..n], &ring.real[..n], &mut ring.steps[..n]);
-    let (weight, rest) = ring.work.split_at_mut(n);
-    let (beyond, rest) = rest.split_at_mut(n);
-    let (around, rest) = rest.split_at_mut(n);
-    let (around_slope, rest) = rest.split_at_mut(n);
-    let (ball, rest) = rest.split_at_mut(n);
-    let (ball_slope, rest) = rest.split_at_mut(n);
-    let (residual, rest) = rest.split_at_mut(n);
-    let (slope, rest) = rest.split_at_mut(n);
-    let (w_around, rest) = rest.split_at_mut(n);
-    let (w_ball, rest) = rest.split_at_mut(n);
-    let (w_slope, rest) = rest.split_at_mut(n);
-    let (w_residual, rest) = rest.split_at_mut(n);
-    let (l0, rest) = rest.split_at_mut(n);
-    let l1 = &mut rest[..n];
-
+fn round(ring: &BallRing, model: &RingModel, shift: &Vector2<f64>) -> [SectorSums; SECTORS] {
+    let zero: Sectors = [0.0; SECTORS];
     let (radius, scale) = (ring.radius_px as f32, model.scale as f32);
     let (inner, outer) = (radius - INSIDE_PX as f32, radius + OUTSIDE_PX as f32);
     let (sx, sy) = (shift.x as f32, shift.y as f32);
-    for i in 0..n {
-        let (x, y) = (dx[i] - sx, dy[i] - sy);
-        let rho = (x * x + y * y).sqrt();
-        weight[i] = if (rho >= inner) & (rho <= outer) { real[i] } else { 0.0 };
-        let (step, more) = LimbProfile::step(rho - radius);
-        (steps[i], beyond[i]) = (step, more);
-    }
+    let (mut l0, mut l1) = (zero, zero);
     for k in 0..SECTORS {
-        let part = ring.starts[k]..ring.starts[k + 1];
-        let limbs = model.profile.sector(k);
-        let (disc, share) =
-            (around[part.clone()].iter_mut().zip(&mut around_slope[part.clone()]), ball[part.clone()].iter_mut().zip(&mut ball_slope[part.clone()]));
-        for ((disc, share), step) in disc.zip(share).zip(&steps[part.clone()]) {
-            let limb = limbs[(*step as usize).min(limbs.len() - 1)];
-            (*disc.0, *disc.1, *share.0, *share.1) = (limb.disc, limb.disc_slope, limb.ball, limb.ball_slope);
+        (l0[k], l1[k]) = (model.levels[k][0] as f32, model.levels[k][1] as f32);
+    }
+    let mut sums = [zero; SUMS];
+    for slot in &ring.slots {
+        let (mut weight, mut beyond, mut steps) = (zero, zero, [0u32; SECTORS]);
+        for k in 0..SECTORS {
+            let (x, y) = (slot.dx[k] - sx, slot.dy[k] - sy);
+            let rho = (x * x + y * y).sqrt();
+            weight[k] = if (rho >= inner) & (rho <= outer) { slot.real[k] } else { 0.0 };
+            (steps[k], beyond[k]) = LimbProfile::step(rho - radius);
         }
-        l0[part.clone()].fill(model.levels[k][0] as f32);
-        l1[part].fill(model.levels[k][1] as f32);
+        let (mut around, mut around_slope, mut ball, mut ball_slope) = (zero, zero, zero, zero);
+        for k in 0..SECTORS {
+            let limbs = model.profile.sector(k);
+            let limb = limbs[(steps[k] as usize).min(limbs.len() - 1)];
+            (around[k], around_slope[k], ball[k], ball_slope[k]) = (limb.disc, limb.disc_slope, limb.ball, limb.ball_slope);
+        }
+        let (mut residual, mut slope) = (zero, zero);
+        for k in 0..SECTORS {
+            around[k] = 1.0 - (around[k] + beyond[k] * around_slope[k]);
+            ball[k] += beyond[k] * ball_slope[k];
+            residual[k] = slot.grey[k] - around[k] * l0[k] - ball[k] * l1[k];
+            // Moving the centre toward a pixel lessens the pixel's distance.
+            slope[k] = around_slope[k] * l0[k] - ball_slope[k] * l1[k];
+            weight[k] *= (scale / residual[k].abs().max(1e-30)).min(1.0);
+        }
+        for k in 0..SECTORS {
+            let [a, b, j, r, w] = [around[k], ball[k], slope[k], residual[k], weight[k]];
+            sums[0][k] += w * a * a;
+            sums[1][k] += w * a * b;
+            sums[2][k] += w * b * b;
+            sums[3][k] += w * a * j;
+            sums[4][k] += w * b * j;
+            sums[5][k] += w * a * r;
+            sums[6][k] += w * b * r;
+            sums[7][k] += w * j * j;
+            sums[8][k] += w * j * r;
+            sums[9][k] += w;
+            sums[10][k] += w * r * r;
+        }
     }
-    for i in 0..n {
-        around[i] = 1.0 - (around[i] + beyond[i] * around_slope[i]);
-        ball[i] += beyond[i] * ball_slope[i];
-    }
-    for i in 0..n {
-        residual[i] = grey[i] - around[i] * l0[i] - ball[i] * l1[i];
-        // Moving the centre toward a pixel lessens the pixel's distance.
-        slope[i] = around_slope[i] * l0[i] - ball_slope[i] * l1[i];
-    }
-    for i in 0..n {
-        weight[i] *= (scale / residual[i].abs().max(1e-30)).min(1.0);
-    }
-    for i in 0..n {
-        w_around[i] = weight[i] * around[i];
-        w_ball[i] = weight[i] * ball[i];
-        w_slope[i] = weight[i] * slope[i];
-        w_residual[i] = weight[i] * residual[i];
-    }
-    for (k, sum) in sums.iter_mut().enumerate() {
-        let part = ring.starts[k]..ring.starts[k + 1];
-        let (a, b, j, r) = (&around[part.clone()], &ball[part.clone()], &slope[part.clone()], &residual[part.clone()]);
-        let (wa, wb) = (&w_around[part.clone()], &w_ball[part.clone()]);
-        let (wj, wr) = (&w_slope[part.clone()], &w_residual[part.clone()]);
-        let [aa, ab, aj, ar] = dots(wa, [a, b, j, r]);
-        let [bb, bj, br] = dots(wb, [b, j, r]);
-        let [jj, jr] = dots(wj, [j, r]);
-        let [chi] = dots(wr, [r]);
-        let [weight] = dots(&weight[part.clone()], [&real[part]]);
-        *sum = SectorSums { aa: [aa, ab, bb], aj: [aj, bj], ar: [ar, br], jj, jr, weight, chi };
-    }
-    sums
+    std::array::from_fn(|k| {
+        let [aa, ab, bb, aj, bj, ar, br, jj, jr, weight, chi] = sums.map(|sum| f64::from(sum[k]));
+        SectorSums { aa: [aa, ab, bb], aj: [aj, bj], ar: [ar, br], jj, jr, weight, chi }
+    })
 }
+
+/// Numbers in [`SectorSums`].
+const SUMS: usize = 11;
 
 /// Sector of a direction, counted from +x toward +y, without an arc tangent: the borders are lines of known slope.
 #[inline]

@@ -1,12 +1,13 @@
 //! Follows the ball from frame to frame in space: predicted place in both pictures, outline fit, one point from two rays.
 
 use super::ball_fit::{self, BallFit};
+use super::ball_ring::REACH_PX;
 use super::ball_search::{self, BallCandidate};
 use super::ball_shading::{BallShading, LimbProfile};
 use super::racket_pose::View;
 use super::track_file::ImagePoint;
 use crate::calibration::CameraId;
-use crate::footage::GreyView;
+use crate::footage::{GreyPatch, GreyView, Rows};
 use nalgebra::{Point3, Vector2, Vector3};
 
 /// Least deviation of the ball's centre, px.
@@ -25,6 +26,8 @@ const FAINT_SHIFT_PX: f64 = 2.0;
 const STEP_M: f64 = 0.015;
 /// Share above which a fit from the predicted place is taken at once.
 const CLEAR_OUTLINE: f64 = 0.6;
+/// A ball this near to its predicted place needs no more rows than those of its outline, px.
+const CLOSE_PX: f64 = 1.0;
 /// The two rays of one ball may miss each other by this, px (deviations are added).
 const RAY_TOLERANCE_PX: f64 = 0.8;
 /// Slowest and fastest motion that is taken for a ball in play, m per frame at 1000 frames a second scaled by the rate.
@@ -89,6 +92,46 @@ impl BallScene<'_> {
         Self::outlined(f) && f.edge > 2.0 * f.residual.max(0.7)
     }
 
+    /// The rows that [`Self::measure_close`] looks at.
+    pub fn close_rows(&self, predicted: &Point3<f64>) -> [Rows; 2] {
+        CameraId::BOTH.map(|camera| {
+            let (Some(uv), Some(radius)) = (self.view.project(camera, predicted), self.radius_px(camera, predicted)) else { return Rows::ALL };
+            let half = radius + REACH_PX + 2.0 * CLOSE_PX + 1.0;
+            let row = |v: f64| v.clamp(0.0, self.view.rig.image_size[1] as f64) as usize;
+            let first = row((uv.y - half).floor());
+            Rows::span(first, row((uv.y + half).ceil() + 1.0) - first)
+        })
+    }
+
+    /// What [`Self::measure_close`] looks at, of a ball seen by both cameras.
+    pub fn patches(&self, images: &[Option<GreyView>; 2], ball: &BallFrame) -> Option<[GreyPatch; 2]> {
+        let patch = |camera: CameraId| {
+            let (image, uv) = (images[camera.index()].as_ref()?, ball.points[camera.index()]?.uv);
+            let half = self.radius_px(camera, &ball.position)? + REACH_PX + CLOSE_PX + 0.5;
+            let corner = |sign: f64| ((uv.x + sign * half).round() as i64, (uv.y + sign * half).round() as i64);
+            GreyPatch::of(image, corner(-1.0), corner(1.0))
+        };
+        Some([patch(CameraId::Left)?, patch(CameraId::Right)?])
+    }
+
+    /// [`Self::measure`] where both cameras see the ball clearly and right where it was predicted: few rows suffice then. `None`
+    /// says that more must be looked at, not that there is no ball.
+    pub fn measure_close(&self, images: &[Option<GreyView>; 2], predicted: &Point3<f64>) -> Option<BallFrame> {
+        let settled = if self.faint { SETTLED_PX } else { ROUGH_PX };
+        let mut fits: [Option<BallFit>; 2] = [None, None];
+        for camera in CameraId::BOTH {
+            let image = images[camera.index()].as_ref()?;
+            let (centre, radius) = (self.view.project(camera, predicted)?, self.radius_px(camera, predicted)?);
+            let f = ball_fit::fit(image, centre, radius, &self.limb[camera.index()], settled)?;
+            let sure = if self.faint { Self::outlined(&f) || Self::fair(&f) } else { Self::outlined(&f) && f.outline >= CLEAR_OUTLINE };
+            if !sure || !((f.uv - centre).norm() <= CLOSE_PX) {
+                return None;
+            }
+            fits[camera.index()] = Some(f);
+        }
+        self.together(&fits, predicted, 1).filter(|b| b.stereo)
+    }
+
     /// The ball near a predicted place (global, m). `reach_px` is how far the prediction may be off.
     pub fn measure(&self, images: &[Option<GreyView>; 2], predicted: &Point3<f64>, reach_px: i32) -> Option<BallFrame> {
         let mut fits: [Option<BallFit>; 2] = [None, None];
@@ -113,6 +156,11 @@ impl BallScene<'_> {
             }
             fits[camera.index()] = found;
         }
+        self.together(&fits, predicted, reach_px)
+    }
+
+    /// One ball from what either camera sees.
+    fn together(&self, fits: &[Option<BallFit>; 2], predicted: &Point3<f64>, reach_px: i32) -> Option<BallFrame> {
         let both = [fits[0].as_ref().map(image_point), fits[1].as_ref().map(image_point)];
         if !self.faint {
             let sure = fits.iter().flatten().all(Self::good);
@@ -160,7 +208,8 @@ impl BallScene<'_> {
         for (i, cell) in mean.cells.iter_mut().enumerate() {
             let (x, y) = MeanDisc::place(i);
             let at = point.uv + Vector2::new(x, y) * radius;
-            if let Some(grey) = image.get(at.x.round() as i64, at.y.round() as i64) {
+            // Places inside the picture are not negative: a cast rounds them down.
+            if let Some(grey) = image.get((at.x + 0.5) as i64, (at.y + 0.5) as i64) {
                 *cell = (cell.0 + f64::from(grey), cell.1 + 1.0);
             }
         }

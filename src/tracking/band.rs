@@ -5,12 +5,13 @@
 //! centroid of the visible tape, its covariance and how well the picture agrees.
 
 use super::band_sums::{BandModel, BandPixels, BandSums, LEVELS, UNKNOWNS};
+use super::cholesky::Cholesky;
 use super::racket_figure::{RacketFigure, VISIBLE_DEPTH};
 use super::racket_pose::View;
 use super::tape_light::TapeLight;
 use crate::calibration::CameraId;
 use crate::footage::GreyView;
-use nalgebra::{Isometry3, Matrix2, SMatrix, SVector, Vector2, Vector3};
+use nalgebra::{Isometry3, Matrix2, Vector2, Vector3};
 use std::cell::RefCell;
 
 /// Lengths of the tape, m, and blur of the picture, px.
@@ -93,6 +94,17 @@ impl BandView {
         BandView { radius_px: by * self.radius_px, bow_px: by * self.bow_px, ..self }
     }
 
+    /// How far the pixels of a fit lie above and below the centre, px, while the band stays there.
+    pub fn half_height(&self, shape: &BandShape) -> f64 {
+        let along = self.black_end(shape);
+        (self.along.y * along).abs() + self.along.x.abs() * (self.side_px + self.bend.abs() * along * along) + 0.5
+    }
+
+    /// How far along the tube pixels are looked at, px.
+    fn black_end(&self, shape: &BandShape) -> f64 {
+        shape.white_half_m * self.px_per_m + (0.8 * shape.black_m * self.px_per_m).max(1.5)
+    }
+
     /// Unit vector across the tube in the image.
     fn across(&self) -> Vector2<f64> {
         Vector2::new(-self.along.y, self.along.x)
@@ -119,7 +131,8 @@ impl BandView {
             let mut sum = 0.0;
             for (a, b) in places {
                 let p = self.place(*a, *b) + shift;
-                sum += f64::from(image.get(p.x.round() as i64, p.y.round() as i64)?);
+                // Nearest pixel; what lies left of or above the picture stays negative.
+                sum += f64::from(image.get((p.x + 1.5) as i64 - 1, (p.y + 1.5) as i64 - 1)?);
             }
             Some(sum / places.len() as f64)
         };
@@ -158,14 +171,21 @@ pub struct BandFit {
     pub black: f64,
     /// Mean square of the residuals, grey levels squared, and how many pixels it is of.
     pub misfit: (f64, f64),
-    /// White: its level, and how it changes across beyond what the light does.
-    white_levels: [f64; 3],
+    /// Grey levels and noise as found: what a fit to a picture like this one may begin with.
+    pub settled: Settled,
+}
+
+/// Grey levels of a band's model, and residuals beyond which a pixel counts less.
+#[derive(Debug, Clone, Copy)]
+pub struct Settled {
+    levels: [f64; LEVELS],
+    scale: f64,
 }
 
 impl BandFit {
     /// Of the white at a place across (in radii) and its height, against the shade there, grey levels.
     pub fn brightness(&self, q: f64, up: f64) -> f64 {
-        let [level, lit, raised] = self.white_levels;
+        let [level, .., lit, raised] = self.settled.levels;
         level + lit * q + raised * (up - VISIBLE_DEPTH)
     }
 }
@@ -198,16 +218,25 @@ pub enum BandPart {
     Behind,
 }
 
-/// Fits the band's place, starting `start` px (along, across) from the expected one. `None` when the band leaves the
-/// picture, runs away by more than its own size, or the picture does not determine the place.
-pub fn fit(image: &GreyView, band: &BandView, shape: &BandShape, start: (f64, f64), part: BandPart) -> Option<BandFit> {
+/// Fits the band's place, starting `start` px (along, across) from the expected one, and with the grey levels of a similar picture
+/// where there is one. `None` when the band leaves the picture, runs away by more than its own size, or the picture does not
+/// determine the place.
+pub fn fit(image: &GreyView, band: &BandView, shape: &BandShape, start: (f64, f64), part: BandPart, like: Option<&Settled>) -> Option<BandFit> {
     thread_local! {
         static PIXELS: RefCell<BandPixels> = RefCell::default();
     }
-    PIXELS.with_borrow_mut(|pixels| fit_in(pixels, image, band, shape, start, part))
+    PIXELS.with_borrow_mut(|pixels| fit_in(pixels, image, band, shape, start, part, like))
 }
 
-fn fit_in(pixels: &mut BandPixels, image: &GreyView, band: &BandView, shape: &BandShape, start: (f64, f64), part: BandPart) -> Option<BandFit> {
+fn fit_in(
+    pixels: &mut BandPixels,
+    image: &GreyView,
+    band: &BandView,
+    shape: &BandShape,
+    start: (f64, f64),
+    part: BandPart,
+    like: Option<&Settled>,
+) -> Option<BandFit> {
     let white_half = shape.white_half_m * band.px_per_m;
     if white_half < LEAST_HALF_PX || band.radius_px < 0.8 {
         return None; // end-on
@@ -215,7 +244,7 @@ fn fit_in(pixels: &mut BandPixels, image: &GreyView, band: &BandView, shape: &Ba
     // Of a speck only the place and the level can be told, not its shading.
     let stiffness = if white_half < SPECK_HALF_PX { 1e4 } else { 1e-3 };
     let ridge = |level: usize| if level >= SHADING { stiffness } else { 1e-3 };
-    let black_end = white_half + (0.8 * shape.black_m * band.px_per_m).max(1.5);
+    let black_end = band.black_end(shape);
     let side = band.side_px;
     let inside = -0.3 * white_half;
     let ends = match part {
@@ -232,8 +261,8 @@ fn fit_in(pixels: &mut BandPixels, image: &GreyView, band: &BandView, shape: &Ba
         blur: 1.0 / (shape.blur_px * std::f64::consts::SQRT_2),
         black_end,
         shade: shape.shade(band),
-        levels: None,
-        scale: f64::INFINITY,
+        levels: like.map(|l| l.levels),
+        scale: like.map_or(f64::INFINITY, |l| l.scale),
     };
     let mut looked_at = start;
     let mut last_step = f64::INFINITY;
@@ -244,36 +273,33 @@ fn fit_in(pixels: &mut BandPixels, image: &GreyView, band: &BandView, shape: &Ba
             looked_at = model.middle;
             gather(pixels, image, band, looked_at, ends, side)?;
         }
-        let BandSums { jtj, jtr, weight, chi } = pixels.sums(&model);
-        // Symmetric: rows may stand for columns.
-        let (jtj, jtr) = (SMatrix::<f64, UNKNOWNS, UNKNOWNS>::from(jtj), SVector::<f64, UNKNOWNS>::from(jtr));
+        let BandSums { jtj, mut jtr, weight, chi } = pixels.sums(&model);
         if weight < 12.0 {
             return None;
         }
         let Some(levels) = &mut model.levels else {
-            let mut h = jtj.fixed_view::<LEVELS, LEVELS>(2, 2).into_owned();
+            let mut h: [[f64; LEVELS]; LEVELS] = std::array::from_fn(|i| std::array::from_fn(|k| jtj[2 + i][2 + k]));
             for i in 0..LEVELS {
-                h[(i, i)] += ridge(i);
+                h[i][i] += ridge(i);
             }
-            model.levels = Some(h.cholesky()?.solve(&jtr.fixed_rows::<LEVELS>(2).into_owned()).into());
+            model.levels = Some(Cholesky::of(&h)?.solve(std::array::from_fn(|i| jtr[2 + i])));
             continue;
         };
         let mut h = jtj;
         for i in 0..UNKNOWNS {
-            h[(i, i)] += ridge(i.saturating_sub(2));
+            h[i][i] += ridge(i.saturating_sub(2));
         }
-        let mut jtr = jtr;
         if shape.light.is_some() && model.scale.is_finite() {
             // Beyond the light the white is as bright on one side as on the other, nearly.
             let noise = model.scale / ROBUST;
             let prior = (noise / (EVENNESS * levels[0]).abs().max(1.0)).powi(2);
             for k in SHADING..LEVELS {
-                h[(2 + k, 2 + k)] += prior;
+                h[2 + k][2 + k] += prior;
                 jtr[2 + k] -= prior * levels[k];
             }
         }
-        let factor = h.cholesky()?;
-        let step = factor.solve(&jtr);
+        let factor = Cholesky::of(&h)?;
+        let step = factor.solve(jtr);
         let (dt, ds) = (step[0].clamp(-1.0, 1.0), step[1].clamp(-1.0, 1.0));
         let (t0, s0) = (t0 + dt, s0 + ds);
         model.middle = (t0, s0);
@@ -281,9 +307,8 @@ fn fit_in(pixels: &mut BandPixels, image: &GreyView, band: &BandView, shape: &Ba
             *level += change;
         }
         let black = levels[1];
-        let white_levels = [levels[0], levels[6], levels[7]];
         // The white as seen: its level where it is level, and what the shading adds on the mean of its pixels.
-        let white = [0, 6, 7].into_iter().map(|k| levels[k] * jtj[(2, 2 + k)]).sum::<f64>() / jtj[(2, 2)].max(1e-9);
+        let white = [0, 6, 7].into_iter().map(|k| levels[k] * jtj[2][2 + k]).sum::<f64>() / jtj[2][2].max(1e-9);
         if (t0 - start.0).abs() > white_half + 2.0 || (s0 - start.1).abs() > band.radius_px + 1.5 {
             return None;
         }
@@ -295,11 +320,9 @@ fn fit_in(pixels: &mut BandPixels, image: &GreyView, band: &BandView, shape: &Ba
         if size * (shrink / (1.0 - shrink)) < SETTLED_PX || round + 1 == ROUNDS {
             let variance = chi / (weight - UNKNOWNS as f64).max(1.0);
             // The first two rows and columns of the inverse, which is the product of L's inverse with itself turned over.
-            let mut shifts = SMatrix::<f64, UNKNOWNS, 2>::identity();
-            if !factor.l_dirty().solve_lower_triangular_mut(&mut shifts) {
-                return None;
-            }
-            let c = shifts.tr_mul(&shifts) * variance;
+            let [a, b] = [0, 1].map(|k| factor.solve_lower(std::array::from_fn(|i| if i == k { 1.0 } else { 0.0 })));
+            let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+            let c = Matrix2::new(product(&a, &a), product(&a, &b), product(&a, &b), product(&b, &b)) * variance;
             let turn = Matrix2::from_columns(&[band.along, band.across()]);
             let covariance = turn * c * turn.transpose();
             let sound = covariance[(0, 0)] > 0.0 && covariance[(1, 1)] > 0.0 && covariance.norm().is_finite();
@@ -309,7 +332,7 @@ fn fit_in(pixels: &mut BandPixels, image: &GreyView, band: &BandView, shape: &Ba
                 white,
                 black,
                 misfit: (variance, weight),
-                white_levels,
+                settled: Settled { levels: *levels, scale: model.scale },
             });
         }
         // Huber's weights: robust deviations (median / 0.6745) keep strings and edges behind from pulling. On a dark
@@ -333,12 +356,13 @@ fn gather(pixels: &mut BandPixels, image: &GreyView, band: &BandView, middle: (f
     let (x0, x1) = ((corner.x - half).floor() as i64, (corner.x + half).ceil() as i64);
     for y in (corner.y - half).floor() as i64..=(corner.y + half).ceil() as i64 {
         let row = usize::try_from(y).ok().and_then(|y| image.row(y));
-        let (from, to) = reached(y as f64 - band.centre.y, (middle.0, length), (middle.1, side + bowed), band);
+        let dy = y as f64 - band.centre.y;
+        let (from, to) = reached(dy, (middle.0, length), (middle.1, side + bowed), band);
         for x in from.max(x0)..=to.min(x1) {
-            let d = Vector2::new(x as f64, y as f64) - band.centre;
-            let (t, s) = (d.dot(&band.along), d.dot(&across));
+            let dx = x as f64 - band.centre.x;
+            let (t, s) = (dx * band.along.x + dy * band.along.y, dx * across.x + dy * across.y);
             let from_middle = t - middle.0;
-            if !(ends.0..=ends.1).contains(&from_middle) || (s - middle.1 - band.bend * from_middle * from_middle).abs() > side {
+            if from_middle < ends.0 || from_middle > ends.1 || (s - middle.1 - band.bend * from_middle * from_middle).abs() > side {
                 continue;
             }
             pixels.push(t, s, *row?.get(usize::try_from(x).ok()?)?);
@@ -350,17 +374,18 @@ fn gather(pixels: &mut BandPixels, image: &GreyView, band: &BandView, middle: (f
 
 /// Columns of one row that may lie on the band: |t - t0| and |s - s0| within their limits, for a row `dy` below the centre.
 fn reached(dy: f64, t: (f64, f64), s: (f64, f64), band: &BandView) -> (i64, i64) {
-    let (mut from, mut to) = (f64::NEG_INFINITY, f64::INFINITY);
+    let (mut from, mut to) = (-1e9f64, 1e9f64);
     // t = x cos + dy sin, s = -x sin + dy cos, x from the centre.
     let (cos, sin) = (band.along.x, band.along.y);
     for (slope, offset, (middle, limit)) in [(cos, dy * sin, t), (-sin, dy * cos, s)] {
         if slope.abs() > 1e-3 {
-            let (a, b) = ((middle - limit - offset) / slope, (middle + limit - offset) / slope);
+            let per_px = 1.0 / slope;
+            let (a, b) = ((middle - limit - offset) * per_px, (middle + limit - offset) * per_px);
             (from, to) = (from.max(a.min(b)), to.min(a.max(b)));
         }
     }
-    // A pixel more than needed: every pixel is still asked itself. (A cast of infinity saturates.)
-    ((from + band.centre.x).floor() as i64, (to + band.centre.x).ceil() as i64)
+    // A pixel more than needed: every pixel is still asked itself.
+    ((from + band.centre.x) as i64 - 1, (to + band.centre.x) as i64 + 1)
 }
 
 /// Error function (Abramowitz and Stegun 7.1.26, absolute error below 1.5e-7, far below a grey level).

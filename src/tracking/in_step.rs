@@ -9,6 +9,7 @@ use super::shot_tracker::{ShotSetup, ShotTracks, TrackingError, track_shot};
 use crate::calibration::CameraId;
 use crate::footage::{Clip, FrameSource};
 use nalgebra::{SMatrix, SVector, Vector2, Vector3};
+use rayon::prelude::*;
 use std::sync::atomic::AtomicBool;
 
 /// What to do about cameras that are out of step.
@@ -150,12 +151,12 @@ pub fn offset(source: &impl FrameSource, setup: &ShotSetup, tracked: &ShotTracks
             })
         })
     };
-    let all: Vec<_> = (0..source.len()).map(seen).collect();
-    let mut rows: Vec<(usize, f64, f64, f64)> = Vec::new();
-    for i in 1..source.len().saturating_sub(1) {
+    let all: Vec<_> = (0..source.len()).into_par_iter().map(seen).collect();
+    let of_frame = |i: usize| {
+        let mut rows: Vec<(usize, f64, f64, f64)> = Vec::new();
         let n = source.number(i);
         if source.number(i - 1).checked_add(1) != Some(n) || n.checked_add(1) != Some(source.number(i + 1)) {
-            continue;
+            return rows;
         }
         for target in 0..6 {
             let (Some(left), Some(right)) = (all[i][0][target], all[i][1][target]) else { continue };
@@ -169,7 +170,9 @@ pub fn offset(source: &impl FrameSource, setup: &ShotSetup, tracked: &ShotTracks
                 rows.push((target, m, motion, left.1.hypot(right.1).hypot(FLOOR_PX)));
             }
         }
-    }
+        rows
+    };
+    let rows: Vec<_> = (1..source.len().saturating_sub(1)).into_par_iter().flat_map_iter(of_frame).collect();
     solve(&rows)
 }
 

@@ -20,6 +20,7 @@ mod band;
 mod band_search;
 mod band_sums;
 mod c3d;
+mod cholesky;
 mod dltdv;
 mod export;
 mod face;

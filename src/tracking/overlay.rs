@@ -6,7 +6,7 @@
 
 use super::track_file::{SpacePoint, Target, Tracks};
 use crate::calibration::{CameraId, StereoRig};
-use crate::footage::{FootageError, FrameBuffer, FrameSource, GreyView};
+use crate::footage::{FootageError, FrameBuffer, FrameSource, GreyView, Rows};
 use image::{Rgb, RgbImage};
 use nalgebra::Vector2;
 use std::collections::BTreeMap;
@@ -73,7 +73,7 @@ impl Overlay<'_> {
         for (k, piece) in pieces.iter().enumerate() {
             let (left, top) = (k % columns * width, k / columns * height);
             let mut tile = Tile { sheet: &mut sheet, left, top, window };
-            match source.read(piece.index, camera.index(), None, &mut buffer) {
+            match source.read(piece.index, camera.index(), Rows::ALL, &mut buffer) {
                 Ok(true) => {
                     if let Some(view) = buffer.view() {
                         tile.picture(&view);
@@ -320,7 +320,7 @@ mod tests {
             10 + index as u64
         }
 
-        fn read(&self, index: usize, _: usize, _: Option<(usize, usize)>, buffer: &mut FrameBuffer) -> Result<bool, FootageError> {
+        fn read(&self, index: usize, _: usize, _: Rows, buffer: &mut FrameBuffer) -> Result<bool, FootageError> {
             buffer.put(GreyImage { width: 512, height: 512, pixels: vec![20; 512 * 512] });
             Ok(index != 4)
         }

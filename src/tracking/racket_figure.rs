@@ -85,6 +85,7 @@ impl RacketFigure {
 
     /// Global position of the visible tape's centroid for a camera at `eye` (global), and its derivative with respect to
     /// a small rotation of the racket about the global axes.
+    #[inline]
     pub fn patch_in_global(&self, marker: usize, global_from_racket: &Isometry3<f64>, eye: &Point3<f64>) -> (Point3<f64>, Matrix3<f64>) {
         let arm = global_from_racket.rotation * self.points[marker].coords;
         let centre = arm + global_from_racket.translation.vector;

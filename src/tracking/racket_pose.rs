@@ -3,10 +3,11 @@
 //! Every image point counts with its own deviation, whichever camera saw it; a marker needs no partner. Three markers
 //! that span a plane suffice. The visible tape's offset from the tube's axis is part of the model ([`RacketFigure`]).
 
+use super::cholesky::Cholesky;
 use super::racket_figure::RacketFigure;
 use super::track_file::ImagePoint;
 use crate::calibration::{CameraId, StereoRig};
-use nalgebra::{Isometry3, Matrix2x3, Matrix3, Matrix6, Point3, Rotation3, SMatrix, Translation3, UnitQuaternion, Vector2, Vector3, Vector6};
+use nalgebra::{Isometry3, Matrix2x3, Matrix3, Matrix6, Point3, Rotation3, SMatrix, Translation3, UnitQuaternion, Vector2, Vector3};
 
 /// One marker in one image: the centroid of the visible tape.
 #[derive(Debug, Clone, Copy)]
@@ -60,8 +61,9 @@ pub enum PoseError {
 #[derive(Debug, Clone)]
 pub struct View<'a> {
     pub rig: &'a StereoRig,
-    camera_from_global: [Isometry3<f64>; 2],
+    /// Pose `camera_from_global`: rotation and shift.
     rotation: [Matrix3<f64>; 2],
+    shift: [Vector3<f64>; 2],
     eye: [Point3<f64>; 2],
 }
 
@@ -69,23 +71,30 @@ impl<'a> View<'a> {
     pub fn new(rig: &'a StereoRig) -> Self {
         let camera_from_global = CameraId::BOTH.map(|c| rig.camera_from_global(c));
         let rotation = camera_from_global.map(|p| *p.rotation.to_rotation_matrix().matrix());
-        View { rig, camera_from_global, rotation, eye: CameraId::BOTH.map(|c| rig.centre(c)) }
+        let shift = camera_from_global.map(|p| p.translation.vector);
+        View { rig, rotation, shift, eye: CameraId::BOTH.map(|c| rig.centre(c)) }
     }
 
     pub fn eye(&self, camera: CameraId) -> &Point3<f64> {
         &self.eye[camera.index()]
     }
 
+    #[inline]
+    fn in_camera(&self, camera: CameraId, p: &Point3<f64>) -> Point3<f64> {
+        Point3::from(self.rotation[camera.index()] * p.coords + self.shift[camera.index()])
+    }
+
     /// Pixel of a global point; `None` behind the camera.
+    #[inline]
     pub fn project(&self, camera: CameraId, p: &Point3<f64>) -> Option<Vector2<f64>> {
-        self.rig.camera(camera).project(&(self.camera_from_global[camera.index()] * p))
+        self.rig.camera(camera).project(&self.in_camera(camera, p))
     }
 
     /// Pixel of a global point and its derivative with respect to the point.
+    #[inline]
     pub fn project_with_jacobian(&self, camera: CameraId, p: &Point3<f64>) -> Option<(Vector2<f64>, Matrix2x3<f64>)> {
-        let i = camera.index();
-        let (uv, j) = self.rig.camera(camera).project_with_jacobian(&(self.camera_from_global[i] * p))?;
-        Some((uv, j * self.rotation[i]))
+        let (uv, j) = self.rig.camera(camera).project_with_jacobian(&self.in_camera(camera, p))?;
+        Some((uv, j * self.rotation[camera.index()]))
     }
 
     /// Unit vector of the ray through a pixel, global axes; `None` where the distortion cannot be inverted.
@@ -153,38 +162,40 @@ pub fn fit_pose_in(view: &View, figure: &RacketFigure, observations: &[MarkerObs
 const MOST_CONDITION: f64 = 1e8;
 
 /// A step below this ends the fit, rad and m.
-const SETTLED: f64 = 1e-6;
+const SETTLED: f64 = 1e-5;
 
+/// Three angles, then three shifts.
 struct Normal {
-    jtj: Matrix6<f64>,
-    jtr: Vector6<f64>,
+    jtj: [[f64; 6]; 6],
+    jtr: [f64; 6],
     chi2: f64,
 }
 
 fn normal_equations(view: &View, figure: &RacketFigure, observations: &[MarkerObservation], pose: &Isometry3<f64>) -> Option<Normal> {
-    let mut n = Normal { jtj: Matrix6::zeros(), jtr: Vector6::zeros(), chi2: 0.0 };
+    let mut n = Normal { jtj: [[0.0; 6]; 6], jtr: [0.0; 6], chi2: 0.0 };
     for o in observations {
         let (p, by_rotation) = figure.patch_in_global(o.marker, pose, view.eye(o.camera));
         let (uv, by_point) = view.project_with_jacobian(o.camera, &p)?;
-        let mut j = SMatrix::<f64, 2, 6>::zeros();
-        j.fixed_view_mut::<2, 3>(0, 0).copy_from(&(by_point * by_rotation));
-        j.fixed_view_mut::<2, 3>(0, 3).copy_from(&by_point);
-        let mut r = o.point.uv - uv;
-        for i in 0..2 {
-            let w = 1.0 / o.point.sd[i];
-            r[i] *= w;
-            j.row_mut(i).scale_mut(w);
+        let turned = by_point * by_rotation;
+        for row in 0..2 {
+            let w = 1.0 / o.point.sd[row];
+            let r = w * (o.point.uv[row] - uv[row]);
+            let j: [f64; 6] = std::array::from_fn(|k| w * if k < 3 { turned[(row, k)] } else { by_point[(row, k - 3)] });
+            for i in 0..6 {
+                for k in 0..6 {
+                    n.jtj[i][k] += j[i] * j[k];
+                }
+                n.jtr[i] += j[i] * r;
+            }
+            n.chi2 += r * r;
         }
-        n.jtj += j.transpose() * j;
-        n.jtr += j.transpose() * r;
-        n.chi2 += r.norm_squared();
     }
     Some(n)
 }
 
-fn moved(pose: &Isometry3<f64>, step: &Vector6<f64>) -> Isometry3<f64> {
-    let turn = UnitQuaternion::from_scaled_axis(step.fixed_rows::<3>(0).into_owned());
-    Isometry3::from_parts(Translation3::from(pose.translation.vector + step.fixed_rows::<3>(3)), turn * pose.rotation)
+fn moved(pose: &Isometry3<f64>, [a, b, c, x, y, z]: &[f64; 6]) -> Isometry3<f64> {
+    let turn = UnitQuaternion::from_scaled_axis(Vector3::new(*a, *b, *c));
+    Isometry3::from_parts(Translation3::from(pose.translation.vector + Vector3::new(*x, *y, *z)), turn * pose.rotation)
 }
 
 fn settle(view: &View, figure: &RacketFigure, observations: &[MarkerObservation], start: Isometry3<f64>) -> Result<RacketPose, PoseError> {
@@ -196,16 +207,16 @@ fn settle(view: &View, figure: &RacketFigure, observations: &[MarkerObservation]
     for _ in 0..60 {
         let mut h = now.jtj;
         for i in 0..6 {
-            h[(i, i)] += damping * now.jtj[(i, i)].max(1e-12);
+            h[i][i] += damping * now.jtj[i][i].max(1e-12);
         }
-        let Some(step) = h.cholesky().map(|c| c.solve(&now.jtr)) else {
+        let Some(step) = Cholesky::of(&h).map(|c| c.solve(now.jtr)) else {
             damping *= 10.0;
             continue;
         };
         let next_pose = moved(&pose, &step);
-        // A hundredth of the best measurement; so near the minimum the next step would be smaller still by as much.
-        if step.norm() < SETTLED {
-            now.chi2 -= step.dot(&now.jtr);
+        // A tenth of the best measurement; so near the minimum the next step would be smaller by a thousand.
+        if step.iter().map(|s| s * s).sum::<f64>() < SETTLED * SETTLED {
+            now.chi2 -= step.iter().zip(&now.jtr).map(|(s, r)| s * r).sum::<f64>();
             pose = next_pose;
             settled = true;
             break;
@@ -223,15 +234,14 @@ fn settle(view: &View, figure: &RacketFigure, observations: &[MarkerObservation]
         return Err(PoseError::NotConverged { chi2: now.chi2, dof });
     }
     // Judge the condition with angles times the racket's size, so that all six numbers are lengths.
-    let scale: Vector6<f64> = Vector6::new(0.2, 0.2, 0.2, 1.0, 1.0, 1.0);
+    let scale: [f64; 6] = [0.2, 0.2, 0.2, 1.0, 1.0, 1.0];
     let undetermined = |condition: f64| PoseError::Undetermined { condition };
-    let covariance = now.jtj.cholesky().ok_or(undetermined(f64::INFINITY))?.inverse();
+    let covariance = Cholesky::of(&now.jtj).ok_or(undetermined(f64::INFINITY))?.inverse();
     // The traces bound the condition number from above; only where they leave it open are the eigenvalues needed.
     let trace = |f: &dyn Fn(usize) -> f64| (0..6).map(f).sum::<f64>();
-    let squared = scale.component_mul(&scale);
-    let bound = trace(&|i| now.jtj[(i, i)] / squared[i]) * trace(&|i| covariance[(i, i)] * squared[i]);
+    let bound = trace(&|i| now.jtj[i][i] / scale[i].powi(2)) * trace(&|i| covariance[i][i] * scale[i].powi(2));
     if !(bound < MOST_CONDITION) {
-        let scaled = Matrix6::from_fn(|i, j| now.jtj[(i, j)] / (scale[i] * scale[j]));
+        let scaled = Matrix6::from_fn(|i, j| now.jtj[i][j] / (scale[i] * scale[j]));
         let eigen = scaled.symmetric_eigenvalues();
         let condition = eigen.max() / eigen.min().max(f64::MIN_POSITIVE);
         if eigen.min() <= 0.0 || condition > MOST_CONDITION {
@@ -240,7 +250,7 @@ fn settle(view: &View, figure: &RacketFigure, observations: &[MarkerObservation]
     }
     let mut global_from_racket = pose;
     global_from_racket.rotation.renormalize();
-    Ok(RacketPose { global_from_racket, covariance, chi2: now.chi2, dof })
+    Ok(RacketPose { global_from_racket, covariance: covariance.into(), chi2: now.chi2, dof })
 }
 
 fn start_from_pairs(view: &View, figure: &RacketFigure, observations: &[MarkerObservation]) -> Option<Isometry3<f64>> {
@@ -290,6 +300,7 @@ pub(crate) mod tests {
     use super::super::racket_figure::tests::figure;
     use super::*;
     use crate::calibration::{Camera, RigidTransform};
+    use nalgebra::Vector6;
     use rand::{Rng, SeedableRng};
     use rand_distr::{Distribution, Normal as Gauss};
     use std::collections::BTreeMap;

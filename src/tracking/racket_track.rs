@@ -1,11 +1,11 @@
 //! Follows the racket from frame to frame: predicted windows, band fits, one pose from both cameras, honest occlusion.
 
-use super::band::{self, BandFit, BandPart, BandShape, BandView, SPECK_HALF_PX};
+use super::band::{self, BandFit, BandPart, BandShape, BandView, SPECK_HALF_PX, Settled};
 use super::racket_figure::RacketFigure;
 use super::racket_pose::{MarkerObservation, RacketPose, View, fit_pose_in};
 use super::track_file::ImagePoint;
 use crate::calibration::CameraId;
-use crate::footage::GreyView;
+use crate::footage::{GreyView, Rows};
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector2, Vector3};
 use rayon::prelude::*;
 
@@ -70,8 +70,12 @@ pub struct RacketScene<'a> {
 }
 
 impl RacketScene<'_> {
-    /// The rows (first, count) of a picture that [`measure`] looks at; `None` when a marker may be anywhere.
-    pub fn rows(&self, camera: CameraId, predicted: &Isometry3<f64>, reach_px: i32) -> Option<(usize, usize)> {
+    /// The rows of a picture that [`measure`] looks at; all when a marker may be anywhere.
+    pub fn rows(&self, camera: CameraId, predicted: &Isometry3<f64>, reach_px: i32) -> Rows {
+        self.rows_around(camera, predicted, reach_px).unwrap_or(Rows::ALL)
+    }
+
+    fn rows_around(&self, camera: CameraId, predicted: &Isometry3<f64>, reach_px: i32) -> Option<Rows> {
         let (mut top, mut bottom, mut size) = (f64::INFINITY, f64::NEG_INFINITY, 0.0f64);
         for marker in 0..self.figure.points.len() {
             let at = predicted * self.figure.points[marker];
@@ -84,7 +88,7 @@ impl RacketScene<'_> {
         let margin = size * band_m + 3.0 * f64::from(reach_px) + 8.0;
         let row = |v: f64| v.clamp(0.0, self.view.rig.image_size[1] as f64) as usize;
         let first = row((top - margin).floor());
-        Some((first, row((bottom + margin).ceil()) - first))
+        Some(Rows::span(first, row((bottom + margin).ceil()) - first))
     }
 
     /// Largest distance between a marker's images at two poses, px; infinite where one is behind a camera.
@@ -93,6 +97,81 @@ impl RacketScene<'_> {
         let all = CameraId::BOTH.into_iter().flat_map(|camera| self.figure.points.iter().map(move |marker| (camera, marker)));
         all.map(|(camera, marker)| far(camera, marker).unwrap_or(f64::INFINITY)).fold(0.0, f64::max)
     }
+}
+
+/// All bands of the five markers in two pictures.
+pub const ALL_BANDS: usize = 10;
+
+/// What each band looked like when it was seen last, by camera and marker.
+#[derive(Debug, Default, Clone)]
+pub struct KnownBands([[Option<Settled>; 5]; 2]);
+
+/// The bands of all markers as they should look at a pose, by camera and marker.
+pub struct ExpectedBands([[BandView; 5]; 2]);
+
+impl RacketScene<'_> {
+    /// `None` where a marker is behind a camera or its tube points at one.
+    pub fn expected(&self, pose: &Isometry3<f64>) -> Option<ExpectedBands> {
+        let band = |camera: CameraId, marker: usize| BandView::at(self.view, self.figure, pose, camera, marker);
+        let mut all = [[band(CameraId::Left, 0)?; 5]; 2];
+        for camera in CameraId::BOTH {
+            for marker in 0..5 {
+                all[camera.index()][marker] = band(camera, marker)?;
+            }
+        }
+        Some(ExpectedBands(all))
+    }
+}
+
+impl ExpectedBands {
+    /// The rows of both pictures that [`confirm`] looks at.
+    pub fn rows(&self, scene: &RacketScene) -> [Rows; 2] {
+        let limit = |v: f64| v.clamp(0.0, scene.view.rig.image_size[1] as f64) as usize;
+        let rows = |band: &BandView| {
+            let half = band.half_height(scene.shape) + CONFIRMED_PX + 0.5;
+            (limit((band.centre.y - half).floor()), limit((band.centre.y + half).ceil() + 1.0))
+        };
+        self.0.each_ref().map(|bands| Rows::of(bands.iter().map(rows)))
+    }
+}
+
+/// Measures a frame in which every band of both pictures is seen where and as expected: one fit each, beginning with what the band
+/// looked like before. `None` where that does not hold; [`measure`] then looks farther.
+pub fn confirm(
+    scene: &RacketScene,
+    images: &[Option<GreyView>; 2],
+    predicted: &Isometry3<f64>,
+    expected: &ExpectedBands,
+    least_contrast: &[f64; 2],
+    known: &mut Option<KnownBands>,
+) -> Option<RacketFrame> {
+    let mut fits = Vec::with_capacity(ALL_BANDS);
+    for camera in CameraId::BOTH {
+        let (image, least) = (images[camera.index()].as_ref()?, least_contrast[camera.index()]);
+        for (marker, band) in expected.0[camera.index()].iter().enumerate() {
+            let like = known.as_ref().and_then(|k| k.0[camera.index()][marker]);
+            let fit = band
+                .contrast(image, scene.shape, 0.0, 0.0)
+                .filter(|c| *c >= least)
+                .and_then(|_| band::fit(image, band, scene.shape, (0.0, 0.0), BandPart::Whole, like.as_ref()))?;
+            if !(fit.white - fit.black > least) {
+                return None;
+            }
+            fits.push((camera, marker, fit));
+        }
+    }
+    let pose = agree(scene, &mut fits, predicted)?;
+    if fits.len() < ALL_BANDS || !(scene.apart_px(&pose.global_from_racket, predicted) < CONFIRMED_PX) {
+        return None;
+    }
+    let mut now = KnownBands::default();
+    let mut points = [[None; 5]; 2];
+    for (camera, marker, f) in &fits {
+        now.0[camera.index()][*marker] = Some(f.settled);
+        points[camera.index()][*marker] = Some(image_point(f));
+    }
+    *known = Some(now);
+    Some(RacketFrame { pose, points })
 }
 
 /// Measures every marker near a predicted pose. `reach_px` is how far the prediction may be off; `least_contrast` the
@@ -157,12 +236,12 @@ fn find(scene: &RacketScene, image: &GreyView, pose: &Isometry3<f64>, camera: Ca
     let band = BandView::at(scene.view, scene.figure, pose, camera, marker)?;
     let (t, s, contrast) = band.search(image, scene.shape, reach_px)?;
     if contrast >= least_contrast {
-        let f = band::fit(image, &band, scene.shape, (t, s), BandPart::Whole)?;
+        let f = band::fit(image, &band, scene.shape, (t, s), BandPart::Whole, None)?;
         return (f.white - f.black > least_contrast).then_some(f);
     }
     // A racket seen edge-on shows the tape at its tip as a speck: fainter than a band, but its place is known from the others.
     if scene.shape.white_half_m * band.px_per_m < SPECK_HALF_PX {
-        let f = band::fit(image, &band, scene.shape, (0.0, 0.0), BandPart::Whole).filter(|_| reach_px <= 1)?;
+        let f = band::fit(image, &band, scene.shape, (0.0, 0.0), BandPart::Whole, None).filter(|_| reach_px <= 1)?;
         let sure = f.covariance.trace() < SPECK_SD_PX * SPECK_SD_PX && (f.uv - band.centre).norm() < HALF_SEEN_SHIFT_PX;
         return (f.white - f.black > least_contrast && sure).then_some(f);
     }
@@ -176,12 +255,12 @@ fn find(scene: &RacketScene, image: &GreyView, pose: &Isometry3<f64>, camera: Ca
     if contrast < least_contrast {
         return None;
     }
-    let f = band::fit(image, &band, scene.shape, (0.0, 0.0), part)?;
+    let f = band::fit(image, &band, scene.shape, (0.0, 0.0), part, None)?;
     (f.white - f.black > least_contrast && (f.uv - band.centre).norm() < HALF_SEEN_SHIFT_PX).then_some(f)
 }
 
 fn image_point(f: &BandFit) -> ImagePoint {
-    let sd = |v: f64| v.sqrt().hypot(FLOOR_SD_PX);
+    let sd = |v: f64| (v + FLOOR_SD_PX * FLOOR_SD_PX).sqrt();
     ImagePoint { uv: f.uv, sd: Vector2::new(sd(f.covariance[(0, 0)]), sd(f.covariance[(1, 1)])) }
 }
 
@@ -201,7 +280,8 @@ fn agree(scene: &RacketScene, fits: &mut Vec<(CameraId, usize, BandFit)>, start:
         for (i, o) in observations.iter().enumerate() {
             let (p, _) = scene.figure.patch_in_global(o.marker, &pose.global_from_racket, scene.view.eye(o.camera));
             let r = o.point.uv - scene.view.project(o.camera, &p)?;
-            let z = (r.x / o.point.sd.x.hypot(MODEL_TOLERANCE_PX)).hypot(r.y / o.point.sd.y.hypot(MODEL_TOLERANCE_PX));
+            let squared = |k: usize| r[k] * r[k] / (o.point.sd[k] * o.point.sd[k] + MODEL_TOLERANCE_PX * MODEL_TOLERANCE_PX);
+            let z = (squared(0) + squared(1)).sqrt();
             if worst.is_none_or(|w| z > w.1) {
                 worst = Some((i, z));
             }
@@ -237,10 +317,14 @@ pub fn settle_deviations(view: &View, figure: &RacketFigure, frames: &mut [Optio
     // By camera and marker: sum of the squared misses and their number.
     let collect = |frames: &[Option<RacketFrame>]| {
         let mut sums = [[(0.0, 0.0); 5]; 2];
-        for frame in frames.iter().flatten().filter(|f| f.stereo() && f.pose.dof >= 4) {
+        let of_frame = |frame: &RacketFrame| {
             // A fit takes its share of the scatter: that of the observations beyond the pose's six numbers is left.
             let left = frame.pose.dof as f64 / (frame.pose.dof + 6) as f64;
-            for (camera, marker, z2) in misses(frame) {
+            (left, misses(frame))
+        };
+        let of_frames: Vec<_> = frames.par_iter().flatten().filter(|f| f.stereo() && f.pose.dof >= 4).map(of_frame).collect();
+        for (left, misses) in of_frames {
+            for (camera, marker, z2) in misses {
                 let sum = &mut sums[camera][marker];
                 *sum = (sum.0 + z2.min(DOUBTFUL * DOUBTFUL) / left, sum.1 + 1.0);
             }

@@ -18,8 +18,8 @@ const WHITE: f64 = 250.0;
 pub struct Fingerprint {
     /// Number of the first row, in steps.
     first: usize,
-    /// One value per row.
-    rows: Vec<u64>,
+    /// One value per row; `None` where it was not read.
+    rows: Vec<Option<u64>>,
     /// Mean grey of these rows.
     mean: f64,
 }
@@ -29,9 +29,13 @@ impl Fingerprint {
     pub fn of(view: &GreyView) -> Self {
         let first = view.first_row.div_ceil(ROW_STEP);
         let mut rows = Vec::with_capacity(view.rows / ROW_STEP + 1);
-        let mut sum = 0u64;
+        let (mut sum, mut read) = (0u64, 0);
         for y in (first * ROW_STEP..view.first_row + view.rows).step_by(ROW_STEP) {
-            let row = view.row(y).unwrap_or_default();
+            let Some(row) = view.row(y) else {
+                rows.push(None);
+                continue;
+            };
+            read += 1;
             let mut lanes = [0xcbf2_9ce4_8422_2325u64, 0x9ae1_6a3b_2f90_404f, 0xc949_d7c7_509e_6557, 0xff51_afd7_ed55_8ccd];
             let (words, rest) = row.as_chunks::<8>();
             for four in words.chunks(4) {
@@ -42,10 +46,10 @@ impl Fingerprint {
             for byte in rest {
                 lanes[0] = (lanes[0] ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3).rotate_left(23);
             }
-            rows.push(lanes.iter().fold(0u64, |h, lane| (h ^ lane).wrapping_mul(0x0100_0000_01b3).rotate_left(23)));
+            rows.push(Some(lanes.iter().fold(0u64, |h, lane| (h ^ lane).wrapping_mul(0x0100_0000_01b3).rotate_left(23))));
             sum += u64::from(row.iter().map(|b| u32::from(*b)).sum::<u32>());
         }
-        let mean = sum as f64 / (rows.len() * view.width).max(1) as f64;
+        let mean = sum as f64 / (read * view.width).max(1) as f64;
         Fingerprint { first, rows, mean }
     }
 
@@ -57,10 +61,8 @@ impl Fingerprint {
     /// Whether two pictures are equal in all rows that both show.
     fn equals(&self, other: &Self) -> bool {
         let from = self.first.max(other.first);
-        let shared = |p: &Self| p.rows.iter().skip(from - p.first).copied().collect::<Vec<_>>();
-        let (a, b) = (shared(self), shared(other));
-        let n = a.len().min(b.len());
-        n >= LEAST_ROWS && a[..n] == b[..n]
+        let both = || self.rows.iter().skip(from - self.first).zip(other.rows.iter().skip(from - other.first)).filter_map(|(a, b)| a.zip(*b));
+        both().all(|(a, b)| a == b) && both().count() >= LEAST_ROWS
     }
 }
 

@@ -8,7 +8,7 @@ use super::racket_track::RacketFrame;
 use super::shot_frames::{PATIENCE, Shot, spread};
 use super::shot_tracker::TrackingError;
 use crate::calibration::CameraId;
-use crate::footage::{FrameBuffer, FrameSource, GreyImage};
+use crate::footage::{FrameBuffer, FrameSource, GreyImage, GreyPatch, Rows};
 use nalgebra::Point3;
 use rayon::prelude::*;
 
@@ -18,13 +18,23 @@ const BALL_BLUR_PX: f64 = 0.55;
 const LEAST_APPROACH_M: f64 = 0.06;
 /// A score (below) at which no other ball is looked for: at the racket and 0.2 m farther away before, or much farther.
 const CLEAR_SCORE: f64 = 0.13;
+/// Frames of which the pixels around the ball are kept, each way: 2 kB each, so that memory does not grow with the clip.
+const PATCHES: usize = 2000;
 /// Longest gap in the ball's track that is looked into again, frames.
 const FILLED: f64 = 6.0;
 
 /// A ball as first followed, and the mean pictures of its disc.
-#[derive(Clone)]
 struct Flight {
     frames: Vec<Option<BallFrame>>,
+    means: [MeanDisc; 2],
+    /// What both cameras saw around the ball, by frame.
+    patches: Vec<Option<[GreyPatch; 2]>>,
+}
+
+/// A ball followed one way.
+#[derive(Default)]
+struct HalfFlight {
+    frames: Vec<(usize, BallFrame, Option<[GreyPatch; 2]>)>,
     means: [MeanDisc; 2],
 }
 
@@ -32,32 +42,33 @@ impl<S: FrameSource> Shot<'_, S> {
     /// Finds the ball that meets the racket and follows it both ways.
     pub(super) fn find_and_follow_ball(&self, racket: &[Option<RacketFrame>], still: &[Option<GreyImage>; 2]) -> Result<Vec<Option<BallFrame>>, TrackingError> {
         let n = self.source.len();
-        let mut scene = BallScene {
+        let scene = BallScene {
             view: self.view,
             radius_m: self.setup.ball.radius_m(),
             limb: [LimbProfile::new(&BallShading::default(), 8.0, BALL_BLUR_PX), LimbProfile::new(&BallShading::default(), 8.0, BALL_BLUR_PX)],
             frame_rate_hz: self.setup.frame_rate_hz,
             faint: false,
         };
-        let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
-        let mut best = (f64::INFINITY, Flight { frames: vec![None; n], means: Default::default() });
+        // Places in space that may be the ball in a frame.
+        let candidates = |index: usize| -> Result<Vec<BallFrame>, TrackingError> {
+            let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
+            let images = self.read(index, &mut buffers)?;
+            let of = |c: CameraId| match (&images[c.index()], &still[c.index()], scene.radius_px(c, &self.focus)) {
+                (Some(v), Some(b), Some(r)) => ball_search::candidates(v, b, r),
+                _ => Vec::new(),
+            };
+            let (left, right) = rayon::join(|| of(CameraId::Left), || of(CameraId::Right));
+            Ok(scene.space_candidates(&images, &[left, right], &self.focus))
+        };
+        let mut best = (f64::INFINITY, Flight { frames: vec![None; n], means: Default::default(), patches: vec![None; n] });
         let mut claimed: Vec<Vec<Option<BallFrame>>> = Vec::new();
         for first in spread(n.saturating_sub(2)).into_iter().take(24) {
-            let mut frames: [Vec<BallFrame>; 3] = Default::default();
-            for (k, found) in frames.iter_mut().enumerate() {
-                let images = self.read(first + k, &mut buffers)?;
-                let of = |c: CameraId| match (&images[c.index()], &still[c.index()], scene.radius_px(c, &self.focus)) {
-                    (Some(v), Some(b), Some(r)) => ball_search::candidates(v, b, r),
-                    _ => Vec::new(),
-                };
-                let (left, right) = rayon::join(|| of(CameraId::Left), || of(CameraId::Right));
-                let candidates = [left, right];
-                *found = scene.space_candidates(&images, &candidates, &self.focus);
-                if found.is_empty() {
-                    break;
-                }
+            let now = candidates(first)?;
+            if now.is_empty() {
+                continue;
             }
-            for flight in scene.flights(&frames) {
+            let (next, last) = rayon::join(|| candidates(first + 1), || candidates(first + 2));
+            for flight in scene.flights(&[now, next?, last?]) {
                 let known = |t: &Vec<Option<BallFrame>>| t[first + 1].is_some_and(|b| (b.position - flight[1].position).norm() < 0.03);
                 if claimed.iter().any(known) {
                     continue;
@@ -75,37 +86,46 @@ impl<S: FrameSource> Shot<'_, S> {
                     // The nearest counts, then who came from farther away, then the longer track.
                     let (near_m, approach_m) = (near.max(0.15), (far - near).min(0.5));
                     let score = if far - near < LEAST_APPROACH_M { f64::INFINITY } else { near_m - 0.1 * approach_m - 1e-4 * count as f64 };
+                    claimed.push(track.frames.clone());
                     if score < best.0 {
-                        best = (score, track.clone());
+                        best = (score, track);
                     }
+                } else {
+                    claimed.push(track.frames);
                 }
-                claimed.push(track.frames);
             }
             if best.0 < CLEAR_SCORE {
                 break;
             }
         }
-        self.remeasure_ball(&mut scene, best.1, still)
+        self.remeasure_ball(scene, best.1, still)
     }
 
     /// Learns the light from the ball as first measured, then measures every frame again with it. Where the picture is as it is without
     /// a ball, there is none.
-    fn remeasure_ball(&self, scene: &mut BallScene, rough: Flight, still: &[Option<GreyImage>; 2]) -> Result<Vec<Option<BallFrame>>, TrackingError> {
-        let Flight { frames: rough, means } = rough;
+    fn remeasure_ball(&self, mut scene: BallScene, rough: Flight, still: &[Option<GreyImage>; 2]) -> Result<Vec<Option<BallFrame>>, TrackingError> {
+        let Flight { frames: rough, means, patches } = rough;
         let Some(near) = rough.iter().flatten().find(|b| b.stereo).map(|b| b.position) else { return Ok(rough) };
         scene.set_light(&means, &near, BALL_BLUR_PX);
         scene.faint = true;
         let numbers: Vec<f64> = (0..rough.len()).map(|i| self.source.number(i) as f64).collect();
-        let scene: &BallScene = scene;
+        let scene = &scene;
         let again = |buffers: &mut [FrameBuffer; 2], index: usize| {
             let expected = match &rough[index] {
                 Some(b) if b.stereo => Some((b.position, true)),
                 ball => expected_ball(&rough, &numbers, index).or(ball.map(|b| (b.position, true))),
             };
             let Some((p, within)) = expected else { return Ok((None, [None; 2])) };
-            let images = self.read_rows(index, self.ball_rows(scene, &p, 1), buffers)?;
+            let kept = patches[index].as_ref().map(|patches| patches.each_ref().map(|p| Some(p.view())));
+            let (found, images) = match kept.as_ref().and_then(|images| Some((scene.measure_close(images, &p)?, *images))) {
+                Some((found, images)) => (Some(found), images),
+                None => {
+                    let images = self.read_rows(index, self.ball_rows(scene, &p, 1), buffers)?;
+                    (scene.measure(&images, &p, 1), images)
+                }
+            };
             // Beyond the flight's ends nobody has seen a ball: there both cameras must agree.
-            let found = scene.measure(&images, &p, 1).filter(|b| within || b.stereo);
+            let found = found.filter(|b| within || b.stereo);
             let changes = CameraId::BOTH.map(|c| {
                 let (image, still, radius) = (images[c.index()].as_ref()?, still[c.index()].as_ref()?, scene.radius_px(c, &p)?);
                 ball_presence::change(image, still, &found?.points[c.index()]?.uv, radius)
@@ -120,7 +140,7 @@ impl<S: FrameSource> Shot<'_, S> {
 
     fn follow_ball(&self, scene: &BallScene, first: usize, flight: &[BallFrame; 3]) -> Result<Flight, TrackingError> {
         let n = self.source.len();
-        let mut frames = vec![None; n];
+        let (mut frames, mut patches) = (vec![None; n], vec![None; n]);
         let mut means: [MeanDisc; 2] = Default::default();
         for (k, b) in flight.iter().enumerate() {
             frames[first + k] = Some(*b);
@@ -129,13 +149,14 @@ impl<S: FrameSource> Shot<'_, S> {
             || self.follow_ball_one_way(scene, (first + 1, flight[1]), (first, flight[0]), (0..first).rev()),
             || self.follow_ball_one_way(scene, (first + 1, flight[1]), (first + 2, flight[2]), first + 3..n),
         );
-        for (some, mean) in [back?, forth?] {
-            for (index, b) in some {
+        for half in [back?, forth?] {
+            for (index, b, patch) in half.frames {
                 frames[index] = Some(b);
+                patches[index] = patch;
             }
-            means.iter_mut().zip(&mean).for_each(|(all, some)| all.add(some));
+            means.iter_mut().zip(&half.means).for_each(|(all, some)| all.add(some));
         }
-        Ok(Flight { frames, means })
+        Ok(Flight { frames, means, patches })
     }
 
     fn follow_ball_one_way(
@@ -144,32 +165,39 @@ impl<S: FrameSource> Shot<'_, S> {
         before: (usize, BallFrame),
         last: (usize, BallFrame),
         indices: impl Iterator<Item = usize>,
-    ) -> Result<(Vec<(usize, BallFrame)>, [MeanDisc; 2]), TrackingError> {
-        let mut means: [MeanDisc; 2] = Default::default();
+    ) -> Result<HalfFlight, TrackingError> {
+        let mut half = HalfFlight::default();
         let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
         let at = |i: usize| self.source.number(i) as f64;
         let (mut previous, mut last) = ((at(before.0), before.1.position), (at(last.0), last.1.position));
-        let mut out = Vec::new();
         let mut lost = 0;
         for index in indices {
             let now = at(index);
             let predicted = last.1 + (last.1 - previous.1) * ((now - last.0) / (last.0 - previous.0));
             let reach_px = (4 + 2 * lost as i32).min(12);
-            let images = self.read_rows(index, self.ball_rows(scene, &predicted, reach_px), &mut buffers)?;
+            let close = self.read_rows(index, scene.close_rows(&predicted), &mut buffers)?;
+            let (found, images) = match scene.measure_close(&close, &predicted) {
+                None => {
+                    let images = self.read_rows(index, self.ball_rows(scene, &predicted, reach_px), &mut buffers)?;
+                    (scene.measure(&images, &predicted, reach_px), images)
+                }
+                found => (found, close),
+            };
             if images.iter().all(Option::is_none) {
                 continue;
             }
-            match scene.measure(&images, &predicted, reach_px) {
+            match found {
                 Some(b) => {
                     previous = last;
                     last = (now, b.position);
                     lost = 0;
                     for camera in CameraId::BOTH {
                         if let Some(image) = &images[camera.index()] {
-                            scene.add_to_mean(&mut means[camera.index()], image, camera, &b);
+                            scene.add_to_mean(&mut half.means[camera.index()], image, camera, &b);
                         }
                     }
-                    out.push((index, b));
+                    let patches = if half.frames.len() < PATCHES { scene.patches(&images, &b) } else { None };
+                    half.frames.push((index, b, patches));
                 }
                 None => {
                     lost += 1;
@@ -179,18 +207,18 @@ impl<S: FrameSource> Shot<'_, S> {
                 }
             }
         }
-        Ok((out, means))
+        Ok(half)
     }
 
     /// The rows of each picture that measuring the ball near a place looks at: its outline may be found `reach_px` away, and
     /// the fit may move by most of a radius from there.
-    fn ball_rows(&self, scene: &BallScene, at: &Point3<f64>, reach_px: i32) -> [Option<(usize, usize)>; 2] {
+    fn ball_rows(&self, scene: &BallScene, at: &Point3<f64>, reach_px: i32) -> [Rows; 2] {
         CameraId::BOTH.map(|camera| {
-            let (uv, radius) = (self.view.project(camera, at)?, scene.radius_px(camera, at)?);
+            let (Some(uv), Some(radius)) = (self.view.project(camera, at), scene.radius_px(camera, at)) else { return Rows::ALL };
             let half = 2.0 * radius + f64::from(reach_px) + 8.0;
             let row = |v: f64| v.clamp(0.0, self.setup.rig.image_size[1] as f64) as usize;
             let first = row((uv.y - half).floor());
-            Some((first, row((uv.y + half).ceil()) - first))
+            Rows::span(first, row((uv.y + half).ceil()) - first)
         })
     }
 }

@@ -7,7 +7,7 @@ use super::racket_track::RacketScene;
 use super::recording::Fingerprint;
 use super::shot_tracker::{ShotSetup, TrackingError};
 use crate::calibration::CameraId;
-use crate::footage::{FrameBuffer, FrameSource, GreyView};
+use crate::footage::{FrameBuffer, FrameSource, GreyView, Rows};
 use nalgebra::Point3;
 use std::collections::BTreeMap;
 use std::sync::Mutex;
@@ -42,27 +42,16 @@ impl<S: FrameSource> Shot<'_, S> {
 
     /// Reads both pictures of a frame; a picture that is missing or broken is `None`.
     pub(super) fn read<'b>(&self, index: usize, buffers: &'b mut [FrameBuffer; 2]) -> Result<[Option<GreyView<'b>>; 2], TrackingError> {
-        self.read_rows(index, [None; 2], buffers)
+        self.read_rows(index, [Rows::ALL; 2], buffers)
     }
 
-    /// [`Self::read`], of each picture only the rows needed (first, count).
-    pub(super) fn read_rows<'b>(
-        &self,
-        index: usize,
-        rows: [Option<(usize, usize)>; 2],
-        buffers: &'b mut [FrameBuffer; 2],
-    ) -> Result<[Option<GreyView<'b>>; 2], TrackingError> {
+    /// [`Self::read`], of each picture only the rows needed.
+    pub(super) fn read_rows<'b>(&self, index: usize, rows: [Rows; 2], buffers: &'b mut [FrameBuffer; 2]) -> Result<[Option<GreyView<'b>>; 2], TrackingError> {
         let [l, r] = buffers;
         Ok([self.read_one(index, 0, rows[0], l)?, self.read_one(index, 1, rows[1], r)?])
     }
 
-    pub(super) fn read_one<'b>(
-        &self,
-        index: usize,
-        camera: usize,
-        rows: Option<(usize, usize)>,
-        buffer: &'b mut FrameBuffer,
-    ) -> Result<Option<GreyView<'b>>, TrackingError> {
+    pub(super) fn read_one<'b>(&self, index: usize, camera: usize, rows: Rows, buffer: &'b mut FrameBuffer) -> Result<Option<GreyView<'b>>, TrackingError> {
         self.check_cancelled()?;
         if self.stale.get(index).is_some_and(|s| s[camera]) {
             return Ok(None);
@@ -85,7 +74,7 @@ impl<S: FrameSource> Shot<'_, S> {
 
     /// Mean grey of a whole picture; `None` where it is missing.
     pub(super) fn mean_grey(&self, index: usize, camera: usize) -> Option<f64> {
-        Some(Fingerprint::of(&self.read_one(index, camera, None, &mut FrameBuffer::default()).ok()??).mean())
+        Some(Fingerprint::of(&self.read_one(index, camera, Rows::ALL, &mut FrameBuffer::default()).ok()??).mean())
     }
 
     /// Pixels per metre at the middle of the volume.

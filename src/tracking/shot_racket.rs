@@ -5,7 +5,7 @@ use super::band_search::{self, BandCandidate};
 use super::face;
 use super::racket_figure::RacketFigure;
 use super::racket_search;
-use super::racket_track::{self, RacketFrame};
+use super::racket_track::{self, ALL_BANDS, KnownBands, RacketFrame};
 use super::recording::{Fingerprint, Fingerprints};
 use super::shot_frames::{PATIENCE, Shot, spread};
 use super::shot_tracker::TrackingError;
@@ -13,8 +13,9 @@ use super::tape_light::TapeLight;
 use super::throat::ThroatEvidence;
 use super::tube_width::WidthEvidence;
 use crate::calibration::CameraId;
-use crate::footage::{FrameBuffer, FrameSource, GreyView};
+use crate::footage::{FrameBuffer, FrameSource, GreyView, Rows};
 use nalgebra::Isometry3;
+use rayon::prelude::*;
 
 /// Frames whose pictures are asked for the direction of the throat.
 const THROAT_FRAMES: usize = 8;
@@ -36,24 +37,32 @@ pub struct RacketStart {
 }
 
 impl<S: FrameSource> Shot<'_, S> {
+    /// What may be tape in the frame that is searched first; nothing where one of its pictures is missing.
+    pub(super) fn first_candidates(&self) -> Result<Option<[Vec<BandCandidate>; 2]>, TrackingError> {
+        let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
+        let first = spread(self.source.len()).first().copied().unwrap_or_default();
+        let [Some(l), Some(r)] = &self.read(first, &mut buffers)? else { return Ok(None) };
+        Ok(Some(self.band_candidates(l, r)))
+    }
+
     /// The racket in some frame, with its light and figure.
-    pub(super) fn start(&mut self) -> Result<RacketStart, TrackingError> {
-        let start = self.acquire_racket()?;
+    pub(super) fn start(&mut self, first: Option<[Vec<BandCandidate>; 2]>) -> Result<RacketStart, TrackingError> {
+        let start = self.acquire_racket(first)?;
         let start = self.light_tape(start)?;
         // One frame tells the throat's direction to a degree or two, and the bands are followed with it; several tell it better.
         let start = self.turn_throat(start)?;
         self.widen_throat(start)
     }
 
-    /// Finds the racket in some frame: the middle first, then halves, quarters, ...
-    fn acquire_racket(&self) -> Result<RacketStart, TrackingError> {
+    /// Finds the racket in some frame: the middle first (of which candidates may be known), then halves, quarters, ...
+    fn acquire_racket(&self, mut first: Option<[Vec<BandCandidate>; 2]>) -> Result<RacketStart, TrackingError> {
         let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
         let (mut searched, mut most) = (0, [0, 0]);
         for index in spread(self.source.len()) {
             let images = self.read(index, &mut buffers)?;
             let [Some(l), Some(r)] = &images else { continue };
             searched += 1;
-            let candidates = self.band_candidates(l, r);
+            let candidates = first.take().unwrap_or_else(|| self.band_candidates(l, r));
             for c in 0..2 {
                 most[c] = most[c].max(candidates[c].len());
             }
@@ -111,34 +120,43 @@ impl<S: FrameSource> Shot<'_, S> {
 
     /// The start with the throat's direction as its pictures show it.
     fn turn_throat(&mut self, start: RacketStart) -> Result<RacketStart, TrackingError> {
-        let Some(figure) = self.throat_of(&[(start.index, &start.frame)])? else { return Ok(start) };
+        let Some(figure) = self.throat_of(ThroatEvidence::wide(), &[(start.index, &start.frame)])? else { return Ok(start) };
         self.confirm_with(start, figure)
     }
 
     /// The figure with the throat's direction as the pictures of a few of these frames show it.
-    pub(super) fn throat_of(&self, frames: &[(usize, &RacketFrame)]) -> Result<Option<RacketFigure>, TrackingError> {
-        let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
-        let mut evidence = ThroatEvidence::default();
+    pub(super) fn throat_of(&self, none: ThroatEvidence, frames: &[(usize, &RacketFrame)]) -> Result<Option<RacketFigure>, TrackingError> {
         let looked_at = frames.len().min(THROAT_FRAMES);
-        for k in 0..looked_at {
+        let of_frame = |k: usize| {
             let (index, frame) = frames[k * frames.len() / looked_at];
-            let rows = CameraId::BOTH.map(|c| self.scene().rows(c, &frame.pose.global_from_racket, 1));
-            let images = self.read_rows(index, rows, &mut buffers)?;
-            evidence.add(&self.scene(), &images, frame);
-        }
+            let mut evidence = none.clone();
+            self.look_again(index, frame, |images| evidence.add(&self.scene(), images, frame)).map(|()| evidence)
+        };
+        let parts: Result<Vec<ThroatEvidence>, TrackingError> = (0..looked_at).into_par_iter().map(of_frame).collect();
+        let mut evidence = none.clone();
+        parts?.iter().for_each(|part| evidence.join(part));
         Ok(evidence.angle(&self.figure).map(|(angle, _)| self.figure.with_throat(angle)))
+    }
+
+    /// The pictures of the bands of a frame measured before.
+    fn look_again(&self, index: usize, frame: &RacketFrame, look: impl FnOnce(&[Option<GreyView>; 2])) -> Result<(), TrackingError> {
+        let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
+        let rows = CameraId::BOTH.map(|c| self.scene().rows(c, &frame.pose.global_from_racket, 1));
+        look(&self.read_rows(index, rows, &mut buffers)?);
+        Ok(())
     }
 
     /// The start with the throat's width as its pictures and the next ones show it.
     fn widen_throat(&mut self, start: RacketStart) -> Result<RacketStart, TrackingError> {
         let next = self.follow_racket_one_way(&start, (start.index + 1..self.source.len()).take(WIDTH_FRAMES - 1))?.0;
-        let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
+        let frames: Vec<(usize, &RacketFrame)> = std::iter::once((start.index, &start.frame)).chain(next.iter().map(|(i, f)| (*i, f))).collect();
+        let of_frame = |(index, frame): &(usize, &RacketFrame)| {
+            let mut evidence = WidthEvidence::default();
+            self.look_again(*index, frame, |images| evidence.add(&self.scene(), images, frame)).map(|()| evidence)
+        };
+        let parts: Result<Vec<WidthEvidence>, TrackingError> = frames.par_iter().map(of_frame).collect();
         let mut evidence = WidthEvidence::default();
-        for (index, frame) in std::iter::once((start.index, &start.frame)).chain(next.iter().map(|(i, f)| (*i, f))) {
-            let rows = CameraId::BOTH.map(|c| self.scene().rows(c, &frame.pose.global_from_racket, 1));
-            let images = self.read_rows(index, rows, &mut buffers)?;
-            evidence.add(&self.scene(), &images, frame);
-        }
+        parts?.iter().for_each(|part| evidence.join(part));
         let wider = self.figure.with_throat_width(evidence.throat_to_head());
         self.confirm_with(start, wider)
     }
@@ -203,6 +221,8 @@ impl<S: FrameSource> Shot<'_, S> {
         let mut last = (self.source.number(start.index) as f64, start.frame.pose.global_from_racket);
         let mut previous: Option<(f64, Isometry3<f64>)> = None;
         let mut prints = Vec::new();
+        // What the bands looked like, as long as all of them are seen where they are expected.
+        let mut known: Option<KnownBands> = None;
         let mut lost = 0;
         for index in indices {
             let now = self.source.number(index) as f64;
@@ -210,14 +230,24 @@ impl<S: FrameSource> Shot<'_, S> {
             let predicted = racket_track::predict(previous.as_ref().map(|p| &p.1), &last.1, previous.map_or(1.0, |p| last.0 - p.0), now - last.0);
             let reach = if previous.is_none() { 5 } else { (3 + 2 * lost as i32).min(7) };
             let expected = lost <= PATIENCE;
-            let rows = if expected { CameraId::BOTH.map(|c| scene.rows(c, &predicted, reach)) } else { [None; 2] };
-            let images = self.read_rows(index, rows, &mut buffers)?;
-            if images.iter().all(Option::is_none) {
-                continue;
+            if expected && let Some(bands) = known.as_ref().and_then(|_| scene.expected(&predicted)) {
+                let images = self.read_rows(index, bands.rows(&scene), &mut buffers)?;
+                found = racket_track::confirm(&scene, &images, &predicted, &bands, &start.least_contrast, &mut known);
+                if found.is_some() {
+                    prints.push((index, images.map(|v| v.map(|v| Fingerprint::of(&v)))));
+                }
             }
-            prints.push((index, images.map(|v| v.map(|v| Fingerprint::of(&v)))));
-            if expected {
-                found = racket_track::measure(&scene, &images, &predicted, reach, &start.least_contrast);
+            if found.is_none() {
+                known = None;
+                let rows = if expected { CameraId::BOTH.map(|c| scene.rows(c, &predicted, reach)) } else { [Rows::ALL; 2] };
+                let images = self.read_rows(index, rows, &mut buffers)?;
+                if images.iter().all(Option::is_none) {
+                    continue;
+                }
+                prints.push((index, images.map(|v| v.map(|v| Fingerprint::of(&v)))));
+                if expected {
+                    found = racket_track::measure(&scene, &images, &predicted, reach, &start.least_contrast);
+                }
             }
             if found.is_none()
                 && lost >= 2
@@ -234,6 +264,9 @@ impl<S: FrameSource> Shot<'_, S> {
             match found {
                 Some(frame) => {
                     let pose = frame.pose.global_from_racket;
+                    if frame.count() == ALL_BANDS && known.is_none() {
+                        known = Some(KnownBands::default());
+                    }
                     if !frame.stereo() {
                         // Its depth is poor: recorded, but the motion goes on from the frames before.
                         out.push((index, frame));

@@ -4,7 +4,7 @@ use super::shot_tracker::{ShotSetup, TrackingError};
 use super::spin::{BallSpin, BallView, FoundSpin, GreyPatch, SpinSettings};
 use super::track_file::{SpacePoint, Target, Tracks};
 use crate::calibration::CameraId;
-use crate::footage::{FrameBuffer, FrameSource};
+use crate::footage::{FrameBuffer, FrameSource, Rows};
 use nalgebra::{Point3, Vector2};
 use std::collections::BTreeMap;
 
@@ -87,9 +87,9 @@ fn crops(source: &impl FrameSource, setup: &ShotSetup, tracks: &Tracks, points: 
             let half = (CROP_RADII * setup.rig.camera(camera).fx * radius / in_camera.z).clamp(4.0, 400.0);
             let rows = |height: usize| {
                 let first = (seen.uv.y - half).clamp(0.0, height as f64) as usize;
-                (first, ((seen.uv.y + half + 2.0).clamp(0.0, height as f64) as usize).saturating_sub(first))
+                Rows::span(first, ((seen.uv.y + half + 2.0).clamp(0.0, height as f64) as usize).saturating_sub(first))
             };
-            if !source.read(index, camera.index(), Some(rows(setup.rig.image_size[1])), &mut buffer)? {
+            if !source.read(index, camera.index(), rows(setup.rig.image_size[1]), &mut buffer)? {
                 continue;
             }
             let Some(view) = buffer.view() else { continue };

@@ -11,6 +11,7 @@ use super::recording;
 use super::shot_frames::Shot;
 use super::space_points;
 use super::stray_ball;
+use super::throat::ThroatEvidence;
 use super::track_file::{PointState, SpacePoint, Target, TrackPoint, Tracks};
 use crate::calibration::{CameraId, StereoRig};
 use crate::equipment::{Ball, Racket};
@@ -81,7 +82,9 @@ pub fn track_shot(source: &impl FrameSource, setup: &ShotSetup, cancel: &AtomicB
     let focus = view.focus().ok_or(TrackingError::NoVolume)?;
     let shape = BandShape::default();
     let mut shot = Shot { source, setup, view: &view, figure, shape, focus, cancel, progress, stale: Vec::new(), broken: Mutex::default() };
-    let (start, (left, right)) = rayon::join(|| shot.start(), || rayon::join(|| background(source, 0), || background(source, 1)));
+    // Both cores look for tape first; then one takes the medians while the other searches on.
+    let candidates = shot.first_candidates()?;
+    let (start, (left, right)) = rayon::join(|| shot.start(candidates), || rayon::join(|| background(source, 0), || background(source, 1)));
     let (start, still) = (start?, [left?, right?]);
     let (mut racket, prints) = shot.follow_racket(&start)?;
     shot.stale = recording::repeated(&prints);
@@ -96,7 +99,7 @@ pub fn track_shot(source: &impl FrameSource, setup: &ShotSetup, cancel: &AtomicB
     }
     shot.remeasure_stale(&start, &mut racket)?;
     let seen: Vec<(usize, &RacketFrame)> = racket.iter().enumerate().filter_map(|(i, r)| Some((i, r.as_ref().filter(|r| r.stereo())?))).collect();
-    if let Some(figure) = shot.throat_of(&seen)? {
+    if let Some(figure) = shot.throat_of(ThroatEvidence::near(), &seen)? {
         shot.figure = figure;
     }
     let figure = shot.figure.clone();

@@ -10,6 +10,7 @@ use super::track_file::ImagePoint;
 use crate::calibration::CameraId;
 use crate::footage::FrameSource;
 use nalgebra::{Matrix3, Matrix3x2, Vector2, Vector3};
+use rayon::prelude::*;
 
 /// Neighbours that a point is compared with, from how far away (frames), and fewest of them.
 const NEIGHBOURS: usize = 10;
@@ -58,8 +59,8 @@ pub fn drop_strays(source: &impl FrameSource, ball: &mut [Option<BallFrame>], co
             // Worst first: a stray spoils what its neighbours are compared with.
             for _ in 0..flight.len() / 4 {
                 let points: Vec<(f64, ImagePoint)> = flight.iter().map(|f| (f.1, f.2)).collect();
-                let strays = (0..points.len()).filter_map(|k| Some((k, strayed(&points, k, least_px, bend_px)?)));
-                let Some((worst, _)) = strays.max_by(|a, b| a.1.total_cmp(&b.1)).filter(|s| s.1 > LIMIT) else { break };
+                let strays: Vec<(usize, f64)> = (0..points.len()).into_par_iter().filter_map(|k| Some((k, strayed(&points, k, least_px, bend_px)?))).collect();
+                let Some((worst, _)) = strays.into_iter().max_by(|a, b| a.1.total_cmp(&b.1)).filter(|s| s.1 > LIMIT) else { break };
                 let (index, ..) = flight.remove(worst);
                 BallFrame::forget(&mut ball[index], camera.index());
             }

@@ -64,7 +64,7 @@ impl TapeLight {
             let Some(image) = &images[camera.index()] else { continue };
             for marker in (0..5).filter(|m| frame.points[camera.index()][*m].is_some()) {
                 let Some(view) = BandView::at(scene.view, scene.figure, &frame.pose.global_from_racket, camera, marker) else { continue };
-                let Some(fit) = band::fit(image, &view, scene.shape, (0.0, 0.0), BandPart::Whole) else { continue };
+                let Some(fit) = band::fit(image, &view, scene.shape, (0.0, 0.0), BandPart::Whole, None) else { continue };
                 let shade = scene.shape.shade(&view);
                 bands += 1;
                 for q in PLACES {

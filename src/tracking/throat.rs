@@ -10,6 +10,7 @@ use super::racket_track::{RacketFrame, RacketScene};
 use crate::calibration::CameraId;
 use crate::footage::GreyView;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Directions tried, degrees either side of the tangent to the head, and their steps.
 const REACH_DEG: f64 = 24.0;
@@ -24,11 +25,16 @@ const MOST: f64 = 12.0;
 /// A direction is believed when it is known better than this, degrees.
 const LEAST_SD_DEG: f64 = 3.0;
 
+/// Steps to either side of a direction that one frame has told already.
+const NEAR: usize = 3;
+
 /// What pictures say against each direction: half of chi squared.
-#[derive(Debug, Default, Clone)]
+#[derive(Debug, Clone)]
 pub struct ThroatEvidence {
     against: [f64; TRIED],
     bands: usize,
+    /// Which directions are tried.
+    tried: Range<usize>,
 }
 
 fn tried_rad(tangent_rad: f64, k: usize) -> f64 {
@@ -36,34 +42,54 @@ fn tried_rad(tangent_rad: f64, k: usize) -> f64 {
 }
 
 impl ThroatEvidence {
+    /// Of directions as far from the figure's as a throat may run.
+    pub fn wide() -> Self {
+        ThroatEvidence { against: [0.0; TRIED], bands: 0, tried: 0..TRIED }
+    }
+
+    /// Of directions near the figure's, which has been looked for before.
+    pub fn near() -> Self {
+        ThroatEvidence { tried: TRIED / 2 - NEAR..TRIED / 2 + NEAR + 1, ..Self::wide() }
+    }
+
     /// Adds the pictures of one frame.
     pub fn add(&mut self, scene: &RacketScene, images: &[Option<GreyView>; 2], frame: &RacketFrame) {
         let Some(tangent) = scene.figure.throat_angle() else { return };
-        let figures: [RacketFigure; TRIED] = std::array::from_fn(|k| scene.figure.with_throat(tried_rad(tangent, k)));
-        for camera in CameraId::BOTH {
-            let Some(image) = &images[camera.index()] else { continue };
-            for marker in scene.figure.in_throat().filter(|m| frame.points[camera.index()][*m].is_some()) {
-                let misfit = |figure: &RacketFigure| {
-                    let band = BandView::at(scene.view, figure, &frame.pose.global_from_racket, camera, marker)?;
-                    Some(band::fit(image, &band, scene.shape, (0.0, 0.0), BandPart::Whole)?.misfit)
-                };
-                let misfits: Option<Vec<(f64, f64)>> = figures.par_iter().map(misfit).collect();
-                let Some(misfits) = misfits else { continue };
-                let least = misfits.iter().map(|m| m.0).fold(f64::INFINITY, f64::min).max(0.25);
-                for (sum, (misfit, pixels)) in self.against.iter_mut().zip(&misfits) {
-                    *sum += (0.5 * pixels / TOGETHER * (misfit.max(0.25) / least).ln()).min(MOST);
-                }
-                self.bands += 1;
+        let figures: Vec<RacketFigure> = self.tried.clone().map(|k| scene.figure.with_throat(tried_rad(tangent, k))).collect();
+        let seen: Vec<(CameraId, usize)> =
+            CameraId::BOTH.iter().flat_map(|c| scene.figure.in_throat().map(move |m| (*c, m))).filter(|(c, m)| frame.points[c.index()][*m].is_some()).collect();
+        let of_band = |&(camera, marker): &(CameraId, usize)| -> Option<Vec<f64>> {
+            let image = images[camera.index()].as_ref()?;
+            let mut misfits = Vec::with_capacity(figures.len());
+            let mut like = None;
+            for figure in &figures {
+                let band = BandView::at(scene.view, figure, &frame.pose.global_from_racket, camera, marker)?;
+                let fit = band::fit(image, &band, scene.shape, (0.0, 0.0), BandPart::Whole, like.as_ref())?;
+                misfits.push(fit.misfit);
+                like = Some(fit.settled);
             }
+            let least = misfits.iter().map(|m| m.0).fold(f64::INFINITY, f64::min).max(0.25);
+            Some(misfits.iter().map(|(misfit, pixels)| (0.5 * pixels / TOGETHER * (misfit.max(0.25) / least).ln()).min(MOST)).collect())
+        };
+        let evidence: Vec<Option<Vec<f64>>> = seen.par_iter().map(of_band).collect();
+        for against in evidence.into_iter().flatten() {
+            self.against[self.tried.clone()].iter_mut().zip(against).for_each(|(sum, a)| *sum += a);
+            self.bands += 1;
         }
+    }
+
+    /// Adds what other pictures say.
+    pub fn join(&mut self, other: &Self) {
+        self.against.iter_mut().zip(other.against).for_each(|(sum, a)| *sum += a);
+        self.bands += other.bands;
     }
 
     /// The direction from the racket's axis with its deviation, rad, if the pictures tell it.
     pub fn angle(&self, figure: &RacketFigure) -> Option<(f64, f64)> {
         let tangent = figure.throat_angle()?;
         let cost = |k: usize| self.against[k] + 0.5 * ((k as f64 * STEP_DEG - REACH_DEG) / TANGENT_SD_DEG).powi(2);
-        let best = (0..TRIED).min_by(|&a, &b| cost(a).total_cmp(&cost(b)))?;
-        if best == 0 || best + 1 == TRIED || self.bands == 0 {
+        let best = self.tried.clone().min_by(|&a, &b| cost(a).total_cmp(&cost(b)))?;
+        if best == self.tried.start || best + 1 == self.tried.end || self.bands == 0 {
             return None;
         }
         let (a, b, c) = (cost(best - 1), cost(best), cost(best + 1));

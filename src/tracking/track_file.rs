@@ -121,16 +121,14 @@ impl Tracks {
                 PointState::Occluded => "occluded",
             };
             let (frame, camera, target) = (p.frame, p.camera.name(), p.target.name());
+            write!(out, "{frame},")?;
+            [camera, ",", target, ","].iter().for_each(|word| out.push_str(word));
             match &p.point {
-                Some(ImagePoint { uv, sd }) => {
-                    write!(out, "{frame},{camera},{target},")?;
-                    for v in [uv.x, uv.y, sd.x, sd.y] {
-                        push_fixed(out, v, 4);
-                    }
-                    writeln!(out, "{state}")
-                }
-                None => writeln!(out, "{frame},{camera},{target},,,,,{state}"),
+                Some(ImagePoint { uv, sd }) => [uv.x, uv.y, sd.x, sd.y].iter().for_each(|v| push_fixed(out, *v, 4)),
+                None => out.push_str(",,,,"),
             }
+            [state, "\n"].iter().for_each(|word| out.push_str(word));
+            Ok(())
         };
         table("frame,camera,target,u,v,u_sd,v_sd,state", &self.points, row)
     }
@@ -167,11 +165,15 @@ pub fn points_to_csv(points: &[SpacePoint]) -> String {
         let (x, s) = (p.position, p.sd);
         write!(out, "{},", p.frame)?;
         push_fixed(out, p.t, 9);
-        write!(out, "{},", p.target.name())?;
+        [p.target.name(), ","].iter().for_each(|word| out.push_str(word));
         for v in [x.x, x.y, x.z, s.x, s.y, s.z] {
             push_fixed(out, v, 7);
         }
-        writeln!(out, "{:.4}", p.residual_px)
+        push_fixed(out, p.residual_px, 4);
+        // The last number ends the line, not with a comma.
+        out.pop();
+        out.push('\n');
+        Ok(())
     };
     table("frame,t,target,x,y,z,x_sd,y_sd,z_sd,residual_px", points, row)
 }
@@ -203,7 +205,7 @@ fn push_fixed(out: &mut String, value: f64, decimals: u32) {
     if value.is_sign_negative() {
         out.push('-');
     }
-    out.extend(digits[at..].iter().map(|d| char::from(*d)));
+    out.push_str(std::str::from_utf8(&digits[at..]).unwrap_or_default());
     out.push(',');
 }
 

@@ -38,8 +38,11 @@ impl WidthEvidence {
             let image = images[camera.index()].as_ref()?;
             let band = BandView::at(scene.view, scene.figure, &frame.pose.global_from_racket, camera, marker)?;
             let mut misfits = [(0.0, 0.0); TRIED.len()];
+            let mut like = None;
             for (misfit, by) in misfits.iter_mut().zip(TRIED) {
-                *misfit = band::fit(image, &band.widened(by), scene.shape, (0.0, 0.0), BandPart::Whole)?.misfit;
+                let fit = band::fit(image, &band.widened(by), scene.shape, (0.0, 0.0), BandPart::Whole, like.as_ref())?;
+                *misfit = fit.misfit;
+                like = Some(fit.settled);
             }
             let least = misfits.iter().map(|m| m.0).fold(f64::INFINITY, f64::min).max(0.25);
             Some(misfits.map(|(misfit, pixels)| (0.5 * pixels / TOGETHER * (misfit.max(0.25) / least).ln()).min(MOST)))
@@ -49,6 +52,13 @@ impl WidthEvidence {
             let group = usize::from(scene.figure.in_throat().any(|m| m == *marker));
             let Some(against) = against else { continue };
             self.against[group].iter_mut().zip(against).for_each(|(sum, a)| *sum += a);
+        }
+    }
+
+    /// Adds what other pictures say.
+    pub fn join(&mut self, other: &Self) {
+        for (all, some) in self.against.iter_mut().zip(&other.against) {
+            all.iter_mut().zip(some).for_each(|(sum, a)| *sum += a);
         }
     }
 

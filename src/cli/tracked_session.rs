@@ -2,7 +2,7 @@
 
 use super::Shell;
 use super::error::CliError;
-use super::track::throat_width;
+use super::track::{SeenThroat, seen_throat};
 use crate::calibration::{CalibrationError, StereoRig};
 use crate::equipment::Racket;
 use crate::kinematics::{MeasureSettings, TapeErrors};
@@ -65,18 +65,22 @@ impl TrackedSession {
 
 /// What the tracks of the session say about each racket's tape. Damaged tracks are named when their shot is measured.
 fn tapes(session: &Session, rig: &StereoRig, results: &Path) -> BTreeMap<String, TapeErrors> {
-    let mut by_racket: BTreeMap<&str, (&Racket, Vec<Tracks>, Vec<f64>)> = BTreeMap::new();
+    let mut by_racket: BTreeMap<&str, (&Racket, Vec<Tracks>, Vec<SeenThroat>)> = BTreeMap::new();
     for shot in &session.shots {
         let place = results.join("shots").join(&shot.id);
         let Ok(tracks) = Tracks::read(&place.join("tracks.csv")) else { continue };
-        let (_, all, widths) = by_racket.entry(&shot.racket.name).or_insert((&shot.racket, Vec::new(), Vec::new()));
+        let (_, all, throats) = by_racket.entry(&shot.racket.name).or_insert((&shot.racket, Vec::new(), Vec::new()));
         all.push(tracks);
-        widths.extend(throat_width(&place));
+        throats.extend(seen_throat(&place));
     }
-    let of = |(racket, tracks, widths): (&Racket, Vec<Tracks>, Vec<f64>)| {
-        let figure = RacketFigure::of(racket)?;
-        let seen = if widths.is_empty() { figure } else { figure.with_throat_width(widths.iter().sum::<f64>() / widths.len() as f64) };
-        Some(TapeErrors::of(rig, &seen, &tracks.iter().collect::<Vec<_>>()))
+    let of = |(racket, tracks, throats): (&Racket, Vec<Tracks>, Vec<SeenThroat>)| {
+        let (figure, tracks) = (RacketFigure::of(racket)?, tracks.iter().collect::<Vec<_>>());
+        if throats.is_empty() {
+            return Some(TapeErrors::of(rig, &figure, &tracks));
+        }
+        let mean = |of: fn(&SeenThroat) -> f64| throats.iter().map(of).sum::<f64>() / throats.len() as f64;
+        let seen = figure.with_throat(mean(|t| t.angle_deg).to_radians()).with_throat_width(mean(|t| t.width));
+        Some(TapeErrors::of_seen_throat(rig, &seen, &tracks))
     };
     by_racket.into_iter().filter_map(|(name, racket)| Some((name.to_owned(), of(racket)?))).collect()
 }

@@ -47,9 +47,9 @@ impl TapeErrors {
         TapeErrors { throat_angle_rad: None, throat_width: None, shot_px: EXPECTED_PX, shared_px: EXPECTED_PX }
     }
 
-    /// From the tracks of shots with one racket; `figure` has the throat's width, which pictures tell and tracks do not.
+    /// From the tracks of shots with one racket; the throat's direction is that which leaves least, its width is the figure's.
     pub fn of(rig: &StereoRig, figure: &RacketFigure, shots: &[&Tracks]) -> Self {
-        let picked: Vec<Vec<Vec<MarkerObservation>>> = evenly(shots.len(), SHOTS).map(|i| frames(shots[i])).filter(|f| !f.is_empty()).collect();
+        let picked = pick(shots);
         if picked.is_empty() {
             return Self::expected();
         }
@@ -68,9 +68,20 @@ impl TapeErrors {
             tangent.map(|_| least(&ANGLES_DEG.map(|k| (f64::from(k) * ANGLE_STEP_DEG).to_radians()).map(|a| (a, cost(a))).collect::<Vec<_>>()));
         // To half a degree, so that one more shot does not change every other.
         let throat_angle_rad = throat_angle_rad.map(|a| (2.0 * a.to_degrees()).round().to_radians() / 2.0);
-        let left = residuals(throat_angle_rad.unwrap_or(0.0));
+        Self::of_seen_throat(rig, &throat_angle_rad.map_or_else(|| figure.clone(), |angle| figure.with_throat(angle)), shots)
+    }
+
+    /// The same for a figure whose throat is as the pictures of its shots show it, which tells its direction and width better than tracks do.
+    pub fn of_seen_throat(rig: &StereoRig, figure: &RacketFigure, shots: &[&Tracks]) -> Self {
+        let picked = pick(shots);
+        let known = TapeErrors { throat_angle_rad: figure.throat_angle(), throat_width: figure.throat_width(), ..Self::expected() };
+        if picked.is_empty() {
+            return known;
+        }
+        let view = View::new(rig);
+        let left: Vec<Bands> = picked.par_iter().map(|shot| mean_residuals(&view, figure, shot)).collect();
         let (shot_px, shared_px) = spread(&left);
-        TapeErrors { throat_angle_rad, throat_width: figure.throat_width(), shot_px, shared_px }
+        TapeErrors { shot_px, shared_px, ..known }
     }
 }
 
@@ -81,6 +92,11 @@ type Bands = BTreeMap<(usize, usize), Vector2<f64>>;
 fn evenly(n: usize, most: usize) -> impl Iterator<Item = usize> {
     let count = n.min(most);
     (0..count).map(move |k| k * n / count.max(1))
+}
+
+/// Some frames of some shots.
+fn pick(shots: &[&Tracks]) -> Vec<Vec<Vec<MarkerObservation>>> {
+    evenly(shots.len(), SHOTS).map(|i| frames(shots[i])).filter(|f| !f.is_empty()).collect()
 }
 
 /// The frames of a shot that show nearly every band.

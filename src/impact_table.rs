@@ -44,10 +44,21 @@ pub const OUTPUTS: [&str; 13] = [
 
 /// Errors that all impacts of a session share, as the columns `face_turn_x_sd` ... state them: turn of the face's axes (rad) and
 /// shift of the stringbed centre (m), because tape is seen off its middle by the same fraction of a pixel in every shot; shift
-/// of the stated balance point along x (m); and of the contact time (s), whose end the pictures do not show. Not noise of a
-/// single impact, and not physics either.
-pub const SHARED: [&str; 8] =
-    ["face_turn_x", "face_turn_y", "face_turn_z", "face_shift_x", "face_shift_y", "face_shift_z", "balance_shift", "contact_time_shift"];
+/// of the stated balance point along x (m); of the contact time (s), whose end the pictures do not show; and of each component of
+/// the velocities and the racket's rates, and of the ball's spins, in proportion to it (relative). Not noise of a single impact,
+/// and not physics either.
+pub const SHARED: [&str; 10] = [
+    "face_turn_x",
+    "face_turn_y",
+    "face_turn_z",
+    "face_shift_x",
+    "face_shift_y",
+    "face_shift_z",
+    "balance_shift",
+    "contact_time_shift",
+    "speed_scale",
+    "spin_scale",
+];
 
 /// Unit of a column of [`INPUTS`], [`OUTPUTS`] or [`SHARED`].
 pub fn unit(column: &str) -> &'static str {
@@ -56,6 +67,7 @@ pub fn unit(column: &str) -> &'static str {
         c if c.starts_with("face_turn") => "rad",
         c if c.starts_with("face_shift") || c == "balance_shift" => "m",
         "contact_time_shift" => "s",
+        "speed_scale" | "spin_scale" => "",
         "grip_torque" => "N m",
         "contact_time" => "s",
         c if c.contains("_w") => "rad/s",

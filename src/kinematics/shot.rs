@@ -8,7 +8,7 @@ use super::face_pose::face_pose_sd;
 use super::least_squares::chi2_tail_3;
 use super::marker_distance::{MarkerDistance, marker_distances, mismatch_remark};
 use super::shot_motion::{BENDS_P, MeasureSettings, ShotMotion, measure_motion};
-use super::shot_state::{BALANCE_SD_M, LEAVING_FLAT_SD_S, SpinVector, UncertainShot};
+use super::shot_state::{BALANCE_SD_M, LEAVING_FLAT_SD_S, SPEED_SCALE_SD, SPIN_SCALE_SD, SpinVector, UncertainShot};
 use super::space_points::{on_rigid_racket, space_points};
 use super::thesis_path::{ThesisShot, thesis_shot};
 use crate::calibration::{CalibrationSpread, StereoRig};
@@ -326,7 +326,7 @@ impl Shot {
             row.set(name, self.quantities.get(name).map(|q| Measured { value: q.value, sd: Some(q.sd) }));
         }
         let pose = self.face_pose_sd.map_or([None; 6], |sd| sd.map(Some));
-        let shared = pose.into_iter().chain([Some(BALANCE_SD_M), Some(LEAVING_FLAT_SD_S)]);
+        let shared = pose.into_iter().chain([BALANCE_SD_M, LEAVING_FLAT_SD_S, SPEED_SCALE_SD, SPIN_SCALE_SD].map(Some));
         row.shared_sd.iter_mut().zip(shared).for_each(|(cell, sd)| *cell = sd);
         row.groups = self.groups.iter().cloned().collect();
         row

@@ -26,6 +26,9 @@ pub const GRAVITY_M_S2: f64 = 9.80665;
 /// Change of a band's image error while the racket turns by a radian, as a multiple of that error: other sides of the tape
 /// come into view. (On tracked pictures with known truth 0.06 to 0.16 px per radian where the error is 0.06 px.)
 const TAPE_CHANGE_PER_RAD: f64 = 2.0;
+/// How much that change bends, per squared radian: half a radian on a band is seen quite anew. (On tracked pictures with known
+/// truth 0.15 to 0.35 px per squared radian, 3 to 8 times the error.)
+const TAPE_BEND_PER_RAD2: f64 = 3.0;
 /// A racket never turns slower than this for the purpose, rad/s: what is seen of a band also changes by itself.
 const SLOWEST_TURN: f64 = 10.0;
 
@@ -58,7 +61,7 @@ impl MeasureSettings {
             window_s: 0.030,
             axes_known: true,
             air_odds: 1.0,
-            ball_error: CommonError { constant_px: 0.05, drift_px_s: 2.0 },
+            ball_error: CommonError { constant_px: 0.05, drift_px_s: 3.0, bend_px_s2: 0.0 },
             tape: TapeErrors::expected(),
             impact_frame: None,
         }
@@ -68,7 +71,8 @@ impl MeasureSettings {
     pub fn tape_error(&self, rate_rad_s: f64) -> CommonError {
         // What all shots share is an error of this shot too, whatever is stated beside it for those who look at many.
         let constant_px = self.tape.shot_px.hypot(self.tape.shared_px);
-        CommonError { constant_px, drift_px_s: TAPE_CHANGE_PER_RAD * constant_px * rate_rad_s.max(SLOWEST_TURN) }
+        let turn = rate_rad_s.max(SLOWEST_TURN);
+        CommonError { constant_px, drift_px_s: TAPE_CHANGE_PER_RAD * constant_px * turn, bend_px_s2: TAPE_BEND_PER_RAD2 * constant_px * turn * turn }
     }
 
     pub fn gravity(&self) -> Vector3<f64> {

@@ -22,9 +22,10 @@ const ANGLES_DEG: std::ops::RangeInclusive<u32> = 1..=16;
 const ANGLE_STEP_DEG: f64 = 4.0;
 /// How far the throat of a racket may run from the tangent to its head, degrees (one deviation).
 const ANGLE_SD_DEG: f64 = 15.0;
-/// Error of a band that is expected before anything was seen, px, and how many residuals that is worth.
+/// Error of a band that is expected before anything was seen, px, and how many residuals that is worth: a session's own twenty
+/// mean residuals know better (worth five of them, a shared error of 0.03 px was stated as 0.05).
 const EXPECTED_PX: f64 = 0.10;
-const EXPECTED_WORTH: f64 = 5.0;
+const EXPECTED_WORTH: f64 = 1.0;
 /// A band this many expected errors off is somebody's hand or another mistake: it counts no more than this.
 const MOST: f64 = 4.0;
 

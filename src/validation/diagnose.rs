@@ -159,7 +159,7 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
     if diagnosis.verdict == Verdict::Unexplained
         && !told_otherwise
         && !told_by_formula
-        && (!smooth || is_noise_alone(&held_base, c.sqrt(), diagnosis.structure.residual_freedom))
+        && (!smooth || is_noise_alone(&held_base, &base, c.sqrt(), diagnosis.structure.residual_freedom))
     {
         diagnosis.verdict = Verdict::Adequate;
         diagnosis.notes.push(if smooth {

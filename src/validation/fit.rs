@@ -12,9 +12,13 @@ use super::linearise::{Linearised, Setting, Spread, linearise};
 use super::observation::{Observation, Observations};
 use super::predicted::{PIECE, difference};
 use super::project::add_cross;
-use super::session_shift::{SessionShift, shared_inputs, shared_outputs};
+use super::session_shift::{ACROSS_COLUMNS, SessionShift, relative_sd, shared_inputs, shared_outputs};
+use crate::impact_table::{INPUTS, OUTPUTS};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
+
+/// An error in proportion that is smaller than this share of a column's deviation is not fitted: a racket at rest has none.
+const SEEN: f64 = 0.05;
 
 #[derive(Debug, Clone)]
 pub struct FitOptions {
@@ -35,12 +39,14 @@ impl Default for FitOptions {
     }
 }
 
-/// A column of the design: a free parameter, an offset, or an error that a session shares (order of `SHARED`).
+/// A column of the design: a free parameter, an offset, an error in proportion, or one that a session shares (order of `SHARED`).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Column {
     Parameter(usize),
     Offset { session: usize, input: usize },
     OutputOffset { session: usize, output: usize },
+    InputScale { session: usize, input: usize },
+    OutputScale { session: usize, output: usize },
     Shared { session: usize, component: usize },
 }
 
@@ -78,6 +84,12 @@ impl Fit {
     /// Measured numbers in the fit.
     pub fn count(&self) -> usize {
         self.impacts.iter().map(|l| l.z.len()).sum()
+    }
+
+    /// Variance that the fit's own uncertainty adds to a prediction, relative to the noise: mean leverage of the impacts it saw.
+    pub fn own_uncertainty(&self) -> f64 {
+        let told: f64 = (0..self.columns.len()).map(|i| 1.0 - self.prior_precision[i] * self.covariance[(i, i)]).sum();
+        told.max(0.0) / self.count().max(1) as f64
     }
 
     /// Deviation of a free parameter at noise scale `c` (variance ratio); 0 when it did not move or nothing informs it.
@@ -149,6 +161,8 @@ pub fn fit(
             Column::Parameter(p) => values[p],
             Column::Offset { session, input } => start.map_or(0.0, |s| s.fit.shifts[session].offsets[input]),
             Column::OutputOffset { session, output } => start.map_or(0.0, |s| s.fit.shifts[session].output_offsets[output]),
+            Column::InputScale { session, input } => start.map_or(0.0, |s| s.fit.shifts[session].input_scales[input]),
+            Column::OutputScale { session, output } => start.map_or(0.0, |s| s.fit.shifts[session].output_scales[output]),
             Column::Shared { session, component } => start.map_or(0.0, |s| s.fit.shifts[session].shared[component]),
         };
     }
@@ -256,7 +270,24 @@ impl<'a> Work<'a> {
                     mean.push(0.0);
                 }
             }
-            for (component, sd) in observations.shared_sd(session).iter().enumerate().filter(|(_, sd)| **sd > 0.0) {
+            let shared = observations.shared_sd(session);
+            let (inputs, outputs) = observations.typical_sizes(session);
+            let scale = |column: &str, size: f64, own: f64| Some(relative_sd(column, &shared)).filter(|sd| *sd > 0.0 && sd * size > SEEN * own);
+            for (input, own) in sd.iter().enumerate() {
+                if let Some(sd) = scale(INPUTS[input], inputs[input], *own) {
+                    columns.push(Column::InputScale { session, input });
+                    precision.push(sd.powi(-2));
+                    mean.push(0.0);
+                }
+            }
+            for (output, own) in observations.shared_output_sd(session).iter().enumerate() {
+                if let Some(sd) = scale(OUTPUTS[output], outputs[output], *own) {
+                    columns.push(Column::OutputScale { session, output });
+                    precision.push(sd.powi(-2));
+                    mean.push(0.0);
+                }
+            }
+            for (component, sd) in shared[..ACROSS_COLUMNS].iter().enumerate().filter(|(_, sd)| **sd > 0.0) {
                 columns.push(Column::Shared { session, component });
                 precision.push(sd.powi(-2));
                 mean.push(0.0);
@@ -273,6 +304,8 @@ impl<'a> Work<'a> {
                 Column::Parameter(p) => values[p] = *value,
                 Column::Offset { session, input } => shifts[session].offsets[input] = *value,
                 Column::OutputOffset { session, output } => shifts[session].output_offsets[output] = *value,
+                Column::InputScale { session, input } => shifts[session].input_scales[input] = *value,
+                Column::OutputScale { session, output } => shifts[session].output_scales[output] = *value,
                 Column::Shared { session, component } => shifts[session].shared[component] = *value,
             }
         }
@@ -331,9 +364,17 @@ impl<'a> Work<'a> {
                         Column::Offset { session, input } if session == o.session && o.input_sd[input] > 0.0 => {
                             a.set_column(c, &(-l.jacobian.column(input)));
                         }
+                        Column::InputScale { session, input } if session == o.session => {
+                            a.set_column(c, &(l.jacobian.column(input) * -o.inputs[input]));
+                        }
                         Column::OutputOffset { session, output } if session == o.session => {
                             if let Some(row) = o.measured.iter().position(|k| *k == output) {
                                 a[(row, c)] = 1.0;
+                            }
+                        }
+                        Column::OutputScale { session, output } if session == o.session => {
+                            if let Some(row) = o.measured.iter().position(|k| *k == output) {
+                                a[(row, c)] = o.outputs[row];
                             }
                         }
                         Column::Shared { session, component } if session == o.session => {
@@ -341,7 +382,7 @@ impl<'a> Work<'a> {
                                 a.set_column(c, &(&outputs[component] - &l.jacobian * DVector::from_column_slice(&inputs[component])));
                             }
                         }
-                        Column::Offset { .. } | Column::OutputOffset { .. } | Column::Shared { .. } => {}
+                        _ => {}
                     }
                 }
                 &l.whitener * a

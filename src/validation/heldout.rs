@@ -31,11 +31,12 @@ pub fn error_of(impacts: &[Linearised]) -> f64 {
     if count == 0 { 0.0 } else { (sum / count as f64).sqrt() }
 }
 
-/// Whether the error on held-out impacts is that of noise alone, within two deviations of their ratio: each is known to
-/// 1/√2N of it, the floor from the `floor_freedom` degrees of freedom that it was estimated from.
-pub fn is_noise_alone(impacts: &[Linearised], floor: f64, floor_freedom: f64) -> bool {
+/// Whether the error on held-out impacts is that of noise and of what `fit` could know alone, within two deviations of their
+/// ratio: each is known to 1/√2N of it, the floor from the `floor_freedom` degrees of freedom that it was estimated from.
+pub fn is_noise_alone(impacts: &[Linearised], fit: &Fit, floor: f64, floor_freedom: f64) -> bool {
     let count: usize = impacts.iter().map(|l| l.z.len()).sum();
-    count > 0 && error_of(impacts) <= floor * (1.0 + 2.0 * (0.5 / count as f64 + 0.5 / floor_freedom.max(1.0)).sqrt())
+    let expected = floor * (1.0 + fit.own_uncertainty()).sqrt();
+    count > 0 && error_of(impacts) <= expected * (1.0 + 2.0 * (0.5 / count as f64 + 0.5 / floor_freedom.max(1.0)).sqrt())
 }
 
 /// The held-out error of a fit.

@@ -276,6 +276,11 @@ impl Observations {
         }
     }
 
+    /// Whether the table states what its shots share: they come from one calibration.
+    pub fn is_footage(&self) -> bool {
+        self.impacts.iter().any(|o| o.shared_sd.iter().any(|sd| *sd > 0.0))
+    }
+
     /// The impacts of one side of the split.
     pub fn side(&self, held_out: bool) -> Vec<&Observation> {
         self.impacts.iter().filter(|o| o.held_out == held_out).collect()
@@ -298,6 +303,17 @@ impl Observations {
     /// Median stated deviation of what a session shares, order of [`SHARED`].
     pub fn shared_sd(&self, session: usize) -> [f64; SHARED.len()] {
         std::array::from_fn(|k| self.median(session, |o| Some(o.shared_sd[k])))
+    }
+
+    /// Root-mean-square value of every measured input and output in a session.
+    pub fn typical_sizes(&self, session: usize) -> (Inputs, Outputs) {
+        let rms = |of: &dyn Fn(&Observation) -> Option<f64>| {
+            let values: Vec<f64> = self.impacts.iter().filter(|o| o.session == session).filter_map(of).collect();
+            (values.iter().map(|v| v * v).sum::<f64>() / values.len().max(1) as f64).sqrt()
+        };
+        let input = |j: usize| rms(&|o| Some(o.inputs[j]).filter(|_| !o.missing[j]));
+        let output = |k: usize| rms(&|o| o.measured.iter().position(|m| *m == k).map(|row| o.outputs[row]));
+        (std::array::from_fn(input), std::array::from_fn(output))
     }
 
     fn median(&self, session: usize, of: impl Fn(&Observation) -> Option<f64>) -> f64 {

@@ -121,6 +121,11 @@ pub fn add_cross(sum: &mut DMatrix<f64>, a: &DMatrix<f64>, b: &DMatrix<f64>) {
 }
 
 impl Projected {
+    /// What is left of an impact's signatures, outputs × terms.
+    pub fn left(&self, impact: usize) -> &DMatrix<f64> {
+        &self.left[impact]
+    }
+
     /// The quadratic form of the terms `which`: their best joint gain in chi-square and the strengths that reach it.
     /// `None` when they cannot be told apart here (condition number above 1e6).
     pub fn joint(&self, which: &[usize]) -> Option<(f64, DVector<f64>)> {

@@ -54,8 +54,7 @@ pub fn share_removed(before: f64, after: f64) -> f64 {
 
 /// The excess of a structure test at another noise scale than its own: the chi-square beyond what noise of scale c leaves.
 pub fn excess_at(test: &StructureTest, c: f64) -> f64 {
-    let chi2 = test.statistic + test.noise_scale * test.residual_freedom;
-    (chi2 / c - test.rank as f64 - test.residual_freedom).max(0.0)
+    ((test.statistic + test.residual_chi2) / c - test.rank as f64 - test.residual_freedom).max(0.0)
 }
 
 /// Starting strengths of a pair: from the joint score where there is one, else typical halves.
@@ -458,7 +457,17 @@ mod tests {
 
     #[test]
     fn truth_excess_counts_what_noise_of_the_scale_does_not_explain() {
-        let test = StructureTest { statistic: 300.0, rank: 100, p_value: 0.0, noise_scale: 1.0, residual_freedom: 900.0, excess: 200.0, seed: 1 };
+        let test = StructureTest {
+            statistic: 300.0,
+            rank: 100,
+            p_value: 0.0,
+            noise_scale: 1.0,
+            noise_by_group: Vec::new(),
+            residual_chi2: 900.0,
+            residual_freedom: 900.0,
+            excess: 200.0,
+            seed: 1,
+        };
         assert_eq!(excess_at(&test, 1.0), 200.0);
         // Noise of twice the variance explains it all.
         assert_eq!(excess_at(&test, 2.0), 0.0);

@@ -1,5 +1,5 @@
-//! What all impacts of a session share: an offset of each measured input (of footage: of each output too), the error of the
-//! racket face's own axes, of its balance point and of the contact's end.
+//! What all impacts of a session share: an offset of each measured input (of footage: of each output too, and an error of both in
+//! proportion to what is measured), the error of the racket face's own axes, of its balance point and of the contact's end.
 //!
 //! Every vector of the impacts table is resolved along axes that come from tape on the frame. Where the tape's middle lies
 //! a fraction of a pixel from its image's, those axes are turned and shifted, by the same amount in every shot of a session
@@ -34,6 +34,20 @@ const POSITION: usize = 12;
 const FACE: usize = 6;
 const BALANCE: usize = 6;
 const CONTACT_TIME: usize = 7;
+/// Errors in proportion: of velocities and the racket's rates, of the ball's spins.
+const SPEED_SCALE: usize = 8;
+const SPIN_SCALE: usize = 9;
+/// Those whose effect on a row is told by [`shared_inputs`] and [`shared_outputs`]; the others act column by column.
+pub const ACROSS_COLUMNS: usize = SPEED_SCALE;
+
+/// Which of a session's shared deviations (order of [`SHARED`]) is the relative error of a column.
+pub fn relative_sd(column: &str, shared_sd: &[f64; SHARED.len()]) -> f64 {
+    match column {
+        c if c.starts_with("ball_") && c.contains("_w") => shared_sd[SPIN_SCALE],
+        c if c.contains("_v") || c.contains("_w") => shared_sd[SPEED_SCALE],
+        _ => 0.0,
+    }
+}
 
 /// The shared errors of one session.
 #[derive(Debug, Clone, Default)]
@@ -42,6 +56,9 @@ pub struct SessionShift {
     pub offsets: Inputs,
     /// Order of [`OUTPUTS`].
     pub output_offsets: Outputs,
+    /// Errors in proportion to the measured value, order of [`INPUTS`] and [`OUTPUTS`].
+    pub input_scales: Inputs,
+    pub output_scales: Outputs,
     /// Order of [`SHARED`]: rad, m.
     pub shared: [f64; SHARED.len()],
 }
@@ -53,7 +70,7 @@ impl SessionShift {
 
     /// The measured inputs with what the session shares taken out.
     pub fn inputs_of(&self, o: &Observation, gear: &Gear) -> Inputs {
-        let mut inputs: Inputs = std::array::from_fn(|j| o.inputs[j] - self.offsets[j]);
+        let mut inputs: Inputs = std::array::from_fn(|j| o.inputs[j] * (1.0 - self.input_scales[j]) - self.offsets[j]);
         if self.any_shared() {
             for (by, moved) in self.shared.iter().zip(shared_inputs(o, gear)) {
                 inputs.iter_mut().zip(moved).for_each(|(x, m)| *x -= by * m);
@@ -64,7 +81,7 @@ impl SessionShift {
 
     /// The measured outputs with what the session shares taken out; order of `o.measured`.
     pub fn outputs_of(&self, o: &Observation, gear: &Gear) -> DVector<f64> {
-        let mut outputs = DVector::from_iterator(o.measured.len(), o.outputs.iter().zip(&o.measured).map(|(y, &k)| y - self.output_offsets[k]));
+        let mut outputs = DVector::from_iterator(o.measured.len(), o.outputs.iter().zip(&o.measured).map(|(y, &k)| y * (1.0 - self.output_scales[k]) - self.output_offsets[k]));
         if self.any_shared() {
             for (by, moved) in self.shared.iter().zip(shared_outputs(o, gear)) {
                 outputs.axpy(-by, &moved, 1.0);
@@ -166,6 +183,7 @@ mod tests {
     #[test]
     fn truth_the_layout_of_the_shared_errors_is_that_of_the_table() {
         assert_eq!((SHARED[FACE - 1], SHARED[BALANCE], SHARED[CONTACT_TIME]), ("face_shift_z", "balance_shift", "contact_time_shift"));
+        assert_eq!((SHARED[SPEED_SCALE], SHARED[SPIN_SCALE]), ("speed_scale", "spin_scale"));
         assert_eq!((INPUTS[POSITION], OUTPUTS[OUTPUTS.len() - 1]), ("impact_x", "contact_time"));
         assert_eq!((INPUTS[6], INPUTS[9], OUTPUTS[6], OUTPUTS[9]), ("racket_in_vx", "racket_in_wx", "racket_out_vx", "racket_out_wx"));
     }

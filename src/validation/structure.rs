@@ -4,13 +4,16 @@
 //! ball, impulses and angular impulses on the racket, each times smooth features of the inputs. They span what almost
 //! any missing mechanism would do, whatever its name. Statistic T = U' I⁺ U of rank q; its p-value by a wild bootstrap
 //! (random signs on the impacts' contributions), which keeps its level with outliers and wrongly stated noise where
-//! chi-square and F tails do not (missing-physics.md, section 2). The noise scale c = (chi² − T)/(dof − q) is what is left
-//! when all structure is taken out: it tells a wrongly stated noise from a wrong model.
+//! chi-square and F tails do not (missing-physics.md, section 2). The noise scale c is what is left when all structure is taken
+//! out: it tells a wrongly stated noise from a wrong model. It is found for each group of outputs by itself (Σ e² over
+//! Σ (1 − h), h the leverage) and averaged over the numbers measured: (chi² − T)/(dof − q) would be too small where the terms
+//! take most out of those outputs whose noise is understated the most, and the floor of the error with it.
 
 use super::fit::Fit;
 use super::forward::Inputs;
 use super::observation::{Gear, Observation, Observations};
-use super::project::project;
+use super::project::{Projected, project};
+use crate::impact_table::OUTPUTS;
 use nalgebra::{DMatrix, DVector, Vector3};
 use rand::{Rng, SeedableRng};
 use serde::{Deserialize, Serialize};
@@ -19,6 +22,22 @@ use serde::{Deserialize, Serialize};
 const DRAWS: usize = 400;
 /// The noise scale is not believed below this: deviations overstated more than twofold are a matter for the table.
 const SMALLEST_SCALE: f64 = 0.25;
+
+/// Groups of outputs whose noise is judged together: the beginnings of their names.
+const GROUPS: [&str; 5] = ["ball_out_v", "ball_out_w", "racket_out_v", "racket_out_w", "contact_time"];
+/// Degrees of freedom by which a group's noise scale is drawn toward that of all.
+const COMMON_WORTH: f64 = 20.0;
+
+/// Noise of a group of outputs.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct GroupNoise {
+    /// Beginning of the outputs' names.
+    pub outputs: String,
+    /// Variance relative to the stated one.
+    pub scale: f64,
+    /// Degrees of freedom it was found from.
+    pub freedom: f64,
+}
 
 /// Outcome of the structure test.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -29,6 +48,12 @@ pub struct StructureTest {
     pub p_value: f64,
     /// c: the variance of the residuals relative to the stated one, with all structure taken out.
     pub noise_scale: f64,
+    /// The same for each group of outputs.
+    #[serde(default)]
+    pub noise_by_group: Vec<GroupNoise>,
+    /// chi² − T.
+    #[serde(default)]
+    pub residual_chi2: f64,
     /// Degrees of freedom left when all structure is taken out.
     pub residual_freedom: f64,
     /// chi-square less what noise of scale c explains: how much structure the residuals hold, in units of c.
@@ -40,7 +65,7 @@ impl StructureTest {
     /// The noise scale for judging single effects. When no structure shows, all residuals are noise, and all of them
     /// together tell its scale best: with few impacts c alone rests on what a hundred generic terms have left over.
     pub fn noise_scale_for_screening(&self) -> f64 {
-        let all = (self.statistic + self.noise_scale * self.residual_freedom) / (self.rank as f64 + self.residual_freedom);
+        let all = (self.statistic + self.residual_chi2) / (self.rank as f64 + self.residual_freedom);
         if self.p_value > 0.05 { all.max(SMALLEST_SCALE) } else { self.noise_scale }
     }
 }
@@ -285,15 +310,50 @@ pub fn structure_test(fit: &Fit, observations: &Observations, impacts: &[&Observ
             directions[(row, column)] = eigen.eigenvectors[(row, i)] * scale / root[row];
         }
     }
-    let parts = &projected.contributions * directions;
+    let parts = &projected.contributions * &directions;
     let statistic = parts.row_sum().norm_squared();
     let prior_terms = fit.prior_precision.iter().filter(|p| **p > 0.0).count();
     let chi2 = fit.chi2 + fit.prior_residual().norm_squared();
     let dof = (fit.count() + prior_terms) as f64 - fit.columns.len() as f64;
     let residual_freedom = (dof - q as f64).max(1.0);
-    let noise_scale = ((chi2 - statistic) / residual_freedom).max(SMALLEST_SCALE);
+    let residual_chi2 = (chi2 - statistic).max(0.0);
+    let (noise_scale, noise_by_group) = noise_by_group(fit, &projected, &directions, &parts.row_sum().transpose(), residual_chi2 / residual_freedom);
     let p_value = wild_p_value(&parts, statistic, seed);
-    StructureTest { statistic, rank: q, p_value, noise_scale, residual_freedom, excess: (statistic / noise_scale - q as f64).max(0.0), seed }
+    let excess = (statistic / noise_scale - q as f64).max(0.0);
+    StructureTest { statistic, rank: q, p_value, noise_scale, noise_by_group, residual_chi2, residual_freedom, excess, seed }
+}
+
+/// Noise scale of all measured numbers and of each group, when the terms along `directions` (of which they hold `amounts`) are
+/// taken out.
+fn noise_by_group(fit: &Fit, projected: &Projected, directions: &DMatrix<f64>, amounts: &DVector<f64>, common: f64) -> (f64, Vec<GroupNoise>) {
+    // Sum of squares, degrees of freedom, numbers.
+    let mut groups = [(0.0, 0.0, 0usize); GROUPS.len()];
+    for (i, l) in fit.impacts.iter().enumerate() {
+        let terms = projected.left(i) * directions;
+        let left = &l.z - &terms * amounts;
+        let by_fit = &fit.design[i] * &fit.covariance;
+        for (row, &output) in l.measured.iter().enumerate() {
+            let leverage = terms.row(row).norm_squared() + by_fit.row(row).dot(&fit.design[i].row(row));
+            if let Some(group) = GROUPS.iter().position(|g| OUTPUTS[output].starts_with(g)) {
+                groups[group].0 += left[row] * left[row];
+                groups[group].1 += (1.0 - leverage).max(0.0);
+                groups[group].2 += 1;
+            }
+        }
+    }
+    let numbers: usize = groups.iter().map(|g| g.2).sum();
+    let known: Vec<GroupNoise> = GROUPS
+        .iter()
+        .zip(groups)
+        .filter(|(_, g)| g.2 > 0)
+        .map(|(name, (squares, freedom, _))| GroupNoise {
+            outputs: (*name).to_owned(),
+            scale: (squares + COMMON_WORTH * common) / (freedom + COMMON_WORTH),
+            freedom,
+        })
+        .collect();
+    let sum: f64 = known.iter().zip(groups.iter().filter(|g| g.2 > 0)).map(|(k, g)| k.scale * g.2 as f64).sum();
+    ((sum / numbers.max(1) as f64).max(SMALLEST_SCALE), known)
 }
 
 /// Tail of |Σ ±s_i|² over random signs, as a scaled chi-square with the draws' mean and variance.

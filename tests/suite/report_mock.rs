@@ -111,7 +111,17 @@ pub fn provenance(name: &str) -> Provenance {
 }
 
 fn structure(p_value: f64) -> StructureTest {
-    StructureTest { statistic: 400.0, rank: 96, p_value, noise_scale: 1.02, residual_freedom: 2000.0, excess: 300.0, seed: 1 }
+    StructureTest {
+        statistic: 400.0,
+        rank: 96,
+        p_value,
+        noise_scale: 1.02,
+        noise_by_group: Vec::new(),
+        residual_chi2: 2040.0,
+        residual_freedom: 2000.0,
+        excess: 300.0,
+        seed: 1,
+    }
 }
 
 /// A diagnosis with everything in it.

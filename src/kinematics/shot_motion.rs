@@ -26,9 +26,9 @@ pub const GRAVITY_M_S2: f64 = 9.80665;
 /// Change of a band's image error while the racket turns by a radian, as a multiple of that error: other sides of the tape
 /// come into view. (On tracked pictures with known truth 0.06 to 0.16 px per radian where the error is 0.06 px.)
 const TAPE_CHANGE_PER_RAD: f64 = 2.0;
-/// How much that change bends, per squared radian: half a radian on a band is seen quite anew. (On tracked pictures with known
-/// truth 0.15 to 0.35 px per squared radian, 3 to 8 times the error.)
-const TAPE_BEND_PER_RAD2: f64 = 3.0;
+/// How much that change bends, px per squared radian: half a radian on, a band is seen quite anew. (On tracked pictures with
+/// known truth 0.15 to 0.35, whatever the constant error.)
+const TAPE_BEND_PX_PER_RAD2: f64 = 0.15;
 /// A racket never turns slower than this for the purpose, rad/s: what is seen of a band also changes by itself.
 const SLOWEST_TURN: f64 = 10.0;
 
@@ -72,7 +72,7 @@ impl MeasureSettings {
         // What all shots share is an error of this shot too, whatever is stated beside it for those who look at many.
         let constant_px = self.tape.shot_px.hypot(self.tape.shared_px);
         let turn = rate_rad_s.max(SLOWEST_TURN);
-        CommonError { constant_px, drift_px_s: TAPE_CHANGE_PER_RAD * constant_px * turn, bend_px_s2: TAPE_BEND_PER_RAD2 * constant_px * turn * turn }
+        CommonError { constant_px, drift_px_s: TAPE_CHANGE_PER_RAD * constant_px * turn, bend_px_s2: TAPE_BEND_PX_PER_RAD2 * turn * turn }
     }
 
     pub fn gravity(&self) -> Vector3<f64> {

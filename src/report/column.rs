@@ -10,6 +10,9 @@ pub struct ColumnWords {
     pub factor: f64,
 }
 
+/// What follows a column's name when its error in proportion is meant ([`crate::validation::comparison::SessionOffset`]).
+const RELATIVE: &str = " (relative)";
+
 /// Words for a column of the impacts table; an unknown column keeps its own name.
 pub fn column_words(column: &str) -> ColumnWords {
     let plain = |words: &str, unit, factor| ColumnWords { words: words.to_owned(), unit, factor };
@@ -24,7 +27,12 @@ pub fn column_words(column: &str) -> ColumnWords {
         "face_shift_z" => return plain("shift of the string plane along z", "mm", 1000.0),
         "grip_torque" => return plain("grip torque", "N m", 1.0),
         "contact_time" => return plain("contact time", "ms", 1000.0),
+        "contact_time_shift" => return plain("shift of the contact's end", "ms", 1000.0),
+        "balance_shift" => return plain("shift of the balance point along x", "mm", 1000.0),
         _ => {}
+    }
+    if let Some(whole) = column.strip_suffix(RELATIVE) {
+        return plain(&format!("{}, in proportion", column_words(whole).words), "%", 100.0);
     }
     let parts: Vec<&str> = column.split('_').collect();
     let (body, side, kind) = match parts.as_slice() {
@@ -50,6 +58,7 @@ mod tests {
         assert_eq!(column_words("ball_out_vz").words, "ball velocity z after");
         assert_eq!(column_words("racket_in_wy").unit, "rad/s");
         assert_eq!(column_words("impact_x").factor, 1000.0);
+        assert_eq!(column_words("ball_out_wy (relative)"), ColumnWords { words: "ball spin y after, in proportion".into(), unit: "%", factor: 100.0 });
         assert_eq!(column_words("player").words, "player");
     }
 }

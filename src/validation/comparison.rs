@@ -172,8 +172,10 @@ pub fn compare(forward: &dyn Forward, observations: &Observations, model: &str, 
     // Shots of footage share more errors than their table states: structure that does not show in the error on those held out
     // is not believed there, as `diagnose` does not.
     let structured = structure.p_value < COMPARE_LEVEL;
-    let disbelieved =
-        structured && structure.p_value > SHARED_LEVEL && observations.is_footage() && is_noise_alone(&held_refitted, &refitted, floor, structure.residual_freedom);
+    let disbelieved = structured
+        && structure.p_value > SHARED_LEVEL
+        && observations.is_footage()
+        && is_noise_alone(&held_refitted, &refitted, floor, structure.residual_freedom);
     let fails = structured && !disbelieved || error_of(&held_refitted) > CLEARLY * floor;
     let present: Vec<usize> = (0..OUTPUTS.len()).filter(|k| impacts.iter().any(|i| i.outputs.iter().any(|p| p.output == *k))).collect();
     let mut notes = observations.notes.clone();

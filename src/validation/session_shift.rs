@@ -81,7 +81,10 @@ impl SessionShift {
 
     /// The measured outputs with what the session shares taken out; order of `o.measured`.
     pub fn outputs_of(&self, o: &Observation, gear: &Gear) -> DVector<f64> {
-        let mut outputs = DVector::from_iterator(o.measured.len(), o.outputs.iter().zip(&o.measured).map(|(y, &k)| y * (1.0 - self.output_scales[k]) - self.output_offsets[k]));
+        let mut outputs = DVector::from_iterator(
+            o.measured.len(),
+            o.outputs.iter().zip(&o.measured).map(|(y, &k)| y * (1.0 - self.output_scales[k]) - self.output_offsets[k]),
+        );
         if self.any_shared() {
             for (by, moved) in self.shared.iter().zip(shared_outputs(o, gear)) {
                 outputs.axpy(-by, &moved, 1.0);

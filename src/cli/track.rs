@@ -3,14 +3,13 @@
 use super::Shell;
 use super::error::CliError;
 use super::tracked_session::rig_to_measure_with;
-use crate::equipment::Racket;
 use crate::calibration::{CameraId, StereoRig};
 use crate::footage::Clip;
 use crate::provenance::{Provenance, ends_with_line, sha256_file, sha256_hex};
 use crate::session::{Session, ShotFolder};
 use crate::tracking::spin::{SPIN_FILE, spin_to_json};
 use crate::tracking::{
-    FoundSpins, InStep, Overlay, PointState, RacketFigure, ShotSetup, SyncMode, TrackExport, TrackingError, Tracks, c3d_bytes, contact_frames, dltdv_tables, points_to_csv, read_points,
+    FoundSpins, InStep, Overlay, PointState, RacketFigure, ShotSetup, SyncMode, Throat, TrackExport, TrackingError, Tracks, c3d_bytes, contact_frames, dltdv_tables, points_to_csv, read_points,
     refine_ball, track_in_step,
 };
 use serde::{Deserialize, Serialize};
@@ -72,32 +71,13 @@ struct ShotSummary {
     /// Whether the cameras were found out of step and left so.
     #[serde(default)]
     out_of_step: bool,
-    /// `null` when it was not seen.
+    /// As the pictures show it; `null` when they did not.
     #[serde(default)]
-    throat: Option<SeenThroat>,
+    throat: Option<Throat>,
     notes: Vec<String>,
     /// Pictures that cannot be read; they count as missing.
     unreadable: Vec<String>,
     error: Option<String>,
-}
-
-/// How the tubes at markers 4 and 5 run and how wide they are, as the pictures of one shot show them.
-#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
-pub struct SeenThroat {
-    /// From the racket's axis.
-    pub angle_deg: f64,
-    /// Of the head's tubes' width.
-    pub width: f64,
-}
-
-impl SeenThroat {
-    /// `None` when nothing was seen: then the figure is as the racket's file has it.
-    fn of(figure: &RacketFigure, racket: &Racket) -> Option<Self> {
-        let (angle, width) = (figure.throat_angle()?, figure.throat_width()?);
-        let as_written = RacketFigure::of(racket)?;
-        let seen = as_written.throat_angle() != Some(angle) || as_written.throat_width() != Some(width);
-        seen.then_some(SeenThroat { angle_deg: angle.to_degrees(), width })
-    }
 }
 
 /// `track.json`: what became of a shot, and from what; a later run keeps tracks only when nothing of it has changed.
@@ -285,8 +265,8 @@ fn earlier(folder: &Path) -> Option<TrackRecord> {
 }
 
 /// What tracking saw of the throat in this shot, if the tracks are its own.
-pub fn seen_throat(folder: &Path) -> Option<SeenThroat> {
-    earlier(folder)?.summary.throat.filter(|t| (0.5..2.0).contains(&t.width) && (0.0..90.0).contains(&t.angle_deg))
+pub fn seen_throat(folder: &Path) -> Option<Throat> {
+    earlier(folder)?.summary.throat.filter(Throat::is_possible)
 }
 
 /// Whether an earlier run had the same input, wrote what is asked for now, and no picture is younger than its result.
@@ -302,6 +282,7 @@ fn still_holds(record: &TrackRecord, arguments: &Arguments, folder: &Path, prove
 fn summary(id: &str, setup: &ShotSetup, made: &InStep, gaps: Vec<String>) -> ShotSummary {
     let tracked = &made.tracked;
     let measured = tracked.tracks.points.iter().filter(|p| p.state == PointState::Measured).count();
+    let as_written = RacketFigure::of(setup.racket).and_then(|f| f.throat());
     ShotSummary {
         id: id.to_owned(),
         frames: tracked.tracks.frames().len(),
@@ -311,7 +292,7 @@ fn summary(id: &str, setup: &ShotSetup, made: &InStep, gaps: Vec<String>) -> Sho
         contact_frames: contact_frames(&made.clip, setup, tracked),
         right_shift: made.right_shift,
         out_of_step: made.out_of_step,
-        throat: SeenThroat::of(&tracked.figure, setup.racket),
+        throat: tracked.figure.throat().filter(|t| as_written != Some(*t)),
         notes: gaps.into_iter().chain(tracked.notes.iter().cloned()).collect(),
         unreadable: tracked.unreadable.clone(),
         error: None,

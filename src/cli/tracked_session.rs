@@ -2,12 +2,12 @@
 
 use super::Shell;
 use super::error::CliError;
-use super::track::{SeenThroat, seen_throat};
+use super::track::seen_throat;
 use crate::calibration::{CalibrationError, StereoRig};
 use crate::equipment::Racket;
 use crate::kinematics::{MeasureSettings, TapeErrors};
 use crate::session::{Session, ShotFolder};
-use crate::tracking::{RacketFigure, Tracks};
+use crate::tracking::{RacketFigure, Throat, Tracks};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -41,7 +41,7 @@ impl TrackedSession {
         let rig = read_rig(&results.join("calibration.json"))?;
         let tapes = tapes(&session, &rig, &results);
         for (name, tape) in &tapes {
-            let throat = tape.throat_angle_rad.map_or_else(String::new, |a| format!(", throat at {:.1}° from the axis", a.to_degrees()));
+            let throat = tape.throat.map_or_else(String::new, |t| format!(", throat at {:.1}° from the axis", t.angle_deg));
             shell.say(format_args!("tape of {name}: seen {:.2} px off in one shot, {:.2} px in all{throat}", tape.shot_px, tape.shared_px));
         }
         Ok(TrackedSession { session, results, rig, tapes })
@@ -65,7 +65,7 @@ impl TrackedSession {
 
 /// What the tracks of the session say about each racket's tape. Damaged tracks are named when their shot is measured.
 fn tapes(session: &Session, rig: &StereoRig, results: &Path) -> BTreeMap<String, TapeErrors> {
-    let mut by_racket: BTreeMap<&str, (&Racket, Vec<Tracks>, Vec<SeenThroat>)> = BTreeMap::new();
+    let mut by_racket: BTreeMap<&str, (&Racket, Vec<Tracks>, Vec<Throat>)> = BTreeMap::new();
     for shot in &session.shots {
         let place = results.join("shots").join(&shot.id);
         let Ok(tracks) = Tracks::read(&place.join("tracks.csv")) else { continue };
@@ -73,14 +73,8 @@ fn tapes(session: &Session, rig: &StereoRig, results: &Path) -> BTreeMap<String,
         all.push(tracks);
         throats.extend(seen_throat(&place));
     }
-    let of = |(racket, tracks, throats): (&Racket, Vec<Tracks>, Vec<SeenThroat>)| {
-        let (figure, tracks) = (RacketFigure::of(racket)?, tracks.iter().collect::<Vec<_>>());
-        if throats.is_empty() {
-            return Some(TapeErrors::of(rig, &figure, &tracks));
-        }
-        let mean = |of: fn(&SeenThroat) -> f64| throats.iter().map(of).sum::<f64>() / throats.len() as f64;
-        let seen = figure.with_throat(mean(|t| t.angle_deg).to_radians()).with_throat_width(mean(|t| t.width));
-        Some(TapeErrors::of_seen_throat(rig, &seen, &tracks))
+    let of = |(racket, tracks, throats): (&Racket, Vec<Tracks>, Vec<Throat>)| {
+        Some(TapeErrors::of(rig, &RacketFigure::of(racket)?, &tracks.iter().collect::<Vec<_>>(), &throats))
     };
     by_racket.into_iter().filter_map(|(name, racket)| Some((name.to_owned(), of(racket)?))).collect()
 }

@@ -142,8 +142,7 @@ struct Bench<'a> {
 /// Measures one shot's motions.
 pub fn measure_motion(rig: &StereoRig, tracks: &Tracks, racket: &Racket, ball: &Ball, settings: &MeasureSettings) -> Result<ShotMotion, KinematicsError> {
     let figure = RacketFigure::of(racket).ok_or_else(|| KinematicsError::NoMarkers { racket: racket.name.clone() })?;
-    let figure = settings.tape.throat_width.map_or_else(|| figure.clone(), |to_head| figure.with_throat_width(to_head));
-    let figure = settings.tape.throat_angle_rad.map_or_else(|| figure.clone(), |angle| figure.with_throat(angle));
+    let figure = settings.tape.throat.map_or_else(|| figure.clone(), |throat| figure.with(&throat));
     let moving = MovingRacket { figure, com_local: racket.com_local(), inertia: racket.inertia_kg_m2(), gravity: settings.gravity() };
     let all = tracks.frames();
     let (Some(&first), Some(&last)) = (all.first(), all.last()) else {

@@ -7,7 +7,7 @@
 //! direction that leaves least is taken.
 
 use crate::calibration::StereoRig;
-use crate::tracking::{MarkerObservation, RacketFigure, Target, Tracks, View, fit_pose_in};
+use crate::tracking::{MarkerObservation, RacketFigure, Target, Throat, Tracks, View, fit_pose_in};
 use nalgebra::Vector2;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -32,10 +32,8 @@ const MOST: f64 = 4.0;
 /// The tape of one racket as a session shows it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TapeErrors {
-    /// Angle of the tubes at markers 4 and 5 from the racket's axis, rad; `None` when nothing was said about it.
-    pub throat_angle_rad: Option<f64>,
-    /// How many times as wide as the head's tubes the ones at markers 4 and 5 are; `None` when no marker lies there.
-    pub throat_width: Option<f64>,
+    /// The tubes at markers 4 and 5; `None` when no marker lies there or nothing was said about them.
+    pub throat: Option<Throat>,
     /// Image error of a band that persists over one shot, per axis, one deviation, px.
     pub shot_px: f64,
     /// Image error of a band that all shots share.
@@ -45,45 +43,36 @@ pub struct TapeErrors {
 impl TapeErrors {
     /// Before anything was seen.
     pub fn expected() -> Self {
-        TapeErrors { throat_angle_rad: None, throat_width: None, shot_px: EXPECTED_PX, shared_px: EXPECTED_PX }
+        TapeErrors { throat: None, shot_px: EXPECTED_PX, shared_px: EXPECTED_PX }
     }
 
-    /// From the tracks of shots with one racket; the throat's direction is that which leaves least, its width is the figure's.
-    pub fn of(rig: &StereoRig, figure: &RacketFigure, shots: &[&Tracks]) -> Self {
-        let picked = pick(shots);
-        if picked.is_empty() {
-            return Self::expected();
-        }
+    /// From the tracks of shots with one racket. `seen` is how the pictures show its throat, which tell that better than tracks do; where
+    /// they say nothing, the throat's direction is the one that leaves least.
+    pub fn of(rig: &StereoRig, figure: &RacketFigure, shots: &[&Tracks], seen: &[Throat]) -> Self {
+        let picked: Vec<Vec<Vec<MarkerObservation>>> = evenly(shots.len(), SHOTS).map(|i| frames(shots[i])).filter(|f| !f.is_empty()).collect();
         let view = View::new(rig);
-        let residuals = |angle: f64| -> Vec<Bands> {
-            let figure = figure.with_throat(angle);
-            picked.par_iter().map(|shot| mean_residuals(&view, &figure, shot)).collect()
+        let residuals = |figure: &RacketFigure| -> Vec<Bands> { picked.par_iter().map(|shot| mean_residuals(&view, figure, shot)).collect() };
+        let figure = match Throat::mean(seen) {
+            Some(throat) => figure.with(&throat),
+            None if picked.is_empty() => return Self::expected(),
+            None => turned(figure, &residuals),
         };
-        let tangent = figure.throat_angle();
-        let cost = |angle: f64| {
-            let size = |r: &Vector2<f64>| (r.norm() / EXPECTED_PX).min(MOST).powi(2);
-            let misfit: f64 = residuals(angle).iter().flat_map(|b| b.values()).map(size).sum();
-            misfit + tangent.map_or(0.0, |t| ((angle - t).to_degrees() / ANGLE_SD_DEG).powi(2))
-        };
-        let throat_angle_rad =
-            tangent.map(|_| least(&ANGLES_DEG.map(|k| (f64::from(k) * ANGLE_STEP_DEG).to_radians()).map(|a| (a, cost(a))).collect::<Vec<_>>()));
-        // To half a degree, so that one more shot does not change every other.
-        let throat_angle_rad = throat_angle_rad.map(|a| (2.0 * a.to_degrees()).round().to_radians() / 2.0);
-        Self::of_seen_throat(rig, &throat_angle_rad.map_or_else(|| figure.clone(), |angle| figure.with_throat(angle)), shots)
+        let (shot_px, shared_px) = if picked.is_empty() { (EXPECTED_PX, EXPECTED_PX) } else { spread(&residuals(&figure)) };
+        TapeErrors { throat: figure.throat(), shot_px, shared_px }
     }
+}
 
-    /// The same for a figure whose throat is as the pictures of its shots show it, which tells its direction and width better than tracks do.
-    pub fn of_seen_throat(rig: &StereoRig, figure: &RacketFigure, shots: &[&Tracks]) -> Self {
-        let picked = pick(shots);
-        let known = TapeErrors { throat_angle_rad: figure.throat_angle(), throat_width: figure.throat_width(), ..Self::expected() };
-        if picked.is_empty() {
-            return known;
-        }
-        let view = View::new(rig);
-        let left: Vec<Bands> = picked.par_iter().map(|shot| mean_residuals(&view, figure, shot)).collect();
-        let (shot_px, shared_px) = spread(&left);
-        TapeErrors { shot_px, shared_px, ..known }
-    }
+/// The figure with the throat's direction that leaves least.
+fn turned(figure: &RacketFigure, residuals: &impl Fn(&RacketFigure) -> Vec<Bands>) -> RacketFigure {
+    let Some(tangent) = figure.throat_angle() else { return figure.clone() };
+    let cost = |angle: f64| {
+        let size = |r: &Vector2<f64>| (r.norm() / EXPECTED_PX).min(MOST).powi(2);
+        let misfit: f64 = residuals(&figure.with_throat(angle)).iter().flat_map(|b| b.values()).map(size).sum();
+        misfit + ((angle - tangent).to_degrees() / ANGLE_SD_DEG).powi(2)
+    };
+    let angle = least(&ANGLES_DEG.map(|k| (f64::from(k) * ANGLE_STEP_DEG).to_radians()).map(|a| (a, cost(a))).collect::<Vec<_>>());
+    // To half a degree, so that one more shot does not change every other.
+    figure.with_throat((2.0 * angle.to_degrees()).round().to_radians() / 2.0)
 }
 
 /// Mean residual of each band (camera, marker) over a shot, px.
@@ -93,11 +82,6 @@ type Bands = BTreeMap<(usize, usize), Vector2<f64>>;
 fn evenly(n: usize, most: usize) -> impl Iterator<Item = usize> {
     let count = n.min(most);
     (0..count).map(move |k| k * n / count.max(1))
-}
-
-/// Some frames of some shots.
-fn pick(shots: &[&Tracks]) -> Vec<Vec<Vec<MarkerObservation>>> {
-    evenly(shots.len(), SHOTS).map(|i| frames(shots[i])).filter(|f| !f.is_empty()).collect()
 }
 
 /// The frames of a shot that show nearly every band.

@@ -1,7 +1,7 @@
 //! One point from its pixels in both cameras: maximum likelihood in pixels, with covariance.
 
 use crate::calibration::{CalibrationError3d, Camera, CameraId, StereoRig};
-use crate::tracking::ImagePoint;
+use crate::tracking::{ImagePoint, with_errors_alike};
 use nalgebra::{Isometry3, Matrix2, Matrix2x3, Matrix3, Point3, Vector2, Vector3};
 
 /// Smallest angle between the rays, rad. Below it a pixel of noise moves the point by more than 300 pixels' worth of depth.
@@ -114,9 +114,8 @@ impl Triangulator {
         let (normal, _, residuals) = self.equations(&x, left, right, &weights)?;
         let covariance = normal.try_inverse().ok_or(TriangulationError::NotConverged)?;
         let [(_, jl), (_, jr)] = self.seen(&x)?;
-        let [l, r] = [(jl, left), (jr, right)].map(|(j, p)| covariance * j.transpose() * Matrix2::from_diagonal(&p.sd.map(f64::recip)));
-        let together = l * r.transpose();
-        let covariance = covariance + (together + together.transpose()) * alike;
+        let whitened = [(jl, left), (jr, right)].map(|(j, p)| Matrix2::from_diagonal(&p.sd.map(f64::recip)) * j);
+        let covariance = with_errors_alike(&covariance, &whitened, alike);
         let r = self.global_from_left.rotation.to_rotation_matrix();
         let to_global = |c: Matrix3<f64>| {
             let g = r.matrix() * c * r.matrix().transpose();

@@ -7,6 +7,7 @@
 
 use crate::equipment::Racket;
 use nalgebra::{Isometry3, Matrix3, Point3, Unit, Vector3};
+use serde::{Deserialize, Serialize};
 
 /// Mean depth of the visible half cylinder, in tube radii.
 pub const VISIBLE_DEPTH: f64 = std::f64::consts::FRAC_PI_4;
@@ -23,6 +24,29 @@ pub struct RacketFigure {
     pub bend: [Vector3<f64>; 5],
     /// At each marker.
     pub tube_radius_m: [f64; 5],
+}
+
+/// The tubes at markers 4 and 5.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Throat {
+    /// From the racket's axis.
+    pub angle_deg: f64,
+    /// Of the head's tubes' width.
+    pub width: f64,
+}
+
+impl Throat {
+    /// Of what several shots with one racket show; `None` of none.
+    pub fn mean(seen: &[Throat]) -> Option<Throat> {
+        let n = seen.len() as f64;
+        let mean = |of: fn(&Throat) -> f64| seen.iter().map(of).sum::<f64>() / n;
+        (n > 0.0).then(|| Throat { angle_deg: mean(|t| t.angle_deg), width: mean(|t| t.width) })
+    }
+
+    /// Whether a racket may have it.
+    pub fn is_possible(&self) -> bool {
+        (0.0..90.0).contains(&self.angle_deg) && (0.5..2.0).contains(&self.width)
+    }
 }
 
 impl RacketFigure {
@@ -59,10 +83,15 @@ impl RacketFigure {
         figure
     }
 
-    /// How many times as wide as the head's tubes the throat's are; `None` when no marker lies off the head.
-    pub fn throat_width(&self) -> Option<f64> {
-        let throat = self.in_throat().next()?;
-        Some(self.tube_radius_m[throat] / self.head_tube_radius_m())
+    /// How the throat's tubes run and how wide they are; `None` when no marker lies off the head.
+    pub fn throat(&self) -> Option<Throat> {
+        let width = self.tube_radius_m[self.in_throat().next()?] / self.head_tube_radius_m();
+        Some(Throat { angle_deg: self.throat_angle()?.to_degrees(), width })
+    }
+
+    /// The same figure with this throat.
+    pub fn with(&self, throat: &Throat) -> Self {
+        self.with_throat(throat.angle_deg.to_radians()).with_throat_width(throat.width)
     }
 
     fn head_tube_radius_m(&self) -> f64 {

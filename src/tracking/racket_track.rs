@@ -113,13 +113,8 @@ impl RacketScene<'_> {
     /// `None` where a marker is behind a camera or its tube points at one.
     pub fn expected(&self, pose: &Isometry3<f64>) -> Option<ExpectedBands> {
         let band = |camera: CameraId, marker: usize| BandView::at(self.view, self.figure, pose, camera, marker);
-        let mut all = [[band(CameraId::Left, 0)?; 5]; 2];
-        for camera in CameraId::BOTH {
-            for marker in 0..5 {
-                all[camera.index()][marker] = band(camera, marker)?;
-            }
-        }
-        Some(ExpectedBands(all))
+        let of = |camera| -> Option<[BandView; 5]> { Some([band(camera, 0)?, band(camera, 1)?, band(camera, 2)?, band(camera, 3)?, band(camera, 4)?]) };
+        Some(ExpectedBands([of(CameraId::Left)?, of(CameraId::Right)?]))
     }
 }
 

@@ -138,8 +138,13 @@ pub fn meet(view: &View, ball: &BallFrame) -> Option<(Point3<f64>, Matrix3<f64>,
         }
         p += h.cholesky()?.solve(&g);
     }
-    let alone = h.try_inverse()?;
-    let [left, right] = weighted.map(|j| alone * j.transpose());
+    Some((p, with_errors_alike(&h.try_inverse()?, &weighted, BALL_ERRORS_ALIKE), miss.sqrt()))
+}
+
+/// Covariance of a point whose two pictures err alike: `alone` is that of independent errors, `whitened` the change of either image point
+/// with the place, in its deviations, `alike` the correlation in either picture axis.
+pub fn with_errors_alike(alone: &Matrix3<f64>, whitened: &[Matrix2x3<f64>; 2], alike: f64) -> Matrix3<f64> {
+    let [left, right] = whitened.map(|j| alone * j.transpose());
     let together = left * right.transpose();
-    Some((p, alone + (together + together.transpose()) * BALL_ERRORS_ALIKE, miss.sqrt()))
+    alone + (together + together.transpose()) * alike
 }

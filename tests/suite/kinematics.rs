@@ -221,10 +221,7 @@ fn measured(truth: &TrueShot, settings: &MeasureSettings) -> Result<MeasuredShot
 
 /// The tape's errors stated as large as a world draws them, as a session's own tracks tell (`kinematics::tape_session`).
 fn stated(tape_error_px: f64) -> MeasureSettings {
-    MeasureSettings {
-        tape: TapeErrors { throat_angle_rad: None, throat_width: None, shot_px: tape_error_px, shared_px: 0.0 },
-        ..MeasureSettings::new(1.0 / FRAME_S, 1e-4)
-    }
+    MeasureSettings { tape: TapeErrors { throat: None, shot_px: tape_error_px, shared_px: 0.0 }, ..MeasureSettings::new(1.0 / FRAME_S, 1e-4) }
 }
 
 fn settings() -> MeasureSettings {

@@ -356,8 +356,8 @@ impl Calibration {
     }
 }
 
-/// DLT coefficients of both cameras as DLTdv and easyWand read them: 11 rows, one column per camera, for pixels counted from
-/// (1, 1) with v downward, in global axes (m).
+/// DLT coefficients of both cameras as DLTdv (version 8) and easyWand read them: 11 rows, one column per camera, for pixels
+/// counted from (1, 1) in the upper left corner, in global axes (m).
 ///
 /// The coefficients have no distortion terms: they belong to undistorted pixels.
 pub fn dltdv_csv(rig: &super::StereoRig) -> Option<String> {

@@ -1,8 +1,10 @@
 //! The CSV tables of DLTdv, the digitising program of many biomechanics laboratories (Hedrick 2008, Bioinspiration &
 //! Biomimetics 3, 034001): one row per frame, points in columns, NaN where nothing was measured.
 //!
-//! Its pictures stand on their lower left corner and count from one, as its program does (MATLAB): x = u + 1 and
-//! y = height - v for a pixel (u, v) of ours. Camera 1 is the left one; points 1 to 5 are m1 to m5, point 6 is the ball.
+//! Pixels are those of version 8 (2019), whose calibration program and readers leave pictures as they lie in MATLAB: from
+//! (1, 1) in the upper left corner, x = u + 1 and y = v + 1 for a pixel (u, v) of ours. That is what
+//! [`crate::calibration::dltdv_csv`]'s coefficients mean too. Versions 3 to 7 turn every picture over (`flipud`, `axis xy`)
+//! and count y from the lower edge: height + 1 - y. Camera 1 is the left one; points 1 to 5 are m1 to m5, point 6 is the ball.
 
 use super::export::{ExportError, TrackExport};
 use super::track_file::Target;
@@ -15,7 +17,6 @@ const MOST_FRAMES: u64 = 1_000_000;
 /// The four tables that DLTdv opens together, by the end of their names.
 pub fn dltdv_tables(shot: &TrackExport) -> Result<[(&'static str, String); 4], ExportError> {
     shot.length("DLTdv", MOST_FRAMES)?;
-    let height = shot.rig.image_size[1] as f64;
     let names = |what: &dyn Fn(usize) -> String| (1..=Target::ALL.len()).map(what).collect::<Vec<_>>().join(",") + "\n";
     let mut xypts = names(&|k| format!("pt{k}_cam1_X,pt{k}_cam1_Y,pt{k}_cam2_X,pt{k}_cam2_Y"));
     let mut xyzpts = names(&|k| format!("pt{k}_X,pt{k}_Y,pt{k}_Z"));
@@ -27,7 +28,7 @@ pub fn dltdv_tables(shot: &TrackExport) -> Result<[(&'static str, String); 4], E
             for camera in CameraId::BOTH {
                 // Writing into a string cannot fail.
                 let _ = match shot.tracks.get(frame, camera, target) {
-                    Some(p) => write!(xy, ",{:.4},{:.4}", p.uv.x + 1.0, height - p.uv.y),
+                    Some(p) => write!(xy, ",{:.4},{:.4}", p.uv.x + 1.0, p.uv.y + 1.0),
                     None => write!(xy, ",NaN,NaN"),
                 };
             }

@@ -6,7 +6,7 @@ use nalgebra::{Point3, Vector2, Vector3};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use sweetspot::calibration::{CameraId, StereoRig};
+use sweetspot::calibration::{CameraId, StereoRig, dltdv_csv};
 use sweetspot::tracking::{ImagePoint, PointState, SpacePoint, Target, TrackExport, TrackPoint, Tracks, c3d_bytes, dltdv_tables};
 
 /// The Python that scripts/setup.sh prepares; `None` outside CI when it is missing.
@@ -136,8 +136,8 @@ fn agrees_dltdv_tables_as_numpy_sees_them() {
             let k = target.index() + 1;
             for camera in CameraId::BOTH {
                 let point = tracks.get(frame, camera, target);
-                // Lower left corner, counted from one; the pictures are 512 px high.
-                let (x, y) = (point.map(|p| p.uv.x + 1.0), point.map(|p| 512.0 - p.uv.y));
+                // Counted from one in the upper left corner.
+                let (x, y) = (point.map(|p| p.uv.x + 1.0), point.map(|p| p.uv.y + 1.0));
                 assert_eq!(cell("xypts.csv", row, &format!("pt{k}_cam{}_X", camera.index() + 1)), x);
                 assert_eq!(cell("xypts.csv", row, &format!("pt{k}_cam{}_Y", camera.index() + 1)), y);
             }
@@ -154,4 +154,48 @@ fn agrees_dltdv_tables_as_numpy_sees_them() {
     }
     assert!((1..=6).all(|k| cell("xypts.csv", 2, &format!("pt{k}_cam1_X")).is_none()), "frame 342 is a gap");
     assert_eq!(cell("offsets.csv", 2, "cam2_offset"), Some(0.0));
+}
+
+const RECONSTRUCT: &str = r#"
+import json, numpy, os, sys
+xy, c = numpy.genfromtxt(sys.argv[1], delimiter=",", names=True), numpy.loadtxt(os.path.join(os.path.dirname(sys.argv[1]), "dlt-coefficients.csv"), delimiter=",")
+out = []
+for row in numpy.atleast_1d(xy):
+    a, b = [], []
+    for k in range(2):
+        l = c[:, k]
+        for value, first in ((row[f"pt6_cam{k + 1}_X"], 0), (row[f"pt6_cam{k + 1}_Y"], 4)):
+            a.append([l[first + i] - value * l[8 + i] for i in range(3)])
+            b.append(value - l[first + 3])
+    out.append(numpy.linalg.lstsq(numpy.array(a), numpy.array(b), rcond=None)[0].tolist())
+print(json.dumps(out))
+"#;
+
+/// The direct linear transform of the written coefficients, solved by numpy for the written pixels, gives the points in space.
+#[test]
+fn agrees_dltdv_pixels_and_coefficients() {
+    let (Some(python), Some(mut rig)) = (python(), rig()) else { return };
+    // The coefficients belong to pixels without distortion.
+    (rig.left.distortion, rig.right.distortion) = ([0.0; 5], [0.0; 5]);
+    let places = [Point3::new(0.1, 1.0, -0.2), Point3::new(-0.3, 0.6, 0.4), Point3::new(0.5, 1.4, 0.1)];
+    let (mut tracks, mut points) = (Tracks::default(), Vec::new());
+    for (frame, position) in (1u64..).zip(places) {
+        for camera in CameraId::BOTH {
+            let uv = rig.camera(camera).project(&(rig.camera_from_global(camera) * position)).unwrap();
+            let point = Some(ImagePoint { uv, sd: Vector2::new(0.1, 0.1) });
+            tracks.points.push(TrackPoint { frame, camera, target: Target::Ball, point, state: PointState::Measured });
+        }
+        points.push(SpacePoint { frame, t: 0.001 * frame as f64, target: Target::Ball, position, sd: Vector3::repeat(1e-4), residual_px: 0.0 });
+    }
+    let export = TrackExport { tracks: &tracks, points: &points, rig: &rig, frame_rate_hz: 1000.0, frames: 1..=3 };
+    let folder = tempfile::tempdir().unwrap();
+    let [(name, xypts), ..] = dltdv_tables(&export).unwrap();
+    std::fs::write(folder.path().join(name), xypts).unwrap();
+    std::fs::write(folder.path().join("dlt-coefficients.csv"), dltdv_csv(&rig).unwrap()).unwrap();
+    let read = run(&python, RECONSTRUCT, &folder.path().join(name));
+    for (row, place) in read.as_array().unwrap().iter().zip(places) {
+        let seen = Point3::from(Vector3::from_fn(|i, _| row[i].as_f64().unwrap()));
+        // Pixels are written to 0.0001.
+        assert!((seen - place).norm() < 1e-5, "{seen} for {place}");
+    }
 }

@@ -10,7 +10,8 @@ use crate::validation::diagnose::{DiagnoseOptions, diagnose, fit_current};
 use crate::validation::diagnosis::{Diagnosis, Verdict};
 use crate::validation::expression::FOUND_EFFECT;
 use crate::validation::forward::Library;
-use crate::validation::heldout::held_out_error;
+use crate::validation::heldout::{error_of, is_worth, linearise_held_out};
+use crate::validation::linearise::Linearised;
 use crate::validation::ledger::{Ledger, Refusal};
 use crate::validation::model_library::ModelLibrary;
 use crate::validation::terminal::{diagnosis_text, ledger_text};
@@ -85,9 +86,6 @@ fn version_name(output: &Path, step: usize) -> PathBuf {
 
 /// A formula must lower the chi-square of the held-out impacts by this much: it was chosen among thousands.
 const WORTH_A_FORMULA: f64 = 14.0;
-/// A further effect must lower it by this much (odds of seven to one on impacts no fit saw): what the first one's form leaves
-/// is imitated in part by some other.
-const WORTH_A_FURTHER_EFFECT: f64 = 4.0;
 
 fn has_formula(model_text: &str) -> bool {
     model_text.contains(&format!("[effects.{FOUND_EFFECT}]"))
@@ -115,8 +113,7 @@ impl Walk<'_> {
         let mut stages = Vec::new();
         self.note(ledger, &input.files.model, &text, None, Some("first model"), &comparison, Vec::new())?;
         // The first step is the old model at its best: an effect must beat that, not the file's first guesses.
-        let (fitted, error) = self.fitted(&text)?;
-        let mut error = error;
+        let (fitted, mut held_out) = self.fitted(&text)?;
         if fitted != text {
             let parent = crate::provenance::sha256_hex(text.as_bytes());
             text = fitted;
@@ -132,14 +129,10 @@ impl Walk<'_> {
             let Some(effect) = diagnosis.recommended.iter().find(|e| !tried.contains(e)).cloned() else { break };
             self.shell.say(format_args!("\n--auto, step {}: adding {effect}", step + 1));
             let added = with_effect_added(&text, &effect, &input.files.model)?;
-            let (with, with_error) = self.fitted(&added)?;
-            let first_one = diagnosis.recommended == first.recommended;
-            let gain = self.held_out_gain(error, with_error, diagnosis.noise_floor);
-            if with_error >= error || (!first_one && gain < WORTH_A_FURTHER_EFFECT) {
-                let reason = format!(
-                    "the error on held-out impacts {} ({error:.3} to {with_error:.3})",
-                    if with_error >= error { "does not fall" } else { "falls no more than by chance" }
-                );
+            let (with, with_held_out) = self.fitted(&added)?;
+            let (error, with_error) = (error_of(&held_out), error_of(&with_held_out));
+            if with_error >= error {
+                let reason = format!("the error on held-out impacts does not fall ({error:.3} to {with_error:.3})");
                 self.shell.say(format_args!("  refused: {reason}"));
                 refused.push(Refusal { effect, reason, heldout_error_before: error, heldout_error_after: with_error });
                 let file = if stages.is_empty() { input.files.model.clone() } else { version_name(output, stages.len()) };
@@ -148,7 +141,7 @@ impl Walk<'_> {
             }
             let parent = crate::provenance::sha256_hex(text.as_bytes());
             self.shell.say(format_args!("  held-out error {error:.3} -> {with_error:.3}"));
-            (text, error) = (with, with_error);
+            (text, held_out) = (with, with_held_out);
             refused.clear();
             comparison = self.compared(&text)?;
             stages.push(comparison.clone());
@@ -163,10 +156,11 @@ impl Walk<'_> {
         if let Some(formula) = diagnosis.suggested_expression.as_ref().filter(|_| diagnosis.verdict == Verdict::Unexplained && !has_formula(&text)) {
             let with_formula = format!("{}\n\n{}\n", text.trim_end(), formula.model_file_text.trim_end());
             // A formula that does not go with what is in the model already is left for the user to look at.
-            if let Ok((with, with_error)) = self.fitted(&with_formula)
-                && self.held_out_gain(error, with_error, diagnosis.noise_floor) > WORTH_A_FORMULA
+            if let Ok((with, with_held_out)) = self.fitted(&with_formula)
+                && is_worth(WORTH_A_FORMULA, &held_out, &with_held_out, diagnosis.noise_floor.powi(2))
             {
                 let parent = crate::provenance::sha256_hex(text.as_bytes());
+                let (error, with_error) = (error_of(&held_out), error_of(&with_held_out));
                 self.shell.say(format_args!("\n--auto: adding a formula ({})\n  held-out error {error:.3} -> {with_error:.3}", formula.words));
                 text = with;
                 comparison = self.compared(&text)?;
@@ -189,12 +183,6 @@ impl Walk<'_> {
         Ok((text, stages))
     }
 
-    /// Fall of the held-out impacts' chi-square, in units of the noise found.
-    fn held_out_gain(&self, before: f64, after: f64, floor: f64) -> f64 {
-        let cells: usize = self.loaded.observations.side(true).iter().map(|o| o.measured.len()).sum();
-        cells as f64 * (before.powi(2) - after.powi(2)) / floor.powi(2)
-    }
-
     /// Writes a version into a file of its own and notes it in the ledger under that name.
     fn keep(&self, ledger: &mut Ledger, output: &Path, step: usize, text: &str, parent: String, what: &str, comparison: &Comparison) -> Result<(), CliError> {
         let file = version_name(output, step);
@@ -207,13 +195,14 @@ impl Walk<'_> {
         Ok(ModelLibrary::new(Model::parse(text, &self.arguments.input.files.model)?, &self.loaded.observations.gear))
     }
 
-    /// The text with its free parameters at their best, and its held-out error.
-    fn fitted(&self, text: &str) -> Result<(String, f64), CliError> {
+    /// The text with its free parameters at their best, and the held-out impacts with it.
+    fn fitted(&self, text: &str) -> Result<(String, Vec<Linearised>), CliError> {
         let library = self.library(text)?;
         let fit = fit_current(&library, &self.loaded.observations)?;
         let values: Vec<(String, f64)> = library.current().parameters().iter().map(|p| p.name.clone()).zip(fit.values.iter().copied()).collect();
-        let error = held_out_error(library.current(), &fit, &self.loaded.observations)?;
-        Ok((with_values(text, &values, &self.arguments.input.files.model)?, error))
+        let observations = &self.loaded.observations;
+        let held_out = linearise_held_out(library.current(), &fit, observations, &observations.side(true))?;
+        Ok((with_values(text, &values, &self.arguments.input.files.model)?, held_out))
     }
 
     fn compared(&self, text: &str) -> Result<Comparison, CliError> {

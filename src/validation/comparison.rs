@@ -3,12 +3,13 @@
 use super::error::ValidationError;
 use super::fit::{Column, Fit, FitOptions, fit};
 use super::forward::Forward;
-use super::heldout::{error_of, is_noise_alone, linearise_held_out};
+use super::heldout::{error_of, is_shared_error, linearise_held_out};
 use super::linearise::{Linearised, OUTLIER_LISTED};
 use super::observation::{Observation, Observations};
 use super::polynomial::{PolynomialFit, polynomial_fits};
 use super::smooth::{FaceCell, SmoothCurve, face_map, smooth};
 use super::structure::{StructureTest, chi2_tail, structure_test};
+use super::terminal::p_text;
 use crate::impact_table::{INPUTS, OUTPUTS, SHARED, unit};
 use crate::provenance::Provenance;
 use serde::{Deserialize, Serialize};
@@ -16,8 +17,6 @@ use serde::{Deserialize, Serialize};
 /// Level of the structure test alone, as `compare` uses it: that of `diagnose`, so that a model in which the latter finds
 /// nothing more is not called inadequate here.
 pub const COMPARE_LEVEL: f64 = super::diagnose::STRUCTURE_LEVEL;
-/// What errors that the shots of a calibration share can make of the structure test.
-const SHARED_LEVEL: f64 = 1e-4;
 /// Times the noise floor beyond which the error on held-out impacts alone says that the model fails: with few impacts the
 /// structure test has hardly any power against something large.
 const CLEARLY: f64 = 1.5;
@@ -158,6 +157,14 @@ pub struct Comparison {
     pub provenance: Option<Provenance>,
 }
 
+impl Comparison {
+    /// Whether the model is called adequate although the structure test rejects it, because what it finds is no more than the shots
+    /// of a calibration share.
+    pub fn has_shared_structure(&self) -> bool {
+        self.verdict == "adequate" && self.structure.p_value < self.false_alarm_rate
+    }
+}
+
 /// Compares a model, as it stands and with its free parameters at their best, with the measurement.
 pub fn compare(forward: &dyn Forward, observations: &Observations, model: &str, seed: u64) -> Result<Comparison, ValidationError> {
     let seen = observations.side(false);
@@ -172,10 +179,7 @@ pub fn compare(forward: &dyn Forward, observations: &Observations, model: &str, 
     // Shots of footage share more errors than their table states: structure that does not show in the error on those held out
     // is not believed there, as `diagnose` does not.
     let structured = structure.p_value < COMPARE_LEVEL;
-    let disbelieved = structured
-        && structure.p_value > SHARED_LEVEL
-        && observations.is_footage()
-        && is_noise_alone(&held_refitted, &refitted, floor, structure.residual_freedom);
+    let disbelieved = structured && is_shared_error(observations, &structure, &refitted, &held_refitted);
     let fails = structured && !disbelieved || error_of(&held_refitted) > CLEARLY * floor;
     let present: Vec<usize> = (0..OUTPUTS.len()).filter(|k| impacts.iter().any(|i| i.outputs.iter().any(|p| p.output == *k))).collect();
     let mut notes = observations.notes.clone();
@@ -183,8 +187,8 @@ pub fn compare(forward: &dyn Forward, observations: &Observations, model: &str, 
     note_group_noise(&structure, &mut notes);
     if disbelieved && !fails {
         notes.push(format!(
-            "the structure test alone rejects (p = {:.4}), but the error on held-out impacts is that of noise ({:.3}, floor {floor:.3}): not believed of shots that share a calibration",
-            structure.p_value,
+            "the structure test alone rejects (p = {}), but what it finds adds less than a tenth to the error of the fit and nothing to that of held-out impacts ({:.3}, floor {floor:.3}): not believed of shots that share a calibration",
+            p_text(structure.p_value),
             error_of(&held_refitted)
         ));
     }

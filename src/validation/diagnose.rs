@@ -6,7 +6,7 @@ use super::error::ValidationError;
 use super::expression::{Found, find_expression, local_spot};
 use super::fit::{Fit, FitOptions, fit};
 use super::forward::{Library, Strength};
-use super::heldout::{error_of, is_noise_alone, linearise_held_out};
+use super::heldout::{error_of, is_noise_alone, is_shared_error, is_worth, linearise_held_out};
 use super::observation::Observations;
 use super::place::places;
 use super::project::Nuisance;
@@ -14,6 +14,7 @@ use super::rank::{Reference, Refit, added_parameters, flexible_nuisance, form_ov
 use super::refits::{FIRST_LEVEL, LARGEST_NOISE_SCALE, LOG_ODDS, PRIOR, Refits, estimates, excess_at, share_removed};
 use super::screen::{Screening, screen_beyond};
 use super::structure::structure_test;
+use super::terminal::p_text;
 use super::verdict_words::verdict_words;
 use std::collections::BTreeMap;
 
@@ -33,6 +34,9 @@ const CONVINCING: f64 = 10.0;
 const FAR_MORE: f64 = 10.0;
 /// When nothing is missing, all candidates together are no more likely than that.
 const ALL_CANDIDATES: f64 = 0.5;
+/// Fall of the held-out impacts' chi-square that an effect beside those already in the model must bring (odds of seven to one), on
+/// top of what choosing it among the catalogue is worth: what the first one's form leaves is imitated in part by some other.
+const WORTH_A_FURTHER_EFFECT: f64 = 4.0;
 /// What is left of an effect's probability when the held-out impacts refuse it.
 const REFUSED: f64 = 0.3;
 
@@ -176,15 +180,25 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
         });
     }
     let mut refused = None;
-    if let (Some(best), Verdict::EffectMissing) = (chosen, diagnosis.verdict)
-        && after >= before
-    {
-        diagnosis.verdict = if diagnosis.structure.p_value >= STRUCTURE_LEVEL { Verdict::Adequate } else { Verdict::Unexplained };
+    if let (Some(best), Verdict::EffectMissing) = (chosen, diagnosis.verdict) {
+        let price = WORTH_A_FURTHER_EFFECT + 2.0 * (screening.tested.max(1) as f64).ln();
+        if after >= before || !present.is_empty() && !is_worth(price, &held_base, &best.held_out, c) {
+            diagnosis.verdict = if diagnosis.structure.p_value >= STRUCTURE_LEVEL { Verdict::Adequate } else { Verdict::Unexplained };
+            diagnosis.notes.push(format!(
+                "{} would fit these impacts better, but the error on held-out impacts {} ({before:.3} to {after:.3}): not believed",
+                best.effects.join(" and "),
+                if after >= before { "does not fall" } else { "falls no more than by chance" }
+            ));
+            refused = Some(best.effects.clone());
+        }
+    }
+    if diagnosis.verdict == Verdict::Unexplained && is_shared_error(observations, &diagnosis.structure, &base, &held_base) {
+        diagnosis.verdict = Verdict::Adequate;
         diagnosis.notes.push(format!(
-            "{} would fit these impacts better, but the error on held-out impacts does not fall ({before:.3} to {after:.3}): not believed",
-            best.effects.join(" and ")
+            "some structure is left (p = {}), but it adds less than a tenth to the error of the fit and nothing to that of held-out impacts ({before:.3}, floor {:.3}): not believed of shots that share a calibration",
+            p_text(diagnosis.structure.p_value),
+            c.sqrt()
         ));
-        refused = Some(best.effects.clone());
     }
     // A name in any form of it against a formula: one that takes far more, and lowers the held-out error further, says that
     // the name is not it.

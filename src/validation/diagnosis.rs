@@ -1,6 +1,7 @@
 //! What a diagnosis says (diagnosis.json, contract section 9; more keys than the contract's stand after them).
 
 use super::comparison::{Outlier, OutputSummary, ParameterValue, SessionOffset};
+use super::diagnose::STRUCTURE_LEVEL;
 use super::structure::StructureTest;
 use crate::provenance::Provenance;
 use serde::{Deserialize, Serialize};
@@ -174,4 +175,12 @@ pub struct Diagnosis {
     pub model: String,
     pub seed: u64,
     pub provenance: Option<Provenance>,
+}
+
+impl Diagnosis {
+    /// Whether the model is called adequate although structure is left in its residuals: too little to show in the error of held-out
+    /// impacts.
+    pub fn keeps_structure(&self) -> bool {
+        self.verdict == Verdict::Adequate && self.structure.p_value < STRUCTURE_LEVEL
+    }
 }

@@ -9,6 +9,7 @@ use super::fit::{Fit, linearise_all};
 use super::forward::Forward;
 use super::linearise::Linearised;
 use super::observation::{Observation, Observations};
+use super::structure::StructureTest;
 
 /// Passes for the true inputs: they settle to a thousandth of their deviation in three.
 const PASSES: usize = 3;
@@ -37,6 +38,25 @@ pub fn is_noise_alone(impacts: &[Linearised], fit: &Fit, floor: f64, floor_freed
     let count: usize = impacts.iter().map(|l| l.z.len()).sum();
     let expected = floor * (1.0 + fit.own_uncertainty()).sqrt();
     count > 0 && error_of(impacts) <= expected * (1.0 + 2.0 * (0.5 / count as f64 + 0.5 / floor_freedom.max(1.0)).sqrt())
+}
+
+/// Fall of the held-out impacts' chi-square, in units of the noise `c`, that something must bring: its own price, and twice what
+/// single impacts scatter it by, so that no two or three of them carry it alone.
+pub fn is_worth(price: f64, before: &[Linearised], after: &[Linearised], c: f64) -> bool {
+    let (sum, squares) = before.iter().zip(after).map(|(b, a)| (b.z.norm_squared() - a.z.norm_squared()) / c).fold((0.0, 0.0), |(s, q), g| (s + g, q + g * g));
+    sum > price && sum > 2.0 * squares.sqrt()
+}
+
+/// Share of the variance that structure may add before it counts as more than what the shots of a calibration share: a tenth of the
+/// error.
+const SMALL: f64 = 0.21;
+
+/// Whether structure in the impacts of `fit` is no more than shots of footage, which share more errors than their table states, may
+/// have: it adds less than a tenth to their error and nothing to that of the held-out ones.
+pub fn is_shared_error(observations: &Observations, structure: &StructureTest, fit: &Fit, held_out: &[Linearised]) -> bool {
+    observations.is_footage()
+        && structure.excess < SMALL * fit.count() as f64
+        && is_noise_alone(held_out, fit, structure.noise_scale.sqrt(), structure.residual_freedom)
 }
 
 /// The held-out error of a fit.

@@ -52,7 +52,12 @@ pub fn comparison_text(c: &Comparison) -> String {
     }
     let structure = format!("structure test p = {}; a sound model fails it in {:.1} % of tables", p_text(c.structure.p_value), 100.0 * c.false_alarm_rate);
     if c.verdict == "adequate" {
-        let _ = writeln!(t, "verdict: ADEQUATE. Nothing beyond the noise is left in the residuals ({structure}).");
+        let left = if c.has_shared_structure() {
+            "What structure is left does not show in the error of held-out impacts"
+        } else {
+            "Nothing beyond the noise is left in the residuals"
+        };
+        let _ = writeln!(t, "verdict: ADEQUATE. {left} ({structure}).");
         let _ = writeln!(t, "         `sweetspot diagnose` looks harder: at every effect of the catalogue, and every place on the face, by itself.");
         if c.heldout_error > 1.05 * c.heldout_error_refitted {
             let _ = writeln!(t, "         The numbers in the file are not the best ones: run `sweetspot fit`.");

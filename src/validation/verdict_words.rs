@@ -16,7 +16,11 @@ pub fn verdict_words(d: &Diagnosis) -> Vec<String> {
     let mut words = Vec::new();
     match d.verdict {
         Verdict::Adequate => {
-            words.push(format!("ADEQUATE: nothing is missing that {} impacts could show.", d.n_impacts));
+            words.push(if d.keeps_structure() {
+                format!("ADEQUATE: what structure is left in {} impacts does not show in the error of those held out.", d.n_impacts)
+            } else {
+                format!("ADEQUATE: nothing is missing that {} impacts could show.", d.n_impacts)
+            });
             words.push(format!("Error on held-out impacts {:.2}, noise floor {:.2}; {tests}.", d.heldout_error, d.noise_floor));
         }
         Verdict::EffectMissing => {

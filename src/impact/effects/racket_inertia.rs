@@ -20,8 +20,9 @@ pub(super) static CARD: EffectCard = EffectCard {
     ],
     source: "Spurr et al. 2014 (RDC within 1 %); Taraborrelli et al. 2019 (estimates from dimensions: swing -4 to +5 %, twist -11 to +12 %)",
     signature: "Heavier: faster rebound; swing inertia: at tip (and throat); twist inertia: with y squared; the racket's own velocities \
-                after impact change in step.",
-    confused_with: &["hand-mass", "frame-vibration", "grip-torque", "frame-torsion", "stringbed-edge", "swing-drive", "scale-error"],
+                after impact change in step. A balance point wrongly stated does not fly straight: its velocity, fitted over a window, looks like \
+                window-bias.",
+    confused_with: &["hand-mass", "frame-vibration", "grip-torque", "frame-torsion", "stringbed-edge", "swing-drive", "scale-error", "window-bias"],
     separated_by: "scales and a swing machine; momentum balance of a free racket (no restitution involved)",
     bases: Bases { rigid: "as given", viscoelastic: "as given" },
     effect: &RacketInertia,

@@ -19,7 +19,7 @@ pub(super) static CARD: EffectCard = EffectCard {
     source: "2.5 m/s per 5.5 ms at 30 rad/s and 0.5 m",
     signature: "Racket velocity along its axis off in proportion to the square of its rate, so ball spin and velocity along x as well; \
                 nothing on a racket at rest.",
-    confused_with: &["swing-drive", "finite-contact"],
+    confused_with: &["swing-drive", "finite-contact", "racket-inertia"],
     separated_by: "fit an arc or a quadratic to the same frames",
     bases: Bases { rigid: "acts on the observation", viscoelastic: "acts on the observation" },
     effect: &WindowBias,

@@ -1,8 +1,10 @@
 //! The impulse that satisfies the contact laws, and what it does to both bodies.
 
 use super::contact::Contact;
+use super::lasting::collide_lasting;
 use super::laws::{Laws, Sliding};
-use crate::impact::input::{ImpactInput, ImpactOutput};
+use crate::impact::body::Body;
+use crate::impact::input::ImpactOutput;
 use crate::impact::real::{Real, rotation};
 use nalgebra::{Matrix3, Vector3};
 
@@ -58,53 +60,18 @@ impl<T: Real> Impulse<T> {
     }
 }
 
-/// Depth of the contact plane behind the frame over approach speed times contact time, averaged over the force:
-/// stringbed deflection 13.1 mm at 20 m/s and 4.5 ms on a free racket, times pi/4 for a half-sine force.
-const DEPTH_PER_TRAVEL: f64 = 0.785 * 13.1e-3 / (20.0 * 4.5e-3);
-
 /// One collision: the impulse, changed by `change` (effects that act on impulses), and the outcome.
 pub fn collide<T: Real>(at: &Contact<T>, laws: &Laws<T>, change: &dyn Fn(&Contact<T>, &Laws<T>, &mut Impulse<T>)) -> (Impulse<T>, ImpactOutput<T>) {
     let mut impulse = solve(at, laws, at.lever);
-    if laws.face_time.is_zero() {
-        change(at, laws, &mut impulse);
-        return (impulse, impulse.outcome(at, laws));
+    if !laws.face_time.is_zero() {
+        impulse = collide_lasting(at, laws, &impulse);
     }
-    // The face turns and the ball travels while they touch: the impulse acts as at mid-contact, in the face as it then
-    // stands, 'depth' behind the frame (visco-elastic model, section D.19 of the physics reference).
-    let instant = impulse.outcome(at, laws);
-    let half = laws.face_time * 0.5;
-    let turn = rotation(&((at.input.racket_rate + instant.racket_rate) * T::constant(0.5) * half));
-    let across = |v: &Vector3<T>, racket_v: &Vector3<T>, rate: &Vector3<T>| v - racket_v - rate.cross(&at.lever);
-    let drift = (across(&at.input.ball_velocity, &at.input.racket_velocity, &at.input.racket_rate)
-        + across(&instant.ball_velocity, &instant.racket_velocity, &instant.racket_rate))
-        * (half * 0.5);
-    let input = ImpactInput {
-        ball_velocity: turn.tr_mul(&at.input.ball_velocity),
-        ball_spin: turn.tr_mul(&at.input.ball_spin),
-        racket_velocity: turn.tr_mul(&at.input.racket_velocity),
-        racket_rate: turn.tr_mul(&at.input.racket_rate),
-        position: at.input.position + drift.xy(),
-        ..at.input
-    };
-    // A turn that large that the ball no longer approaches does not occur in milliseconds; keep the instant's geometry then.
-    let Ok(mut middle) = Contact::new(at.body, &input) else {
-        change(at, laws, &mut impulse);
-        return (impulse, impulse.outcome(at, laws));
-    };
-    middle.side = at.side;
-    let depth = at.approach_speed * DEPTH_PER_TRAVEL * laws.face_time;
-    middle.lever.z = depth * -at.side;
-    let mut impulse = solve(&middle, laws, middle.lever);
-    change(&middle, laws, &mut impulse);
-    let mut out = impulse.outcome(&middle, laws);
-    for v in [&mut out.ball_velocity, &mut out.ball_spin, &mut out.racket_velocity, &mut out.racket_rate] {
-        *v = turn * *v;
-    }
-    (impulse, out)
+    change(at, laws, &mut impulse);
+    (impulse, impulse.outcome(at, laws))
 }
 
 fn solve<T: Real>(at: &Contact<T>, laws: &Laws<T>, lever: Vector3<T>) -> Impulse<T> {
-    if laws.is_plain() && lever.z.is_zero() { solve_plain(at, laws, lever) } else { solve_held(at, laws, lever) }
+    if laws.is_plain() { solve_plain(at, laws, lever) } else { solve_held(at, laws, lever) }
 }
 
 /// Closed form: normal and tangential parts do not couple (K_xz = K_yz = 0).
@@ -221,6 +188,19 @@ fn solve_held<T: Real>(at: &Contact<T>, laws: &Laws<T>, lever: Vector3<T>) -> Im
     with(h1)
 }
 
+/// K in contact axes `frame`: change of the slip per unit of impulse along each of them, the normal one displaced by `offset`.
+pub(super) fn response<T: Real>(b: &Body<T>, laws: &Laws<T>, frame: &Matrix3<T>, arm: &Vector3<T>, lever: &Vector3<T>, offset: &Vector3<T>) -> Matrix3<T> {
+    let by = |column: usize| -> Vector3<T> {
+        let d: Vector3<T> = frame.column(column).into();
+        let shift = if column == 2 { *offset } else { Vector3::zeros() };
+        let ball_turn = (arm + shift).cross(&d) / laws.ball_inertia;
+        let racket_turn = -(lever + shift).cross(&d).component_div(&b.racket_inertia);
+        let du = d * (b.ball_mass.recip() + b.racket_mass.recip()) + ball_turn.cross(arm) - racket_turn.cross(lever);
+        frame.tr_mul(&du)
+    };
+    Matrix3::from_columns(&[by(0), by(1), by(2)])
+}
+
 /// Any tilt, offset or outside impulse: the 3 × 3 system in the contact's own axes.
 fn solve_general<T: Real>(at: &Contact<T>, laws: &Laws<T>, lever: &Vector3<T>) -> Impulse<T> {
     let b = at.body;
@@ -237,15 +217,7 @@ fn solve_general<T: Real>(at: &Contact<T>, laws: &Laws<T>, lever: &Vector3<T>) -
     if slides && !laws.normal_offset.is_zero() {
         offset -= (frame.column(0) * u.x + frame.column(1) * u.y) * (laws.normal_offset / slip);
     }
-    let response = |column: usize| -> Vector3<T> {
-        let d: Vector3<T> = frame.column(column).into();
-        let shift = if column == 2 { offset } else { Vector3::zeros() };
-        let ball_turn = (arm + shift).cross(&d) / laws.ball_inertia;
-        let racket_turn = -(lever + shift).cross(&d).component_div(&b.racket_inertia);
-        let du = d * (b.ball_mass.recip() + b.racket_mass.recip()) + ball_turn.cross(&arm) - racket_turn.cross(lever);
-        frame.tr_mul(&du)
-    };
-    let k = Matrix3::from_columns(&[response(0), response(1), response(2)]);
+    let k = response(b, laws, &frame, &arm, lever, &offset);
     // Relative velocity that the outside impulses take away.
     let outside_world = -(laws.drive / b.racket_mass) - laws.drive_twist.component_div(&b.racket_inertia).cross(lever);
     let outside = frame.tr_mul(&outside_world);

@@ -6,6 +6,7 @@
 
 mod collision;
 mod contact;
+mod lasting;
 mod laws;
 
 #[cfg(test)]
@@ -13,4 +14,4 @@ pub(crate) mod tests;
 
 pub use collision::{Impulse, Regime, collide};
 pub use contact::Contact;
-pub use laws::{Laws, Sliding};
+pub use laws::{BED_SHARE, Laws, Sliding};

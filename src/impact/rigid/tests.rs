@@ -84,3 +84,47 @@ fn truth_exact_sliding() {
     let j = 0.05 * 2.839487591 / 3.5f64.hypot(9.3);
     close(out.ball_velocity, [1.0 - j * 3.5 / 0.0577, 9.0 - j * 9.3 / 0.0577, 21.2112234], 5.1e-8);
 }
+
+/// The last case of the physics reference's item G.8: a moving racket hit off its middle, where the stepped contact sends the ball
+/// 0.70 m/s along the handle and an impulse at first touch 0.33 m/s the other way (D.19).
+#[test]
+fn truth_a_lasting_contact_goes_where_the_stepped_one_does() {
+    let input = ImpactInput {
+        ball_velocity: Vector3::new(0.0, 8.0, -30.0),
+        ball_spin: Vector3::zeros(),
+        position: Vector2::new(reference_input().position.x, 0.0),
+        ..reference_input()
+    };
+    let mut model = base(0.763, 0.5).with_effect("finite-contact").expect("known");
+    let at = |model: &Model| prepared(model).predict(&input).expect("contact");
+    let lasting = at(&model);
+    model.set("finite-contact.contact_time_s", 0.0).expect("known");
+    let instant = at(&model);
+    assert!((instant.ball_velocity.x + 0.33).abs() < 0.1, "{}", instant.ball_velocity.x);
+    assert!((lasting.ball_velocity.x - 0.70).abs() < 0.2, "{}", lasting.ball_velocity.x);
+    let (racket, ball) = reference_equipment();
+    let momentum = |out: &crate::impact::ImpactOutput| out.ball_velocity * ball.mass_kg + out.racket_velocity * racket.mass_kg;
+    close(momentum(&lasting) - momentum(&instant), [0.0; 3], 1e-12);
+}
+
+/// Without duration a lasting contact is an instantaneous one, sticking or sliding; where something couples the normal impulse with
+/// others, the work decides instead of the velocity, which is nearly the same.
+#[test]
+fn ladder_a_short_contact_becomes_an_instant() {
+    let others = ["string-tilt", "offset-normal-force", "lateral-strings", "ball-deformation", "swing-drive"];
+    for (friction, others, digits) in [(1.0, &[][..], 1e-5), (0.05, &[], 1e-5), (1.0, &others, 2e-3)] {
+        let mut model = base(0.8, friction);
+        for name in others.iter().chain(&["finite-contact"]) {
+            model = model.with_effect(name).expect("known");
+        }
+        let at = |model: &Model| prepared(model).predict(&reference_input()).expect("contact");
+        model.set("finite-contact.contact_time_s", 1e-9).expect("known");
+        let short = at(&model);
+        model.set("finite-contact.contact_time_s", 0.0).expect("known");
+        let instant = at(&model);
+        close(short.ball_velocity, instant.ball_velocity.into(), digits);
+        close(short.ball_spin, instant.ball_spin.into(), 30.0 * digits);
+        close(short.racket_velocity, instant.racket_velocity.into(), digits);
+        close(short.racket_rate, instant.racket_rate.into(), 10.0 * digits);
+    }
+}

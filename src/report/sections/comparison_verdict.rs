@@ -9,7 +9,12 @@ use crate::validation::comparison::OutputSummary;
 /// Verdict, cards and notes of a comparison.
 pub fn comparison_verdict(c: &Comparison) -> Section {
     let adequate = c.verdict == "adequate";
-    let mut lines = vec![if adequate {
+    let mut lines = vec![if c.has_shared_structure() {
+        format!(
+            "The model “{}” is adequate for these {} impacts, but the structure test finds something in them: too little to show in the error of those held out.",
+            c.model, c.n_impacts
+        )
+    } else if adequate {
         format!("The model “{}” is adequate: nothing in these {} impacts speaks against it beyond their noise.", c.model, c.n_impacts)
     } else {
         format!("The model “{}” is not adequate: its errors on these {} impacts have structure that noise does not explain.", c.model, c.n_impacts)

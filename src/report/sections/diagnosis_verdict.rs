@@ -11,6 +11,9 @@ pub(super) const VERDICT_WORDS: [&str; 3] = ["ADEQUATE", "EFFECT MISSING", "UNEX
 /// Verdict, the answer's sentences and the figures that matter; `after`: the model with the recommended effects added.
 pub fn diagnosis_verdict(d: &Diagnosis, after: Option<&Comparison>) -> Section {
     let (tone, head) = match d.verdict {
+        Verdict::Adequate if d.keeps_structure() => {
+            (Tone::Good, format!("Nothing is missing that shows in the error of held-out impacts; some structure is left in these {} impacts.", d.n_impacts))
+        }
         Verdict::Adequate => (Tone::Good, format!("Nothing is missing that these {} impacts could show.", d.n_impacts)),
         Verdict::EffectMissing if d.recommended.is_empty() => (Tone::Bad, "The model is missing an effect.".to_owned()),
         Verdict::EffectMissing => (Tone::Bad, format!("The model is missing {}.", d.recommended.join(" and "))),

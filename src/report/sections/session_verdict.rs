@@ -44,6 +44,9 @@ pub fn session_verdict(r: &SessionResults) -> Section {
         lines.insert(
             0,
             match d.verdict {
+                Verdict::Adequate if d.keeps_structure() => {
+                    format!("The model “{}” explains these shots as far as their held-out error shows; some structure is left in its residuals.", d.model)
+                }
                 Verdict::Adequate => format!("The model “{}” explains these shots: nothing is missing that they could show.", d.model),
                 Verdict::EffectMissing => format!("The model “{}” is missing {}.", d.model, d.recommended.join(" and ")),
                 Verdict::Unexplained => format!("The model “{}” fails on these shots, and no effect of the catalogue explains why.", d.model),

@@ -5,7 +5,7 @@
 //! centroid of the visible tape, its covariance and how well the picture agrees.
 
 use super::band_beside::Beside;
-use super::band_sums::{BandModel, BandPixels, BandSums, LEVELS, UNKNOWNS};
+use super::band_sums::{BESIDE_UNIT, BandModel, BandPixels, BandSums, LEVELS, UNKNOWNS};
 use super::cholesky::Cholesky;
 use super::racket_figure::{RacketFigure, VISIBLE_DEPTH};
 use super::racket_pose::View;
@@ -206,6 +206,9 @@ pub const SPECK_HALF_PX: f64 = 1.2;
 const LEAST_HALF_PX: f64 = 0.3;
 /// Levels from this one on are the white's shading.
 const SHADING: usize = 6;
+/// Levels of what lies beside the band, on either side, and the deviation of their share in the picture of its sides from one.
+const BESIDE: [usize; 2] = [3, 5];
+const LIKE_BESIDE: f64 = 0.3;
 /// With the light known: how unevenly the white may be bright on top of it, as a share of its level (one deviation).
 const EVENNESS: f64 = 0.1;
 /// The same for the black, as a share of the white's level.
@@ -303,9 +306,17 @@ fn fit_in(
         for i in 0..UNKNOWNS {
             h[i][i] += ridge(i.saturating_sub(2));
         }
-        if shape.light.is_some() && model.scale.is_finite() {
+        let noise = model.scale / ROBUST;
+        if noise.is_finite() {
+            // What lies beside the band goes on behind its sides, nearly as it is.
+            let prior = (noise / (LIKE_BESIDE * BESIDE_UNIT)).powi(2);
+            for k in BESIDE {
+                h[2 + k][2 + k] += prior;
+                jtr[2 + k] += prior * (BESIDE_UNIT - levels[k]);
+            }
+        }
+        if shape.light.is_some() && noise.is_finite() {
             // Beyond the light the white is as bright on one side as on the other, nearly.
-            let noise = model.scale / ROBUST;
             let black_evenness = if shape.black_shaded { BLACK_EVENNESS } else { EVENNESS };
             for (k, evenness) in (SHADING..LEVELS).zip([EVENNESS, black_evenness]) {
                 let prior = (noise / (evenness * levels[0]).abs().max(1.0)).powi(2);

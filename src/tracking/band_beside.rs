@@ -5,6 +5,8 @@
 
 use super::band_sums::BESIDE_UNIT;
 
+const UNIT: f32 = BESIDE_UNIT as f32;
+
 /// Places along a band at which what lies beside it is known.
 const KNOTS: usize = 48;
 /// Least distance between them, px: as far as the picture resolves.
@@ -46,7 +48,7 @@ impl Beside {
         for (grey, weight) in self.grey.iter_mut().zip(&self.weight) {
             let mean = grey.iter().sum::<f32>() / weight.iter().sum::<f32>().max(1e-3);
             for (g, w) in grey.iter_mut().zip(weight) {
-                *g = if *w > 0.1 { (*g / w - mean) / BESIDE_UNIT } else { 0.0 };
+                *g = if *w > 0.1 { (*g / w - mean) / UNIT } else { 0.0 };
             }
         }
     }
@@ -72,13 +74,13 @@ mod tests {
             beside.add(t, -4.0, 90);
         }
         beside.complete();
-        assert!((beside.at(5.0, 1.0) - beside.at(-5.0, 1.0) - 100.0 / BESIDE_UNIT).abs() < 1e-4);
+        assert!((beside.at(5.0, 1.0) - beside.at(-5.0, 1.0) - 100.0 / UNIT).abs() < 1e-4);
         assert!(beside.at(5.0, -1.0).abs() < 1e-5 && beside.at(-5.0, -1.0).abs() < 1e-5);
         // Beyond the ends it goes on as it ends; a long band has wider steps.
         assert_eq!(beside.at(90.0, 1.0), beside.at(8.0, 1.0));
         let mut long = Beside::new(-400.0, 400.0);
         (-400..=400).for_each(|t| long.add(f64::from(t), 1.0, (100 + t / 8) as u8));
         long.complete();
-        assert!((long.at(160.0, 1.0) - 20.0 / BESIDE_UNIT).abs() < 0.03 && (long.at(-160.0, 1.0) + 20.0 / BESIDE_UNIT).abs() < 0.03);
+        assert!((long.at(160.0, 1.0) - 20.0 / UNIT).abs() < 0.03 && (long.at(-160.0, 1.0) + 20.0 / UNIT).abs() < 0.03);
     }
 }

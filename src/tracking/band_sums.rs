@@ -22,7 +22,7 @@ type Step = [f32; STEP];
 /// Products of two of the columns of the design and of the residual, each pair once.
 const PRODUCTS: usize = (UNKNOWNS + 1) * (UNKNOWNS + 2) / 2;
 /// Grey levels by which what lies beside a band is divided, so that all columns are of one size.
-pub const BESIDE_UNIT: f32 = 50.0;
+pub const BESIDE_UNIT: f64 = 50.0;
 /// Residuals are ranked to this, grey levels.
 const RANK_STEP: f32 = 0.25;
 const RANKS: usize = 256;

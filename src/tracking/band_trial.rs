@@ -33,7 +33,8 @@ pub fn against_in_frame<L: IntoIterator<Item = (BandView, BandShape)>>(
     looks: impl Fn(CameraId, usize) -> Option<L> + Sync,
 ) -> Vec<(usize, Vec<f64>)> {
     let of_camera = |c: CameraId| (0..frame.points[c.index()].len()).map(move |m| (c, m));
-    let seen: Vec<(CameraId, usize)> = CameraId::BOTH.into_iter().flat_map(of_camera).filter(|(c, m)| asked(*m) && frame.points[c.index()][*m].is_some()).collect();
+    let seen: Vec<(CameraId, usize)> =
+        CameraId::BOTH.into_iter().flat_map(of_camera).filter(|(c, m)| asked(*m) && frame.points[c.index()][*m].is_some()).collect();
     seen.par_iter().filter_map(|&(camera, marker)| Some((marker, against(images[camera.index()].as_ref()?, looks(camera, marker)?)?))).collect()
 }
 

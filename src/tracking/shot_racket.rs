@@ -9,8 +9,8 @@ use super::racket_track::{self, ALL_BANDS, KnownBands, RacketFrame};
 use super::recording::{Fingerprint, Fingerprints};
 use super::shot_frames::{PATIENCE, Shot, spread};
 use super::shot_tracker::TrackingError;
-use super::tape_light::TapeLight;
 use super::tape_length;
+use super::tape_light::TapeLight;
 use super::throat::ThroatEvidence;
 use super::throat_bend::BendEvidence;
 use super::tube_width::WidthEvidence;
@@ -54,7 +54,9 @@ impl<S: FrameSource> Shot<'_, S> {
         let start = self.measure_tape(start)?;
         // One frame tells the throat's direction to a degree or two, and the bands are followed with it; several tell it better.
         let start = self.turn_throat(start)?;
-        self.shape_throat(start)
+        let start = self.shape_throat(start)?;
+        // Bands thought too wide show another light.
+        self.light_tape(start)
     }
 
     /// Finds the racket in some frame: the middle first (of which candidates may be known), then halves, quarters, ...
@@ -104,11 +106,12 @@ impl<S: FrameSource> Shot<'_, S> {
         Some(RacketStart { index, frame, least_contrast })
     }
 
-    /// The start with the light as its bands show it.
+    /// The start with the light as its bands show it: the first time every band tells its own brightness, then what the light leaves over.
     fn light_tape(&mut self, mut start: RacketStart) -> Result<RacketStart, TrackingError> {
         let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
         let images = self.read(start.index, &mut buffers)?;
-        // The first time every band tells its own brightness, then what the light leaves over.
+        let known = self.shape;
+        (self.shape.light, self.shape.black_shaded) = (None, false);
         for _ in 0..LIGHT_ROUNDS {
             let Some(light) = TapeLight::of(&self.scene(), &images, &start.frame) else { break };
             let before = self.shape;
@@ -118,6 +121,9 @@ impl<S: FrameSource> Shot<'_, S> {
                 break;
             };
             start = again;
+        }
+        if self.shape.light.is_none() {
+            self.shape = known;
         }
         self.shape.black_shaded = self.shape.light.is_some();
         Ok(start)

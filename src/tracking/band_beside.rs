@@ -15,6 +15,8 @@ const LEAST_SPACING_PX: f64 = 1.0;
 /// Sums of grey by place along, linearly between the knots, for the positive side across and the negative one.
 pub struct Beside {
     first: f32,
+    /// Knots from the first place to the last.
+    length: f32,
     per_px: f32,
     grey: [[f32; KNOTS]; 2],
     weight: [[f32; KNOTS]; 2],
@@ -24,12 +26,13 @@ impl Beside {
     /// For places from `from` to `to`, px along the band.
     pub fn new(from: f64, to: f64) -> Self {
         let spacing = ((to - from) / (KNOTS - 2) as f64).max(LEAST_SPACING_PX);
-        Beside { first: from as f32, per_px: 1.0 / spacing as f32, grey: [[0.0; KNOTS]; 2], weight: [[0.0; KNOTS]; 2] }
+        let length = (((to - from) / spacing) as f32).max(0.0);
+        Beside { first: from as f32, length, per_px: 1.0 / spacing as f32, grey: [[0.0; KNOTS]; 2], weight: [[0.0; KNOTS]; 2] }
     }
 
     /// The knot before a place, and the share of the one after it.
     fn knot(&self, along: f32) -> (usize, f32) {
-        let at = ((along - self.first) * self.per_px).clamp(0.0, (KNOTS - 2) as f32);
+        let at = ((along - self.first) * self.per_px).clamp(0.0, self.length);
         let knot = (at as usize).min(KNOTS - 2);
         (knot, at - knot as f32)
     }

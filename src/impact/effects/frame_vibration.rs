@@ -13,11 +13,11 @@ pub(super) static CARD: EffectCard = EffectCard {
     kind: EffectKind::Physics,
     physics: "The frame is a free beam whose first bending mode (100 to 200 Hz) is set ringing unless the ball lands on its node. \
               Its half period is about the contact time, so the energy does not come back to the ball.",
-    equation: "e'^2 = e^2 - q (1 + e')^2, q = amount phi(s - node)^2 S^2 / (M_k K_zz), S = cos(wT/2) / (1 - (wT/pi)^2)",
+    equation: "e'^2 = e^2 - q (1 + e')^2, q = amount phi(s - node)^2 S^2 / (M_k K_zz), S = cos(wT/2) / (1 - (wT/pi)^2), T = contact_time (K_c/K_zz)^1/2 (20/v_n)^0.14",
     parameters: &[
         ParameterCard::strength("amount", "", "share of the beam's own value (1: as computed)", 1.0, (0.0, 5.0), 0.5),
         ParameterCard::shape("frequency_hz", "Hz", "first bending frequency with free ends", 140.0, (60.0, 400.0), 30.0),
-        ParameterCard::shape("contact_time_s", "s", "duration of the contact (rigid base only)", 4.5e-3, (1e-3, 1e-2), 5e-4),
+        ParameterCard::shape("contact_time_s", "s", "duration of the contact of 20 m/s at the middle of the face (rigid base only)", 4.5e-3, (1e-3, 1e-2), 5e-4),
         ParameterCard::shape("damping_ratio", "", "of the mode (visco-elastic base only)", 0.01, (0.0, 0.3), 0.01),
         ParameterCard::shape("node_m", "m", "how far the node lies from the beam's own, toward the tip", 0.0, (-0.05, 0.05), 0.01).fitted(),
     ],
@@ -52,7 +52,7 @@ impl<T: Real> Effect<T> for FrameVibration {
     fn change_laws(&self, p: &[T], at: &Contact<T>, laws: &mut Laws<T>) {
         let Some(beam) = &at.body.beam else { return };
         let phi = beam.shape(0, from_butt(at.body, at.input.position.x) - p[4]);
-        let s = pulse_response(p[1] * at.body.beam_frequency_ratio(), p[2]);
+        let s = pulse_response(p[1] * at.body.beam_frequency_ratio(), at.duration(p[2]));
         laws.mode_loss += p[0] * phi * phi * s * s / (beam.modes[0].modal_mass * at.normal_compliance);
     }
 

@@ -16,17 +16,6 @@ use nalgebra::{Matrix3, Vector3};
 /// Parts of the impulse while the spring is compressed, and again while it expands. With twice as many the outcome moves by less than
 /// a hundredth of what the duration does.
 const PARTS: usize = 5;
-/// Approach speed to which the duration belongs, m/s, and the exponent of the speed by which it falls: 5.2 to 3.9 ms from 5 to 40 m/s
-/// (visco-elastic model on a free racket, physics reference G.9).
-const SPEED_M_S: f64 = 20.0;
-const SPEED_EXPONENT: f64 = -0.14;
-
-/// How long this contact lasts: a spring under a smaller mass swings faster. `face_time` belongs to the middle of the face.
-fn duration<T: Real>(at: &Contact<T>, laws: &Laws<T>) -> T {
-    let middle = at.body.ball_mass.recip() + at.body.inverse_effective_mass(&Vector3::new(-at.body.com_x, T::zero(), T::zero()));
-    laws.face_time * (middle / at.normal_compliance).sqrt() * (at.approach_speed / SPEED_M_S).powf(T::constant(SPEED_EXPONENT))
-}
-
 /// Racket and ball along the axes of the face as it stands.
 struct Bodies<'a, T: Real> {
     at: &'a Contact<'a, T>,
@@ -122,7 +111,7 @@ pub(super) fn collide_lasting<T: Real>(at: &Contact<T>, laws: &Laws<T>, instant:
     if whole.value() <= 0.0 {
         return *instant;
     }
-    let (compression, lasts) = (whole / (e + 1.0), duration(at, laws));
+    let (compression, lasts) = (whole / (e + 1.0), at.duration(laws.face_time));
     let (closing_time, opening_time) = (lasts * e / (e + 1.0), lasts / (e + 1.0));
     let depth = laws.bed_share * at.approach_speed * closing_time * std::f64::consts::FRAC_2_PI;
     let (mut holds, mut now, mut given) = (size.value() == 0.0, zero, zero);

@@ -35,6 +35,8 @@ const MOST_SD_PX: f64 = 0.35;
 /// picture shows, and it is in proportion to what changes from one to the next. On rendered flights with known centres the mean error of a
 /// stretch was 0.3 to 0.75 of the scatter within it, and all errors together 1.1 to 1.4 times what sectors and tilt say (docs/tracking.md).
 const COMMON: f64 = 1.4;
+/// Share of a centre's variance that all pictures of a stretch have in common.
+pub(super) const SHARED_VARIANCE: f64 = 1.0 - 1.0 / (COMMON * COMMON);
 /// Frames next to the contact from which the ball is learnt: as many as the spin is measured from; more teach little.
 const MOST_TEACHING: f64 = 24.0;
 /// Fewest pictures of one camera from which a ball is learnt.

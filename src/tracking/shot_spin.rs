@@ -1,5 +1,6 @@
 //! The ball's spin in one tracked shot: crops of the ball in free flight, before and after the contact.
 
+use super::ball_refine::SHARED_VARIANCE;
 use super::shot_tracker::{ShotSetup, TrackingError};
 use super::spin::{BallSpin, BallView, FoundSpin, GreyPatch, SpinSettings};
 use super::track_file::{SpacePoint, Target, Tracks};
@@ -23,7 +24,9 @@ struct Crop {
     left: i64,
     top: i64,
     centre_px: Vector2<f64>,
+    /// Of this centre alone, and of what it has in common with its neighbours.
     centre_sd_px: f64,
+    centre_shared_px: f64,
     position: Point3<f64>,
 }
 
@@ -104,7 +107,8 @@ fn crops(source: &impl FrameSource, setup: &ShotSetup, tracks: &Tracks, points: 
                 left,
                 top,
                 centre_px: seen.uv,
-                centre_sd_px: seen.sd.max(),
+                centre_sd_px: seen.sd.max() * (1.0 - SHARED_VARIANCE).sqrt(),
+                centre_shared_px: seen.sd.max() * SHARED_VARIANCE.sqrt(),
                 position: point.position,
             });
         }
@@ -120,6 +124,7 @@ impl Crop {
             picture: GreyPatch { pixels: &self.pixels, width: self.side, height: self.side, stride: self.side, left: self.left, top: self.top },
             centre_px: self.centre_px,
             centre_sd_px: self.centre_sd_px,
+            centre_shared_px: self.centre_shared_px,
             position: self.position,
         }
     }

@@ -71,6 +71,7 @@ fn practice_shot(session: &Path, id: &str, shot: &serde_json::Value) -> [Vec<Pic
                 left: 0,
                 top: 0,
                 centre_sd_px: 0.05,
+                centre_shared_px: 0.0,
                 centre_px: Vector2::new(ball["u"].as_f64().unwrap(), ball["v"].as_f64().unwrap()),
                 position: Point3::from(vector(&f["points"]["ball"])),
             });
@@ -142,6 +143,13 @@ impl Tally {
 
     fn worst_axis_deg(&self) -> f64 {
         self.axis_deg.iter().fold(0.0, |m, a| m.max(*a))
+    }
+
+    /// Answers wrong by more than 10 % or 5 degrees whose 95 % region does not hold the truth.
+    fn unflagged(&self) -> usize {
+        let vectors = self.rate.iter().zip(&self.axis_deg).zip(&self.z2);
+        vectors.filter(|((rate, axis_deg), z2)| (rate.abs() > 0.10 || **axis_deg > 5.0) && **z2 > 7.81).count()
+            + self.one_axis_z.iter().filter(|z| z.abs() > 3.0).count()
     }
 
     /// Mean squared normalised error per component; 1 when the covariance is right.
@@ -237,9 +245,8 @@ fn law_two_drawn_lines_give_the_vector_and_an_honest_covariance() {
     let t = tally("two lines", 12, (84.0, 300.0), |_, _| {});
     assert_eq!(t.rate.len(), 12);
     assert!(t.worst_rate() < 0.02 && t.worst_axis_deg() < 5.0);
-    // 36 components: the mean of their squares has a standard deviation of 0.24 around 1. These centres scatter without drifting, so
-    // that the deviations, which hold for centres measured in footage, are too large here: 0.45 over 24 balls.
-    assert!((0.15..1.9).contains(&t.z2_mean()), "{}", t.z2_mean());
+    // 36 components: the mean of their squares has a standard deviation of 0.24 around 1.
+    assert!((0.3..1.9).contains(&t.z2_mean()), "{}", t.z2_mean());
 }
 
 #[test]
@@ -275,8 +282,8 @@ fn law_poor_pictures_are_right_or_refused() {
     });
     assert!(hard.rate.len() >= 4 && hard.worst_rate() < 0.05 && hard.z2_mean() < 3.0);
     let short = tally("short", 5, (84.0, 300.0), |s, _| s.frames = 7);
-    // Seven frames leave a slow ball's spin to 10 % in the worst; the deviation says so.
-    assert!(short.worst_rate() < 0.15 && short.z2_mean() < 2.0, "{short:?}");
+    // Seven frames leave a slow ball's spin to more than 10 % in the worst; the deviation says so.
+    assert!(short.worst_rate() < 0.15 && short.z2_mean() < 2.0 && short.unflagged() + hard.unflagged() == 0, "{short:?}");
 }
 
 #[test]
@@ -285,8 +292,12 @@ fn fails_where_the_markings_do_not_hold_the_spin() {
     assert!(bare.refused.len() == 3 && bare.refused.iter().all(|r| r.contains("no markings")), "{:?}", bare.refused);
     let own = tally("line about its axis", 4, (84.0, 300.0), |s, _| s.markings = Markings::SpinCircle);
     assert!(own.worst_rate() < 0.10, "a line that slides along itself: {own:?}");
-    let one = tally("one line", 4, (84.0, 300.0), |s, r| s.markings = Markings::Circles(vec![(random_turn(r) * Vector3::x(), 0.0, 0.06)]));
-    assert!(one.worst_rate() < 0.10, "{one:?}");
+    // What one line leaves open depends on how it lies to the spin: answered, in part or with a wide deviation, or refused.
+    let one = tally("one line", 16, (20.0, 500.0), |s, r| {
+        s.markings = Markings::Circles(vec![(random_turn(r) * Vector3::x(), 0.0, 0.06)]);
+        s.frames = [8, 12, 20][r.random_range(0..3)];
+    });
+    assert!(one.rate.len() >= 4 && one.unflagged() == 0, "{one:?}");
 }
 
 #[test]

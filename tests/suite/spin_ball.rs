@@ -62,13 +62,22 @@ pub struct Picture {
     pub top: i64,
     pub centre_px: Vector2<f64>,
     pub centre_sd_px: f64,
+    pub centre_shared_px: f64,
     pub position: Point3<f64>,
 }
 
 impl Picture {
     pub fn view(&self) -> BallView<'_> {
         let picture = GreyPatch { left: self.left, top: self.top, ..GreyPatch::frame(&self.pixels, self.size.0, self.size.1) };
-        BallView { camera: self.camera, time_s: self.time_s, picture, centre_px: self.centre_px, centre_sd_px: self.centre_sd_px, position: self.position }
+        BallView {
+            camera: self.camera,
+            time_s: self.time_s,
+            picture,
+            centre_px: self.centre_px,
+            centre_sd_px: self.centre_sd_px,
+            centre_shared_px: self.centre_shared_px,
+            position: self.position,
+        }
     }
 }
 
@@ -206,7 +215,7 @@ impl Scene {
         }
         let mut shift = || self.centre_sd_px * random.sample::<f64, _>(StandardNormal);
         let centre_px = centre + Vector2::new(shift(), shift());
-        Picture { camera, time_s, pixels, size: (size, size), left, top, centre_px, centre_sd_px: self.centre_sd_px.max(0.02), position }
+        Picture { camera, time_s, pixels, size: (size, size), left, top, centre_px, centre_sd_px: self.centre_sd_px.max(0.02), centre_shared_px: 0.0, position }
     }
 }
 

@@ -129,10 +129,9 @@ const LEAST_CONTRAST: f64 = 0.015;
 const BLUR_PX: f64 = 0.6;
 /// Growth of the covariance with the noise: the map follows some of it, and its slopes there look like information.
 const NOISE_SHARE: f64 = 8.0;
-/// Systematic displacement of the markings from one end of the window to its middle, px, and relative error of the rate.
-/// 0.04 px suits rendered balls with independent centre errors (tests/suite/spin.rs, `law_`); centres measured in footage
-/// drift with the background, and 0.06 px covers them (docs/spin.md, "Uncertainty").
-const SYSTEMATIC_PX: f64 = 0.06;
+/// Displacement of the markings from one end of the window to its middle that no picture shows (steps of the shading, the blur's true
+/// shape, the map's cells), px, and relative error of the rate. Measured on rendered balls (docs/spin.md, "Uncertainty").
+const MISFIT_PX: f64 = 0.012;
 const SYSTEMATIC_RATE: f64 = 0.003;
 /// Maps with other cells over which the spin is averaged, and the share of one map's scatter that stays in the mean of all:
 /// dents that the pictures make lie at the same place on all (docs/spin.md, "Cells").
@@ -207,9 +206,12 @@ fn too_few(infos: &[ViewInfo], samples: &[Sample], settings: &SpinSettings) -> O
     (seen < LEAST_FRAMES || samples.len() < LEAST_SAMPLES).then_some(SpinEstimate::Refused { reason: SpinRefusal::TooFewFrames { seen, needed: LEAST_FRAMES } })
 }
 
-/// The covariance that one registration states.
-fn stated(best: &Registration, model_covariance: &Matrix3<f64>, infos: &[ViewInfo]) -> Matrix3<f64> {
-    larger(model_covariance, &best.scatter_covariance) * (1.0 + NOISE_SHARE * (best.noise / best.texture).powi(2)) + systematic(&best.omega, infos)
+/// The covariance that one registration states; `held` is the covariance of its curvature, perhaps widened.
+fn stated(best: &Registration, held: &Matrix3<f64>, infos: &[ViewInfo]) -> Matrix3<f64> {
+    let map_noise = 1.0 + NOISE_SHARE * (best.noise / best.texture).powi(2);
+    let own = larger(held, &best.scatter_covariance) + misfit(&best.model_covariance, infos);
+    let centres = held * best.centre_scores * held;
+    own * map_noise + centres + best.omega * best.omega.transpose() * (SYSTEMATIC_RATE * SYSTEMATIC_RATE)
 }
 
 /// Why a registration may not be believed.
@@ -298,12 +300,14 @@ fn widened(registrar: &Registrar, best: &Registration) -> Matrix3<f64> {
     best.model_covariance + axis * axis.transpose() * (variance * (factor - 1.0))
 }
 
-/// What frames of the same flight have in common and no scatter shows: steps of the shading, the blur's true shape, the
-/// ball's centre drifting with the background. A turn error over the window, isotropic, and one in proportion.
-fn systematic(omega: &Vector3<f64>, views: &[ViewInfo]) -> Matrix3<f64> {
+/// What frames of the same flight have in common and no scatter shows. In the direction that the markings hold best a
+/// displacement is a turn of as much; what pulls there pulls elsewhere too, and moves the spin by so much more as the markings hold it
+/// less: along a line that nearly slides along itself a hundredth of a pixel is worth many rad/s.
+fn misfit(held: &Matrix3<f64>, views: &[ViewInfo]) -> Matrix3<f64> {
     let radius_px = views.iter().map(|v| v.radius_px).sum::<f64>() / views.len().max(1) as f64;
-    let turn = SYSTEMATIC_PX / radius_px.max(1.0) / (0.5 * span_s(views)).max(1e-6);
-    Matrix3::identity() * (turn * turn) + omega * omega.transpose() * (SYSTEMATIC_RATE * SYSTEMATIC_RATE)
+    let turn = MISFIT_PX / radius_px.max(1.0) / (0.5 * span_s(views)).max(1e-6);
+    let best_held = held.symmetric_eigenvalues().min().max(1e-12);
+    held * held * (turn / best_held).powi(2)
 }
 
 fn span_s(views: &[ViewInfo]) -> f64 {

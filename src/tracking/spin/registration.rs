@@ -7,7 +7,7 @@
 
 use super::shading::{Factors, Mark, Shading, factors, least_squares, median, product};
 use super::sphere_map::{SphereMap, Spot};
-use super::view::{Sample, ViewInfo};
+use super::view::{Sample, TRACK_TERMS, ViewInfo};
 use crate::calibration::CameraId;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
@@ -37,6 +37,8 @@ pub(super) struct Registration {
     pub model_covariance: Matrix3<f64>,
     /// From the scatter of the views' own contributions (sandwich): holds where residuals are correlated inside a view.
     pub scatter_covariance: Matrix3<f64>,
+    /// Covariance of the score (slope of the log-likelihood along ω, the map fitted) by the errors of the centres.
+    pub centre_scores: Matrix3<f64>,
     /// What the fit leaves at every pixel, contrast.
     pub residuals: Vec<f32>,
     /// Noise of one pixel of weight 1, contrast.
@@ -129,6 +131,7 @@ pub(super) struct Registrar<'a> {
 struct Design {
     spots: Vec<Spot>,
     body: Vec<[f32; 3]>,
+    omega: Vector3<f64>,
 }
 
 /// One cell's part of the map's normal equations: the upper triangle, row by row.
@@ -150,9 +153,11 @@ struct State {
     noise: f64,
 }
 
+#[derive(Default)]
 struct Information {
     model_covariance: Matrix3<f64>,
     scatter_covariance: Matrix3<f64>,
+    centre_scores: Matrix3<f64>,
     information: Matrix3<f64>,
 }
 
@@ -252,7 +257,7 @@ impl<'a> Registrar<'a> {
     fn finish(&self, omega: Vector3<f64>, design: &Design, state: &State, information: Option<Information>, length: f64) -> Registration {
         let markings = self.markings(design, &state.map);
         let residuals = self.residuals(&markings, state);
-        let (model_covariance, scatter_covariance) = information.map_or((Matrix3::zeros(), Matrix3::zeros()), |i| (i.model_covariance, i.scatter_covariance));
+        let Information { model_covariance, scatter_covariance, centre_scores, .. } = information.unwrap_or_default();
         let count = markings.len().max(1) as f64;
         let texture = (markings.iter().map(|m| f64::from(m * m)).sum::<f64>() / count).sqrt();
         let outliers = state.robust.iter().filter(|&&w| w < 0.5).count() as f64 / count;
@@ -260,6 +265,7 @@ impl<'a> Registrar<'a> {
             omega,
             model_covariance,
             scatter_covariance,
+            centre_scores,
             residuals,
             noise: state.noise,
             markings,
@@ -308,7 +314,7 @@ impl<'a> Registrar<'a> {
     fn design(&self, omega: &Vector3<f64>) -> Design {
         let back = turned_back(self.views, omega, self.middle_s, &self.cells);
         let body: Vec<[f32; 3]> = self.looks_at.iter().zip(self.marks).map(|(n, m)| turned(&back[m.view], n)).collect();
-        Design { spots: body.iter().map(|b| self.map.spot(b)).collect(), body }
+        Design { spots: body.iter().map(|b| self.map.spot(b)).collect(), body, omega: *omega }
     }
 
     fn markings(&self, d: &Design, map: &[f32]) -> Vec<f32> {
@@ -476,12 +482,23 @@ impl<'a> Registrar<'a> {
         });
         let mut information = Matrix3::identity() * 1e-6;
         let mut scores = vec![Vector3::zeros(); self.views.len()];
+        // What the score gains when a picture's disc moves a pixel to the right, and down.
+        let mut moved = vec![[Vector3::<f64>::zeros(); 2]; self.views.len()];
+        let to_body: Vec<Matrix3<f64>> = turned_back(self.views, &d.omega, self.middle_s, &self.cells)
+            .iter()
+            .zip(self.views)
+            .map(|(back, v)| Matrix3::from_fn(|i, k| f64::from(back[i][k])) * v.axes)
+            .collect();
         for (((spot, slope), (&w, r)), m) in d.spots.iter().zip(slopes).zip(weights.iter().zip(&residuals)).zip(self.marks) {
             let k = spot.weights();
             let own: Vector3<f64> = Vector3::from_fn(|i, _| f64::from(slope[i] - inner(&self.map.values(spot, &imitated[i]), &k)));
             let whole = Vector3::from(*slope).map(f64::from);
             information += own * whole.transpose() * f64::from(w);
             scores[m.view] += own * f64::from(w * r);
+            let slope = to_body[m.view].tr_mul(&Vector3::from(spot.gradient(self.map.values(spot, &state.map))).map(f64::from)) / self.views[m.view].radius_px;
+            for (moved, (along, at)) in moved[m.view].iter_mut().zip([(slope.x, m.disc.x), (slope.y, m.disc.y)]) {
+                *moved += own * (f64::from(w) * (along - slope.z * at / m.disc.z));
+            }
         }
         information = 0.5 * (information + information.transpose());
         let covariance = information.try_inverse().unwrap_or_else(|| Matrix3::identity() * 1e6);
@@ -498,7 +515,15 @@ impl<'a> Registrar<'a> {
         }
         let n = scores.len() as f64;
         let c = covariance * scatter * covariance * (n / (n - 3.0).max(1.0));
-        Information { model_covariance: covariance, scatter_covariance: 0.5 * (c + c.transpose()), information }
+        let mut centre_scores = Matrix3::zeros();
+        for camera in CameraId::BOTH {
+            for (error, side) in (0..TRACK_TERMS).flat_map(|k| [(k, 0), (k, 1)]) {
+                let own = self.views.iter().zip(&moved).filter(|(v, _)| v.camera == camera);
+                let pull: Vector3<f64> = own.map(|(v, moved)| moved[side] * v.centre_errors[error]).sum();
+                centre_scores += pull * pull.transpose();
+            }
+        }
+        Information { model_covariance: covariance, centre_scores, scatter_covariance: 0.5 * (c + c.transpose()), information }
     }
 
     /// Robust cost of residuals at a common noise: Student-t log-likelihood ratio, so that 2 × difference is a χ².

@@ -42,6 +42,9 @@ pub struct BallView<'a> {
     /// Projected centre of the ball, px, and its standard deviation.
     pub centre_px: Vector2<f64>,
     pub centre_sd_px: f64,
+    /// Standard deviation of the part of the centre's error that it has in common with its neighbours in time, px: a light or a
+    /// background that all see. Smoothing along the track does not take it away.
+    pub centre_shared_px: f64,
     /// Centre of the ball in global axes, m. Used for scale and viewing direction only, so that a few mm do not matter.
     pub position: Point3<f64>,
 }
@@ -67,22 +70,34 @@ pub(super) struct ViewInfo {
     pub axes: Matrix3<f64>,
     /// The ball's radius in the picture, px.
     pub radius_px: f64,
+    /// By how much the centre is off, px along either side of the picture, for each of the independent standard errors of its
+    /// camera's smoothed track.
+    pub centre_errors: CentreErrors,
 }
+
+/// Terms of a smoothed track at most.
+pub(super) const TRACK_TERMS: usize = 4;
+pub(super) type CentreErrors = [f64; TRACK_TERMS];
 
 /// Part of the ball's disc that is used: beyond it, lines are foreshortened below the width of the blur and the
 /// background mixes in. Measured in docs/spin.md, "Used part of the disc".
 pub(super) const USED_RADIUS: f64 = 0.88;
 
+/// Centres of a camera from which a track is smoothed.
+const FEWEST_SMOOTHED: usize = 5;
+/// How what centres have in common is shared out among constant, slope and bends of the track: it changes slowly.
+const SHARED_BY_TERM: [f64; TRACK_TERMS] = [0.6, 0.6, 0.3, 0.1];
+
 /// The pixels of the ball's disc in all views whose disc is at least half inside the picture.
 pub(super) fn sample_views(views: &[BallView], rig: &StereoRig, radius_m: f64) -> (Vec<ViewInfo>, Vec<Sample>) {
-    let centres = smooth_centres(views);
+    let (centres, errors) = smooth_centres(views);
     let mut infos = Vec::new();
     let mut samples = Vec::new();
-    for (view, centre) in views.iter().zip(&centres) {
+    for ((view, centre), centre_errors) in views.iter().zip(&centres).zip(errors) {
         let start = samples.len();
         let at = infos.len();
         match sample_view(view, *centre, rig, radius_m, at, &mut samples) {
-            Some(info) => infos.push(info),
+            Some(info) => infos.push(ViewInfo { centre_errors, ..info }),
             None => samples.truncate(start),
         }
     }
@@ -132,18 +147,21 @@ fn sample_view(view: &BallView, centre: Vector2<f64>, rig: &StereoRig, radius_m:
             }
         }
     }
-    (inside > lost).then_some(ViewInfo { camera: view.camera, time_s: view.time_s, axes, radius_px })
+    (inside > lost).then_some(ViewInfo { camera: view.camera, time_s: view.time_s, axes, radius_px, centre_errors: [0.0; TRACK_TERMS] })
 }
 
 /// Centres smoothed along each camera's track: the ball flies freely over the window, so a low-order polynomial in time
-/// holds it, and the noise of single centres, which the eye would take for small turns of the ball, averages out.
-fn smooth_centres(views: &[BallView]) -> Vec<Vector2<f64>> {
+/// holds it, and the noise of single centres, which the eye would take for small turns of the ball, averages out. With them
+/// what is left of their errors: of the polynomial's coefficients by the scatter of single centres, and of what they have in common,
+/// which no smoothing takes away.
+fn smooth_centres(views: &[BallView]) -> (Vec<Vector2<f64>>, Vec<CentreErrors>) {
     let mut centres: Vec<Vector2<f64>> = views.iter().map(|v| v.centre_px).collect();
+    let mut errors = vec![[0.0; TRACK_TERMS]; views.len()];
     for camera in CameraId::BOTH {
         let own: Vec<usize> = (0..views.len()).filter(|&i| views[i].camera == camera).collect();
+        // Fewer stay as they are.
         let terms = match own.len() {
-            0..=4 => continue,
-            5..=7 => 2,
+            0..=7 => 2,
             8..=13 => 3,
             _ => 4,
         };
@@ -152,12 +170,15 @@ fn smooth_centres(views: &[BallView]) -> Vec<Vector2<f64>> {
         if !(half > 0.0 && half.is_finite()) {
             continue;
         }
+        // Legendre's polynomials, scaled to a mean square of 1: what the errors have in common scatters alike along each.
         let basis = |t: f64| {
             let x = (t - 0.5 * (first + last)) / half;
-            nalgebra::DVector::from_fn(terms, |k, _| x.powi(k as i32))
+            let p = [1.0, 1.73 * x, 1.12 * (3.0 * x * x - 1.0), 1.32 * (5.0 * x * x - 3.0) * x];
+            nalgebra::DVector::from_fn(terms, |k, _| p[k])
         };
         // Two rounds: the second without centres that lie 4 deviations off the first curve.
         let mut keep = own.clone();
+        let mut scatter = nalgebra::DMatrix::<f64>::zeros(terms, terms);
         for _ in 0..2 {
             let mut normal = nalgebra::DMatrix::<f64>::zeros(terms, terms);
             let mut right = nalgebra::DMatrix::<f64>::zeros(terms, 2);
@@ -167,7 +188,12 @@ fn smooth_centres(views: &[BallView]) -> Vec<Vector2<f64>> {
                 normal += &b * b.transpose() * w;
                 right += &b * views[i].centre_px.transpose() * w;
             }
-            let Some(solution) = normal.cholesky().map(|c| c.solve(&right)) else { break };
+            let Some(factor) = normal.cholesky() else { break };
+            scatter = factor.inverse();
+            if own.len() < FEWEST_SMOOTHED {
+                break;
+            }
+            let solution = factor.solve(&right);
             for &i in &own {
                 let fitted = solution.transpose() * basis(views[i].time_s);
                 centres[i] = Vector2::new(fitted[0], fitted[1]);
@@ -180,6 +206,16 @@ fn smooth_centres(views: &[BallView]) -> Vec<Vector2<f64>> {
                 break;
             }
         }
+        let shared = own.iter().map(|&i| views[i].centre_shared_px.clamp(0.0, 10.0).powi(2)).sum::<f64>() / own.len() as f64;
+        for (k, share) in SHARED_BY_TERM.iter().enumerate().take(terms) {
+            scatter[(k, k)] += shared * share;
+        }
+        if let Some(root) = scatter.cholesky().map(|c| c.l()) {
+            for &i in &own {
+                let off = root.tr_mul(&basis(views[i].time_s));
+                errors[i] = std::array::from_fn(|k| off.get(k).copied().unwrap_or(0.0));
+            }
+        }
     }
-    centres
+    (centres, errors)
 }

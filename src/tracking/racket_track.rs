@@ -219,6 +219,33 @@ pub fn measure(
     Some(RacketFrame { pose, points })
 }
 
+/// [`measure`] where the frames before say how the racket moves. A doubled picture shows it where it was: a band or two of that camera may
+/// still agree with the other's on a pose, one whose depth has jumped. Such a frame is measured from the other camera alone.
+pub fn measure_following(
+    scene: &RacketScene,
+    images: &[Option<GreyView>; 2],
+    predicted: &Isometry3<f64>,
+    reach_px: i32,
+    least_contrast: &[f64; 2],
+) -> Option<RacketFrame> {
+    let frame = measure(scene, images, predicted, reach_px, least_contrast)?;
+    let jumped = scene.apart_px(&frame.pose.global_from_racket, predicted) > JUMP_PX;
+    let mut images = *images;
+    for (image, points) in images.iter_mut().zip(&frame.points) {
+        if (1..FEW_BANDS).contains(&points.iter().flatten().count()) {
+            *image = None;
+        }
+    }
+    let few = images.iter().flatten().count() == 1;
+    let alone = if jumped && few { measure(scene, &images, predicted, reach_px, least_contrast) } else { None };
+    Some(alone.unwrap_or(frame))
+}
+
+/// Fewer bands than this in one camera's picture tell little beside the other's.
+const FEW_BANDS: usize = 3;
+/// A pose farther than this from the predicted one, px at any marker, is a jump.
+const JUMP_PX: f64 = 1.5;
+
 /// The bands that share a pose, and how many did not.
 struct Agreed {
     pose: RacketPose,

@@ -279,7 +279,8 @@ impl<S: FrameSource> Shot<'_, S> {
                 }
                 prints.push((index, images.map(|v| v.map(|v| Fingerprint::of(&v)))));
                 if expected {
-                    found = racket_track::measure(&scene, &images, &predicted, reach, &start.least_contrast);
+                    let look = if previous.is_some() { racket_track::measure_following } else { racket_track::measure };
+                    found = look(&scene, &images, &predicted, reach, &start.least_contrast);
                 }
             }
             if found.is_none()

@@ -117,9 +117,9 @@ const ROUNDS: usize = 6;
 const SURELY_FREE_S: f64 = 0.0075;
 /// Usual length of a contact, s, for when its end is not seen.
 const USUAL_CONTACT_S: f64 = 0.005;
-/// A window of the ball is shortened while a path that obeys its laws would bend as much in fewer than one shot of a thousand
+/// A window of the ball is shortened while a path that obeys its laws would bend as much in fewer than three shots of a thousand
 /// (half a window knows the velocity three times worse: shortening must be worth it),
-pub(crate) const BENDS_P: f64 = 0.001;
+pub(crate) const BENDS_P: f64 = 0.003;
 /// by a tenth at a time,
 const SHORTENED: f64 = 0.9;
 /// but not below the thesis's ten frames: fewer tell no bend from noise.

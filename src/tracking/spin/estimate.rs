@@ -117,8 +117,9 @@ const LEAST_FRAMES: usize = 4;
 const LEAST_SAMPLES: usize = 200;
 /// A registration whose last step is longer has not settled: of a spin that was only found, and of a measured one, rad/s.
 const SETTLED: (f64, f64) = (3.0, 1.0);
-/// Largest standard deviation of a component that still counts as measured, rad/s: 10 % of 1600 rpm.
-const LARGEST_SD: f64 = 17.0;
+/// Largest standard deviation of a component that still counts as measured: rad/s (10 % of 1600 rpm), and for faster spins as a
+/// share of the rate.
+const LARGEST_SD: (f64, f64) = (17.0, 0.1);
 /// Most that may be left over beyond the noise, in units of what the markings explain: right spins of rendered balls leave
 /// 0.03 to 0.6, wrong ones 1.5 and more.
 const MOST_UNEXPLAINED: f64 = 1.0;
@@ -243,16 +244,17 @@ fn held(infos: &[ViewInfo], best: &Registration, omega: Vector3<f64>, covariance
     let frames_used = distinct_times(infos, settings.frame_rate_hz);
     let eigen = covariance.symmetric_eigen();
     let worst = eigen.eigenvalues.max().sqrt();
-    if worst <= LARGEST_SD {
+    let largest = LARGEST_SD.0.max(LARGEST_SD.1 * omega.norm());
+    if worst <= largest {
         return SpinEstimate::Vector { omega_rad_s: omega, covariance, frames_used, quality };
     }
     // The direction of the spin itself when it is held, else the best-held direction.
-    let along = omega.try_normalize(1e-9).map(|a| (a, a.dot(&(covariance * a)).sqrt())).filter(|(_, sd)| *sd <= LARGEST_SD);
+    let along = omega.try_normalize(1e-9).map(|a| (a, a.dot(&(covariance * a)).sqrt())).filter(|(_, sd)| *sd <= largest);
     let (axis, sd) = along.unwrap_or_else(|| {
         let k = eigen.eigenvalues.imin();
         (eigen.eigenvectors.column(k).into(), eigen.eigenvalues[k].sqrt())
     });
-    if sd <= LARGEST_SD {
+    if sd <= largest {
         return SpinEstimate::OneAxis {
             axis,
             rate_rad_s: omega.dot(&axis),

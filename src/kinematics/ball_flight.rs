@@ -6,13 +6,10 @@
 //! How long a window these laws hold over is asked of the points: `bending_p` tests them against a path whose acceleration
 //! changes freely. A bounce, a net cord, a barrel or a wrongly tracked stretch within the window bends it.
 
-use super::image_errors::Leftover;
-use super::lasting_error::{Whitener, WindowErrors, persistence};
-use super::least_squares::{Problem, Solution, SolveError, chi2_tail_3, linearised, solve};
-use super::sighting::{Sighting, deviations};
+use super::least_squares::{Problem, Solution, SolveError, chi2_tail_3, solve};
+use super::sighting::{CommonError, Sighting, deviations, persistence, whiten};
 use crate::calibration::{CameraId, StereoRig};
 use crate::equipment::Ball;
-use crate::tracking::RacketFigure;
 use nalgebra::{DVector, Isometry3, Matrix6, Point3, SMatrix, Vector2, Vector3};
 
 /// Density of air at 15 °C, sea level, kg/m³.
@@ -74,7 +71,7 @@ pub struct FlightView<'a> {
     pub sightings: &'a [Sighting],
     pub reference_t: f64,
     pub gravity: Vector3<f64>,
-    pub(crate) errors: WindowErrors,
+    pub common: CommonError,
     pub noise_scale: f64,
 }
 
@@ -104,25 +101,9 @@ struct FlightFit<'a> {
     cameras: [Isometry3<f64>; 2],
     /// Prior spread of the lift, m/s².
     lift_sd: f64,
-    /// `None`: residuals stay in pixels.
-    whitener: Option<Whitener>,
 }
 
-impl<'a> FlightFit<'a> {
-    fn new(view: &'a FlightView<'a>, law: FlightLaw, speed: f64) -> Option<Self> {
-        let drag = DRAG.0 * view.drag_per_m() * speed * speed;
-        let cameras = CameraId::BOTH.map(|c| view.rig.camera_from_global(c));
-        let whitener = Some(Whitener::new(view.sightings, &view.errors, view.noise_scale)?);
-        Some(FlightFit { view, law, cameras, lift_sd: (LIFT_SHARE * drag).max(0.05), whitener })
-    }
-
-    fn white(&self, misfits: &[Vector2<f64>]) -> DVector<f64> {
-        match &self.whitener {
-            Some(whitener) => whitener.vector(misfits),
-            None => DVector::from_iterator(2 * misfits.len(), misfits.iter().flat_map(|m| [m.x, m.y])),
-        }
-    }
-
+impl FlightFit<'_> {
     fn misfits(&self, state: &FlightState) -> Option<Vec<Vector2<f64>>> {
         self.view
             .sightings
@@ -164,7 +145,8 @@ impl Problem for FlightFit<'_> {
     }
 
     fn residuals(&self, s: &FlightState) -> Option<DVector<f64>> {
-        let mut all: Vec<f64> = self.white(&self.misfits(s)?).iter().copied().collect();
+        let seen = whiten(self.view.sightings, &self.misfits(s)?, self.view.common, self.view.noise_scale);
+        let mut all: Vec<f64> = seen.iter().copied().collect();
         if self.law != FlightLaw::Gravity {
             all.push((s.drag_coefficient - DRAG.0) / DRAG.1);
             all.extend((s.lift / self.lift_sd).iter());
@@ -189,7 +171,9 @@ pub struct FlightResult {
 }
 
 pub(crate) fn fit_flight(view: &FlightView<'_>, law: FlightLaw, start: &FlightState) -> Result<FlightResult, SolveError> {
-    let problem = FlightFit::new(view, law, start.velocity.norm()).ok_or(SolveError::Singular)?;
+    let speed = start.velocity.norm();
+    let drag = DRAG.0 * view.drag_per_m() * speed * speed;
+    let problem = FlightFit { view, law, cameras: CameraId::BOTH.map(|c| view.rig.camera_from_global(c)), lift_sd: (LIFT_SHARE * drag).max(0.05) };
     let mut start = start.clone();
     start.drag_coefficient = if law == FlightLaw::Gravity { 0.0 } else { DRAG.0 };
     (start.lift, start.bending) = (Vector3::zeros(), Vector3::zeros());
@@ -200,7 +184,7 @@ pub(crate) fn fit_flight(view: &FlightView<'_>, law: FlightLaw, start: &FlightSt
         FlightLaw::Air => air,
         FlightLaw::Bending => air - 3.0 * BENDING.ln(),
     };
-    let chi2 = problem.misfits(&state).map_or(f64::INFINITY, |m| problem.white(&m).norm_squared());
+    let chi2 = problem.misfits(&state).map_or(f64::INFINITY, |m| whiten(view.sightings, &m, view.common, view.noise_scale).norm_squared());
     Ok(FlightResult {
         law,
         state,
@@ -223,26 +207,15 @@ pub(crate) fn bending_p(view: &FlightView<'_>, start: &FlightState, scale: impl 
 }
 
 pub(crate) fn flight_deviations(view: &FlightView<'_>, result: &FlightResult) -> Vec<f64> {
-    let misfits = FlightFit::new(view, result.law, 0.0).and_then(|f| f.misfits(&result.state));
-    misfits.map_or_else(|| vec![f64::INFINITY; view.sightings.len()], |m| deviations(view.sightings, &m, &view.errors))
+    let problem = FlightFit { view, law: result.law, cameras: CameraId::BOTH.map(|c| view.rig.camera_from_global(c)), lift_sd: 1.0 };
+    problem.misfits(&result.state).map_or_else(|| vec![f64::INFINITY; view.sightings.len()], |m| deviations(view.sightings, &m, view.common))
 }
 
 /// Factor on the deviations for errors that persist from frame to frame under a law's result.
 pub(crate) fn flight_persistence(view: &FlightView<'_>, result: &FlightResult) -> f64 {
-    flight_whitened(view, result).map_or(1.0, |w| persistence(view.sightings, &w))
-}
-
-/// Residuals under a law's result, freed of lasting errors, in deviations.
-pub(crate) fn flight_whitened(view: &FlightView<'_>, result: &FlightResult) -> Option<DVector<f64>> {
-    let fit = FlightFit::new(view, result.law, 0.0)?;
-    Some(fit.white(&fit.misfits(&result.state)?))
-}
-
-/// What a law's result leaves over of the points.
-pub(crate) fn flight_leftover(view: &FlightView<'_>, result: &FlightResult, figure: &RacketFigure) -> Option<Leftover> {
-    let fit = FlightFit { whitener: None, ..FlightFit::new(view, result.law, result.state.velocity.norm())? };
-    let (residuals, derivatives) = linearised(&fit, &result.state)?;
-    Some(Leftover::new(view.sightings.to_vec(), figure, view.errors.change_per_s, &residuals, derivatives))
+    let problem = FlightFit { view, law: result.law, cameras: CameraId::BOTH.map(|c| view.rig.camera_from_global(c)), lift_sd: 1.0 };
+    let misfits = problem.misfits(&result.state);
+    misfits.map_or(1.0, |m| persistence(view.sightings, &whiten(view.sightings, &m, view.common, view.noise_scale)))
 }
 
 /// The ball at the reference time, averaged over the laws.
@@ -255,8 +228,6 @@ pub struct FlightEstimate {
     pub covariance: Matrix6<f64>,
     pub laws: Vec<(FlightLaw, f64)>,
     pub best: FlightResult,
-    /// The points it was fitted to.
-    pub(crate) seen: Vec<Sighting>,
     pub noise_scale: f64,
     pub frames: usize,
     pub rejected: usize,
@@ -303,7 +274,6 @@ pub(crate) fn average_flight(view: &FlightView<'_>, mut results: Vec<FlightResul
         covariance,
         laws: results.iter().zip(&weights).map(|(r, w)| (r.law, *w)).collect(),
         best,
-        seen: Vec::new(),
         noise_scale: 1.0,
         frames: 0,
         rejected: 0,

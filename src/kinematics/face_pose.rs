@@ -1,20 +1,18 @@
 //! How well the racket face's own axes are known when every tape band is seen a little off its middle.
 //!
-//! Part of a band's image error comes and goes as the racket turns; part stays (shading of the tape, string ends, the far side of
-//! the tube), also from shot to shot. Both are in the deviations of the shot; the second turns and
+//! Part of a band's image error belongs to the shot; part is the same in every shot in which the racket is seen alike
+//! (shading of the tape, string ends, the far side of the tube). Both are in the deviations of the shot; the second turns and
 //! shifts the face's axes by the same amount in all shots of a session and is also stated beside them, for whoever compares
 //! many shots with a model.
 
-use super::image_errors::ImageErrors;
 use crate::calibration::{CameraId, StereoRig};
 use crate::tracking::{RacketFigure, View};
 use nalgebra::{Isometry3, SMatrix, Vector3};
 
 /// Deviations of the face's axes: turn about local x, y, z (rad), shift of the stringbed centre along them (m), from an
-/// independent error of every band in each camera and image axis, as large as its constant part. `None` when the pose cannot be told.
-pub fn face_pose_sd(rig: &StereoRig, figure: &RacketFigure, global_from_racket: &Isometry3<f64>, errors: &ImageErrors) -> Option<[f64; 6]> {
+/// independent error of `shared_px` of every band in each camera and image axis. `None` when the pose cannot be told.
+pub fn face_pose_sd(rig: &StereoRig, figure: &RacketFigure, global_from_racket: &Isometry3<f64>, shared_px: f64) -> Option<[f64; 6]> {
     let view = View::new(rig);
-    let of = errors.by_target(figure);
     let mut information = SMatrix::<f64, 6, 6>::zeros();
     for camera in CameraId::BOTH {
         for marker in 0..figure.points.len() {
@@ -23,7 +21,7 @@ pub fn face_pose_sd(rig: &StereoRig, figure: &RacketFigure, global_from_racket: 
             let mut j = SMatrix::<f64, 2, 6>::zeros();
             j.fixed_columns_mut::<3>(0).copy_from(&(by_point * by_rotation));
             j.fixed_columns_mut::<3>(3).copy_from(&by_point);
-            information += j.transpose() * j / of[marker].constant_px.powi(2);
+            information += j.transpose() * j / shared_px.powi(2);
         }
     }
     let covariance = information.try_inverse()?;

@@ -104,13 +104,6 @@ pub(crate) fn solve<P: Problem>(problem: &P, start: P::State) -> Result<Solution
     Ok(Solution { state, covariance, cost, ln_det_information })
 }
 
-/// Residuals and their derivatives by a step in units of its scales.
-pub(crate) fn linearised<P: Problem>(problem: &P, state: &P::State) -> Option<(DVector<f64>, DMatrix<f64>)> {
-    let residuals = problem.residuals(state)?;
-    let jacobian = differences(problem, state, &residuals, &problem.scales());
-    Some((residuals, jacobian))
-}
-
 fn differences<P: Problem>(problem: &P, state: &P::State, residuals: &DVector<f64>, scales: &[f64]) -> DMatrix<f64> {
     let mut jacobian = DMatrix::zeros(residuals.len(), scales.len());
     for (k, scale) in scales.iter().enumerate() {

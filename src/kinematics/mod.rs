@@ -12,33 +12,27 @@ mod contact;
 mod face_pose;
 mod frame_rate;
 mod grid_photograph;
-mod image_errors;
-mod lasting_error;
 mod least_squares;
 mod marker_distance;
 mod motion_law;
-mod point_weights;
 mod racket_bench;
 mod racket_motion;
 mod season;
-mod session_throat;
 mod shot;
 mod shot_file;
 mod shot_motion;
 mod shot_state;
 mod sighting;
 mod space_points;
-mod sway;
 mod sweet_spot;
 mod tape_photograph;
+mod tape_session;
 mod thesis_path;
 
 pub use ball_flight::{FlightEstimate, FlightLaw};
 pub use contact::{BodyMotion, PointMotion, ball_in_racket, crossing};
 pub use frame_rate::{FrameRateStudy, SlowerCamera, TipPath, frame_rate_study};
 pub use grid_photograph::{GridError, GridPhotograph};
-pub use image_errors::{ImageErrors, Leftover};
-pub use lasting_error::LastingError;
 pub use marker_distance::{MarkerDistance, marker_distances};
 pub use motion_law::{Fade, MotionLaw, Pace};
 pub use racket_bench::{
@@ -47,18 +41,17 @@ pub use racket_bench::{
 };
 pub use racket_motion::{MotionEstimate, MotionState, MovingRacket};
 pub use season::{GroupStatistic, RiseInterval, rise_table, season_statistics, season_to_csv};
-pub use session_throat::{evenly, session_throat};
 pub use shot::{
     ImpactTiming, MeasuredShot, MomentumVerdict, Quantities, Shot, ShotInput, ShotSpin, SpinComponent, SwingTiming, WindowReport, Windows, measure_shot,
 };
 pub use shot_file::{SHOT_FILE, ShotFileError, ShotRecord};
-pub use shot_motion::{FEWEST_FRAMES, FrameView, GRAVITY_M_S2, MeasureSettings, ShotMotion, Survey, measure_motion, survey};
+pub use shot_motion::{FEWEST_FRAMES, FrameView, GRAVITY_M_S2, MeasureSettings, ShotMotion, measure_motion};
 pub use shot_state::SpinVector;
-pub use sighting::FrameClock;
+pub use sighting::{CommonError, FrameClock};
 pub use space_points::space_points;
-pub use sway::{SeenSway, Sway};
 pub use sweet_spot::{centre_of_percussion, dead_spot, effective_mass, ideal_point, rebound_speed};
 pub use tape_photograph::{TapeError, TapePlace, markers_of, tape_places};
+pub use tape_session::TapeErrors;
 pub use thesis_path::{RacketAxes, ThesisShot, thesis_shot};
 
 /// Why a shot's characteristics cannot be given.

@@ -1,6 +1,5 @@
 //! Laws of motion a racket may follow in a window of some 20 ms on one side of the contact.
 
-use super::sway::Sway;
 use nalgebra::Vector3;
 
 /// How the racket may move.
@@ -15,8 +14,7 @@ pub enum MotionLaw {
     SteadyFall,
     /// Falls freely, torque-free rotation with the racket's own inertia (Euler).
     FreeBody,
-    /// Driven along an arc: force and angular acceleration in body axes that change at constant rates (gentle ones at changing
-    /// rates: an arm that steers in the room turns through the body's axes).
+    /// Driven along an arc: force and angular acceleration in body axes that change at constant rates.
     Swing(Pace),
     /// Held by a hand: Euler's equations with a force and a torque in body axes that change at constant rates.
     Hold(Pace),
@@ -115,8 +113,8 @@ impl MotionLaw {
         match self {
             MotionLaw::Rest | MotionLaw::Coasting | MotionLaw::SteadyFall | MotionLaw::FreeBody => 4,
             MotionLaw::Release(_) => 6,
-            MotionLaw::Drift | MotionLaw::Swing(Pace::Gentle) | MotionLaw::Hold(Pace::Gentle) => 10,
             MotionLaw::Swing(_) | MotionLaw::Hold(_) => 8,
+            MotionLaw::Drift => 10,
         }
     }
 
@@ -137,10 +135,10 @@ impl MotionLaw {
     }
 
     /// Prior standard deviations of velocity, rate, force, rate of rate, and the slopes and curvatures of the last two (SI).
-    /// Wide: they weigh the laws against each other and hardly move an estimate. A hung racket sways as `sway` says. A drive
-    /// changes by its own size within `memory_s`.
-    pub(crate) fn priors(self, memory_s: f64, sway: &Sway) -> [Option<Vector3<f64>>; 10] {
-        let (v, w) = if self == MotionLaw::Rest { (sway.velocity_m_s, sway.rate_rad_s) } else { (20.0, 30.0) };
+    /// Wide: they weigh the laws against each other and hardly move an estimate. A hung racket sways by millimetres per
+    /// second. A drive changes by its own size within `memory_s`.
+    pub(crate) fn priors(self, memory_s: f64) -> [Option<Vector3<f64>>; 10] {
+        let (v, w) = if self == MotionLaw::Rest { (0.005, 0.02) } else { (20.0, 30.0) };
         // Brisk: a centre of mass 0.35 m from the pivot at 30 rad/s needs 300 m/s²; a swing gains 30 rad/s within 0.05 to
         // 0.1 s (physics.md E.7). Gentle is a third of that, abrupt twice.
         let (force, rate_dot) = match self {

@@ -5,12 +5,9 @@
 //! state goes on from there. Which law holds is a matter of evidence: each law's marginal likelihood weighs its result,
 //! and the spread between laws is part of the uncertainty.
 
-use super::image_errors::Leftover;
-use super::lasting_error::{Whitener, WindowErrors, persistence};
-use super::least_squares::{Problem, Solution, SolveError, linearised, solve};
+use super::least_squares::{Problem, Solution, SolveError, solve};
 use super::motion_law::MotionLaw;
-use super::sighting::{Sighting, deviations};
-use super::sway::{SeenSway, Sway};
+use super::sighting::{CommonError, Sighting, deviations, persistence, whiten};
 use crate::calibration::{CameraId, StereoRig};
 use crate::tracking::RacketFigure;
 use nalgebra::{DVector, Isometry3, Point3, SMatrix, Translation3, UnitQuaternion, Vector2, Vector3};
@@ -171,10 +168,9 @@ pub struct MotionView<'a> {
     pub sightings: &'a [Sighting],
     /// Reference time, s, on the clock of the sightings.
     pub reference_t: f64,
-    pub(crate) errors: WindowErrors,
+    pub common: CommonError,
     /// Time within which a drive may change by its own size, s.
     pub memory_s: f64,
-    pub sway: Sway,
     /// Factor on all stated deviations, from the fit of the richest law.
     pub noise_scale: f64,
 }
@@ -186,26 +182,16 @@ struct LawFit<'a> {
     frame_of: Vec<usize>,
     centres: [Point3<f64>; 2],
     cameras: [Isometry3<f64>; 2],
-    /// `None`: residuals stay in pixels.
-    whitener: Option<Whitener>,
 }
 
 impl<'a> LawFit<'a> {
-    fn new(view: &'a MotionView<'a>, law: MotionLaw) -> Option<Self> {
+    fn new(view: &'a MotionView<'a>, law: MotionLaw) -> Self {
         let mut times: Vec<f64> = view.sightings.iter().map(|s| s.t - view.reference_t).collect();
         times.sort_by(f64::total_cmp);
         times.dedup();
         let frame_of = view.sightings.iter().map(|s| times.partition_point(|t| *t < s.t - view.reference_t)).collect();
         let cameras = CameraId::BOTH.map(|c| view.rig.camera_from_global(c));
-        let whitener = Some(Whitener::new(view.sightings, &view.errors, view.noise_scale)?);
-        Some(LawFit { view, law, times, frame_of, centres: cameras.map(|c| c.inverse() * Point3::origin()), cameras, whitener })
-    }
-
-    fn white(&self, misfits: &[Vector2<f64>]) -> DVector<f64> {
-        match &self.whitener {
-            Some(whitener) => whitener.vector(misfits),
-            None => DVector::from_iterator(2 * misfits.len(), misfits.iter().flat_map(|m| [m.x, m.y])),
-        }
+        LawFit { view, law, times, frame_of, centres: cameras.map(|c| c.inverse() * Point3::origin()), cameras }
     }
 
     fn misfits(&self, state: &MotionState) -> Option<Vec<Vector2<f64>>> {
@@ -259,8 +245,9 @@ impl Problem for LawFit<'_> {
     }
 
     fn residuals(&self, state: &MotionState) -> Option<DVector<f64>> {
-        let seen = self.white(&self.misfits(state)?);
-        let priors = self.law.priors(self.view.memory_s, &self.view.sway);
+        let misfits = self.misfits(state)?;
+        let seen = whiten(self.view.sightings, &misfits, self.view.common, self.view.noise_scale);
+        let priors = self.law.priors(self.view.memory_s);
         let fields = Self::fields(state);
         let prior_rows = (0..self.law.vectors()).filter_map(|k| priors[k].map(|sd| fields[k].component_div(&sd)));
         let mut all: Vec<f64> = seen.iter().copied().collect();
@@ -283,7 +270,7 @@ pub struct LawResult {
 
 /// Fits one law from a starting state.
 pub(crate) fn fit_law(view: &MotionView<'_>, law: MotionLaw, start: &MotionState) -> Result<LawResult, SolveError> {
-    let problem = LawFit::new(view, law).ok_or(SolveError::Singular)?;
+    let problem = LawFit::new(view, law);
     let mut start = start.clone();
     if law == MotionLaw::Rest {
         (start.velocity, start.rate_body) = (Vector3::zeros(), Vector3::zeros());
@@ -299,8 +286,8 @@ pub(crate) fn fit_law(view: &MotionView<'_>, law: MotionLaw, start: &MotionState
         (start.force_curve_body, start.rate_dddot_body) = (unused, unused);
     }
     let Solution { state, covariance, cost, ln_det_information } = solve(&problem, start)?;
-    let ln_prior: f64 = (0..law.vectors()).filter_map(|k| law.priors(view.memory_s, &view.sway)[k]).map(|sd| -sd.map(f64::ln).sum()).sum();
-    let chi2 = problem.misfits(&state).map_or(f64::INFINITY, |m| problem.white(&m).norm_squared());
+    let ln_prior: f64 = (0..law.vectors()).filter_map(|k| law.priors(view.memory_s)[k]).map(|sd| -sd.map(f64::ln).sum()).sum();
+    let chi2 = problem.misfits(&state).map_or(f64::INFINITY, |m| whiten(view.sightings, &m, view.common, view.noise_scale).norm_squared());
     Ok(LawResult {
         law,
         state,
@@ -312,34 +299,15 @@ pub(crate) fn fit_law(view: &MotionView<'_>, law: MotionLaw, start: &MotionState
 
 /// Size of each sighting's residual under a law's result, in its own stated deviations.
 pub(crate) fn sighting_deviations(view: &MotionView<'_>, result: &LawResult) -> Vec<f64> {
-    let misfits = LawFit::new(view, result.law).and_then(|f| f.misfits(&result.state));
-    misfits.map_or_else(|| vec![f64::INFINITY; view.sightings.len()], |m| deviations(view.sightings, &m, &view.errors))
+    LawFit::new(view, result.law)
+        .misfits(&result.state)
+        .map_or_else(|| vec![f64::INFINITY; view.sightings.len()], |m| deviations(view.sightings, &m, view.common))
 }
 
 /// Factor on the deviations for errors that persist from frame to frame under a law's result.
 pub(crate) fn motion_persistence(view: &MotionView<'_>, result: &LawResult) -> f64 {
-    motion_whitened(view, result).map_or(1.0, |w| persistence(view.sightings, &w))
-}
-
-/// Residuals under a law's result, freed of lasting errors, in deviations.
-pub(crate) fn motion_whitened(view: &MotionView<'_>, result: &LawResult) -> Option<DVector<f64>> {
-    let fit = LawFit::new(view, result.law)?;
-    Some(fit.white(&fit.misfits(&result.state)?))
-}
-
-/// What a law's result leaves over of the points.
-pub(crate) fn motion_leftover(view: &MotionView<'_>, result: &LawResult) -> Option<Leftover> {
-    let fit = LawFit { whitener: None, ..LawFit::new(view, result.law)? };
-    let (residuals, derivatives) = linearised(&fit, &result.state)?;
-    Some(Leftover::new(view.sightings.to_vec(), &view.racket.figure, view.errors.change_per_s, &residuals, derivatives))
-}
-
-/// The racket as it moves if nothing drives it.
-pub(crate) fn seen_sway(view: &MotionView<'_>, start: &MotionState) -> Option<SeenSway> {
-    let coasting = fit_law(view, MotionLaw::Coasting, start).ok()?;
-    let variance = coasting.covariance.diagonal();
-    let part = |k: usize| Vector3::new(variance[k], variance[k + 1], variance[k + 2]);
-    Some(SeenSway { velocity: coasting.state.velocity, velocity_variance: part(6), rate: coasting.state.rate_body, rate_variance: part(9) })
+    let misfits = LawFit::new(view, result.law).misfits(&result.state);
+    misfits.map_or(1.0, |m| persistence(view.sightings, &whiten(view.sightings, &m, view.common, view.noise_scale)))
 }
 
 /// The racket at the reference time, averaged over the laws by their evidence.
@@ -356,9 +324,6 @@ pub struct MotionEstimate {
     pub laws: Vec<(MotionLaw, f64)>,
     /// The best law's own state, for poses at other times.
     pub best: LawResult,
-    /// The points it was fitted to, and how fast the view of them changed, rad/s.
-    pub(crate) seen: Vec<Sighting>,
-    pub(crate) change_per_s: f64,
     pub noise_scale: f64,
     pub frames: usize,
     pub rejected: usize,
@@ -408,8 +373,6 @@ pub(crate) fn average(racket: &MovingRacket, mut results: Vec<LawResult>, refere
         covariance,
         laws,
         best,
-        seen: Vec::new(),
-        change_per_s: 0.0,
         noise_scale: 1.0,
         frames: 0,
         rejected: 0,

@@ -282,7 +282,7 @@ pub fn measure_shot(input: &ShotInput<'_>, settings: &MeasureSettings) -> Result
         swing_timing,
         momentum,
         windows,
-        face_pose_sd: face_pose_sd(input.rig, &motion.moving.figure, &face, &settings.image_errors),
+        face_pose_sd: face_pose_sd(input.rig, &motion.moving.figure, &face, settings.tape.shared_px),
         thesis,
         marker_distances,
         remarks,

@@ -4,36 +4,33 @@
 //! last contact, until it no longer changes.
 
 use super::ball_flight::{
-    FlightEstimate, FlightLaw, FlightResult, FlightState, FlightView, average_flight, bending_p, fit_flight, flight_deviations, flight_leftover,
-    flight_persistence, flight_whitened,
+    FlightEstimate, FlightLaw, FlightResult, FlightState, FlightView, average_flight, bending_p, fit_flight, flight_deviations, flight_persistence,
 };
 use super::contact::{PointMotion, body_at, crossing};
-use super::image_errors::{ImageErrors, Leftover};
-use super::lasting_error::WindowErrors;
 use super::least_squares::SolveError;
 use super::motion_law::{MotionLaw, Pace};
-use super::point_weights::{drop_outliers, frames_in, noise_scale, reach, weigh_groups};
-use super::racket_motion::{
-    LawResult, MotionEstimate, MotionState, MotionView, MovingRacket, average, fit_law, motion_leftover, motion_persistence, motion_whitened, seen_sway,
-    sighting_deviations,
-};
-use super::sighting::{FrameClock, Sighting, sightings};
-use super::sway::{SeenSway, Sway};
+use super::racket_motion::{LawResult, MotionEstimate, MotionState, MotionView, MovingRacket, average, fit_law, motion_persistence, sighting_deviations};
+use super::sighting::{CommonError, FrameClock, Sighting, sightings};
+use super::tape_session::TapeErrors;
 use super::{FitError, KinematicsError};
 use crate::calibration::{CameraId, StereoRig};
 use crate::equipment::{Ball, Racket};
 use crate::reconstruction::{Triangulated, Triangulator};
-use crate::tracking::{BALL_ERRORS_ALIKE, MarkerObservation, RacketFigure, Target, Throat, Tracks, View, fit_pose_in};
+use crate::tracking::{BALL_ERRORS_ALIKE, MarkerObservation, RacketFigure, Target, Tracks, View, fit_pose_in};
 use nalgebra::{Isometry3, Point3, Vector3};
 use std::collections::BTreeMap;
 
 /// Standard acceleration of gravity, m/s².
 pub const GRAVITY_M_S2: f64 = 9.80665;
 
-/// Most frames of a window: the work grows with their square.
-const MOST_FRAMES: f64 = 240.0;
-/// A racket that goes straight shows other sides of its tape as well: by as much as if it turned by a radian while it goes so far.
-const RADIAN_OF_PATH_M: f64 = 1.0;
+/// Change of a band's image error while the racket turns by a radian, as a multiple of that error: other sides of the tape
+/// come into view. (On tracked pictures with known truth 0.06 to 0.16 px per radian where the error is 0.06 px.)
+const TAPE_CHANGE_PER_RAD: f64 = 2.0;
+/// How much that change bends, px per squared radian: half a radian on, a band is seen quite anew. (On tracked pictures with
+/// known truth 0.15 to 0.35, whatever the constant error.)
+const TAPE_BEND_PX_PER_RAD2: f64 = 0.15;
+/// A racket never turns slower than this for the purpose, rad/s: what is seen of a band also changes by itself.
+const SLOWEST_TURN: f64 = 10.0;
 
 /// How the measurement is made. The defaults suit 500 to 2000 frames per second.
 #[derive(Debug, Clone, PartialEq)]
@@ -48,12 +45,10 @@ pub struct MeasureSettings {
     pub axes_known: bool,
     /// Prior odds of air drag against none; the session's other shots may know better than 1.
     pub air_odds: f64,
-    /// Errors of what is seen that last from frame to frame; a session's own shots tell them ([`survey`]).
-    pub image_errors: ImageErrors,
-    /// How still a hung racket hangs; the session's shots tell that as well.
-    pub sway: Sway,
-    /// The tubes at markers 4 and 5, where the session tells ([`super::session_throat`]).
-    pub throat: Option<Throat>,
+    /// Image error of the ball that persists over a window.
+    pub ball_error: CommonError,
+    /// The session's tape.
+    pub tape: TapeErrors,
     /// Frame near the impact, from shot.toml.
     pub impact_frame: Option<u64>,
 }
@@ -63,14 +58,21 @@ impl MeasureSettings {
         MeasureSettings {
             frame_period_s: 1.0 / frame_rate_hz,
             exposure_s,
-            window_s: f64::min(0.030, MOST_FRAMES / frame_rate_hz),
+            window_s: 0.030,
             axes_known: true,
             air_odds: 1.0,
-            image_errors: ImageErrors::expected(),
-            sway: Sway::usual(),
-            throat: None,
+            ball_error: CommonError { constant_px: 0.05, drift_px_s: 3.0, bend_px_s2: 0.0 },
+            tape: TapeErrors::expected(),
             impact_frame: None,
         }
+    }
+
+    /// Image error of a tape band that persists over a window.
+    pub fn tape_error(&self, rate_rad_s: f64) -> CommonError {
+        // What all shots share is an error of this shot too, whatever is stated beside it for those who look at many.
+        let constant_px = self.tape.shot_px.hypot(self.tape.shared_px);
+        let turn = rate_rad_s.max(SLOWEST_TURN);
+        CommonError { constant_px, drift_px_s: TAPE_CHANGE_PER_RAD * constant_px * turn, bend_px_s2: TAPE_BEND_PX_PER_RAD2 * turn * turn }
     }
 
     pub fn gravity(&self) -> Vector3<f64> {
@@ -117,9 +119,12 @@ const ROUNDS: usize = 6;
 const SURELY_FREE_S: f64 = 0.0075;
 /// Usual length of a contact, s, for when its end is not seen.
 const USUAL_CONTACT_S: f64 = 0.005;
-/// A window of the ball is shortened while a path that obeys its laws would bend as much in fewer than three shots of a thousand
+/// Deviations (in scaled standard deviations over both axes) beyond which a point is an outlier. Among 500 good points
+/// one is beyond 4.2 in every ten shots (Rayleigh).
+const OUTLIER: f64 = 4.2;
+/// A window of the ball is shortened while a path that obeys its laws would bend as much in fewer than one shot of a thousand
 /// (half a window knows the velocity three times worse: shortening must be worth it),
-pub(crate) const BENDS_P: f64 = 0.003;
+pub(crate) const BENDS_P: f64 = 0.001;
 /// by a tenth at a time,
 const SHORTENED: f64 = 0.9;
 /// but not below the thesis's ten frames: fewer tell no bend from noise.
@@ -132,44 +137,12 @@ struct Bench<'a> {
     moving: MovingRacket,
     settings: &'a MeasureSettings,
     clock: FrameClock,
-    /// Whether the laws are to be weighed against each other; otherwise one flexible law speaks.
-    weighs: bool,
 }
 
 /// Measures one shot's motions.
 pub fn measure_motion(rig: &StereoRig, tracks: &Tracks, racket: &Racket, ball: &Ball, settings: &MeasureSettings) -> Result<ShotMotion, KinematicsError> {
-    measured(rig, tracks, racket, ball, settings, true, |_, motion| motion)
-}
-
-/// What one shot says about how well a session is seen.
-#[derive(Debug, Clone)]
-pub struct Survey {
-    /// What the motions leave over of the image points, for [`ImageErrors::learnt`].
-    pub leftovers: Vec<Leftover>,
-    /// For [`Sway::learnt`].
-    pub sway: Option<SeenSway>,
-}
-
-/// Measures one shot's motions with few laws, to learn from what they leave over.
-pub fn survey(rig: &StereoRig, tracks: &Tracks, racket: &Racket, ball: &Ball, settings: &MeasureSettings) -> Result<Survey, KinematicsError> {
-    measured(rig, tracks, racket, ball, settings, false, |bench, shot| {
-        let m = &shot.racket_in;
-        let view = bench.motion_view(&m.seen, When::Before, m.change_per_s, m.reference_t, m.noise_scale);
-        Survey { leftovers: bench.leftovers(&shot), sway: seen_sway(&view, &m.state) }
-    })
-}
-
-fn measured<T>(
-    rig: &StereoRig,
-    tracks: &Tracks,
-    racket: &Racket,
-    ball: &Ball,
-    settings: &MeasureSettings,
-    weighs: bool,
-    then: impl FnOnce(&Bench, ShotMotion) -> T,
-) -> Result<T, KinematicsError> {
     let figure = RacketFigure::of(racket).ok_or_else(|| KinematicsError::NoMarkers { racket: racket.name.clone() })?;
-    let figure = settings.throat.map_or_else(|| figure.clone(), |throat| figure.with(&throat));
+    let figure = settings.tape.throat.map_or_else(|| figure.clone(), |throat| figure.with(&throat));
     let moving = MovingRacket { figure, com_local: racket.com_local(), inertia: racket.inertia_kg_m2(), gravity: settings.gravity() };
     let all = tracks.frames();
     let (Some(&first), Some(&last)) = (all.first(), all.last()) else {
@@ -182,9 +155,8 @@ fn measured<T>(
     let shift = clock.time_s(impact_frame);
     clock.origin = impact_frame;
     let frames = frames.into_iter().map(|(k, f)| (k, FrameView { t: f.t - shift, ..f })).collect();
-    let bench = Bench { rig, tracks, ball, moving, settings, clock, weighs };
-    let motion = bench.measure(frames, side)?;
-    Ok(then(&bench, motion))
+    let bench = Bench { rig, tracks, ball, moving, settings, clock };
+    bench.measure(frames, side)
 }
 
 /// Every frame by itself.
@@ -299,7 +271,7 @@ impl Bench<'_> {
         for round in 0..ROUNDS {
             let from = contact - self.settings.window_s;
             // The windows settle with one law; the last round weighs them all.
-            let laws: &[MotionLaw] = if settled && self.weighs { &MotionLaw::EVERYWHERE } else { &[MotionLaw::Hold(Pace::Brisk)] };
+            let laws: &[MotionLaw] = if settled { &MotionLaw::EVERYWHERE } else { &[MotionLaw::Hold(Pace::Brisk)] };
             let ball_in = self.flight(&frames, When::Before, from, end, contact)?;
             let racket_in = self.motion(&frames, When::Before, from, end, contact, laws)?;
             let dt = crossing(&PointMotion::from(&ball_in), &body_at(&self.moving, &racket_in, contact), &self.moving.com_local, side, radius)
@@ -341,7 +313,7 @@ impl Bench<'_> {
         let mut settled = false;
         let all = MotionLaw::after_contact();
         for round in 0..ROUNDS {
-            let laws: &[MotionLaw] = if settled && self.weighs { &all } else { &[MotionLaw::Hold(Pace::Brisk)] };
+            let laws: &[MotionLaw] = if settled { &all } else { &[MotionLaw::Hold(Pace::Brisk)] };
             let to = contact + self.settings.window_s;
             let ball_out = self.flight(&shot.frames, When::After, start, to, contact)?;
             let racket_out = self.motion(&shot.frames, When::After, start, to, contact, laws)?;
@@ -437,10 +409,6 @@ impl Bench<'_> {
                 break;
             }
         }
-        if let Some(richest) = fit(&seen, 1.0)?.last() {
-            let white = flight_whitened(&self.flight_view(&seen, reference_t, 1.0), richest);
-            weigh_groups(&mut seen, white.as_ref());
-        }
         let asked = |parameters: usize| {
             let n = 2 * seen.len();
             move |view: &FlightView<'_>, r: &FlightResult| noise_scale(r.chi2, n, parameters) * flight_persistence(view, r)
@@ -452,13 +420,11 @@ impl Bench<'_> {
         let mut estimate = average_flight(&view, results, self.settings.air_odds).ok_or(KinematicsError::NoPoints)?;
         (estimate.noise_scale, estimate.frames, estimate.rejected) = (scale, frames_in(&seen), total - seen.len());
         (estimate.length_s, estimate.bending_p) = (reach(&seen, reference_t), bending_p(&plain, &start, asked(11)));
-        estimate.seen = seen;
         Ok(estimate)
     }
 
     fn flight_view<'b>(&'b self, sightings: &'b [Sighting], reference_t: f64, noise_scale: f64) -> FlightView<'b> {
-        let errors = self.window_errors(1.0);
-        FlightView { rig: self.rig, ball: self.ball, sightings, reference_t, gravity: self.moving.gravity, errors, noise_scale }
+        FlightView { rig: self.rig, ball: self.ball, sightings, reference_t, gravity: self.moving.gravity, common: self.settings.ball_error, noise_scale }
     }
 
     fn motion(
@@ -476,52 +442,36 @@ impl Bench<'_> {
             return Err(KinematicsError::TooFewFrames { body: "racket", when: when.word(), seen: poses.len(), need: FEWEST_FRAMES });
         }
         let start = self.starting_motion(&poses, reference_t);
-        let change = start.rate_body.norm() + start.velocity.norm() / RADIAN_OF_PATH_M;
+        let rate = start.rate_body.norm();
         let total = seen.len();
         let failed = |source| KinematicsError::Fit { body: "racket", when: when.word(), source: FitError::from(source) };
-        let mut richest = most_flexible(&self.motion_view(&seen, when, change, reference_t, 1.0), &start).map_err(failed)?;
+        let mut richest = most_flexible(&self.motion_view(&seen, when, rate, reference_t, 1.0), &start).map_err(failed)?;
         for _ in 0..5 {
-            let deviations = sighting_deviations(&self.motion_view(&seen, when, change, reference_t, 1.0), &richest);
+            let deviations = sighting_deviations(&self.motion_view(&seen, when, rate, reference_t, 1.0), &richest);
             if !drop_outliers(&mut seen, &deviations) {
                 break;
             }
-            richest = most_flexible(&self.motion_view(&seen, when, change, reference_t, 1.0), &richest.state).map_err(failed)?;
+            richest = most_flexible(&self.motion_view(&seen, when, rate, reference_t, 1.0), &richest.state).map_err(failed)?;
         }
-        let white = motion_whitened(&self.motion_view(&seen, when, change, reference_t, 1.0), &richest);
-        weigh_groups(&mut seen, white.as_ref());
-        richest = most_flexible(&self.motion_view(&seen, when, change, reference_t, 1.0), &richest.state).map_err(failed)?;
-        let scale = noise_scale(richest.chi2, 2 * seen.len(), 24) * motion_persistence(&self.motion_view(&seen, when, change, reference_t, 1.0), &richest);
-        let view = self.motion_view(&seen, when, change, reference_t, scale);
+        let scale = noise_scale(richest.chi2, 2 * seen.len(), 24) * motion_persistence(&self.motion_view(&seen, when, rate, reference_t, 1.0), &richest);
+        let view = self.motion_view(&seen, when, rate, reference_t, scale);
         let results: Vec<_> = laws.iter().filter_map(|law| fit_law(&view, *law, &richest.state).ok()).collect();
         let mut estimate = average(&self.moving, results, reference_t).ok_or(KinematicsError::NoPoints)?;
         (estimate.noise_scale, estimate.frames, estimate.rejected) = (scale, frames_in(&seen), total - seen.len());
         estimate.length_s = reach(&seen, reference_t);
-        (estimate.seen, estimate.change_per_s) = (seen, change);
         Ok(estimate)
     }
 
-    fn motion_view<'b>(&'b self, sightings: &'b [Sighting], when: When, change_per_s: f64, reference_t: f64, noise_scale: f64) -> MotionView<'b> {
+    fn motion_view<'b>(&'b self, sightings: &'b [Sighting], when: When, rate_rad_s: f64, reference_t: f64, noise_scale: f64) -> MotionView<'b> {
         MotionView {
             rig: self.rig,
             racket: &self.moving,
             sightings,
             reference_t,
-            errors: self.window_errors(change_per_s),
+            common: self.settings.tape_error(rate_rad_s),
             memory_s: when.memory_s(),
-            sway: self.settings.sway,
             noise_scale,
         }
-    }
-
-    fn window_errors(&self, change_per_s: f64) -> WindowErrors {
-        WindowErrors { of: self.settings.image_errors.by_target(&self.moving.figure), change_per_s }
-    }
-
-    fn leftovers(&self, shot: &ShotMotion) -> Vec<Leftover> {
-        let flight = |f: &FlightEstimate| flight_leftover(&self.flight_view(&f.seen, f.reference_t, 1.0), &f.best, &self.moving.figure);
-        let motion = |when: When, m: &MotionEstimate| motion_leftover(&self.motion_view(&m.seen, when, m.change_per_s, m.reference_t, 1.0), &m.best);
-        let after = (shot.ball_out.as_ref().and_then(flight), shot.racket_out.as_ref().and_then(|m| motion(When::After, m)));
-        [flight(&shot.ball_in), motion(When::Before, &shot.racket_in), after.0, after.1].into_iter().flatten().collect()
     }
 
     /// Pose nearest to the reference time, carried there at the median rate of the per-frame poses.
@@ -579,4 +529,39 @@ fn straight_line(points: &[(f64, Point3<f64>)], t: f64) -> (Point3<f64>, Vector3
         out.1[k] = slope;
     }
     out
+}
+
+/// Drops points whose deviation stands out from the others (scaled by their median); `false` when none does.
+fn drop_outliers(seen: &mut Vec<Sighting>, deviations: &[f64]) -> bool {
+    let mut sorted = deviations.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    // The median length of a two-dimensional Gaussian deviation is √(2 ln 2) = 1.177.
+    let scale = (sorted.get(sorted.len() / 2).copied().unwrap_or(0.0) / 1.177).max(0.3);
+    let keep: Vec<bool> = deviations.iter().map(|d| *d <= OUTLIER * scale).collect();
+    let before = seen.len();
+    let mut i = 0;
+    seen.retain(|_| {
+        i += 1;
+        keep[i - 1]
+    });
+    seen.len() < before
+}
+
+/// Factor on the stated deviations that makes χ² per degree of freedom one, drawn toward 1 by ten degrees of freedom.
+fn noise_scale(chi2: f64, residuals: usize, parameters: usize) -> f64 {
+    const OWN_WORD: f64 = 10.0;
+    let freedom = residuals.saturating_sub(parameters) as f64;
+    ((chi2 + OWN_WORD) / (freedom + OWN_WORD)).sqrt().max(0.05)
+}
+
+/// Longest time between a sighting and the reference time, s.
+fn reach(seen: &[Sighting], reference_t: f64) -> f64 {
+    seen.iter().map(|s| (s.t - reference_t).abs()).fold(0.0, f64::max)
+}
+
+fn frames_in(seen: &[Sighting]) -> usize {
+    let mut frames: Vec<u64> = seen.iter().map(|s| s.frame).collect();
+    frames.sort_unstable();
+    frames.dedup();
+    frames.len()
 }

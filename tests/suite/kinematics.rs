@@ -4,18 +4,16 @@ use super::kinematics_world::{Difficulty, FRAME_S, TrueShot, true_shot};
 use nalgebra::{Isometry3, Point3, Vector3};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
-use std::sync::LazyLock;
 use sweetspot::calibration::{CameraId, RigidTransform};
 use sweetspot::kinematics::{
-    ImageErrors, KinematicsError, Leftover, MeasureSettings, MeasuredShot, Shot, ShotInput, ShotRecord, ShotSpin, Survey, Sway, WindowReport, Windows,
-    frame_rate_study, measure_shot, survey,
+    KinematicsError, MeasureSettings, MeasuredShot, Shot, ShotInput, ShotRecord, ShotSpin, TapeErrors, WindowReport, Windows, frame_rate_study, measure_shot,
 };
 use sweetspot::tracking::spin::{BallSpin, SpinEstimate, SpinRefusal};
 use sweetspot::tracking::{PointState, Target, TrackPoint};
 
 // As tracked pictures with known truth show it: white noise of a marker 0.03 px in the laboratory and on court, 0.08 px
 // where pictures are hard, of the ball 0.08 px; tape errors of 0.04, 0.1 and 0.15 px, nearly constant within a shot. All
-// are taken somewhat larger here; how large they are the settings learn from other shots of the same world.
+// are taken somewhat larger here, and as large as the settings state tape errors.
 const COURT: Difficulty = Difficulty {
     noise_px: 0.05,
     ball_noise_px: 0.10,
@@ -64,7 +62,7 @@ impl Score {
 }
 
 fn score(difficulty: &Difficulty, seeds: std::ops::Range<u64>) -> Score {
-    score_with(difficulty, seeds, &learnt(difficulty))
+    score_with(difficulty, seeds, &stated(difficulty.tape_error_px))
 }
 
 fn score_with(difficulty: &Difficulty, seeds: std::ops::Range<u64>, settings: &MeasureSettings) -> Score {
@@ -221,41 +219,13 @@ fn measured(truth: &TrueShot, settings: &MeasureSettings) -> Result<MeasuredShot
     )
 }
 
-/// Errors that last as twelve other shots of the world tell them, as `shots` learns them from a session.
-fn learnt(difficulty: &Difficulty) -> MeasureSettings {
-    let usual = MeasureSettings::new(1.0 / FRAME_S, 1e-4);
-    let surveys: Vec<Survey> = (700_000..700_012u64)
-        .into_par_iter()
-        .map(|seed| {
-            let truth = true_shot(seed, difficulty);
-            survey(&truth.rig, &truth.tracks, &truth.racket, &truth.ball, &usual).unwrap_or_else(|e| panic!("seed {seed}: {e}"))
-        })
-        .collect();
-    let sway = Sway::learnt(&surveys.iter().filter_map(|s| s.sway).collect::<Vec<_>>());
-    let leftovers: Vec<Leftover> = surveys.into_iter().flat_map(|s| s.leftovers).collect();
-    MeasureSettings { image_errors: ImageErrors::learnt(&leftovers), sway, ..usual }
+/// The tape's errors stated as large as a world draws them, as a session's own tracks tell (`kinematics::tape_session`).
+fn stated(tape_error_px: f64) -> MeasureSettings {
+    MeasureSettings { tape: TapeErrors { throat: None, shot_px: tape_error_px, shared_px: 0.0 }, ..MeasureSettings::new(1.0 / FRAME_S, 1e-4) }
 }
 
 fn settings() -> MeasureSettings {
-    static COURT_SETTINGS: LazyLock<MeasureSettings> = LazyLock::new(|| learnt(&COURT));
-    COURT_SETTINGS.clone()
-}
-
-#[test]
-fn truth_lasting_errors_are_learnt_from_what_the_motions_leave_over() {
-    // The world draws constants of the tape's error, and drifts of a quarter of it within a window's half; the ball's are 0.35 of
-    // the tape's, and drift by an eighth of that.
-    for tape_error_px in [0.04, 0.13] {
-        let errors = learnt(&Difficulty { tape_error_px, ..COURT }).image_errors;
-        eprintln!("{tape_error_px}: {errors:.4?}");
-        for (name, size, drawn) in [("head", errors.head.size_px(), tape_error_px), ("throat", errors.throat.size_px(), tape_error_px)] {
-            assert!((0.7..1.5).contains(&(size / drawn)), "{name}: {size} of {drawn}");
-        }
-        // Beside a ball's white noise of 0.10 px the smaller of the two is not to be seen.
-        if tape_error_px > 0.1 {
-            assert!((0.5..3.0).contains(&(errors.ball.size_px() / (0.35 * tape_error_px))), "ball: {}", errors.ball.size_px());
-        }
-    }
+    stated(COURT.tape_error_px)
 }
 
 fn value(shot: &MeasuredShot, name: &str) -> f64 {
@@ -436,7 +406,7 @@ fn study_of_the_longest_window() {
     for window_s in [0.010, 0.015, 0.020, 0.030, 0.040] {
         for (name, difficulty) in [("steady", COURT), ("driven and held", DRIVEN_HELD)] {
             let long = Difficulty { frames: (40, 42), ..difficulty };
-            let s = score_with(&long, 9500..9520, &MeasureSettings { window_s, ..learnt(&long) });
+            let s = score_with(&long, 9500..9520, &MeasureSettings { window_s, ..stated(long.tape_error_px) });
             let group = |columns: &[&str]| s.rms(columns);
             eprintln!(
                 "{:.0} ms, {name}: ball in {:.3} out {:.3}, racket in {:.3} out {:.3}, rate in {:.2} out {:.2}, inside {:.1} %",

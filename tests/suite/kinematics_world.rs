@@ -265,8 +265,7 @@ pub fn true_shot(seed: u64, d: &Difficulty) -> TrueShot {
 
     // Pixels.
     let bias: Vec<Vector2<f64>> = (0..12).map(|k| normal3(&mut rng, if k % 6 == 5 { 0.35 * d.tape_error_px } else { d.tape_error_px }).xy()).collect();
-    // As the view turns the tape's error drifts: by a quarter of its size within a window's half. A hung racket turns nothing: in
-    // rendered pictures its bands drift by 0.1 px/s.
+    // As the view turns the tape's error drifts: by a quarter of its size within a window's half.
     let drift: Vec<Vector2<f64>> = (0..12).map(|k| normal3(&mut rng, if k % 6 == 5 { 12.0 } else { 25.0 } * d.tape_error_px).xy()).collect();
     // Markers out of sight: the first `hidden` of a shuffled list for both cameras, the next `hidden` for one of them.
     let mut order: Vec<usize> = (0..5).collect();
@@ -286,10 +285,7 @@ pub fn true_shot(seed: u64, d: &Difficulty) -> TrueShot {
                 let place = if target == Target::Ball { Point3::from(*p) } else { pose * figure.patch_point(target.index(), &eye).0 };
                 let sd = if target == Target::Ball { d.ball_noise_px } else { d.noise_px } * rng.random_range(0.7..1.4);
                 let k = 6 * camera.index() + target.index();
-                let mut uv = rig.project(camera, &place).expect("in view") + normal3(&mut rng, sd).xy() + bias[k];
-                if target == Target::Ball || !d.laboratory || frame as f64 > impact_frame {
-                    uv += drift[k] * time(frame);
-                }
+                let mut uv = rig.project(camera, &place).expect("in view") + normal3(&mut rng, sd).xy() + bias[k] + drift[k] * time(frame);
                 if rng.random::<f64>() < d.outliers {
                     uv += normal3(&mut rng, 3.0).xy();
                 }

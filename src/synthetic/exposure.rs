@@ -6,7 +6,7 @@
 use super::look::Look;
 use super::motion::ShotMotion;
 use super::player::{Limb, Player};
-use super::racket_shape::{Paint, RacketShape};
+use super::racket_shape::{Paint, RacketShape, SeenTube};
 use super::sampling::{INSTANTS, SAMPLES, hit_capsule, hit_sphere, instants, pattern};
 use super::view::View;
 use nalgebra::{Isometry3, Matrix3, Point3, UnitQuaternion, Vector2, Vector3};
@@ -67,6 +67,7 @@ pub fn expose(view: &View, scene: &Scene, look: &Look, t: f64, exposure_s: f64, 
     let racket_from_camera: Vec<Isometry3<f64>> = rackets.iter().map(|r| (to_camera * r).inverse()).collect();
     let racket_turn: Vec<Matrix3<f64>> = racket_from_camera.iter().map(|r| *r.rotation.to_rotation_matrix().matrix()).collect();
     let eye: Vec<Point3<f64>> = racket_from_camera.iter().map(|r| r * Point3::origin()).collect();
+    let tubes: Vec<Vec<SeenTube>> = eye.iter().map(|e| scene.shape.seen_from(e)).collect();
     let ball_centre: Vec<Point3<f64>> = balls.iter().map(|b| to_camera * Point3::from(b.translation.vector)).collect();
     let marking: Vec<Matrix3<f64>> =
         balls.iter().map(|b| *(scene.ball_marking * b.rotation.inverse() * to_camera.rotation.inverse()).to_rotation_matrix().matrix()).collect();
@@ -76,7 +77,7 @@ pub fn expose(view: &View, scene: &Scene, look: &Look, t: f64, exposure_s: f64, 
     let sun_on_racket: Vec<Vector3<f64>> = racket_turn.iter().map(|m| m * sun).collect();
     let shade = |brightness: f64, cosine: f64| brightness * (look.ambient + (1.0 - look.ambient) * cosine.max(0.0));
 
-    let samples = pattern(look.blur_px);
+    let samples = pattern(look.blur_px).map(|s| (s, view.beside_pixel(&s.offset_px)));
     let mut counts = [Count::default(); 6];
     let across = view.width.div_ceil(TILE);
     for (index, tile) in tiles.iter().enumerate() {
@@ -88,16 +89,16 @@ pub fn expose(view: &View, scene: &Scene, look: &Look, t: f64, exposure_s: f64, 
             for u in u0..(u0 + TILE).min(view.width) {
                 let behind = f64::from(light[v * view.width + u]);
                 let mut sum = 0.0;
-                for s in &samples {
+                for (s, place) in &samples {
                     let (pu, pv) = (u as f64 + s.offset_px.x, v as f64 + s.offset_px.y);
                     let k = s.instant;
-                    let direction = view.direction(pu, pv);
+                    let direction = view.direction_beside(u, v, place);
                     let on_racket = racket_turn[k] * direction;
                     let mut colour = behind;
                     let mut nearest = f64::INFINITY;
                     let mut tape = None;
                     for &i in &tile.tubes {
-                        if let Some(hit) = scene.shape.hit(usize::from(i), &eye[k], &on_racket, scene.hidden_marker)
+                        if let Some(hit) = scene.shape.hit(usize::from(i), &tubes[k][usize::from(i)], &on_racket, scene.hidden_marker)
                             && hit.depth < nearest
                         {
                             nearest = hit.depth;

@@ -26,6 +26,17 @@ impl Tube {
     }
 }
 
+/// How a tube stands to an eye: what all its lines of sight share.
+#[derive(Debug, Clone, Copy)]
+pub struct SeenTube {
+    axis: Vector3<f64>,
+    /// From the tube's start to the eye, along the axis and square to it.
+    along: f64,
+    beside: Vector3<f64>,
+    /// Square of the eye's distance from the axis, less that of the radius.
+    clearance: f64,
+}
+
 /// What a line of sight meets on a tube.
 #[derive(Debug, Clone, Copy)]
 pub struct TubeHit {
@@ -119,23 +130,32 @@ impl RacketShape {
         }
     }
 
-    /// Nearest hit of tube `index` by a ray in racket axes; `hidden_marker` shows no white.
-    pub fn hit(&self, index: usize, origin: &Point3<f64>, direction: &Vector3<f64>, hidden_marker: Option<usize>) -> Option<TubeHit> {
-        let tube = &self.tubes[index];
-        let w = origin - tube.from;
-        let d = direction - tube.axis * direction.dot(&tube.axis);
-        let e = w - tube.axis * w.dot(&tube.axis);
-        let (aa, half_b) = (d.norm_squared(), d.dot(&e));
-        let disc = half_b * half_b - aa * (e.norm_squared() - tube.radius * tube.radius);
+    /// The tubes as they stand to an eye in racket axes.
+    pub fn seen_from(&self, eye: &Point3<f64>) -> Vec<SeenTube> {
+        let seen = |tube: &Tube| {
+            let w = eye - tube.from;
+            let along = w.dot(&tube.axis);
+            let beside = w - tube.axis * along;
+            SeenTube { axis: tube.axis, along, beside, clearance: beside.norm_squared() - tube.radius * tube.radius }
+        };
+        self.tubes.iter().map(seen).collect()
+    }
+
+    /// Nearest hit of tube `index`, standing to the eye as `seen` says, by a ray in racket axes; `hidden_marker` shows no white.
+    pub fn hit(&self, index: usize, seen: &SeenTube, direction: &Vector3<f64>, hidden_marker: Option<usize>) -> Option<TubeHit> {
+        let lengthwise = direction.dot(&seen.axis);
+        let (aa, half_b) = (direction.norm_squared() - lengthwise * lengthwise, direction.dot(&seen.beside));
+        let disc = half_b * half_b - aa * seen.clearance;
         if disc <= 0.0 || aa < 1e-12 {
             return None;
         }
+        let tube = &self.tubes[index];
         let depth = (-half_b - disc.sqrt()) / aa;
-        let s = (w + direction * depth).dot(&tube.axis);
+        let s = seen.along + lengthwise * depth;
         if !(0.0..=tube.length).contains(&s) || depth <= 0.0 {
             return None;
         }
-        let normal = (e + d * depth) / tube.radius;
+        let normal = (seen.beside + (direction - seen.axis * lengthwise) * depth) / tube.radius;
         Some(TubeHit { depth, normal, paint: self.paint(tube, tube.along + s, hidden_marker) })
     }
 
@@ -192,8 +212,9 @@ mod tests {
         let shape = RacketShape::new(&equipment().0).expect("markers");
         for (k, m) in shape.markers.iter().enumerate() {
             let origin = m + Vector3::z() * 5.0;
+            let seen = shape.seen_from(&origin);
             let hit =
-                (0..shape.tubes.len()).filter_map(|i| shape.hit(i, &origin, &-Vector3::z(), None)).min_by(|a, b| a.depth.total_cmp(&b.depth)).expect("a tube");
+                (0..shape.tubes.len()).filter_map(|i| shape.hit(i, &seen[i], &-Vector3::z(), None)).min_by(|a, b| a.depth.total_cmp(&b.depth)).expect("a tube");
             assert_eq!(hit.paint, Paint::Tape(k));
             assert!((hit.depth - (5.0 - 0.01)).abs() < 6e-4, "one tube radius before the axis: {}", hit.depth);
         }

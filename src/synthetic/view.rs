@@ -19,6 +19,13 @@ pub struct View {
 /// Pixels of the ray grid beyond each edge, for sampling filters wider than a pixel.
 const MARGIN: usize = 2;
 
+/// A place beside any pixel's centre: the first of the four places of the ray grid around it, counted from the pixel's own, and their weights.
+#[derive(Debug, Clone, Copy)]
+pub struct BesidePixel {
+    first: usize,
+    weights: [f64; 4],
+}
+
 /// A line of sight in global axes; `direction` has unit depth along the camera's axis.
 #[derive(Debug, Clone, Copy)]
 pub struct Ray {
@@ -70,6 +77,25 @@ impl View {
         let (a, b) = (x - i as f64, y - j as f64);
         let at = |i: usize, j: usize| self.grid[j * stride + i];
         let p = (at(i, j) * (1.0 - a) + at(i + 1, j) * a) * (1.0 - b) + (at(i, j + 1) * (1.0 - a) + at(i + 1, j + 1) * a) * b;
+        Vector3::new(p.x, p.y, 1.0)
+    }
+
+    /// A place at most [`MARGIN`] from a pixel's centre, for [`Self::direction_beside`].
+    pub fn beside_pixel(&self, offset: &Vector2<f64>) -> BesidePixel {
+        let limit = MARGIN as f64 - 1e-9;
+        let o = offset.map(|x| x.clamp(-limit, limit));
+        let (a, b) = (o.x - o.x.floor(), o.y - o.y.floor());
+        let cell = o.map(|x| (x.floor() + MARGIN as f64) as usize);
+        BesidePixel { first: cell.y * (self.width + 2 * MARGIN) + cell.x, weights: [(1.0 - a) * (1.0 - b), a * (1.0 - b), (1.0 - a) * b, a * b] }
+    }
+
+    /// [`Self::direction`] through a place beside the centre of pixel (u, v), which must lie in the picture.
+    pub fn direction_beside(&self, u: usize, v: usize, place: &BesidePixel) -> Vector3<f64> {
+        let stride = self.width + 2 * MARGIN;
+        let first = v * stride + u + place.first;
+        let [upper, lower] = [&self.grid[first..first + 2], &self.grid[first + stride..first + stride + 2]];
+        let [w, x, y, z] = place.weights;
+        let p = upper[0] * w + upper[1] * x + lower[0] * y + lower[1] * z;
         Vector3::new(p.x, p.y, 1.0)
     }
 

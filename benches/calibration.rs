@@ -9,7 +9,8 @@ use std::sync::Mutex;
 use std::sync::atomic::AtomicBool;
 use sweetspot::calibration::{CalibrationOptions, Checkerboard, PairImages, calibrate_images, find_corners};
 use sweetspot::footage::read_grey;
-use sweetspot::synthetic::footage_world::{FootageSpec, FootageWorld};
+use sweetspot::synthetic::footage_spec::FootageSpec;
+use sweetspot::synthetic::footage_world::FootageWorld;
 use sweetspot::synthetic::look::Setting;
 
 /// The checkerboard pictures of a rendered session.

@@ -8,7 +8,8 @@ use std::sync::atomic::AtomicBool;
 use sweetspot::calibration::{CameraId, RigidTransform, StereoRig};
 use sweetspot::footage::{Clip, FrameBuffer, FrameSource, Rows};
 use sweetspot::session::Session;
-use sweetspot::synthetic::footage_world::{FootageSpec, FootageWorld};
+use sweetspot::synthetic::footage_spec::FootageSpec;
+use sweetspot::synthetic::footage_world::FootageWorld;
 use sweetspot::synthetic::look::Setting;
 use sweetspot::tracking::{ShotSetup, Target, track_shot};
 

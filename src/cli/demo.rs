@@ -10,7 +10,7 @@ use crate::impact_table::ImpactTable;
 use crate::provenance::{sha256_file, sha256_hex};
 use crate::report::{read_session_results, session_report};
 use crate::session::Session;
-use crate::synthetic::footage_world::FootageSpec;
+use crate::synthetic::footage_spec::FootageSpec;
 use crate::synthetic::hidden::{Entry, Hidden, Seen, entry, playable};
 use crate::synthetic::look::Setting;
 use crate::synthetic::sample;
@@ -36,7 +36,7 @@ pub struct Arguments {
     #[arg(long, default_value_t = 0.35, requires = "hidden_effect")]
     pub strength: f64,
     /// Shots to render
-    #[arg(long, default_value_t = 44, requires = "hidden_effect")]
+    #[arg(long, default_value_t = 80, requires = "hidden_effect")]
     pub shots: usize,
     /// Seed of the rendered world (default: from the clock)
     #[arg(long, requires = "hidden_effect")]

@@ -8,7 +8,7 @@ use crate::impact::model_file::{with_effect_added, with_values};
 use crate::validation::comparison::{Comparison, compare};
 use crate::validation::diagnose::{DiagnoseOptions, diagnose, fit_current};
 use crate::validation::diagnosis::{Diagnosis, Verdict};
-use crate::validation::expression::FOUND_EFFECT;
+use crate::validation::expression::{FOUND_EFFECT, WORTH_A_FORMULA};
 use crate::validation::forward::Library;
 use crate::validation::heldout::{error_of, is_worth, linearise_held_out};
 use crate::validation::linearise::Linearised;
@@ -83,9 +83,6 @@ fn version_name(output: &Path, step: usize) -> PathBuf {
     let stem = output.file_stem().map_or_else(|| "model".to_owned(), |s| s.to_string_lossy().into_owned());
     output.with_file_name(format!("{stem}.{step}.toml"))
 }
-
-/// A formula must lower the chi-square of the held-out impacts by this much: it was chosen among thousands.
-const WORTH_A_FORMULA: f64 = 14.0;
 
 fn has_formula(model_text: &str) -> bool {
     model_text.contains(&format!("[effects.{FOUND_EFFECT}]"))

@@ -3,7 +3,8 @@
 use super::Shell;
 use super::error::CliError;
 use crate::synthetic::scenario::{Scenario, TableFiles};
-use crate::synthetic::footage_world::{FootageSpec, FootageWorld, FootageWorldError};
+use crate::synthetic::footage_spec::FootageSpec;
+use crate::synthetic::footage_world::{FootageWorld, FootageWorldError};
 use std::path::{Path, PathBuf};
 
 /// Renders a session with known truth from a scenario file

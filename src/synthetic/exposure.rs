@@ -1,6 +1,6 @@
 //! One exposure: racket, ball and arm drawn over the backdrop, and what of each target the camera really saw.
 //!
-//! Only tiles of 8 x 8 px that something moving can reach are drawn; each sample has its own place within the pixel and
+//! Only tiles of 4 x 4 px that something moving can reach are drawn; each sample has its own place within the pixel and
 //! its own instant within the exposure.
 
 use super::look::Look;
@@ -11,7 +11,7 @@ use super::sampling::{INSTANTS, SAMPLES, hit_capsule, hit_sphere, instants, patt
 use super::view::View;
 use nalgebra::{Isometry3, Matrix3, Point3, UnitQuaternion, Vector2, Vector3};
 
-const TILE: usize = 8;
+const TILE: usize = 4;
 /// Half width of the lines drawn round the ball, as the sine of the angle.
 const LINE: f64 = 0.045;
 

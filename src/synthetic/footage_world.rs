@@ -3,7 +3,8 @@
 use super::backdrop::Backdrop;
 use super::contact::ContactError;
 use super::exposure::{Scene, Sight, expose};
-use super::hidden::{Hidden, HiddenError, entry, nature};
+use super::footage_spec::{FootageSpec, PictureFormat};
+use super::hidden::{HiddenError, entry, nature};
 use super::impact_world::{Approach, Kind, WorldImpact, draw, equipment, meet};
 use super::look::{Look, Sensor, Setting};
 use super::measurement::TrueImpact;
@@ -18,107 +19,9 @@ use nalgebra::{Point3, UnitQuaternion, Vector3};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha12Rng;
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Largest session this room renders.
-const MAX_SHOTS: usize = 1000;
 const CAMERAS: [&str; 2] = ["left", "right"];
-
-/// What a rendered session should be.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct FootageSpec {
-    pub setting: Setting,
-    pub seed: u64,
-    pub shots: usize,
-    #[serde(default)]
-    pub hidden: Vec<Hidden>,
-    #[serde(default = "defaults::boards")]
-    pub boards: usize,
-    /// Among the boards: one each that is blurred, flooded with light, partly out of one picture, missing from one.
-    #[serde(default)]
-    pub bad_boards: bool,
-    #[serde(default = "defaults::before")]
-    pub frames_before: usize,
-    #[serde(default = "defaults::after")]
-    pub frames_after: usize,
-    #[serde(default = "defaults::rate")]
-    pub frame_rate_hz: f64,
-    #[serde(default = "defaults::exposure")]
-    pub exposure_s: f64,
-    /// Width and height, px.
-    #[serde(default = "defaults::size")]
-    pub size_px: [usize; 2],
-    /// Sensor noise relative to the setting's own.
-    #[serde(default = "defaults::one")]
-    pub noise: f64,
-    /// Grey levels taken off before the picture is rounded to eight bits, as a camera with a raised black point does: a
-    /// dark curtain becomes plain black and the files small.
-    #[serde(default)]
-    pub black_level: f64,
-    /// Incoming spin relative to the setting's own.
-    #[serde(default = "defaults::one")]
-    pub spin: f64,
-    #[serde(default)]
-    pub format: PictureFormat,
-}
-
-mod defaults {
-    pub fn boards() -> usize {
-        16
-    }
-    pub fn before() -> usize {
-        20
-    }
-    pub fn after() -> usize {
-        20
-    }
-    pub fn rate() -> f64 {
-        1000.0
-    }
-    pub fn exposure() -> f64 {
-        1e-4
-    }
-    pub fn size() -> [usize; 2] {
-        [512, 512]
-    }
-    pub fn one() -> f64 {
-        1.0
-    }
-}
-
-impl FootageSpec {
-    /// A plain session of the setting.
-    pub fn new(setting: Setting, shots: usize, seed: u64) -> Self {
-        FootageSpec {
-            setting,
-            seed,
-            shots,
-            hidden: Vec::new(),
-            boards: defaults::boards(),
-            bad_boards: false,
-            frames_before: defaults::before(),
-            frames_after: defaults::after(),
-            frame_rate_hz: defaults::rate(),
-            exposure_s: defaults::exposure(),
-            size_px: defaults::size(),
-            noise: 1.0,
-            black_level: 0.0,
-            spin: 1.0,
-            format: PictureFormat::default(),
-        }
-    }
-}
-
-/// File format of the pictures.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum PictureFormat {
-    #[default]
-    Bmp,
-    Png,
-}
 
 #[derive(Debug, thiserror::Error)]
 pub enum FootageWorldError {
@@ -193,7 +96,7 @@ pub type Sink<'a> = dyn Fn(&str, &[u8]) -> std::io::Result<()> + Sync + 'a;
 impl FootageWorld {
     /// Plans the session: cameras, board poses, impacts and motions. Nothing is drawn yet.
     pub fn new(spec: &FootageSpec) -> Result<FootageWorld, FootageWorldError> {
-        check(spec)?;
+        spec.check()?;
         let world = nature(&spec.hidden)?;
         if world.measurement != MeasurementFaults::default() {
             let name = spec.hidden.iter().find(|h| nature(std::slice::from_ref(h)).is_ok_and(|n| n.measurement != MeasurementFaults::default()));
@@ -583,21 +486,4 @@ fn draw_rig(size: [usize; 2], rng: &mut impl Rng) -> Result<[View; 2], FootageWo
     // Names say nothing of where a camera stands.
     let [a, b] = pair;
     Ok(if rng.random::<bool>() { [a, b] } else { [b, a] })
-}
-
-fn check(spec: &FootageSpec) -> Result<(), FootageWorldError> {
-    let need = |key: &'static str, seen: f64, lo: f64, hi: f64, allowed: &'static str| {
-        if seen >= lo && seen <= hi { Ok(()) } else { Err(FootageWorldError::Value { key, seen, allowed }) }
-    };
-    need("shots", spec.shots as f64, 0.0, MAX_SHOTS as f64, "0 to 1000")?;
-    need("boards", spec.boards as f64, 0.0, 200.0, "0 to 200")?;
-    need("frames_before", spec.frames_before as f64, 6.0, 200.0, "6 to 200")?;
-    need("frames_after", spec.frames_after as f64, 6.0, 200.0, "6 to 200")?;
-    need("frame_rate_hz", spec.frame_rate_hz, 100.0, 1e5, "100 to 100000")?;
-    need("exposure_s", spec.exposure_s * spec.frame_rate_hz, 0.0, 1.0, "0 to one frame period")?;
-    need("size_px", spec.size_px[0].min(spec.size_px[1]) as f64, 128.0, 4096.0, "128 to 4096 a side")?;
-    need("size_px", spec.size_px[0].max(spec.size_px[1]) as f64, 128.0, 4096.0, "128 to 4096 a side")?;
-    need("noise", spec.noise, 0.0, 10.0, "0 to 10")?;
-    need("black_level", spec.black_level, 0.0, 100.0, "0 to 100")?;
-    need("spin", spec.spin, 0.0, 4.0, "0 to 4")
 }

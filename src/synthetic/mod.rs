@@ -12,6 +12,7 @@ pub mod backdrop;
 pub mod body;
 pub mod contact;
 pub mod exposure;
+pub mod footage_spec;
 pub mod footage_world;
 pub mod hidden;
 pub mod impact_world;

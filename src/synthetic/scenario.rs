@@ -1,6 +1,6 @@
 //! A scenario file: what `sweetspot synth` should make. Unknown keys are refused.
 
-use super::footage_world::FootageSpec;
+use super::footage_spec::FootageSpec;
 use super::hidden::Hidden;
 use super::impact_world::{ImpactWorldError, Kind, SyntheticTable, TableSpec, generate_table};
 use super::measurement::NoiseOptions;

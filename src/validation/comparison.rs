@@ -8,8 +8,7 @@ use super::linearise::{Linearised, OUTLIER_LISTED};
 use super::observation::{Observation, Observations};
 use super::polynomial::{PolynomialFit, polynomial_fits};
 use super::smooth::{FaceCell, SmoothCurve, face_map, smooth};
-use super::structure::{StructureTest, chi2_tail, structure_test};
-use super::terminal::p_text;
+use super::structure::{StructureTest, chi2_tail, p_text, structure_test};
 use crate::impact_table::{INPUTS, OUTPUTS, SHARED, unit};
 use crate::provenance::Provenance;
 use serde::{Deserialize, Serialize};
@@ -160,7 +159,7 @@ pub struct Comparison {
 impl Comparison {
     /// Whether the model is called adequate although the structure test rejects it, because what it finds is no more than the shots
     /// of a calibration share.
-    pub fn has_shared_structure(&self) -> bool {
+    pub fn keeps_structure(&self) -> bool {
         self.verdict == "adequate" && self.structure.p_value < self.false_alarm_rate
     }
 }

@@ -13,8 +13,7 @@ use super::project::Nuisance;
 use super::rank::{Reference, Refit, added_parameters, flexible_nuisance, form_overdispersion, gain_over};
 use super::refits::{FIRST_LEVEL, LARGEST_NOISE_SCALE, LOG_ODDS, PRIOR, Refits, estimates, excess_at, share_removed};
 use super::screen::{Screening, screen_beyond};
-use super::structure::structure_test;
-use super::terminal::p_text;
+use super::structure::{p_text, structure_test};
 use super::verdict_words::verdict_words;
 use std::collections::BTreeMap;
 

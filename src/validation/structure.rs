@@ -389,6 +389,11 @@ pub fn chi2_tail(value: f64, freedom: f64) -> f64 {
     statrs::function::gamma::checked_gamma_ur(0.5 * freedom, 0.5 * value).unwrap_or(0.0).clamp(0.0, 1.0)
 }
 
+/// A p-value as people write it.
+pub fn p_text(p: f64) -> String {
+    if p < 1e-4 { "below 0.0001".to_owned() } else { format!("{p:.2}").replace("0.00", &format!("{p:.4}")) }
+}
+
 /// P(standard normal > z).
 pub fn normal_tail(z: f64) -> f64 {
     0.5 * statrs::function::erf::erfc(z / std::f64::consts::SQRT_2)

@@ -4,6 +4,7 @@ use super::comparison::Comparison;
 use super::diagnosis::{Diagnosis, Verdict};
 use super::ledger::LedgerEntry;
 use super::place::output_words;
+use super::structure::p_text;
 use crate::impact_table::unit;
 use std::fmt::Write;
 
@@ -52,7 +53,7 @@ pub fn comparison_text(c: &Comparison) -> String {
     }
     let structure = format!("structure test p = {}; a sound model fails it in {:.1} % of tables", p_text(c.structure.p_value), 100.0 * c.false_alarm_rate);
     if c.verdict == "adequate" {
-        let left = if c.has_shared_structure() {
+        let left = if c.keeps_structure() {
             "What structure is left does not show in the error of held-out impacts"
         } else {
             "Nothing beyond the noise is left in the residuals"
@@ -85,11 +86,6 @@ fn quantity(value: f64, column: &str) -> String {
         "rad/s" => format!("{value:.2} rad/s"),
         u => format!("{value:.3} {u}"),
     }
-}
-
-/// A p-value as people write it.
-pub fn p_text(p: f64) -> String {
-    if p < 1e-4 { "below 0.0001".to_owned() } else { format!("{p:.2}").replace("0.00", &format!("{p:.4}")) }
 }
 
 /// `diagnose` in words.

@@ -1,7 +1,7 @@
 //! The diagnosis in sentences, for the terminal and the report.
 
 use super::diagnosis::{Diagnosis, Verdict};
-use super::terminal::p_text;
+use super::structure::p_text;
 
 /// The answer first, then what carries it.
 pub fn verdict_words(d: &Diagnosis) -> Vec<String> {

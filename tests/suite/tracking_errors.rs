@@ -7,7 +7,8 @@ use std::sync::atomic::AtomicBool;
 use sweetspot::calibration::CameraId;
 use sweetspot::footage::Clip;
 use sweetspot::session::Session;
-use sweetspot::synthetic::footage_world::{FootageSpec, FootageWorld};
+use sweetspot::synthetic::footage_spec::FootageSpec;
+use sweetspot::synthetic::footage_world::FootageWorld;
 use sweetspot::synthetic::look::Setting;
 use sweetspot::tracking::{FoundSpins, ShotSetup, ShotTracks, Target, contact_frames, refine_ball, track_shot};
 

@@ -33,14 +33,14 @@ pub struct Impulse<T = f64> {
 
 impl<T: Real> Impulse<T> {
     /// The contact impulse `j` on the ball at its contact point and its reaction on the racket.
-    fn at_contact(at: &Contact<T>, laws: &Laws<T>, lever: &Vector3<T>, j: Vector3<T>, (regime, spare_friction): (Regime, T)) -> Self {
+    fn at_contact(at: &Contact<T>, laws: &Laws<T>, j: Vector3<T>, (regime, spare_friction): (Regime, T)) -> Self {
         let arm = Vector3::new(T::zero(), T::zero(), laws.ball_arm * -at.side);
-        Impulse { ball: j, ball_angular: arm.cross(&j), racket: -j, racket_angular: -lever.cross(&j), regime, spare_friction }
+        Impulse { ball: j, ball_angular: arm.cross(&j), racket: -j, racket_angular: -at.lever.cross(&j), regime, spare_friction }
     }
 
     /// Replaces the contact impulse by one that differs by `delta`, acting at the same contact point.
     pub fn shift(&mut self, at: &Contact<T>, laws: &Laws<T>, delta: Vector3<T>) {
-        let change = Impulse::at_contact(at, laws, &at.lever, delta, (self.regime, self.spare_friction));
+        let change = Impulse::at_contact(at, laws, delta, (self.regime, self.spare_friction));
         self.ball += change.ball;
         self.ball_angular += change.ball_angular;
         self.racket += change.racket;
@@ -62,7 +62,7 @@ impl<T: Real> Impulse<T> {
 
 /// One collision: the impulse, changed by `change` (effects that act on impulses), and the outcome.
 pub fn collide<T: Real>(at: &Contact<T>, laws: &Laws<T>, change: &dyn Fn(&Contact<T>, &Laws<T>, &mut Impulse<T>)) -> (Impulse<T>, ImpactOutput<T>) {
-    let mut impulse = solve(at, laws, at.lever);
+    let mut impulse = solve(at, laws);
     if !laws.face_time.is_zero() {
         impulse = collide_lasting(at, laws, &impulse);
     }
@@ -70,22 +70,22 @@ pub fn collide<T: Real>(at: &Contact<T>, laws: &Laws<T>, change: &dyn Fn(&Contac
     (impulse, impulse.outcome(at, laws))
 }
 
-fn solve<T: Real>(at: &Contact<T>, laws: &Laws<T>, lever: Vector3<T>) -> Impulse<T> {
-    if laws.is_plain() { solve_plain(at, laws, lever) } else { solve_held(at, laws, lever) }
+fn solve<T: Real>(at: &Contact<T>, laws: &Laws<T>) -> Impulse<T> {
+    if laws.is_plain() { solve_plain(at, laws) } else { solve_held(at, laws) }
 }
 
 /// Closed form: normal and tangential parts do not couple (K_xz = K_yz = 0).
-fn solve_plain<T: Real>(at: &Contact<T>, laws: &Laws<T>, lever: Vector3<T>) -> Impulse<T> {
+fn solve_plain<T: Real>(at: &Contact<T>, laws: &Laws<T>) -> Impulse<T> {
     let b = at.body;
     let arm = laws.ball_arm;
     let mut u = at.relative_velocity;
     if !(arm - b.ball_radius).is_zero() {
-        u = relative_velocity(at, &lever, &Vector3::new(T::zero(), T::zero(), arm * -at.side));
+        u = relative_velocity(at, &Vector3::new(T::zero(), T::zero(), arm * -at.side));
     }
     let e = laws.effective_restitution();
     let normal = (e + 1.0) * at.approach_speed / at.normal_compliance;
     let free = b.ball_mass.recip() + arm * arm / laws.ball_inertia + b.racket_mass.recip();
-    let (x, y, iz) = (lever.x, lever.y, b.racket_inertia.z);
+    let (x, y, iz) = (at.lever.x, at.lever.y, b.racket_inertia.z);
     let k = [free + y * y / iz, -x * y / iz, free + x * x / iz];
     // Tangential impulse that brings the slip to what a stuck contact leaves of it.
     let after = laws.rebound([u.x, u.y]);
@@ -106,12 +106,12 @@ fn solve_plain<T: Real>(at: &Contact<T>, laws: &Laws<T>, lever: Vector3<T>) -> I
             }
         }
     };
-    Impulse::at_contact(at, laws, &lever, Vector3::new(tx, ty, normal * at.side), (regime, limit - needed))
+    Impulse::at_contact(at, laws, Vector3::new(tx, ty, normal * at.side), (regime, limit - needed))
 }
 
-fn relative_velocity<T: Real>(at: &Contact<T>, lever: &Vector3<T>, arm: &Vector3<T>) -> Vector3<T> {
+fn relative_velocity<T: Real>(at: &Contact<T>, arm: &Vector3<T>) -> Vector3<T> {
     let i = &at.input;
-    i.ball_velocity + i.ball_spin.cross(arm) - i.racket_velocity - i.racket_rate.cross(lever)
+    i.ball_velocity + i.ball_spin.cross(arm) - i.racket_velocity - i.racket_rate.cross(&at.lever)
 }
 
 /// Tangential impulse of a sliding contact whose direction turns: du/dp = −μ K_tt û, p from 0 to the normal impulse.
@@ -155,15 +155,15 @@ fn slide_exactly<T: Real>(u: [T; 2], k: [T; 3], friction: T, normal: T) -> ([T; 
 ///
 /// The size is found by secant steps; they go on until the twist's derivatives have vanished too, so its own are those of the
 /// implicit function.
-fn solve_held<T: Real>(at: &Contact<T>, laws: &Laws<T>, lever: Vector3<T>) -> Impulse<T> {
+fn solve_held<T: Real>(at: &Contact<T>, laws: &Laws<T>) -> Impulse<T> {
     if laws.twist_hold.is_zero() {
-        return solve_general(at, laws, &lever);
+        return solve_general(at, laws);
     }
     let with = |h: T| {
         let mut l = *laws;
         l.twist_hold = T::zero();
         l.drive_twist.x += h;
-        solve_general(at, &l, &lever)
+        solve_general(at, &l)
     };
     let free = with(T::zero());
     let twist = free.racket_angular.x;
@@ -188,6 +188,12 @@ fn solve_held<T: Real>(at: &Contact<T>, laws: &Laws<T>, lever: Vector3<T>) -> Im
     with(h1)
 }
 
+/// Contact axes, x and y along the strings and z normal to the pocket, in face axes; and the way from the ball's centre to the contact point.
+pub(super) fn pocket<T: Real>(at: &Contact<T>, laws: &Laws<T>) -> (Matrix3<T>, Vector3<T>) {
+    let frame = rotation(&Vector3::new(-laws.tilt[1], laws.tilt[0], T::zero()));
+    (frame, frame.column(2) * (laws.ball_arm * -at.side))
+}
+
 /// K in contact axes `frame`: change of the slip per unit of impulse along each of them, the normal one displaced by `offset`.
 pub(super) fn response<T: Real>(b: &Body<T>, laws: &Laws<T>, frame: &Matrix3<T>, arm: &Vector3<T>, lever: &Vector3<T>, offset: &Vector3<T>) -> Matrix3<T> {
     let by = |column: usize| -> Vector3<T> {
@@ -202,13 +208,11 @@ pub(super) fn response<T: Real>(b: &Body<T>, laws: &Laws<T>, frame: &Matrix3<T>,
 }
 
 /// Any tilt, offset or outside impulse: the 3 × 3 system in the contact's own axes.
-fn solve_general<T: Real>(at: &Contact<T>, laws: &Laws<T>, lever: &Vector3<T>) -> Impulse<T> {
+fn solve_general<T: Real>(at: &Contact<T>, laws: &Laws<T>) -> Impulse<T> {
     let b = at.body;
     let zero = T::zero();
-    // Contact axes: x and y along the strings, z normal to the pocket.
-    let frame = rotation(&Vector3::new(-laws.tilt[1], laws.tilt[0], zero));
-    let arm = frame.column(2) * (laws.ball_arm * -at.side);
-    let u_world = relative_velocity(at, lever, &arm);
+    let (frame, arm) = pocket(at, laws);
+    let u_world = relative_velocity(at, &arm);
     let u = frame.tr_mul(&u_world);
     let slip = u.x.hypot(u.y);
     let slides = slip.value() > 0.0;
@@ -217,9 +221,9 @@ fn solve_general<T: Real>(at: &Contact<T>, laws: &Laws<T>, lever: &Vector3<T>) -
     if slides && !laws.normal_offset.is_zero() {
         offset -= (frame.column(0) * u.x + frame.column(1) * u.y) * (laws.normal_offset / slip);
     }
-    let k = response(b, laws, &frame, &arm, lever, &offset);
+    let k = response(b, laws, &frame, &arm, &at.lever, &offset);
     // Relative velocity that the outside impulses take away.
-    let outside_world = -(laws.drive / b.racket_mass) - laws.drive_twist.component_div(&b.racket_inertia).cross(lever);
+    let outside_world = -(laws.drive / b.racket_mass) - laws.drive_twist.component_div(&b.racket_inertia).cross(&at.lever);
     let outside = frame.tr_mul(&outside_world);
     let e = laws.effective_restitution();
     let after = laws.rebound([u.x, u.y]);
@@ -249,7 +253,7 @@ fn solve_general<T: Real>(at: &Contact<T>, laws: &Laws<T>, lever: &Vector3<T>) -
         ball: j_world,
         ball_angular: arm.cross(&j_world) + offset.cross(&push),
         racket: -j_world + laws.drive,
-        racket_angular: -lever.cross(&j_world) - offset.cross(&push) + laws.drive_twist,
+        racket_angular: -at.lever.cross(&j_world) - offset.cross(&push) + laws.drive_twist,
         regime,
         spare_friction: limit - needed,
     }

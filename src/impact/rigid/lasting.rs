@@ -7,7 +7,7 @@
 //! coefficient), and a ball that holds the strings holds them as they then stand. Coulomb's friction acts with every part, along
 //! the first slip until that is used up. A contact of no duration is the instantaneous one, but for balls on the edge of sliding.
 
-use super::collision::{Impulse, Regime, response};
+use super::collision::{Impulse, Regime, pocket, response};
 use super::contact::Contact;
 use super::laws::{Laws, Sliding};
 use crate::impact::real::{Real, rotation};
@@ -16,6 +16,7 @@ use nalgebra::{Matrix3, Vector3};
 /// Parts of the impulse while the spring is compressed, and again while it expands. With twice as many the outcome moves by less than
 /// a hundredth of what the duration does.
 const PARTS: usize = 5;
+
 /// Racket and ball along the axes of the face as it stands.
 struct Bodies<'a, T: Real> {
     at: &'a Contact<'a, T>,
@@ -84,8 +85,7 @@ impl<T: Real> Bodies<'_, T> {
 /// contact without duration.
 pub(super) fn collide_lasting<T: Real>(at: &Contact<T>, laws: &Laws<T>, instant: &Impulse<T>) -> Impulse<T> {
     let (zero, side) = (T::zero(), at.side);
-    let frame = rotation(&Vector3::new(-laws.tilt[1], laws.tilt[0], zero));
-    let arm = frame.column(2) * (laws.ball_arm * -side);
+    let (frame, arm) = pocket(at, laws);
     let mut bodies = Bodies {
         at,
         laws,

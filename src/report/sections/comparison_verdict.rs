@@ -9,7 +9,7 @@ use crate::validation::comparison::OutputSummary;
 /// Verdict, cards and notes of a comparison.
 pub fn comparison_verdict(c: &Comparison) -> Section {
     let adequate = c.verdict == "adequate";
-    let mut lines = vec![if c.has_shared_structure() {
+    let mut lines = vec![if c.keeps_structure() {
         format!(
             "The model “{}” is adequate for these {} impacts, but the structure test finds something in them: too little to show in the error of those held out.",
             c.model, c.n_impacts

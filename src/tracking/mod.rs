@@ -37,6 +37,7 @@ mod shot_frames;
 mod shot_racket;
 mod shot_spin;
 mod shot_tracker;
+mod side_by_side;
 mod space_points;
 pub mod spin;
 mod stray_ball;

@@ -24,56 +24,99 @@ const PATCHES: usize = 2000;
 const FILLED: f64 = 6.0;
 
 /// A ball as first followed, and the mean pictures of its disc.
-struct Flight {
+pub struct Flight {
     frames: Vec<Option<BallFrame>>,
     means: [MeanDisc; 2],
     /// What both cameras saw around the ball, by frame.
     patches: Vec<Option<[GreyPatch; 2]>>,
 }
 
+/// What the frame in which the ball is looked for first holds.
+pub struct FirstLook {
+    pub first: usize,
+    /// Free flights through it and the next two.
+    pub flights: Vec<[BallFrame; 3]>,
+    /// The first of them, followed both ways.
+    pub followed: Option<Flight>,
+}
+
 /// A ball followed one way.
 #[derive(Default)]
-struct HalfFlight {
+pub struct HalfFlight {
     frames: Vec<(usize, BallFrame, Option<[GreyPatch; 2]>)>,
     means: [MeanDisc; 2],
 }
 
 impl<S: FrameSource> Shot<'_, S> {
-    /// Finds the ball that meets the racket and follows it both ways.
-    pub(super) fn find_and_follow_ball(&self, racket: &[Option<RacketFrame>], still: &[Option<GreyImage>; 2]) -> Result<Vec<Option<BallFrame>>, TrackingError> {
-        let n = self.source.len();
-        let scene = BallScene {
-            view: self.view,
-            radius_m: self.setup.ball.radius_m(),
-            limb: [LimbProfile::new(&BallShading::default(), 8.0, BALL_BLUR_PX), LimbProfile::new(&BallShading::default(), 8.0, BALL_BLUR_PX)],
-            frame_rate_hz: self.setup.frame_rate_hz,
-            faint: false,
-        };
+    /// A ball of which nothing but its size is known.
+    pub(super) fn unlit_ball(&self) -> BallScene<'_> {
+        let limb = LimbProfile::new(&BallShading::default(), 8.0, BALL_BLUR_PX);
+        let radius_m = self.setup.ball.radius_m();
+        BallScene { view: self.view, radius_m, limb: [limb.clone(), limb], frame_rate_hz: self.setup.frame_rate_hz, faint: false }
+    }
+
+    /// Frames in which the ball is looked for, in order; the two after each count as well.
+    fn looked_into(&self) -> Vec<usize> {
+        let mut order = spread(self.source.len().saturating_sub(2));
+        order.truncate(24);
+        order
+    }
+
+    /// What the first look into the clip finds.
+    pub(super) fn first_look(&self, scene: &BallScene, still: &[Option<GreyImage>; 2]) -> Result<FirstLook, TrackingError> {
+        let first = self.looked_into().first().copied();
+        let flights = first.map_or(Ok(Vec::new()), |first| self.flights_from(first, scene, still))?;
+        Ok(FirstLook { first: first.unwrap_or_default(), flights, followed: None })
+    }
+
+    /// The free flights through a frame and the next two.
+    fn flights_from(&self, first: usize, scene: &BallScene, still: &[Option<GreyImage>; 2]) -> Result<Vec<[BallFrame; 3]>, TrackingError> {
         // Places in space that may be the ball in a frame.
         let candidates = |index: usize| -> Result<Vec<BallFrame>, TrackingError> {
-            let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
-            let images = self.read(index, &mut buffers)?;
-            let of = |c: CameraId| match (&images[c.index()], &still[c.index()], scene.radius_px(c, &self.focus)) {
-                (Some(v), Some(b), Some(r)) => ball_search::candidates(v, b, r),
-                _ => Vec::new(),
-            };
-            let (left, right) = rayon::join(|| of(CameraId::Left), || of(CameraId::Right));
-            Ok(scene.space_candidates(&images, &[left, right], &self.focus))
+            self.with_buffers(|buffers| {
+                let images = self.read(index, buffers)?;
+                let of = |c: CameraId| match (&images[c.index()], &still[c.index()], scene.radius_px(c, &self.focus)) {
+                    (Some(v), Some(b), Some(r)) => ball_search::candidates(v, b, r),
+                    _ => Vec::new(),
+                };
+                let (left, right) = rayon::join(|| of(CameraId::Left), || of(CameraId::Right));
+                Ok(scene.space_candidates(&images, &[left, right], &self.focus))
+            })
         };
+        let now = candidates(first)?;
+        if now.is_empty() {
+            return Ok(Vec::new());
+        }
+        let (next, last) = rayon::join(|| candidates(first + 1), || candidates(first + 2));
+        Ok(scene.flights(&[now, next?, last?]))
+    }
+
+    /// Finds the ball that meets the racket and follows it both ways, beginning with what the first look found, if there was one.
+    pub(super) fn find_and_follow_ball(
+        &self,
+        scene: BallScene,
+        racket: &[Option<RacketFrame>],
+        still: &[Option<GreyImage>; 2],
+        ahead: Option<FirstLook>,
+    ) -> Result<Vec<Option<BallFrame>>, TrackingError> {
+        let n = self.source.len();
+        let (mut flights_ahead, mut followed) = ahead.map_or((None, None), |ahead| (Some(ahead.flights), ahead.followed));
         let mut best = (f64::INFINITY, Flight { frames: vec![None; n], means: Default::default(), patches: vec![None; n] });
         let mut claimed: Vec<Vec<Option<BallFrame>>> = Vec::new();
-        for first in spread(n.saturating_sub(2)).into_iter().take(24) {
-            let now = candidates(first)?;
-            if now.is_empty() {
-                continue;
-            }
-            let (next, last) = rayon::join(|| candidates(first + 1), || candidates(first + 2));
-            for flight in scene.flights(&[now, next?, last?]) {
+        for first in self.looked_into() {
+            let flights = flights_ahead.take().map_or_else(|| self.flights_from(first, &scene, still), Ok)?;
+            for flight in flights {
                 let known = |t: &Vec<Option<BallFrame>>| t[first + 1].is_some_and(|b| (b.position - flight[1].position).norm() < 0.03);
                 if claimed.iter().any(known) {
                     continue;
                 }
-                let track = self.follow_ball(&scene, first, &flight)?;
+                let track = match followed.take() {
+                    Some(track) => track,
+                    None => {
+                        let (back, forth) = rayon::join(|| self.follow_flight(&scene, first, &flight, false), || self.follow_flight(&scene, first, &flight, true));
+                        self.whole_flight(first, &flight, [back?, forth?])
+                    }
+                };
                 let count = track.frames.iter().flatten().count();
                 if count >= 6 {
                     // Distances from the stringbed's centre, m. What stays at its own is fastened to the racket or the arm.
@@ -138,25 +181,32 @@ impl<S: FrameSource> Shot<'_, S> {
         Ok(ball)
     }
 
-    fn follow_ball(&self, scene: &BallScene, first: usize, flight: &[BallFrame; 3]) -> Result<Flight, TrackingError> {
+    /// Follows a flight found in three frames to the clip's end or to its beginning.
+    pub(super) fn follow_flight(&self, scene: &BallScene, first: usize, flight: &[BallFrame; 3], forth: bool) -> Result<HalfFlight, TrackingError> {
+        let n = self.source.len();
+        let middle = (first + 1, flight[1]);
+        if forth {
+            self.follow_ball_one_way(scene, middle, (first + 2, flight[2]), first + 3..n)
+        } else {
+            self.follow_ball_one_way(scene, middle, (first, flight[0]), (0..first).rev())
+        }
+    }
+
+    pub(super) fn whole_flight(&self, first: usize, flight: &[BallFrame; 3], halves: [HalfFlight; 2]) -> Flight {
         let n = self.source.len();
         let (mut frames, mut patches) = (vec![None; n], vec![None; n]);
         let mut means: [MeanDisc; 2] = Default::default();
         for (k, b) in flight.iter().enumerate() {
             frames[first + k] = Some(*b);
         }
-        let (back, forth) = rayon::join(
-            || self.follow_ball_one_way(scene, (first + 1, flight[1]), (first, flight[0]), (0..first).rev()),
-            || self.follow_ball_one_way(scene, (first + 1, flight[1]), (first + 2, flight[2]), first + 3..n),
-        );
-        for half in [back?, forth?] {
+        for half in halves {
             for (index, b, patch) in half.frames {
                 frames[index] = Some(b);
                 patches[index] = patch;
             }
             means.iter_mut().zip(&half.means).for_each(|(all, some)| all.add(some));
         }
-        Ok(Flight { frames, means, patches })
+        Flight { frames, means, patches }
     }
 
     fn follow_ball_one_way(

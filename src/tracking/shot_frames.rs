@@ -29,9 +29,36 @@ pub struct Shot<'a, S: FrameSource> {
     pub stale: Vec<[bool; 2]>,
     /// Why a picture could not be read, by index and camera.
     pub broken: Mutex<BTreeMap<(usize, usize), String>>,
+    /// Places for pictures, used again: fresh memory costs as much as reading a picture does.
+    spare: Mutex<Vec<[FrameBuffer; 2]>>,
+}
+
+impl<'a, S: FrameSource> Shot<'a, S> {
+    /// Before anything of it is known.
+    pub(super) fn new(
+        source: &'a S,
+        setup: &'a ShotSetup<'a>,
+        view: &'a View<'a>,
+        (figure, focus): (RacketFigure, Point3<f64>),
+        cancel: &'a AtomicBool,
+        progress: &'a (dyn Fn(usize) + Sync),
+    ) -> Self {
+        let shape = BandShape::default();
+        Shot { source, setup, view, figure, shape, focus, cancel, progress, stale: Vec::new(), broken: Mutex::default(), spare: Mutex::default() }
+    }
 }
 
 impl<S: FrameSource> Shot<'_, S> {
+    /// Works with a place for two pictures.
+    pub(super) fn with_buffers<R>(&self, work: impl FnOnce(&mut [FrameBuffer; 2]) -> R) -> R {
+        let mut buffers = self.spare.lock().ok().and_then(|mut spare| spare.pop()).unwrap_or_default();
+        let out = work(&mut buffers);
+        if let Ok(mut spare) = self.spare.lock() {
+            spare.push(buffers);
+        }
+        out
+    }
+
     pub(super) fn scene(&self) -> RacketScene<'_> {
         RacketScene { view: self.view, figure: &self.figure, shape: &self.shape }
     }
@@ -74,7 +101,7 @@ impl<S: FrameSource> Shot<'_, S> {
 
     /// Mean grey of a whole picture; `None` where it is missing.
     pub(super) fn mean_grey(&self, index: usize, camera: usize) -> Option<f64> {
-        Some(Fingerprint::of(&self.read_one(index, camera, Rows::ALL, &mut FrameBuffer::default()).ok()??).mean())
+        self.with_buffers(|buffers| Some(Fingerprint::of(&self.read_one(index, camera, Rows::ALL, &mut buffers[camera]).ok()??).mean()))
     }
 
     /// Pixels per metre at the middle of the volume.

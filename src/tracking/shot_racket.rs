@@ -23,11 +23,13 @@ const THROAT_FRAMES: usize = 8;
 const WIDTH_FRAMES: usize = 4;
 /// Rounds in which the light on the tape is found.
 const LIGHT_ROUNDS: usize = 2;
+/// How far the pose of a racket just found may be off, px.
+const START_REACH_PX: i32 = 2;
 /// Least share of the usual contrast that still counts as tape.
 const LEAST_CONTRAST: f64 = 0.45;
 
 /// The racket in the frames of one direction, and every picture's fingerprint.
-type OneWay = (Vec<(usize, RacketFrame)>, Vec<(usize, [Option<Fingerprint>; 2])>);
+pub type OneWay = (Vec<(usize, RacketFrame)>, Vec<(usize, [Option<Fingerprint>; 2])>);
 
 /// The racket where it was found, and the contrast its bands must have, by camera.
 pub struct RacketStart {
@@ -39,10 +41,7 @@ pub struct RacketStart {
 impl<S: FrameSource> Shot<'_, S> {
     /// What may be tape in the frame that is searched first; nothing where one of its pictures is missing.
     pub(super) fn first_candidates(&self) -> Result<Option<[Vec<BandCandidate>; 2]>, TrackingError> {
-        let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
-        let first = spread(self.source.len()).first().copied().unwrap_or_default();
-        let [Some(l), Some(r)] = &self.read(first, &mut buffers)? else { return Ok(None) };
-        Ok(Some(self.band_candidates(l, r)))
+        self.candidates_in(spread(self.source.len()).first().copied().unwrap_or_default())
     }
 
     /// The racket in some frame, with its light and figure.
@@ -56,22 +55,33 @@ impl<S: FrameSource> Shot<'_, S> {
 
     /// Finds the racket in some frame: the middle first (of which candidates may be known), then halves, quarters, ...
     fn acquire_racket(&self, mut first: Option<[Vec<BandCandidate>; 2]>) -> Result<RacketStart, TrackingError> {
-        let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
         let (mut searched, mut most) = (0, [0, 0]);
         for index in spread(self.source.len()) {
-            let images = self.read(index, &mut buffers)?;
-            let [Some(l), Some(r)] = &images else { continue };
+            let candidates = match first.take() {
+                Some(candidates) => candidates,
+                None => match self.candidates_in(index)? {
+                    Some(candidates) => candidates,
+                    None => continue,
+                },
+            };
             searched += 1;
-            let candidates = first.take().unwrap_or_else(|| self.band_candidates(l, r));
             for c in 0..2 {
                 most[c] = most[c].max(candidates[c].len());
             }
             let Some(found) = racket_search::search(self.view, &self.figure, &candidates) else { continue };
-            if let Some(start) = self.confirm(index, &images, &found.global_from_racket) {
+            if let Some(start) = self.confirm(index, &found.global_from_racket)? {
                 return Ok(start);
             }
         }
         Err(TrackingError::NoRacket { searched, left: most[0], right: most[1] })
+    }
+
+    /// What may be tape in both pictures of a frame; nothing where one is missing.
+    fn candidates_in(&self, index: usize) -> Result<Option<[Vec<BandCandidate>; 2]>, TrackingError> {
+        self.with_buffers(|buffers| {
+            let [Some(l), Some(r)] = &self.read(index, buffers)? else { return Ok(None) };
+            Ok(Some(self.band_candidates(l, r)))
+        })
     }
 
     /// What may be tape in either picture.
@@ -82,9 +92,19 @@ impl<S: FrameSource> Shot<'_, S> {
     }
 
     /// A racket is believed when the bands themselves, not only candidate places, agree on one pose.
-    fn confirm(&self, index: usize, images: &[Option<GreyView>; 2], pose: &Isometry3<f64>) -> Option<RacketStart> {
+    fn confirm(&self, index: usize, pose: &Isometry3<f64>) -> Result<Option<RacketStart>, TrackingError> {
+        self.look_around(index, pose, |images| self.confirm_in(index, images, pose))
+    }
+
+    /// The rows of a frame's pictures that [`racket_track::measure`] looks at around a pose.
+    fn look_around<R>(&self, index: usize, pose: &Isometry3<f64>, look: impl FnOnce(&[Option<GreyView>; 2]) -> R) -> Result<R, TrackingError> {
+        let rows = CameraId::BOTH.map(|c| self.scene().rows(c, pose, START_REACH_PX));
+        self.with_buffers(|buffers| Ok(look(&self.read_rows(index, rows, buffers)?)))
+    }
+
+    fn confirm_in(&self, index: usize, images: &[Option<GreyView>; 2], pose: &Isometry3<f64>) -> Option<RacketStart> {
         let scene = self.scene();
-        let frame = racket_track::measure(&scene, images, pose, 2, &[4.0, 4.0])?;
+        let frame = racket_track::measure(&scene, images, pose, START_REACH_PX, &[4.0, 4.0])?;
         if frame.count() < 6 || frame.pose.chi2 > 40.0 * frame.pose.dof as f64 {
             return None;
         }
@@ -103,13 +123,12 @@ impl<S: FrameSource> Shot<'_, S> {
 
     /// The start with the light as its bands show it.
     fn light_tape(&mut self, mut start: RacketStart) -> Result<RacketStart, TrackingError> {
-        let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
-        let images = self.read(start.index, &mut buffers)?;
         // The first time every band tells its own brightness, then what the light leaves over.
         for _ in 0..LIGHT_ROUNDS {
-            let Some(light) = TapeLight::of(&self.scene(), &images, &start.frame) else { return Ok(start) };
+            let pose = start.frame.pose.global_from_racket;
+            let Some(light) = self.look_around(start.index, &pose, |images| TapeLight::of(&self.scene(), images, &start.frame))? else { return Ok(start) };
             let before = self.shape.light.replace(light);
-            let Some(again) = self.confirm(start.index, &images, &start.frame.pose.global_from_racket) else {
+            let Some(again) = self.confirm(start.index, &pose)? else {
                 self.shape.light = before;
                 return Ok(start);
             };
@@ -140,10 +159,11 @@ impl<S: FrameSource> Shot<'_, S> {
 
     /// The pictures of the bands of a frame measured before.
     fn look_again(&self, index: usize, frame: &RacketFrame, look: impl FnOnce(&[Option<GreyView>; 2])) -> Result<(), TrackingError> {
-        let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
         let rows = CameraId::BOTH.map(|c| self.scene().rows(c, &frame.pose.global_from_racket, 1));
-        look(&self.read_rows(index, rows, &mut buffers)?);
-        Ok(())
+        self.with_buffers(|buffers| {
+            look(&self.read_rows(index, rows, buffers)?);
+            Ok(())
+        })
     }
 
     /// The start with the throat's width as its pictures and the next ones show it.
@@ -164,9 +184,7 @@ impl<S: FrameSource> Shot<'_, S> {
     /// The start measured once more with another figure, which stays if the bands agree.
     fn confirm_with(&mut self, start: RacketStart, figure: RacketFigure) -> Result<RacketStart, TrackingError> {
         let before = std::mem::replace(&mut self.figure, figure);
-        let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
-        let images = self.read(start.index, &mut buffers)?;
-        Ok(match self.confirm(start.index, &images, &start.frame.pose.global_from_racket) {
+        Ok(match self.confirm(start.index, &start.frame.pose.global_from_racket)? {
             Some(again) => again,
             None => {
                 self.figure = before;
@@ -175,20 +193,24 @@ impl<S: FrameSource> Shot<'_, S> {
         })
     }
 
-    /// Follows the racket from the frame where it was found to both ends of the clip.
-    pub(super) fn follow_racket(&self, start: &RacketStart) -> Result<(Vec<Option<RacketFrame>>, Fingerprints), TrackingError> {
-        let n = self.source.len();
+    /// Follows the racket from the frame where it was found to the clip's end or to its beginning.
+    pub(super) fn follow_racket(&self, start: &RacketStart, forth: bool) -> Result<OneWay, TrackingError> {
         let told = |_: &usize| (self.progress)(1);
-        let (back, forth) = rayon::join(
-            || self.follow_racket_one_way(start, (0..start.index).rev().inspect(told)),
-            || self.follow_racket_one_way(start, (start.index + 1..n).inspect(told)),
-        );
+        if forth {
+            self.follow_racket_one_way(start, (start.index + 1..self.source.len()).inspect(told))
+        } else {
+            self.follow_racket_one_way(start, (0..start.index).rev().inspect(told))
+        }
+    }
+
+    /// The racket of all frames, and every picture's fingerprint.
+    pub(super) fn both_ways(&self, start: &RacketStart, ways: [OneWay; 2]) -> Result<(Vec<Option<RacketFrame>>, Fingerprints), TrackingError> {
+        let n = self.source.len();
         let mut all = vec![None; n];
         all[start.index] = Some(start.frame.clone());
         let mut prints = vec![[None, None]; n];
-        let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
-        prints[start.index] = self.read(start.index, &mut buffers)?.map(|v| v.map(|v| Fingerprint::of(&v)));
-        for (frames, seen) in [back?, forth?] {
+        prints[start.index] = self.with_buffers(|buffers| Ok::<_, TrackingError>(self.read(start.index, buffers)?.map(|v| v.map(|v| Fingerprint::of(&v)))))?;
+        for (frames, seen) in ways {
             for (index, frame) in frames {
                 all[index] = Some(frame);
             }

@@ -1,14 +1,13 @@
 //! One shot from beginning to end: find the racket and the ball, follow both ways in time, name what was seen.
 
-use super::background::background;
 use super::ball_track::BallFrame;
-use super::band::BandShape;
 use super::face;
 use super::racket_figure::RacketFigure;
 use super::racket_pose::View;
 use super::racket_track::{self, RacketFrame};
 use super::recording;
 use super::shot_frames::Shot;
+use super::side_by_side::{SideBySide, side_by_side};
 use super::space_points;
 use super::stray_ball;
 use super::throat::ThroatEvidence;
@@ -16,7 +15,6 @@ use super::track_file::{PointState, SpacePoint, Target, TrackPoint, Tracks};
 use crate::calibration::{CameraId, StereoRig};
 use crate::equipment::{Ball, Racket};
 use crate::footage::{FootageError, FrameSource, GreyImage};
-use std::sync::Mutex;
 use std::sync::atomic::AtomicBool;
 
 /// Why a shot cannot be tracked.
@@ -80,13 +78,11 @@ pub fn track_shot(source: &impl FrameSource, setup: &ShotSetup, cancel: &AtomicB
     let figure = RacketFigure::of(setup.racket).ok_or(TrackingError::NoMarkers)?;
     let view = View::new(setup.rig);
     let focus = view.focus().ok_or(TrackingError::NoVolume)?;
-    let shape = BandShape::default();
-    let mut shot = Shot { source, setup, view: &view, figure, shape, focus, cancel, progress, stale: Vec::new(), broken: Mutex::default() };
-    // Both cores look for tape first; then one takes the medians while the other searches on.
-    let candidates = shot.first_candidates()?;
-    let (start, (left, right)) = rayon::join(|| shot.start(candidates), || rayon::join(|| background(source, 0), || background(source, 1)));
-    let (start, still) = (start?, [left?, right?]);
-    let (mut racket, prints) = shot.follow_racket(&start)?;
+    let mut shot = Shot::new(source, setup, &view, (figure.clone(), focus), cancel, progress);
+    // The ball is looked for and followed beside the racket: pictures that turn out to be stale are not known yet.
+    let watched = Shot::new(source, setup, &view, (figure, focus), cancel, progress);
+    let SideBySide { start, racket, still, look } = side_by_side(&mut shot, &watched)?;
+    let (mut racket, prints) = shot.both_ways(&start, racket)?;
     shot.stale = recording::repeated(&prints);
     for (stale, still) in shot.stale.iter_mut().zip(racket_track::stood_still(&racket)) {
         *stale = [stale[0] || still[0], stale[1] || still[1]];
@@ -105,14 +101,18 @@ pub fn track_shot(source: &impl FrameSource, setup: &ShotSetup, cancel: &AtomicB
     let figure = shot.figure.clone();
     racket_track::settle_deviations(&view, &figure, &mut racket);
     notes.extend(recording::dark_or_bright(source, &means));
-    let mut ball = shot.find_and_follow_ball(&racket, &still)?;
+    // With stale pictures left out the ball is another.
+    let any_stale = shot.stale.iter().flatten().any(|stale| *stale);
+    let mut ball = shot.find_and_follow_ball(shot.unlit_ball(), &racket, &still, Some(look).filter(|_| !any_stale))?;
     face::settle(&mut racket, &ball, &figure);
     let contact_frame = space_points::first_contact(source, &racket, &ball, setup.ball.radius_m());
     stray_ball::drop_strays(source, &mut ball, contact_frame, setup.frame_rate_hz, stray_ball::OUTLINE_PX);
     let contact_frame = space_points::first_contact(source, &racket, &ball, setup.ball.radius_m());
     let points = space_points::space_points(source, setup, &view, &figure, &racket, &ball, contact_frame);
     let tracks = named(source, &racket, &ball);
-    let unreadable = shot.broken.into_inner().unwrap_or_default().into_values().collect();
+    let mut broken = shot.broken.into_inner().unwrap_or_default();
+    broken.append(&mut watched.broken.into_inner().unwrap_or_default());
+    let unreadable = broken.into_values().collect();
     Ok(ShotTracks { figure, tracks, racket, ball, points, contact_frame, notes, unreadable, still })
 }
 

@@ -1,0 +1,104 @@
+//! Racket and ball of a shot followed beside each other, so that no core waits for the other.
+//!
+//! Finding the racket and learning its light and figure is the work of one core; meanwhile the other takes the median pictures and looks
+//! for the ball. Then four pieces are left, each of them one way of one of the two; whoever is free takes the next, the racket's first,
+//! because they are the longest. What is found does not depend on who did what.
+
+use super::background::background;
+use super::shot_ball::{FirstLook, HalfFlight};
+use super::shot_frames::Shot;
+use super::shot_racket::{OneWay, RacketStart};
+use super::shot_tracker::TrackingError;
+use crate::footage::{FrameSource, GreyImage};
+use std::sync::{Mutex, OnceLock};
+
+/// What the pictures show before any of them is known to be stale.
+pub struct SideBySide {
+    pub start: RacketStart,
+    /// Toward the clip's beginning and toward its end.
+    pub racket: [OneWay; 2],
+    /// What either camera sees when nothing moves.
+    pub still: [Option<GreyImage>; 2],
+    pub look: FirstLook,
+}
+
+/// One way of following one of the two: toward the clip's end or not.
+#[derive(Clone, Copy)]
+enum Piece {
+    Racket(bool),
+    Ball(bool),
+}
+
+/// A piece's result, once it is there.
+type Slot<T> = Mutex<Option<Result<T, TrackingError>>>;
+
+fn put<T>(slot: &Slot<T>, result: Result<T, TrackingError>) {
+    if let Ok(mut slot) = slot.lock() {
+        *slot = Some(result);
+    }
+}
+
+fn taken<T>(slots: [Slot<T>; 2]) -> Result<Option<[T; 2]>, TrackingError> {
+    let [back, forth] = slots.map(|slot| slot.into_inner().ok().flatten().transpose());
+    Ok(back?.zip(forth?).map(|(back, forth)| [back, forth]))
+}
+
+/// Follows the racket with `shot`, which learns its light and figure, and the ball of the first look with `watched`, which knows nothing
+/// of the racket.
+pub fn side_by_side<'a, 'c, S: FrameSource>(shot: &'a mut Shot<'c, S>, watched: &Shot<S>) -> Result<SideBySide, TrackingError> {
+    let scene = watched.unlit_ball();
+    let (started, looked) = (OnceLock::<(&'a Shot<'c, S>, RacketStart)>::new(), OnceLock::<FirstLook>::new());
+    let (rackets, balls): ([Slot<OneWay>; 2], [Slot<HalfFlight>; 2]) = Default::default();
+    let waiting: Mutex<Vec<Piece>> = Mutex::default();
+    let next = || {
+        let mut waiting = waiting.lock().ok()?;
+        let at = waiting.iter().position(|piece| matches!(piece, Piece::Racket(_))).unwrap_or(0);
+        (at < waiting.len()).then(|| waiting.remove(at))
+    };
+    let work = || {
+        while let Some(piece) = next() {
+            match piece {
+                Piece::Racket(forth) => {
+                    if let Some((shot, start)) = started.get() {
+                        put(&rackets[usize::from(forth)], shot.follow_racket(start, forth));
+                    }
+                }
+                Piece::Ball(forth) => {
+                    if let Some(look) = looked.get()
+                        && let Some(flight) = look.flights.first()
+                    {
+                        put(&balls[usize::from(forth)], watched.follow_flight(&scene, look.first, flight, forth));
+                    }
+                }
+            }
+        }
+    };
+    let add = |pieces: [Piece; 2]| {
+        if let Ok(mut waiting) = waiting.lock() {
+            waiting.extend(pieces);
+        }
+        rayon::join(work, work);
+    };
+    let racket = || -> Result<(), TrackingError> {
+        let learning = shot;
+        let candidates = learning.first_candidates()?;
+        let start = learning.start(candidates)?;
+        let learnt: &Shot<S> = learning;
+        let _ = started.set((learnt, start));
+        add([Piece::Racket(false), Piece::Racket(true)]);
+        Ok(())
+    };
+    let ball = || -> Result<[Option<GreyImage>; 2], TrackingError> {
+        let (left, right) = rayon::join(|| background(watched.source, 0), || background(watched.source, 1));
+        let still = [left?, right?];
+        let _ = looked.set(watched.first_look(&scene, &still)?);
+        add([Piece::Ball(false), Piece::Ball(true)]);
+        Ok(still)
+    };
+    let (racket, still) = rayon::join(racket, ball);
+    racket?;
+    let (still, racket, ball) = (still?, taken(rackets)?, taken(balls)?);
+    let (Some((_, start)), Some(mut look), Some(racket)) = (started.into_inner(), looked.into_inner(), racket) else { return Err(TrackingError::Cancelled) };
+    look.followed = look.flights.first().zip(ball).map(|(flight, halves)| watched.whole_flight(look.first, flight, halves));
+    Ok(SideBySide { start, racket, still, look })
+}

@@ -13,6 +13,7 @@ use crate::tracking::{
     refine_ball, track_in_step,
 };
 use serde::{Deserialize, Serialize};
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
@@ -94,14 +95,18 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let shots = session.select(&arguments.shot)?;
     let results = shell.results_of_session(&arguments.session);
     let rig_file = results.join("calibration.json");
-    let (rig, rig_hash) = rayon::join(|| rig_to_measure_with(&rig_file), || sha256_file(&rig_file).map_err(CliError::input));
+    let list = |shot: &ShotFolder| Clip::list(&shot.camera("left"), &shot.camera("right"));
+    let hash = || sha256_file(&rig_file).map_err(CliError::input);
+    // The first shot's folders are listed meanwhile.
+    let (rig, (rig_hash, mut listed)) = rayon::join(|| rig_to_measure_with(&rig_file), || rayon::join(hash, || shots.first().map(|shot| list(shot))));
     let (rig, rig_hash) = (rig?, rig_hash?);
     let mut summaries = Vec::new();
     let mut failed: Vec<String> = session.broken_shots.iter().filter(|_| arguments.shot.is_empty()).map(|(id, why)| format!("{id}: {why}")).collect();
     for shot in shots {
         shell.check_cancelled()?;
         let folder = results.join("shots").join(&shot.id);
-        match one(&arguments, &session, shot, (&rig, &rig_hash), &folder, shell) {
+        let clip = listed.take().unwrap_or_else(|| list(shot));
+        match clip.map_err(Failure::from).and_then(|clip| one(&arguments, &session, shot, clip, (&rig, &rig_hash), &folder, shell)) {
             Ok(summary) => {
                 if let Err(e) = for_others(&arguments, &session, shot, &rig, summary.right_shift, &folder, shell) {
                     shell.say(format!("{}: {}", shot.id, e.message));
@@ -137,8 +142,7 @@ impl<E: Into<TrackingError>> From<E> for Failure {
 }
 
 /// Tracks one shot and writes what was found, unless an earlier run has done so from the same input.
-fn one(arguments: &Arguments, session: &Session, shot: &ShotFolder, rig: (&StereoRig, &str), folder: &Path, shell: &Shell) -> Result<ShotSummary, Failure> {
-    let clip = Clip::list(&shot.camera("left"), &shot.camera("right"))?;
+fn one(arguments: &Arguments, session: &Session, shot: &ShotFolder, clip: Clip, rig: (&StereoRig, &str), folder: &Path, shell: &Shell) -> Result<ShotSummary, Failure> {
     let provenance = LazyLock::new(|| provenance(session, shot, rig.1, &clip));
     if !shell.args.force {
         let record = earlier(folder);
@@ -154,8 +158,7 @@ fn one(arguments: &Arguments, session: &Session, shot: &ShotFolder, rig: (&Stere
     let bar = shell.progress(clip.pairs.len() as u64, "tracking");
     let setup = ShotSetup { rig: rig.0, racket: &shot.racket, ball: &shot.ball, frame_rate_hz: session.frame_rate_hz };
     let mode = if arguments.sync == Sync::Auto { SyncMode::Auto } else { SyncMode::Report };
-    let track = || track_in_step(&clip, &setup, mode, shell.cancel_flag(), &|n| bar.inc(n as u64));
-    let (made, provenance) = rayon::join(track, || (*provenance).clone());
+    let made = track_in_step(&clip, &setup, mode, shell.cancel_flag(), &|n| bar.inc(n as u64));
     bar.finish_and_clear();
     let mut made = made?;
     let mut spin = None;
@@ -177,9 +180,12 @@ fn one(arguments: &Arguments, session: &Session, shot: &ShotFolder, rig: (&Stere
     }
     let spin = spin.map(|s| (SPIN_FILE, spin_to_json(&s)));
     let write = |name: &str, text: &str| shell.write_soon(&folder.join(name), text.as_bytes()).map_err(Failure::All);
-    let (points, tracks) = rayon::join(
+    let (points, (tracks, provenance)) = rayon::join(
         || write("points.csv", &points_to_csv(&tracked.points)),
-        || write("tracks.csv", &tracked.tracks.to_csv()).and_then(|()| spin.map_or(Ok(()), |(name, text)| write(name, &text))),
+        || {
+            let tracks = || write("tracks.csv", &tracked.tracks.to_csv()).and_then(|()| spin.map_or(Ok(()), |(name, text)| write(name, &text)));
+            rayon::join(tracks, || (*provenance).clone())
+        },
     );
     points.and(tracks)?;
     let record = TrackRecord { summary, provenance };
@@ -225,11 +231,14 @@ fn for_others(arguments: &Arguments, session: &Session, shot: &ShotFolder, rig: 
 fn provenance(session: &Session, shot: &ShotFolder, rig_hash: &str, clip: &Clip) -> Provenance {
     let mut provenance = Provenance::new("track");
     let mut frames = String::new();
-    for path in clip.pairs.iter().flat_map(|p| p.files.iter().flatten()) {
-        let size = std::fs::metadata(path).map_or(0, |m| m.len());
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        let camera = path.parent().and_then(Path::file_name).unwrap_or_default().to_string_lossy();
-        frames.push_str(&format!("{camera}/{name} {size}\n"));
+    for (index, pair) in clip.pairs.iter().enumerate() {
+        for (camera, path) in pair.files.iter().enumerate().filter_map(|(camera, path)| Some((camera, path.as_ref()?))) {
+            let size = clip.known_length(index, camera).unwrap_or_else(|| std::fs::metadata(path).map_or(0, |m| m.len()));
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            let camera = path.parent().and_then(Path::file_name).unwrap_or_default().to_string_lossy();
+            // Writing to a string does not fail.
+            writeln!(frames, "{camera}/{name} {size}").unwrap_or_default();
+        }
     }
     let settings = format!("{:?}", (&shot.racket, &shot.ball, session.frame_rate_hz));
     provenance.inputs.insert("calibration.json".into(), rig_hash.to_owned());

@@ -15,6 +15,8 @@ const HEAD: usize = 1280;
 /// Where the pixels stand in the file.
 #[derive(Debug, Clone, Copy)]
 pub struct Layout {
+    /// Of the whole file, bytes.
+    pub length: u64,
     offset: usize,
     width: usize,
     height: usize,
@@ -134,7 +136,7 @@ fn layout(head: &[u8], length: u64) -> Option<Layout> {
     let stride = width.div_ceil(4) * 4;
     let whole = length >= offset.checked_add(stride.checked_mul(height_px)?)? as u64 && offset >= 14 + header + 4 * colours;
     // A pixel beyond a short palette has no colour of its own: only a full ramp is sure.
-    (grey_ramp && colours == 256 && whole).then_some(Layout { offset, width, height: height_px, stride, flipped: height > 0 })
+    (grey_ramp && colours == 256 && whole).then_some(Layout { length, offset, width, height: height_px, stride, flipped: height > 0 })
 }
 
 #[cfg(test)]

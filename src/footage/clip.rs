@@ -62,6 +62,11 @@ impl Clip {
         Clip { pairs, decoded, layouts }
     }
 
+    /// Size of a picture's file, bytes, where it is known from reading it.
+    pub fn known_length(&self, index: usize, camera: usize) -> Option<u64> {
+        self.layouts.get(index)?[camera].get().map(|layout| layout.length)
+    }
+
     /// What the user should know about missing pictures: one line per camera that lacks some.
     pub fn gap_notes(&self) -> Vec<String> {
         ["left", "right"]

@@ -45,6 +45,15 @@ pub struct BallFit {
     pub residual: f64,
     /// Mean absolute difference of ball and surroundings just inside the outline, grey levels.
     pub edge: f64,
+    /// What a fit to the same picture may begin with.
+    pub outline_as_seen: OutlineLevels,
+}
+
+/// Grey levels of every sector, surroundings and ball, and residuals beyond which a pixel counts less.
+#[derive(Debug, Clone, Copy)]
+pub struct OutlineLevels {
+    levels: [[f32; 2]; SECTORS],
+    scale: f32,
 }
 
 impl SectorSums {
@@ -76,25 +85,34 @@ impl SectorSums {
     }
 }
 
-/// Fits the centre, starting at `start`, until a step is below `settled_px`. `None` when the ball leaves the picture, the fit runs away, or the picture does
+/// Fits the centre, starting at `start` and with the levels of an earlier fit there if there was one, until a step is below `settled_px`. `None` when the ball leaves the picture, the fit runs away, or the picture does
 /// not determine the centre.
-pub fn fit(image: &GreyView, start: Vector2<f64>, radius_px: f64, profile: &LimbProfile, settled_px: f64) -> Option<BallFit> {
+pub fn fit(image: &GreyView, start: Vector2<f64>, radius_px: f64, profile: &LimbProfile, settled_px: f64, before: Option<&OutlineLevels>) -> Option<BallFit> {
     thread_local! {
         static RING: RefCell<BallRing> = RefCell::default();
     }
-    RING.with_borrow_mut(|ring| fit_in(ring, image, start, radius_px, profile, settled_px))
+    RING.with_borrow_mut(|ring| fit_in(ring, image, start, radius_px, profile, settled_px, before))
 }
 
-fn fit_in(ring: &mut BallRing, image: &GreyView, start: Vector2<f64>, radius_px: f64, profile: &LimbProfile, settled_px: f64) -> Option<BallFit> {
+fn fit_in(
+    ring: &mut BallRing,
+    image: &GreyView,
+    start: Vector2<f64>,
+    radius_px: f64,
+    profile: &LimbProfile,
+    settled_px: f64,
+    before: Option<&OutlineLevels>,
+) -> Option<BallFit> {
     if !(2.5..200.0).contains(&radius_px) {
         return None;
     }
     let directions = &*DIRECTIONS;
     ring.reset(radius_px);
     let mut centre = start;
-    let mut levels = [[0.0; 2]; SECTORS];
-    let mut scale = f64::INFINITY;
-    for round in 0..ROUNDS {
+    let mut levels = before.map_or([[0.0; 2]; SECTORS], |b| b.levels.map(|l| l.map(f64::from)));
+    let mut scale = before.map_or(f64::INFINITY, |b| f64::from(b.scale));
+    // The first rounds find levels and place roughly: both are known where the picture has been measured before.
+    for round in if before.is_some() { ROBUST_FROM } else { 0 }..ROUNDS {
         let sectors = ring.sums(image, &RingModel { centre, profile, levels: &levels, scale })?;
         let mut settle = |step: &Vector2<f64>| {
             for ((levels, sector), u) in levels.iter_mut().zip(&sectors).zip(directions) {
@@ -122,9 +140,10 @@ fn fit_in(ring: &mut BallRing, image: &GreyView, start: Vector2<f64>, radius_px:
         settle(&step);
         scale = (2.0 * usual.sqrt()).max(1.0);
         if round > ROBUST_FROM && step.norm() < settled_px || round + 1 == ROUNDS {
+            let outline_as_seen = OutlineLevels { levels: levels.map(|l| l.map(|v| v as f32)), scale: scale as f32 };
             let limb = profile.at(-1.0, 0).map_or(1.0, |l| f64::from(l.ball));
             let edge = levels.iter().map(|l| (l[1] * limb - l[0]).abs()).sum::<f64>() / SECTORS as f64;
-            return Some(BallFit { uv: centre, covariance: agreed.covariance, outline: agreed.share, residual: usual.sqrt(), edge });
+            return Some(BallFit { uv: centre, covariance: agreed.covariance, outline: agreed.share, residual: usual.sqrt(), edge, outline_as_seen });
         }
     }
     None

@@ -89,12 +89,18 @@ impl BallRing {
         let (inner2, outer2) = (inner * inner, outer * outer);
         self.slots.clear();
         let mut counts = [0usize; SECTORS];
-        let (left, right) = ((centre.x - outer).ceil() as i64, (centre.x + outer).floor() as i64);
         for y in (centre.y - outer).ceil() as i64..=(centre.y + outer).floor() as i64 {
             // Beyond the picture there is nothing; the ring itself lies within.
             let Some((first, row)) = usize::try_from(y).ok().and_then(|y| image.part_of_row(y)) else { continue };
             let dy = y as f64 - centre.y;
-            for x in left.max(first as i64)..=right.min((first + row.len()) as i64 - 1) {
+            // Columns on the ring, and those amid it that are not; a pixel near either end is asked itself.
+            let half = (outer2 - dy * dy).max(0.0).sqrt();
+            let hole = (inner2 - dy * dy).max(0.0).sqrt() - 1.0;
+            let (left, right) = ((centre.x - half).floor() as i64, (centre.x + half).ceil() as i64);
+            let (hole_left, hole_right) = ((centre.x - hole).ceil() as i64, (centre.x + hole).floor() as i64);
+            let (left, right) = (left.max(first as i64), right.min((first + row.len()) as i64 - 1));
+            let (before, after) = if hole_left <= hole_right && hole > 0.0 { (hole_left - 1, hole_right + 1) } else { (right, right + 1) };
+            for x in (left..=right.min(before)).chain(after.max(left)..=right) {
                 let dx = x as f64 - centre.x;
                 let rho2 = dx * dx + dy * dy;
                 if rho2 <= outer2 && rho2 >= inner2 {

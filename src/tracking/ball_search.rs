@@ -3,6 +3,7 @@
 
 use crate::footage::{GreyImage, GreyView};
 use nalgebra::Vector2;
+use std::cell::RefCell;
 
 /// A place that may be the ball.
 #[derive(Debug, Clone, Copy)]
@@ -46,9 +47,11 @@ pub fn candidates(image: &GreyView, background: &GreyImage, radius_px: f64) -> V
     if w < 3 || h < 3 || background.width != w || background.height != h || image.rows != h || !(2.5..100.0).contains(&radius_px) {
         return Vec::new();
     }
-    let moving = moving(image, background);
     let region = Region { x0: 0, y0: 0, x1: w as i64 - 1, y1: h as i64 - 1 };
-    let votes = vote(image, radius_px, &region, &region, Some(&moving));
+    let votes = SCRATCH.with_borrow_mut(|scratch| {
+        scratch.find_moving(image, background);
+        scratch.vote(image, radius_px, &region, &region, true)
+    });
     let (least, gap) = (2.0 * radius_px, (0.5 * radius_px) as i64);
     let mut found: Vec<BallCandidate> = Vec::new();
     for y in votes.place.y0..=votes.place.y1 {
@@ -61,6 +64,7 @@ pub fn candidates(image: &GreyView, background: &GreyImage, radius_px: f64) -> V
         }
     }
     found.sort_by(|a, b| b.votes.total_cmp(&a.votes).then(a.uv.y.total_cmp(&b.uv.y)).then(a.uv.x.total_cmp(&b.uv.x)));
+    votes.leave();
     let mut kept: Vec<BallCandidate> = Vec::new();
     for c in found {
         if kept.len() == MOST {
@@ -82,7 +86,7 @@ pub fn nearby(image: &GreyView, centre: Vector2<f64>, radius_px: f64, reach_px: 
     if !image.contains(pixels.x0, pixels.y0, pixels.x1, pixels.y1) {
         return None;
     }
-    let votes = vote(image, radius_px, &pixels, &centres, None);
+    let votes = SCRATCH.with_borrow_mut(|scratch| scratch.vote(image, radius_px, &pixels, &centres, false));
     let mut best = (0.0, centre);
     for y in votes.place.y0..=votes.place.y1 {
         for x in votes.place.x0..=votes.place.x1 {
@@ -92,6 +96,7 @@ pub fn nearby(image: &GreyView, centre: Vector2<f64>, radius_px: f64, reach_px: 
             }
         }
     }
+    votes.leave();
     Some(best.1)
 }
 
@@ -110,100 +115,134 @@ impl Votes {
         }
         self.votes[(y - p.y0) as usize * p.width() + (x - p.x0) as usize]
     }
+
+    /// Leaves the memory to the next ones.
+    fn leave(self) {
+        SCRATCH.with_borrow_mut(|scratch| scratch.votes = self.votes);
+    }
 }
 
-/// Votes of the gradients in `pixels` (of a whole picture's mask those that are not zero) for centres in `centres`, smoothed over
-/// 3x3; the border of `centres` only gives to its neighbours.
-fn vote(image: &GreyView, radius_px: f64, pixels: &Region, centres: &Region, mask: Option<&[u8]>) -> Votes {
-    let w = centres.width();
-    let mut raw = vec![0.0f32; w * centres.height()];
-    // Where votes fell.
-    let mut seen = Region { x0: centres.x1, y0: centres.y1, x1: centres.x0, y1: centres.y0 };
-    let radius = radius_px as f32;
-    let (x0, x1) = (pixels.x0.max(1) as usize, pixels.x1.min(image.width as i64 - 2));
-    for y in pixels.y0.max(image.first_row as i64 + 1)..=pixels.y1.min((image.first_row + image.rows) as i64 - 2) {
-        let rows = [y - 1, y, y + 1].map(|r| image.row(r as usize));
-        let [Some(above), Some(here), Some(below)] = rows else { continue };
-        let counts = mask.map(|m| &m[y as usize * image.width..][..image.width]);
-        let mut next = x0;
-        while next as i64 <= x1 {
-            let i = next;
-            next += 1;
-            if let Some(counts) = counts
-                && counts[i] == 0
-            {
-                // Most of the picture is still: eight pixels at once.
-                while counts.get(next..next + 8).is_some_and(|eight| eight == [0; 8]) {
-                    next += 8;
-                }
-                continue;
-            }
-            let gx = f32::from(here[i + 1]) - f32::from(here[i - 1]);
-            let gy = f32::from(below[i]) - f32::from(above[i]);
-            let g = (gx * gx + gy * gy).sqrt();
-            if g < LEAST {
-                continue;
-            }
-            let weight = g.min(CAP) / CAP;
-            let (dx, dy) = (gx / g * radius, gy / g * radius);
-            for sign in [1.0, -1.0] {
-                let (cx, cy) = ((i as f32 + sign * dx).round() as i64, (y as f32 + sign * dy).round() as i64);
-                if cx >= centres.x0 && cy >= centres.y0 && cx <= centres.x1 && cy <= centres.y1 {
-                    raw[(cy - centres.y0) as usize * w + (cx - centres.x0) as usize] += weight;
-                    seen = Region { x0: seen.x0.min(cx), y0: seen.y0.min(cy), x1: seen.x1.max(cx), y1: seen.y1.max(cy) };
-                }
-            }
-        }
-    }
-    // One more around it, but not on the border.
-    let place = Region {
-        x0: (seen.x0 - 1).max(centres.x0 + 1),
-        y0: (seen.y0 - 1).max(centres.y0 + 1),
-        x1: (seen.x1 + 1).min(centres.x1 - 1),
-        y1: (seen.y1 + 1).min(centres.y1 - 1),
-    };
-    let n = place.width();
-    let mut votes = Vec::with_capacity(n * place.height());
-    let mut column = vec![0.0f32; n + 2];
-    for y in place.y0..=place.y1 {
-        let at = |y: i64| &raw[(y - centres.y0) as usize * w + (place.x0 - 1 - centres.x0) as usize..][..n + 2];
-        let (above, here, below) = (at(y - 1), at(y), at(y + 1));
-        for (sum, ((a, h), b)) in column.iter_mut().zip(above.iter().zip(here).zip(below)) {
-            *sum = a + h + b;
-        }
-        votes.extend(column.windows(3).map(|three| three[0] + three[1] + three[2]));
-    }
-    Votes { place, votes }
+thread_local! {
+    static SCRATCH: RefCell<Scratch> = RefCell::default();
 }
 
-/// Pixels that differ from the background, or whose neighbours do: 1, others 0. The pictures are of one size.
-fn moving(image: &GreyView, background: &GreyImage) -> Vec<u8> {
-    let (w, h) = (image.width, image.height);
-    let rows = |y: usize| image.row(y).unwrap_or_default().iter().zip(&background.pixels[y * w..][..w]);
-    let sum: u64 = (0..h).map(|y| u64::from(rows(y).map(|(a, b)| u32::from(a.abs_diff(*b))).sum::<u32>())).sum();
-    let least = (MOVING.0 * sum as f64 / (w * h) as f64 + MOVING.1).min(255.0) as u8;
-    let mut changed = vec![0u8; w * h];
-    for y in 1..h.saturating_sub(1) {
-        let row = &mut changed[y * w..][..w];
-        for (out, (a, b)) in row.iter_mut().zip(rows(y)) {
-            *out = u8::from(a.abs_diff(*b) >= least);
+/// Memory as large as a picture, used again.
+#[derive(Default)]
+struct Scratch {
+    /// Pixels that differ from the background.
+    changed: Vec<u8>,
+    /// Those and their neighbours: 1, others 0.
+    moving: Vec<u8>,
+    /// Votes; all zero between two uses.
+    raw: Vec<f32>,
+    /// Room for [`Votes`].
+    votes: Vec<f32>,
+}
+
+impl Scratch {
+    /// Votes of the gradients in `pixels` (of a whole picture those that move, if so asked) for centres in `centres`, smoothed over
+    /// 3x3; the border of `centres` only gives to its neighbours.
+    fn vote(&mut self, image: &GreyView, radius_px: f64, pixels: &Region, centres: &Region, only_moving: bool) -> Votes {
+        let w = centres.width();
+        if self.raw.len() < w * centres.height() {
+            self.raw = vec![0.0; w * centres.height()];
         }
-        (row[0], row[w - 1]) = (0, 0);
+        let raw = &mut self.raw;
+        // Where votes fell.
+        let mut seen = Region { x0: centres.x1, y0: centres.y1, x1: centres.x0, y1: centres.y0 };
+        let radius = radius_px as f32;
+        let (x0, x1) = (pixels.x0.max(1) as usize, pixels.x1.min(image.width as i64 - 2));
+        for y in pixels.y0.max(image.first_row as i64 + 1)..=pixels.y1.min((image.first_row + image.rows) as i64 - 2) {
+            let rows = [y - 1, y, y + 1].map(|r| image.row(r as usize));
+            let [Some(above), Some(here), Some(below)] = rows else { continue };
+            let counts = only_moving.then(|| &self.moving[y as usize * image.width..][..image.width]);
+            let mut next = x0;
+            while next as i64 <= x1 {
+                let i = next;
+                next += 1;
+                if let Some(counts) = counts
+                    && counts[i] == 0
+                {
+                    // Most of the picture is still: eight pixels at once.
+                    while counts.get(next..next + 8).is_some_and(|eight| eight == [0; 8]) {
+                        next += 8;
+                    }
+                    continue;
+                }
+                let gx = f32::from(here[i + 1]) - f32::from(here[i - 1]);
+                let gy = f32::from(below[i]) - f32::from(above[i]);
+                let g = (gx * gx + gy * gy).sqrt();
+                if g < LEAST {
+                    continue;
+                }
+                let weight = g.min(CAP) / CAP;
+                let (dx, dy) = (gx / g * radius, gy / g * radius);
+                for sign in [1.0, -1.0] {
+                    let (cx, cy) = ((i as f32 + sign * dx).round() as i64, (y as f32 + sign * dy).round() as i64);
+                    if cx >= centres.x0 && cy >= centres.y0 && cx <= centres.x1 && cy <= centres.y1 {
+                        raw[(cy - centres.y0) as usize * w + (cx - centres.x0) as usize] += weight;
+                        seen = Region { x0: seen.x0.min(cx), y0: seen.y0.min(cy), x1: seen.x1.max(cx), y1: seen.y1.max(cy) };
+                    }
+                }
+            }
+        }
+        // One more around it, but not on the border.
+        let place = Region {
+            x0: (seen.x0 - 1).max(centres.x0 + 1),
+            y0: (seen.y0 - 1).max(centres.y0 + 1),
+            x1: (seen.x1 + 1).min(centres.x1 - 1),
+            y1: (seen.y1 + 1).min(centres.y1 - 1),
+        };
+        let n = place.width();
+        let mut votes = std::mem::take(&mut self.votes);
+        votes.clear();
+        votes.reserve(n * place.height());
+        let mut column = vec![0.0f32; n + 2];
+        for y in place.y0..=place.y1 {
+            let at = |y: i64| &raw[(y - centres.y0) as usize * w + (place.x0 - 1 - centres.x0) as usize..][..n + 2];
+            let (above, here, below) = (at(y - 1), at(y), at(y + 1));
+            for (sum, ((a, h), b)) in column.iter_mut().zip(above.iter().zip(here).zip(below)) {
+                *sum = a + h + b;
+            }
+            votes.extend(column.windows(3).map(|three| three[0] + three[1] + three[2]));
+        }
+        for y in seen.y0..=seen.y1 {
+            raw[(y - centres.y0) as usize * w..][(seen.x0 - centres.x0) as usize..=(seen.x1 - centres.x0) as usize].fill(0.0);
+        }
+        Votes { place, votes }
     }
-    let mut out = vec![0u8; w * h];
-    let mut column = vec![0u8; w];
-    for y in 0..h {
-        let row = |y: usize| &changed[y.min(h - 1) * w..][..w];
-        for (any, ((a, h), b)) in column.iter_mut().zip(row(y.saturating_sub(1)).iter().zip(row(y)).zip(row(y + 1))) {
-            *any = a | h | b;
+
+    /// Pixels that differ from the background, or whose neighbours do. The pictures are of one size.
+    fn find_moving(&mut self, image: &GreyView, background: &GreyImage) {
+        let (w, h) = (image.width, image.height);
+        let rows = |y: usize| image.row(y).unwrap_or_default().iter().zip(&background.pixels[y * w..][..w]);
+        let sum: u64 = (0..h).map(|y| u64::from(rows(y).map(|(a, b)| u32::from(a.abs_diff(*b))).sum::<u32>())).sum();
+        let least = (MOVING.0 * sum as f64 / (w * h) as f64 + MOVING.1).min(255.0) as u8;
+        let (changed, out) = (&mut self.changed, &mut self.moving);
+        changed.resize(w * h, 0);
+        out.resize(w * h, 0);
+        changed[..w].fill(0);
+        changed[(h - 1) * w..].fill(0);
+        for y in 1..h.saturating_sub(1) {
+            let row = &mut changed[y * w..][..w];
+            for (out, (a, b)) in row.iter_mut().zip(rows(y)) {
+                *out = u8::from(a.abs_diff(*b) >= least);
+            }
+            (row[0], row[w - 1]) = (0, 0);
         }
-        let row = &mut out[y * w..][..w];
-        for (o, three) in row[1..w - 1].iter_mut().zip(column.windows(3)) {
-            *o = three[0] | three[1] | three[2];
+        let mut column = vec![0u8; w];
+        for y in 0..h {
+            let row = |y: usize| &changed[y.min(h - 1) * w..][..w];
+            for (any, ((a, h), b)) in column.iter_mut().zip(row(y.saturating_sub(1)).iter().zip(row(y)).zip(row(y + 1))) {
+                *any = a | h | b;
+            }
+            let row = &mut out[y * w..][..w];
+            for (o, three) in row[1..w - 1].iter_mut().zip(column.windows(3)) {
+                *o = three[0] | three[1] | three[2];
+            }
+            (row[0], row[w - 1]) = (column[1], column[w - 2]);
         }
-        (row[0], row[w - 1]) = (column[1], column[w - 2]);
     }
-    out
 }
 
 #[cfg(test)]

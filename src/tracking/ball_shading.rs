@@ -9,6 +9,8 @@ use nalgebra::{Matrix4, Vector3, Vector4};
 
 /// Sectors around the outline: 15 degrees, about two pixels of arc on a ball of 16 px.
 pub const SECTORS: usize = 24;
+/// Places of a mean picture up to so many radii from its centre tell the light.
+pub const INSIDE_LIMB: f64 = 0.9;
 /// Range of the profile around the outline, px, and its spacing.
 const FROM_PX: f64 = -2.6;
 const TO_PX: f64 = 3.6;
@@ -40,7 +42,7 @@ impl BallShading {
     /// few places are given or the mean picture is not lit like a ball.
     pub fn of_mean_disc(disc: &[(f64, f64, f64)]) -> Option<Self> {
         let places: Vec<(Vector3<f64>, f64)> =
-            disc.iter().filter(|(x, y, _)| x.hypot(*y) < 0.9).map(|(x, y, g)| (Vector3::new(*x, *y, -(1.0 - x * x - y * y).sqrt()), *g)).collect();
+            disc.iter().filter(|(x, y, _)| x.hypot(*y) < INSIDE_LIMB).map(|(x, y, g)| (Vector3::new(*x, *y, -(1.0 - x * x - y * y).sqrt()), *g)).collect();
         if places.len() < 20 {
             return None;
         }

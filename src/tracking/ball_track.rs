@@ -1,14 +1,15 @@
 //! Follows the ball from frame to frame in space: predicted place in both pictures, outline fit, one point from two rays.
 
-use super::ball_fit::{self, BallFit};
+use super::ball_fit::{self, BallFit, OutlineLevels};
 use super::ball_ring::REACH_PX;
 use super::ball_search::{self, BallCandidate};
-use super::ball_shading::{BallShading, LimbProfile};
+use super::ball_shading::{BallShading, INSIDE_LIMB, LimbProfile};
 use super::racket_pose::View;
 use super::track_file::ImagePoint;
 use crate::calibration::CameraId;
 use crate::footage::{GreyPatch, GreyView, Rows};
 use nalgebra::{Point3, Vector2, Vector3};
+use std::sync::LazyLock;
 
 /// Least deviation of the ball's centre, px.
 const FLOOR_SD_PX: f64 = 0.02;
@@ -115,21 +116,28 @@ impl BallScene<'_> {
     }
 
     /// [`Self::measure`] where both cameras see the ball clearly and right where it was predicted: few rows suffice then. `None`
-    /// says that more must be looked at, not that there is no ball.
-    pub fn measure_close(&self, images: &[Option<GreyView>; 2], predicted: &Point3<f64>) -> Option<BallFrame> {
+    /// says that more must be looked at, not that there is no ball. `before` is what the same pictures showed when they were measured first.
+    pub fn measure_close(
+        &self,
+        images: &[Option<GreyView>; 2],
+        predicted: &Point3<f64>,
+        before: Option<&[OutlineLevels; 2]>,
+    ) -> Option<(BallFrame, [OutlineLevels; 2])> {
         let settled = if self.faint { SETTLED_PX } else { ROUGH_PX };
         let mut fits: [Option<BallFit>; 2] = [None, None];
         for camera in CameraId::BOTH {
             let image = images[camera.index()].as_ref()?;
             let (centre, radius) = (self.view.project(camera, predicted)?, self.radius_px(camera, predicted)?);
-            let f = ball_fit::fit(image, centre, radius, &self.limb[camera.index()], settled)?;
+            let f = ball_fit::fit(image, centre, radius, &self.limb[camera.index()], settled, before.map(|b| &b[camera.index()]))?;
             let sure = if self.faint { Self::outlined(&f) || Self::fair(&f) } else { Self::outlined(&f) && f.outline >= CLEAR_OUTLINE };
             if !sure || !((f.uv - centre).norm() <= CLOSE_PX) {
                 return None;
             }
             fits[camera.index()] = Some(f);
         }
-        self.together(&fits, predicted, 1).filter(|b| b.stereo)
+        let ball = self.together(&fits, predicted, 1).filter(|b| b.stereo)?;
+        let [Some(left), Some(right)] = fits.map(|f| f.map(|f| f.outline_as_seen)) else { return None };
+        Some((ball, [left, right]))
     }
 
     /// The ball near a predicted place (global, m). `reach_px` is how far the prediction may be off.
@@ -143,13 +151,13 @@ impl BallScene<'_> {
             let settled = if self.faint { SETTLED_PX } else { ROUGH_PX };
             let near = |f: &BallFit| Self::outlined(f) && (f.uv - centre).norm() < f64::from(reach_px) + 1.5;
             // A faint outline counts only right where the ball was expected.
-            let mut found = ball_fit::fit(image, centre, radius, limb, settled)
+            let mut found = ball_fit::fit(image, centre, radius, limb, settled, None)
                 .filter(|f| near(f) || self.faint && Self::fair(f) && (f.uv - centre).norm() < FAINT_SHIFT_PX);
             // A clear outline where it was expected needs no search.
             if reach_px > 1
                 && found.as_ref().is_none_or(|f| f.outline < CLEAR_OUTLINE)
                 && let Some(start) = ball_search::nearby(image, centre, radius, i64::from(reach_px))
-                && let Some(other) = ball_fit::fit(image, start, radius, limb, settled).filter(near)
+                && let Some(other) = ball_fit::fit(image, start, radius, limb, settled, None).filter(near)
                 && found.as_ref().is_none_or(|f| other.outline > f.outline)
             {
                 found = Some(other);
@@ -205,8 +213,8 @@ impl BallScene<'_> {
     /// Adds the picture of the disc to a mean picture, by place in ball radii.
     pub fn add_to_mean(&self, mean: &mut MeanDisc, image: &GreyView, camera: CameraId, ball: &BallFrame) {
         let (Some(point), Some(radius)) = (ball.points[camera.index()], self.radius_px(camera, &ball.position)) else { return };
-        for (i, cell) in mean.cells.iter_mut().enumerate() {
-            let (x, y) = MeanDisc::place(i);
+        for (cell, place) in mean.cells.iter_mut().zip(&*MEAN_PLACES) {
+            let Some((x, y)) = *place else { continue };
             let at = point.uv + Vector2::new(x, y) * radius;
             // Places inside the picture are not negative: a cast rounds them down.
             if let Some(grey) = image.get((at.x + 0.5) as i64, (at.y + 0.5) as i64) {
@@ -231,7 +239,7 @@ impl BallScene<'_> {
             let (Some(image), Some(radius)) = (&images[camera.index()], self.radius_px(camera, depth_at)) else { return Vec::new() };
             candidates[camera.index()]
                 .iter()
-                .filter_map(|c| ball_fit::fit(image, c.uv, radius, &self.limb[camera.index()], ROUGH_PX).filter(Self::good))
+                .filter_map(|c| ball_fit::fit(image, c.uv, radius, &self.limb[camera.index()], ROUGH_PX, None).filter(Self::good))
                 .collect::<Vec<_>>()
         });
         let mut out = Vec::new();
@@ -274,6 +282,10 @@ pub fn outline_radius_px(view: &View, camera: CameraId, at: &Point3<f64>, radius
     // A sphere's outline is tangent to it: sin instead of tan of half the angle makes it larger by (r/z)²/2, below 1e-5.
     Some(radius_m * 0.5 * ((j * a).norm() + (j * b).norm()))
 }
+
+/// The places of a mean picture that tell the light, in ball radii; those near the outline do not.
+static MEAN_PLACES: LazyLock<Vec<Option<(f64, f64)>>> =
+    LazyLock::new(|| (0..225).map(|i| Some(MeanDisc::place(i)).filter(|(x, y)| x.hypot(*y) < INSIDE_LIMB)).collect());
 
 /// A mean picture of the ball's disc on a grid of 15 x 15 places.
 #[derive(Debug, Clone)]

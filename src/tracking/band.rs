@@ -169,8 +169,10 @@ pub struct BandFit {
     pub covariance: Matrix2<f64>,
     pub white: f64,
     pub black: f64,
-    /// Mean square of the residuals, grey levels squared, and how many pixels it is of.
+    /// Mean square of the residuals at the best place, grey levels squared, and how many pixels it is of.
     pub misfit: (f64, f64),
+    /// Along and across from the expected place, px.
+    moved: (f64, f64),
     /// Grey levels and noise as found: what a fit to a picture like this one may begin with.
     pub settled: Settled,
 }
@@ -204,8 +206,10 @@ const EVENNESS: f64 = 0.1;
 const ROBUST: f64 = 1.5;
 /// Surroundings that are looked at on either side of the tube, px.
 const SIDE_PX: f64 = 1.3;
-/// A fit ends when the steps to come are below this, px.
+/// A fit ends when the steps to come are below this, px; the first where the place counts, the second where only the misfit does, which
+/// such a step changes by less than a hundredth and in a way that is known.
 const SETTLED_PX: f64 = 0.005;
+const ROUGH_PX: f64 = 0.02;
 /// A band this far from where its pixels were gathered is looked at anew, px.
 const LOOK_AGAIN_PX: f64 = 0.5;
 
@@ -222,10 +226,18 @@ pub enum BandPart {
 /// where there is one. `None` when the band leaves the picture, runs away by more than its own size, or the picture does not
 /// determine the place.
 pub fn fit(image: &GreyView, band: &BandView, shape: &BandShape, start: (f64, f64), part: BandPart, like: Option<&Settled>) -> Option<BandFit> {
-    thread_local! {
-        static PIXELS: RefCell<BandPixels> = RefCell::default();
-    }
-    PIXELS.with_borrow_mut(|pixels| fit_in(pixels, image, band, shape, start, part, like))
+    PIXELS.with_borrow_mut(|pixels| fit_in(pixels, image, band, shape, start, part, like.map(|l| (start, l)), SETTLED_PX))
+}
+
+/// [`fit`] of a whole band for its misfit, beginning with what was found of it under a slightly different model. The pixels are those
+/// around the expected place in any case.
+pub fn fit_once_more(image: &GreyView, band: &BandView, shape: &BandShape, before: Option<&BandFit>) -> Option<BandFit> {
+    let begin = before.map(|b| (b.moved, &b.settled));
+    PIXELS.with_borrow_mut(|pixels| fit_in(pixels, image, band, shape, (0.0, 0.0), BandPart::Whole, begin, ROUGH_PX))
+}
+
+thread_local! {
+    static PIXELS: RefCell<BandPixels> = RefCell::default();
 }
 
 fn fit_in(
@@ -235,7 +247,8 @@ fn fit_in(
     shape: &BandShape,
     start: (f64, f64),
     part: BandPart,
-    like: Option<&Settled>,
+    begin: Option<((f64, f64), &Settled)>,
+    settled_px: f64,
 ) -> Option<BandFit> {
     let white_half = shape.white_half_m * band.px_per_m;
     if white_half < LEAST_HALF_PX || band.radius_px < 0.8 {
@@ -253,7 +266,7 @@ fn fit_in(
         BandPart::Behind => (-black_end, -inside),
     };
     let mut model = BandModel {
-        middle: start,
+        middle: begin.map_or(start, |b| b.0),
         bend: band.bend,
         white_half,
         radius: band.radius_px,
@@ -261,8 +274,8 @@ fn fit_in(
         blur: 1.0 / (shape.blur_px * std::f64::consts::SQRT_2),
         black_end,
         shade: shape.shade(band),
-        levels: like.map(|l| l.levels),
-        scale: like.map_or(f64::INFINITY, |l| l.scale),
+        levels: begin.map(|b| b.1.levels),
+        scale: begin.map_or(f64::INFINITY, |b| b.1.scale),
     };
     let mut looked_at = start;
     let mut last_step = f64::INFINITY;
@@ -317,8 +330,11 @@ fn fit_in(
         let size = dt.abs().max(ds.abs());
         let shrink = if last_step.is_finite() { (size / last_step).clamp(0.33, 0.5) } else { 0.5 };
         last_step = size;
-        if size * (shrink / (1.0 - shrink)) < SETTLED_PX || round + 1 == ROUNDS {
-            let variance = chi / (weight - UNKNOWNS as f64).max(1.0);
+        if size * (shrink / (1.0 - shrink)) < settled_px || round + 1 == ROUNDS {
+            let free = (weight - UNKNOWNS as f64).max(1.0);
+            let variance = chi / free;
+            // The last step takes this away.
+            let gain = step.iter().zip(&jtr).map(|(s, g)| s * g).sum::<f64>();
             // The first two rows and columns of the inverse, which is the product of L's inverse with itself turned over.
             let [a, b] = [0, 1].map(|k| factor.solve_lower(std::array::from_fn(|i| if i == k { 1.0 } else { 0.0 })));
             let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
@@ -331,7 +347,8 @@ fn fit_in(
                 covariance,
                 white,
                 black,
-                misfit: (variance, weight),
+                misfit: ((chi - gain) / free, weight),
+                moved: (t0, s0),
                 settled: Settled { levels: *levels, scale: model.scale },
             });
         }
@@ -358,14 +375,27 @@ fn gather(pixels: &mut BandPixels, image: &GreyView, band: &BandView, middle: (f
         let row = usize::try_from(y).ok().and_then(|y| image.row(y));
         let dy = y as f64 - band.centre.y;
         let (from, to) = reached(dy, (middle.0, length), (middle.1, side + bowed), band);
-        for x in from.max(x0)..=to.min(x1) {
+        let (from, to) = (from.max(x0), to.min(x1));
+        let place = |x: i64| {
             let dx = x as f64 - band.centre.x;
-            let (t, s) = (dx * band.along.x + dy * band.along.y, dx * across.x + dy * across.y);
+            (dx * band.along.x + dy * band.along.y, dx * across.x + dy * across.y)
+        };
+        let wanted = |t: f64, s: f64| {
             let from_middle = t - middle.0;
-            if from_middle < ends.0 || from_middle > ends.1 || (s - middle.1 - band.bend * from_middle * from_middle).abs() > side {
-                continue;
+            !((from_middle < ends.0) | (from_middle > ends.1) | ((s - middle.1 - band.bend * from_middle * from_middle).abs() > side))
+        };
+        let seen = usize::try_from(from).ok().zip(usize::try_from(to).ok()).and_then(|(from, to)| row?.get(from..=to));
+        if let Some(seen) = seen {
+            let row = seen.iter().enumerate().map(|(i, grey)| (from + i as i64, *grey)).map(|(x, grey)| (place(x).0, place(x).1, grey));
+            pixels.push_row(row, wanted);
+            continue;
+        }
+        // Partly beyond the picture: the band as well?
+        for x in from..=to {
+            let (t, s) = place(x);
+            if wanted(t, s) {
+                pixels.push_row(std::iter::once((t, s, *row?.get(usize::try_from(x).ok()?)?)), |_, _| true);
             }
-            pixels.push(t, s, *row?.get(usize::try_from(x).ok()?)?);
         }
     }
     pixels.complete();

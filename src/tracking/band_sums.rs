@@ -59,33 +59,99 @@ pub struct BandPixels {
     t: Vec<f32>,
     s: Vec<f32>,
     grey: Vec<f32>,
-    /// How many there are; the arrays are filled up to whole steps.
+    /// How many there are; the arrays may be longer.
     count: usize,
     residual: Vec<f32>,
+    scratch: Box<Scratch>,
+}
+
+/// What one step computes, one value a pixel; it is all written before it is read, so that no step clears it.
+struct Scratch {
+    t: Step,
+    s: Step,
+    q: Step,
+    depth: Step,
+    z: [Step; 4],
+    erf: [Step; 4],
+    bell: [Step; 4],
+    narrowing: Step,
+    shade: Step,
+    shade_slope: Step,
+    steeper: Step,
+    tube: Step,
+    inside: Step,
+    /// Columns of the design, then the residual.
+    c: [Step; UNKNOWNS + 1],
+    weight: Step,
+}
+
+impl Default for Scratch {
+    fn default() -> Self {
+        let zero: Step = [0.0; STEP];
+        Scratch {
+            t: zero,
+            s: zero,
+            q: zero,
+            depth: zero,
+            z: [zero; 4],
+            erf: [zero; 4],
+            bell: [zero; 4],
+            narrowing: zero,
+            shade: zero,
+            shade_slope: zero,
+            steeper: zero,
+            tube: zero,
+            inside: zero,
+            c: [zero; UNKNOWNS + 1],
+            weight: zero,
+        }
+    }
 }
 
 impl BandPixels {
     pub fn clear(&mut self) {
-        self.t.clear();
-        self.s.clear();
-        self.grey.clear();
+        self.count = 0;
     }
 
-    #[inline]
+    #[cfg(test)]
     pub fn push(&mut self, t: f64, s: f64, grey: u8) {
-        self.t.push(t as f32);
-        self.s.push(s as f32);
-        self.grey.push(f32::from(grey));
+        self.push_row(std::iter::once((t, s, grey)), |_, _| true);
     }
 
-    /// After the last [`Self::push`], before the first [`Self::sums`].
-    pub fn complete(&mut self) {
-        self.count = self.t.len();
-        let n = self.count.next_multiple_of(STEP);
-        for v in [&mut self.t, &mut self.s, &mut self.grey] {
-            v.resize(n, 0.0);
+    /// Adds the pixels of a row (along, across, grey level) that are wanted by their place.
+    #[inline(always)]
+    pub fn push_row(&mut self, row: impl ExactSizeIterator<Item = (f64, f64, u8)>, wanted: impl Fn(f64, f64) -> bool) {
+        self.room_for(self.count + row.len());
+        let mut at = self.count;
+        // Written in any case, kept where it is wanted: no branch to guess.
+        for (t, s, grey) in row {
+            (self.t[at], self.s[at], self.grey[at]) = (t as f32, s as f32, f32::from(grey));
+            at += usize::from(wanted(t, s));
         }
-        self.residual.resize(n, 0.0);
+        self.count = at;
+    }
+
+    #[inline(always)]
+    fn room_for(&mut self, pixels: usize) {
+        if self.residual.len() < pixels {
+            for v in [&mut self.t, &mut self.s, &mut self.grey, &mut self.residual] {
+                v.resize((2 * pixels).next_multiple_of(STEP), 0.0);
+            }
+        }
+    }
+
+    /// After the last row, before the first [`Self::sums`].
+    pub fn complete(&mut self) {
+        let end = self.steps_end();
+        self.room_for(end);
+        for v in [&mut self.t, &mut self.s, &mut self.grey] {
+            v[self.count..end].fill(0.0);
+        }
+    }
+
+    /// Pixels up to a whole step.
+    fn steps_end(&self) -> usize {
+        self.count.next_multiple_of(STEP)
     }
 
     pub fn sums(&mut self, model: &BandModel) -> BandSums {
@@ -137,18 +203,18 @@ fn round(p: &mut BandPixels, m: &BandModel) -> BandSums {
 
     let mut sums = [[0.0f32; LANES]; PRODUCTS];
     let mut weights = [0.0f32; LANES];
-    let steps = p.t.as_chunks::<STEP>().0.iter().zip(p.s.as_chunks::<STEP>().0).zip(p.grey.as_chunks::<STEP>().0).zip(p.residual.as_chunks_mut::<STEP>().0);
+    let end = p.steps_end();
+    let Scratch { t, s, q, depth, z, erf, bell, narrowing, shade, shade_slope, steeper, tube, inside, c, weight } = &mut *p.scratch;
+    let steps =
+        p.t[..end].as_chunks::<STEP>().0.iter().zip(p.s.as_chunks::<STEP>().0).zip(p.grey.as_chunks::<STEP>().0).zip(p.residual.as_chunks_mut::<STEP>().0);
     for (k, (((places_t, places_s), grey), residual)) in steps.enumerate() {
         let real = p.count.saturating_sub(k * STEP);
-        let zero: Step = [0.0; STEP];
-        let (mut t, mut s, mut q, mut depth) = (zero, zero, zero, zero);
         for i in 0..STEP {
             t[i] = places_t[i] - t0;
             s[i] = places_s[i] - s0 - bend * t[i] * t[i];
             q[i] = (s[i] * across).clamp(-1.0, 1.0);
             depth[i] = (1.0 - q[i] * q[i]).sqrt();
         }
-        let mut z = [zero; 4];
         for i in 0..STEP {
             let along = t[i] - bow * (depth[i] - mean_depth);
             z[0][i] = (along + white_half) * blur;
@@ -156,14 +222,11 @@ fn round(p: &mut BandPixels, m: &BandModel) -> BandSums {
             z[2][i] = (s[i] + radius) * blur;
             z[3][i] = (s[i] - radius) * blur;
         }
-        let (mut erf, mut bell) = ([zero; 4], [zero; 4]);
         for k in 0..4 {
             erf_and_bell(&z[k], &mut erf[k], &mut bell[k]);
         }
-        let [erf_a, erf_b, erf_c, erf_e] = erf;
-        let [bell_a, bell_b, bell_c, bell_e] = bell;
-        let (mut narrowing, mut shade, mut shade_slope, mut steeper) = (zero, zero, zero, zero);
-        let (mut tube, mut inside) = (zero, zero);
+        let [erf_a, erf_b, erf_c, erf_e] = &*erf;
+        let [bell_a, bell_b, bell_c, bell_e] = &*bell;
         for i in 0..STEP {
             tube[i] = 0.5 * (erf_c[i] - erf_e[i]);
             inside[i] = 0.5 * (erf_a[i] - erf_b[i]);
@@ -183,7 +246,6 @@ fn round(p: &mut BandPixels, m: &BandModel) -> BandSums {
             shade[i] = ambient + direct.max(0.0);
             shade_slope[i] = if direct > 0.0 { (sideways - up * steeper[i]) * on_tube } else { 0.0 };
         }
-        let mut c = [zero; UNKNOWNS + 1];
         for i in 0..STEP {
             c[2][i] = tube[i] * inside[i] * shade[i];
             c[3][i] = tube[i] * (1.0 - inside[i]) * shade[i];
@@ -214,7 +276,6 @@ fn round(p: &mut BandPixels, m: &BandModel) -> BandSums {
             let around = steep * (bell_c[i] * (l[4] + l[5] * at) - bell_e[i] * (l[2] + l[3] * at));
             c[1][i] += around + (l[7] * steeper[i] - l[6]) * narrowing[i] * c[2][i];
         }
-        let mut weight = zero;
         for i in 0..STEP {
             weight[i] = (scale / residual[i].abs().max(1e-30)).min(1.0);
         }
@@ -224,7 +285,7 @@ fn round(p: &mut BandPixels, m: &BandModel) -> BandSums {
         c[UNKNOWNS] = *residual;
         let mut sums = sums.iter_mut();
         for i in 0..=UNKNOWNS {
-            let mut weighted = zero;
+            let mut weighted: Step = [0.0; STEP];
             for l in 0..STEP {
                 weighted[l] = c[i][l] * weight[l];
             }
@@ -232,7 +293,7 @@ fn round(p: &mut BandPixels, m: &BandModel) -> BandSums {
                 add_products(sum, &weighted, column);
             }
         }
-        add_products(&mut weights, &weight, &[1.0; STEP]);
+        add_products(&mut weights, weight, &[1.0; STEP]);
     }
     let mut out = BandSums { jtj: [[0.0; UNKNOWNS]; UNKNOWNS], jtr: [0.0; UNKNOWNS], weight: total(&weights), chi: 0.0 };
     let mut sums = sums.iter().map(total);

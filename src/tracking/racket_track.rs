@@ -141,14 +141,18 @@ pub fn confirm(
     known: &mut Option<KnownBands>,
 ) -> Option<RacketFrame> {
     let mut fits = Vec::with_capacity(ALL_BANDS);
+    // A glance at all of them before any is measured.
+    for camera in CameraId::BOTH {
+        let (image, least) = (images[camera.index()].as_ref()?, least_contrast[camera.index()]);
+        if !expected.0[camera.index()].iter().all(|band| band.contrast(image, scene.shape, 0.0, 0.0).is_some_and(|c| c >= least)) {
+            return None;
+        }
+    }
     for camera in CameraId::BOTH {
         let (image, least) = (images[camera.index()].as_ref()?, least_contrast[camera.index()]);
         for (marker, band) in expected.0[camera.index()].iter().enumerate() {
             let like = known.as_ref().and_then(|k| k.0[camera.index()][marker]);
-            let fit = band
-                .contrast(image, scene.shape, 0.0, 0.0)
-                .filter(|c| *c >= least)
-                .and_then(|_| band::fit(image, band, scene.shape, (0.0, 0.0), BandPart::Whole, like.as_ref()))?;
+            let fit = band::fit(image, band, scene.shape, (0.0, 0.0), BandPart::Whole, like.as_ref())?;
             if !(fit.white - fit.black > least) {
                 return None;
             }
@@ -179,30 +183,18 @@ pub fn measure(
     reach_px: i32,
     least_contrast: &[f64; 2],
 ) -> Option<RacketFrame> {
-    let bands = |pose: &Isometry3<f64>, reach_px: i32| {
-        let mut fits: Vec<(CameraId, usize, BandFit)> = Vec::with_capacity(10);
-        for camera in CameraId::BOTH {
-            let Some(image) = &images[camera.index()] else { continue };
-            for marker in 0..5 {
-                if let Some(f) = find(scene, image, pose, camera, marker, reach_px, least_contrast[camera.index()]) {
-                    fits.push((camera, marker, f));
-                }
-            }
-        }
-        let seen = fits.len();
-        let pose = agree(scene, &mut fits, pose)?;
-        Some(Agreed { pose, dropped: seen - fits.len(), fits })
-    };
     // A prediction that all bands confirm needs no second look; bands that were not found get a second chance where the others
     // say they are.
     let possible = 5 * images.iter().flatten().count();
-    let close = bands(predicted, 1).filter(|a| a.dropped == 0 && scene.apart_px(&a.pose.global_from_racket, predicted) < CONFIRMED_PX);
+    let look = Look { scene, images, least_contrast };
+    let first = look.from(predicted, 1, false, Vec::new());
+    let close = first.filter(|a| a.dropped == 0 && scene.apart_px(&a.pose.global_from_racket, predicted) < CONFIRMED_PX);
     let Agreed { pose, fits, .. } = match close {
         Some(agreed) if agreed.fits.len() == possible => agreed,
-        Some(agreed) => bands(&agreed.pose.global_from_racket, 1).unwrap_or(agreed),
+        Some(agreed) => look.from(&agreed.pose.global_from_racket, 1, true, agreed.fits.clone()).unwrap_or(agreed),
         None => {
-            let rough = bands(predicted, reach_px)?;
-            bands(&rough.pose.global_from_racket, 1).unwrap_or(rough)
+            let rough = look.from(predicted, reach_px, false, Vec::new())?;
+            look.from(&rough.pose.global_from_racket, 1, true, Vec::new()).unwrap_or(rough)
         }
     };
     let one_camera = fits.iter().all(|f| f.0 == fits[0].0);
@@ -219,6 +211,34 @@ pub fn measure(
     Some(RacketFrame { pose, points })
 }
 
+/// Looks for the bands of one frame.
+struct Look<'a> {
+    scene: &'a RacketScene<'a>,
+    images: &'a [Option<GreyView<'a>>; 2],
+    least_contrast: &'a [f64; 2],
+}
+
+impl Look<'_> {
+    /// The bands that agree on a pose, of those known and those found near `pose`; the others count as well where they are seen in part
+    /// or as specks, if `weak`.
+    fn from(&self, pose: &Isometry3<f64>, reach_px: i32, weak: bool, mut fits: Vec<(CameraId, usize, BandFit)>) -> Option<Agreed> {
+        let mut known = [[false; 5]; 2];
+        fits.iter().for_each(|f| known[f.0.index()][f.1] = true);
+        for camera in CameraId::BOTH {
+            let Some(image) = &self.images[camera.index()] else { continue };
+            for marker in (0..5).filter(|m| !known[camera.index()][*m]) {
+                if let Some(f) = find(self.scene, image, pose, camera, marker, (reach_px, weak), self.least_contrast[camera.index()]) {
+                    fits.push((camera, marker, f));
+                }
+            }
+        }
+        fits.sort_by_key(|f| (f.0, f.1));
+        let seen = fits.len();
+        let pose = agree(self.scene, &mut fits, pose)?;
+        Some(Agreed { pose, dropped: seen - fits.len(), fits })
+    }
+}
+
 /// The bands that share a pose, and how many did not.
 struct Agreed {
     pose: RacketPose,
@@ -227,23 +247,31 @@ struct Agreed {
 }
 
 /// One band near its expected place.
-fn find(scene: &RacketScene, image: &GreyView, pose: &Isometry3<f64>, camera: CameraId, marker: usize, reach_px: i32, least_contrast: f64) -> Option<BandFit> {
+fn find(
+    scene: &RacketScene,
+    image: &GreyView,
+    pose: &Isometry3<f64>,
+    camera: CameraId,
+    marker: usize,
+    (reach_px, weak): (i32, bool),
+    least_contrast: f64,
+) -> Option<BandFit> {
     let band = BandView::at(scene.view, scene.figure, pose, camera, marker)?;
     let (t, s, contrast) = band.search(image, scene.shape, reach_px)?;
     if contrast >= least_contrast {
         let f = band::fit(image, &band, scene.shape, (t, s), BandPart::Whole, None)?;
         return (f.white - f.black > least_contrast).then_some(f);
     }
+    if !weak {
+        return None;
+    }
     // A racket seen edge-on shows the tape at its tip as a speck: fainter than a band, but its place is known from the others.
     if scene.shape.white_half_m * band.px_per_m < SPECK_HALF_PX {
-        let f = band::fit(image, &band, scene.shape, (0.0, 0.0), BandPart::Whole, None).filter(|_| reach_px <= 1)?;
+        let f = band::fit(image, &band, scene.shape, (0.0, 0.0), BandPart::Whole, None)?;
         let sure = f.covariance.trace() < SPECK_SD_PX * SPECK_SD_PX && (f.uv - band.centre).norm() < HALF_SEEN_SHIFT_PX;
         return (f.white - f.black > least_contrast && sure).then_some(f);
     }
     // The ball or the arm may cover one of the black bands: the other and the white still tell the place, where the pose is known.
-    if reach_px > 1 {
-        return None;
-    }
     let [ahead, behind] = band.contrasts(image, scene.shape, 0.0, 0.0)?;
     let (part, contrast) = if ahead > behind { (BandPart::Ahead, ahead) } else { (BandPart::Behind, behind) };
     let least_contrast = HALF_SEEN_CONTRAST * least_contrast;
@@ -344,7 +372,9 @@ pub fn settle_deviations(view: &View, figure: &RacketFigure, frames: &mut [Optio
         let by = (sum / count).sqrt().max(LEAST_SHRUNK);
         frames.par_iter_mut().flatten().for_each(|frame| {
             frame.points.iter_mut().flatten().flatten().for_each(|p| p.sd *= by);
-            refit(frame);
+            // All alike: the pose stays where it is.
+            frame.pose.covariance *= by * by;
+            frame.pose.chi2 /= by * by;
         });
     }
     frames.par_iter_mut().flatten().for_each(|frame| {

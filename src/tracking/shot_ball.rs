@@ -1,5 +1,6 @@
 //! The ball of a shot: found where something flies that meets the racket, followed both ways, measured once more with its light.
 
+use super::ball_fit::OutlineLevels;
 use super::ball_presence;
 use super::ball_search;
 use super::ball_shading::{BallShading, LimbProfile};
@@ -27,8 +28,15 @@ const FILLED: f64 = 6.0;
 pub struct Flight {
     frames: Vec<Option<BallFrame>>,
     means: [MeanDisc; 2],
-    /// What both cameras saw around the ball, by frame.
-    patches: Vec<Option<[GreyPatch; 2]>>,
+    /// By frame.
+    kept: Vec<Option<Kept>>,
+}
+
+/// What both cameras saw around the ball in a frame, and with which levels it was measured.
+#[derive(Clone)]
+struct Kept {
+    patches: [GreyPatch; 2],
+    levels: Option<[OutlineLevels; 2]>,
 }
 
 /// What the frame in which the ball is looked for first holds.
@@ -43,7 +51,7 @@ pub struct FirstLook {
 /// A ball followed one way.
 #[derive(Default)]
 pub struct HalfFlight {
-    frames: Vec<(usize, BallFrame, Option<[GreyPatch; 2]>)>,
+    frames: Vec<(usize, BallFrame, Option<Kept>)>,
     means: [MeanDisc; 2],
 }
 
@@ -101,7 +109,7 @@ impl<S: FrameSource> Shot<'_, S> {
     ) -> Result<Vec<Option<BallFrame>>, TrackingError> {
         let n = self.source.len();
         let (mut flights_ahead, mut followed) = ahead.map_or((None, None), |ahead| (Some(ahead.flights), ahead.followed));
-        let mut best = (f64::INFINITY, Flight { frames: vec![None; n], means: Default::default(), patches: vec![None; n] });
+        let mut best = (f64::INFINITY, Flight { frames: vec![None; n], means: Default::default(), kept: vec![None; n] });
         let mut claimed: Vec<Vec<Option<BallFrame>>> = Vec::new();
         for first in self.looked_into() {
             let flights = flights_ahead.take().map_or_else(|| self.flights_from(first, &scene, still), Ok)?;
@@ -113,7 +121,8 @@ impl<S: FrameSource> Shot<'_, S> {
                 let track = match followed.take() {
                     Some(track) => track,
                     None => {
-                        let (back, forth) = rayon::join(|| self.follow_flight(&scene, first, &flight, false), || self.follow_flight(&scene, first, &flight, true));
+                        let (back, forth) =
+                            rayon::join(|| self.follow_flight(&scene, first, &flight, false), || self.follow_flight(&scene, first, &flight, true));
                         self.whole_flight(first, &flight, [back?, forth?])
                     }
                 };
@@ -147,7 +156,7 @@ impl<S: FrameSource> Shot<'_, S> {
     /// Learns the light from the ball as first measured, then measures every frame again with it. Where the picture is as it is without
     /// a ball, there is none.
     fn remeasure_ball(&self, mut scene: BallScene, rough: Flight, still: &[Option<GreyImage>; 2]) -> Result<Vec<Option<BallFrame>>, TrackingError> {
-        let Flight { frames: rough, means, patches } = rough;
+        let Flight { frames: rough, means, kept } = rough;
         let Some(near) = rough.iter().flatten().find(|b| b.stereo).map(|b| b.position) else { return Ok(rough) };
         scene.set_light(&means, &near, BALL_BLUR_PX);
         scene.faint = true;
@@ -159,8 +168,11 @@ impl<S: FrameSource> Shot<'_, S> {
                 ball => expected_ball(&rough, &numbers, index).or(ball.map(|b| (b.position, true))),
             };
             let Some((p, within)) = expected else { return Ok((None, [None; 2])) };
-            let kept = patches[index].as_ref().map(|patches| patches.each_ref().map(|p| Some(p.view())));
-            let (found, images) = match kept.as_ref().and_then(|images| Some((scene.measure_close(images, &p)?, *images))) {
+            let close = kept[index].as_ref().and_then(|kept| {
+                let images = kept.patches.each_ref().map(|p| Some(p.view()));
+                Some((scene.measure_close(&images, &p, kept.levels.as_ref())?.0, images))
+            });
+            let (found, images) = match close {
                 Some((found, images)) => (Some(found), images),
                 None => {
                     let images = self.read_rows(index, self.ball_rows(scene, &p, 1), buffers)?;
@@ -194,19 +206,19 @@ impl<S: FrameSource> Shot<'_, S> {
 
     pub(super) fn whole_flight(&self, first: usize, flight: &[BallFrame; 3], halves: [HalfFlight; 2]) -> Flight {
         let n = self.source.len();
-        let (mut frames, mut patches) = (vec![None; n], vec![None; n]);
+        let (mut frames, mut kept) = (vec![None; n], vec![None; n]);
         let mut means: [MeanDisc; 2] = Default::default();
         for (k, b) in flight.iter().enumerate() {
             frames[first + k] = Some(*b);
         }
         for half in halves {
-            for (index, b, patch) in half.frames {
+            for (index, b, what) in half.frames {
                 frames[index] = Some(b);
-                patches[index] = patch;
+                kept[index] = what;
             }
             means.iter_mut().zip(&half.means).for_each(|(all, some)| all.add(some));
         }
-        Flight { frames, means, patches }
+        Flight { frames, means, kept }
     }
 
     fn follow_ball_one_way(
@@ -226,12 +238,12 @@ impl<S: FrameSource> Shot<'_, S> {
             let predicted = last.1 + (last.1 - previous.1) * ((now - last.0) / (last.0 - previous.0));
             let reach_px = (4 + 2 * lost as i32).min(12);
             let close = self.read_rows(index, scene.close_rows(&predicted), &mut buffers)?;
-            let (found, images) = match scene.measure_close(&close, &predicted) {
+            let (found, levels, images) = match scene.measure_close(&close, &predicted, None) {
                 None => {
                     let images = self.read_rows(index, self.ball_rows(scene, &predicted, reach_px), &mut buffers)?;
-                    (scene.measure(&images, &predicted, reach_px), images)
+                    (scene.measure(&images, &predicted, reach_px), None, images)
                 }
-                found => (found, close),
+                Some((found, levels)) => (Some(found), Some(levels), close),
             };
             if images.iter().all(Option::is_none) {
                 continue;
@@ -247,7 +259,7 @@ impl<S: FrameSource> Shot<'_, S> {
                         }
                     }
                     let patches = if half.frames.len() < PATCHES { scene.patches(&images, &b) } else { None };
-                    half.frames.push((index, b, patches));
+                    half.frames.push((index, b, patches.map(|patches| Kept { patches, levels })));
                 }
                 None => {
                     lost += 1;

@@ -188,25 +188,26 @@ fn push_fixed(out: &mut String, value: f64, decimals: u32) {
         write!(out, "{value:.0$},", decimals as usize).unwrap_or_default();
         return;
     }
-    let mut digits = [b'0'; 24];
-    let (mut rest, mut at) = (scaled as u64, digits.len());
+    // Sign, sixteen digits, point, and the comma.
+    let mut text = [b','; 24];
+    let (mut rest, mut at) = (scaled as u64, text.len() - 1);
     for k in 0.. {
         if k == decimals && k > 0 {
             at -= 1;
-            digits[at] = b'.';
+            text[at] = b'.';
         }
         if rest == 0 && k > decimals {
             break;
         }
         at -= 1;
-        digits[at] = b'0' + (rest % 10) as u8;
+        text[at] = b'0' + (rest % 10) as u8;
         rest /= 10;
     }
     if value.is_sign_negative() {
-        out.push('-');
+        at -= 1;
+        text[at] = b'-';
     }
-    out.push_str(std::str::from_utf8(&digits[at..]).unwrap_or_default());
-    out.push(',');
+    out.push_str(std::str::from_utf8(&text[at..]).unwrap_or_default());
 }
 
 /// A table's text: its head and a line of every item, written side by side.

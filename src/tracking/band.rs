@@ -169,10 +169,8 @@ pub struct BandFit {
     pub covariance: Matrix2<f64>,
     pub white: f64,
     pub black: f64,
-    /// Mean square of the residuals at the best place, grey levels squared, and how many pixels it is of.
+    /// Mean square of the residuals, grey levels squared, and how many pixels it is of.
     pub misfit: (f64, f64),
-    /// Along and across from the expected place, px.
-    moved: (f64, f64),
     /// Grey levels and noise as found: what a fit to a picture like this one may begin with.
     pub settled: Settled,
 }
@@ -206,10 +204,8 @@ const EVENNESS: f64 = 0.1;
 const ROBUST: f64 = 1.5;
 /// Surroundings that are looked at on either side of the tube, px.
 const SIDE_PX: f64 = 1.3;
-/// A fit ends when the steps to come are below this, px; the first where the place counts, the second where only the misfit does, which
-/// such a step changes by less than a hundredth and in a way that is known.
+/// A fit ends when the steps to come are below this, px.
 const SETTLED_PX: f64 = 0.005;
-const ROUGH_PX: f64 = 0.02;
 /// A band this far from where its pixels were gathered is looked at anew, px.
 const LOOK_AGAIN_PX: f64 = 0.5;
 
@@ -226,18 +222,10 @@ pub enum BandPart {
 /// where there is one. `None` when the band leaves the picture, runs away by more than its own size, or the picture does not
 /// determine the place.
 pub fn fit(image: &GreyView, band: &BandView, shape: &BandShape, start: (f64, f64), part: BandPart, like: Option<&Settled>) -> Option<BandFit> {
-    PIXELS.with_borrow_mut(|pixels| fit_in(pixels, image, band, shape, start, part, like.map(|l| (start, l)), SETTLED_PX))
-}
-
-/// [`fit`] of a whole band for its misfit, beginning with what was found of it under a slightly different model. The pixels are those
-/// around the expected place in any case.
-pub fn fit_once_more(image: &GreyView, band: &BandView, shape: &BandShape, before: Option<&BandFit>) -> Option<BandFit> {
-    let begin = before.map(|b| (b.moved, &b.settled));
-    PIXELS.with_borrow_mut(|pixels| fit_in(pixels, image, band, shape, (0.0, 0.0), BandPart::Whole, begin, ROUGH_PX))
-}
-
-thread_local! {
-    static PIXELS: RefCell<BandPixels> = RefCell::default();
+    thread_local! {
+        static PIXELS: RefCell<BandPixels> = RefCell::default();
+    }
+    PIXELS.with_borrow_mut(|pixels| fit_in(pixels, image, band, shape, start, part, like))
 }
 
 fn fit_in(
@@ -247,8 +235,7 @@ fn fit_in(
     shape: &BandShape,
     start: (f64, f64),
     part: BandPart,
-    begin: Option<((f64, f64), &Settled)>,
-    settled_px: f64,
+    like: Option<&Settled>,
 ) -> Option<BandFit> {
     let white_half = shape.white_half_m * band.px_per_m;
     if white_half < LEAST_HALF_PX || band.radius_px < 0.8 {
@@ -266,7 +253,7 @@ fn fit_in(
         BandPart::Behind => (-black_end, -inside),
     };
     let mut model = BandModel {
-        middle: begin.map_or(start, |b| b.0),
+        middle: start,
         bend: band.bend,
         white_half,
         radius: band.radius_px,
@@ -274,8 +261,8 @@ fn fit_in(
         blur: 1.0 / (shape.blur_px * std::f64::consts::SQRT_2),
         black_end,
         shade: shape.shade(band),
-        levels: begin.map(|b| b.1.levels),
-        scale: begin.map_or(f64::INFINITY, |b| b.1.scale),
+        levels: like.map(|l| l.levels),
+        scale: like.map_or(f64::INFINITY, |l| l.scale),
     };
     let mut looked_at = start;
     let mut last_step = f64::INFINITY;
@@ -330,11 +317,8 @@ fn fit_in(
         let size = dt.abs().max(ds.abs());
         let shrink = if last_step.is_finite() { (size / last_step).clamp(0.33, 0.5) } else { 0.5 };
         last_step = size;
-        if size * (shrink / (1.0 - shrink)) < settled_px || round + 1 == ROUNDS {
-            let free = (weight - UNKNOWNS as f64).max(1.0);
-            let variance = chi / free;
-            // The last step takes this away.
-            let gain = step.iter().zip(&jtr).map(|(s, g)| s * g).sum::<f64>();
+        if size * (shrink / (1.0 - shrink)) < SETTLED_PX || round + 1 == ROUNDS {
+            let variance = chi / (weight - UNKNOWNS as f64).max(1.0);
             // The first two rows and columns of the inverse, which is the product of L's inverse with itself turned over.
             let [a, b] = [0, 1].map(|k| factor.solve_lower(std::array::from_fn(|i| if i == k { 1.0 } else { 0.0 })));
             let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
@@ -347,8 +331,7 @@ fn fit_in(
                 covariance,
                 white,
                 black,
-                misfit: ((chi - gain) / free, weight),
-                moved: (t0, s0),
+                misfit: (variance, weight),
                 settled: Settled { levels: *levels, scale: model.scale },
             });
         }
@@ -385,18 +368,22 @@ fn gather(pixels: &mut BandPixels, image: &GreyView, band: &BandView, middle: (f
             !((from_middle < ends.0) | (from_middle > ends.1) | ((s - middle.1 - band.bend * from_middle * from_middle).abs() > side))
         };
         let seen = usize::try_from(from).ok().zip(usize::try_from(to).ok()).and_then(|(from, to)| row?.get(from..=to));
-        if let Some(seen) = seen {
-            let row = seen.iter().enumerate().map(|(i, grey)| (from + i as i64, *grey)).map(|(x, grey)| (place(x).0, place(x).1, grey));
-            pixels.push_row(row, wanted);
-            continue;
-        }
-        // Partly beyond the picture: the band as well?
-        for x in from..=to {
-            let (t, s) = place(x);
-            if wanted(t, s) {
-                pixels.push_row(std::iter::once((t, s, *row?.get(usize::try_from(x).ok()?)?)), |_, _| true);
+        let Some(seen) = seen else {
+            // Partly beyond what is there: is the band?
+            for x in from..=to {
+                let (t, s) = place(x);
+                if wanted(t, s) {
+                    let grey = *row?.get(usize::try_from(x).ok()?)?;
+                    pixels.push_row(std::iter::once((t, s, grey)), |_, _| true);
+                }
             }
-        }
+            continue;
+        };
+        let pixel = |(i, grey): (usize, &u8)| {
+            let (t, s) = place(from + i as i64);
+            (t, s, *grey)
+        };
+        pixels.push_row(seen.iter().enumerate().map(pixel), wanted);
     }
     pixels.complete();
     Some(())

@@ -4,7 +4,7 @@
 //! in the two cameras), and it can be seen: white and black bands lie along it. Every direction tried turns the model of the
 //! bands; the one that leaves least of the pictures of a few frames unexplained is taken.
 
-use super::band::{self, BandView};
+use super::band::{self, BandPart, BandView};
 use super::racket_figure::RacketFigure;
 use super::racket_track::{RacketFrame, RacketScene};
 use crate::calibration::CameraId;
@@ -61,12 +61,12 @@ impl ThroatEvidence {
         let of_band = |&(camera, marker): &(CameraId, usize)| -> Option<Vec<f64>> {
             let image = images[camera.index()].as_ref()?;
             let mut misfits = Vec::with_capacity(figures.len());
-            let mut before = None;
+            let mut like = None;
             for figure in &figures {
                 let band = BandView::at(scene.view, figure, &frame.pose.global_from_racket, camera, marker)?;
-                let fit = band::fit_once_more(image, &band, scene.shape, before.as_ref())?;
+                let fit = band::fit(image, &band, scene.shape, (0.0, 0.0), BandPart::Whole, like.as_ref())?;
                 misfits.push(fit.misfit);
-                before = Some(fit);
+                like = Some(fit.settled);
             }
             let least = misfits.iter().map(|m| m.0).fold(f64::INFINITY, f64::min).max(0.25);
             Some(misfits.iter().map(|(misfit, pixels)| (0.5 * pixels / TOGETHER * (misfit.max(0.25) / least).ln()).min(MOST)).collect())

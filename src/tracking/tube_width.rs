@@ -5,7 +5,7 @@
 //! are ([`super::throat`]): the one that leaves least of the bands unexplained. What the model of a band does not know (blur, light) makes
 //! every band seem wider or narrower alike; so the head's bands, whose width is known, are asked as well and the ratio counts.
 
-use super::band::{self, BandView};
+use super::band::{self, BandPart, BandView};
 use super::racket_track::{RacketFrame, RacketScene};
 use crate::calibration::CameraId;
 use crate::footage::GreyView;
@@ -38,11 +38,11 @@ impl WidthEvidence {
             let image = images[camera.index()].as_ref()?;
             let band = BandView::at(scene.view, scene.figure, &frame.pose.global_from_racket, camera, marker)?;
             let mut misfits = [(0.0, 0.0); TRIED.len()];
-            let mut before = None;
+            let mut like = None;
             for (misfit, by) in misfits.iter_mut().zip(TRIED) {
-                let fit = band::fit_once_more(image, &band.widened(by), scene.shape, before.as_ref())?;
+                let fit = band::fit(image, &band.widened(by), scene.shape, (0.0, 0.0), BandPart::Whole, like.as_ref())?;
                 *misfit = fit.misfit;
-                before = Some(fit);
+                like = Some(fit.settled);
             }
             let least = misfits.iter().map(|m| m.0).fold(f64::INFINITY, f64::min).max(0.25);
             Some(misfits.map(|(misfit, pixels)| (0.5 * pixels / TOGETHER * (misfit.max(0.25) / least).ln()).min(MOST)))

@@ -121,14 +121,16 @@ impl BandPixels {
     /// Adds the pixels of a row (along, across, grey level) that are wanted by their place.
     #[inline(always)]
     pub fn push_row(&mut self, row: impl ExactSizeIterator<Item = (f64, f64, u8)>, wanted: impl Fn(f64, f64) -> bool) {
-        self.room_for(self.count + row.len());
-        let mut at = self.count;
+        let most = self.count + row.len();
+        self.room_for(most);
+        let [along, across, greys] = [&mut self.t, &mut self.s, &mut self.grey].map(|v| &mut v[self.count..most]);
+        let mut at = 0;
         // Written in any case, kept where it is wanted: no branch to guess.
         for (t, s, grey) in row {
-            (self.t[at], self.s[at], self.grey[at]) = (t as f32, s as f32, f32::from(grey));
+            (along[at], across[at], greys[at]) = (t as f32, s as f32, f32::from(grey));
             at += usize::from(wanted(t, s));
         }
-        self.count = at;
+        self.count += at;
     }
 
     #[inline(always)]

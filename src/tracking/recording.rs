@@ -42,13 +42,19 @@ impl Fingerprint {
             const EVERY_OTHER: u64 = 0x00ff_00ff_00ff_00ff;
             for many in words.chunks(128) {
                 let mut greys = [0u64; 4];
-                for four in many.chunks(4) {
-                    for ((lane, word), greys) in lanes.iter_mut().zip(four).zip(&mut greys) {
-                        let word = u64::from_le_bytes(*word);
-                        *lane = (*lane ^ word).wrapping_mul(0x0100_0000_01b3).rotate_left(23);
-                        *greys += (word & EVERY_OTHER) + ((word >> 8) & EVERY_OTHER);
-                    }
+                let mut add = |k: usize, word: &[u8; 8]| {
+                    let word = u64::from_le_bytes(*word);
+                    lanes[k] = (lanes[k] ^ word).wrapping_mul(0x0100_0000_01b3).rotate_left(23);
+                    greys[k] += (word & EVERY_OTHER) + ((word >> 8) & EVERY_OTHER);
+                };
+                let (fours, left) = many.as_chunks::<4>();
+                for [a, b, c, d] in fours {
+                    add(0, a);
+                    add(1, b);
+                    add(2, c);
+                    add(3, d);
                 }
+                left.iter().enumerate().for_each(|(k, word)| add(k, word));
                 sum += greys.iter().flat_map(|g| [0, 16, 32, 48].map(|by| (g >> by) & 0xffff)).sum::<u64>();
             }
             for byte in rest {

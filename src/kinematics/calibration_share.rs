@@ -189,7 +189,13 @@ mod tests {
         let share = CalibrationShare::of_rig(&rig);
         let global = rig.global_from_left.isometry();
         let points = [[-0.1775, 0.0], [0.0, -0.1375], [0.0, 0.1375], [0.2, -0.045], [0.2, 0.045]].map(|[x, y]| Point3::new(x, y, 0.0));
-        let figure = crate::tracking::RacketFigure { points, tube: [Vector3::x_axis(); 5], bend: [Vector3::zeros(); 5], tube_radius_m: [0.01; 5] };
+        let figure = crate::tracking::RacketFigure {
+            points,
+            tube: [Vector3::x_axis(); 5],
+            bend: [Vector3::zeros(); 5],
+            throat_markers: [false; 5],
+            tube_radius_m: [0.01; 5],
+        };
         let moving = MovingRacket { figure, com_local: Point3::new(0.17, 0.0, 0.0), inertia: Vector3::new(0.0015, 0.015, 0.017), gravity: Vector3::zeros() };
         let at = BodyMotion {
             com: global * Point3::new(0.1, -0.2, 12.0),

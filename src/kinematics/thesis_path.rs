@@ -182,7 +182,7 @@ mod tests {
 
     fn figure() -> RacketFigure {
         let points = [[-0.1775, 0.0], [0.0, -0.1375], [0.0, 0.1375], [0.2, -0.045], [0.2, 0.045]].map(|[x, y]| Point3::new(x, y, 0.0));
-        RacketFigure { points, tube: [Vector3::x_axis(); 5], bend: [Vector3::zeros(); 5], tube_radius_m: [0.01; 5] }
+        RacketFigure { points, tube: [Vector3::x_axis(); 5], bend: [Vector3::zeros(); 5], throat_markers: [false; 5], tube_radius_m: [0.01; 5] }
     }
 
     #[test]

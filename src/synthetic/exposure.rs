@@ -96,11 +96,13 @@ pub fn expose(view: &View, scene: &Scene, look: &Look, t: f64, exposure_s: f64, 
                     let on_racket = racket_turn[k] * direction;
                     let mut colour = behind;
                     let mut nearest = f64::INFINITY;
-                    let mut tape = None;
+                    let (mut tape, mut crossed) = (None, [false; 5]);
                     for &i in &tile.tubes {
-                        if let Some(hit) = scene.shape.hit(usize::from(i), &tubes[k][usize::from(i)], &on_racket, scene.hidden_marker)
-                            && hit.depth < nearest
-                        {
+                        let Some(hit) = scene.shape.hit(usize::from(i), &tubes[k][usize::from(i)], &on_racket, scene.hidden_marker) else { continue };
+                        if let Paint::Tape(m) = hit.paint {
+                            crossed[m] = true;
+                        }
+                        if hit.depth < nearest {
                             nearest = hit.depth;
                             tape = if let Paint::Tape(m) = hit.paint { Some(m) } else { None };
                             let brightness = match hit.paint {
@@ -143,8 +145,9 @@ pub fn expose(view: &View, scene: &Scene, look: &Look, t: f64, exposure_s: f64, 
                     {
                         colour = look.string;
                     }
-                    if let Some(m) = tape {
-                        counts[m].add(nearest >= tube_depth, pu, pv);
+                    // Tape behind another tube is there too, and hidden.
+                    for m in (0..crossed.len()).filter(|m| crossed[*m]) {
+                        counts[m].add(tape == Some(m) && nearest >= tube_depth, pu, pv);
                     }
                     if let Some(seen) = ball_seen {
                         counts[5].add(seen, pu, pv);

@@ -4,7 +4,8 @@
 //! tape wraps a cylinder). [`fit`] moves that model over the picture, with free grey levels, and answers with the
 //! centroid of the visible tape, its covariance and how well the picture agrees.
 
-use super::band_sums::{BandModel, BandPixels, BandSums, LEVELS, UNKNOWNS};
+use super::band_beside::Beside;
+use super::band_sums::{BESIDE_UNIT, BandModel, BandPixels, BandSums, LEVELS, UNKNOWNS};
 use super::cholesky::Cholesky;
 use super::racket_figure::{RacketFigure, VISIBLE_DEPTH};
 use super::racket_pose::View;
@@ -25,12 +26,14 @@ pub struct BandShape {
     pub blur_px: f64,
     /// The light, once it is known.
     pub light: Option<TapeLight>,
+    /// Whether bands tell how their black brightens across, and no longer how their white does beyond the light from the edges to the middle.
+    pub black_shaded: bool,
 }
 
 impl Default for BandShape {
     /// Tape of 25 mm, the usual width, black on both sides.
     fn default() -> Self {
-        BandShape { white_half_m: 0.0115, black_m: 0.020, blur_px: 0.65, light: None }
+        BandShape { white_half_m: 0.0115, black_m: 0.020, blur_px: 0.65, light: None, black_shaded: false }
     }
 }
 
@@ -96,8 +99,8 @@ impl BandView {
 
     /// How far the pixels of a fit lie above and below the centre, px, while the band stays there.
     pub fn half_height(&self, shape: &BandShape) -> f64 {
-        let along = self.black_end(shape);
-        (self.along.y * along).abs() + self.along.x.abs() * (self.side_px + self.bend.abs() * along * along) + 0.5
+        let along = self.black_end(shape) + BESIDE_END_PX;
+        (self.along.y * along).abs() + self.along.x.abs() * (self.side_px + BESIDE_PX + self.bend.abs() * along * along) + 0.5
     }
 
     /// How far along the tube pixels are looked at, px.
@@ -198,12 +201,20 @@ pub const SPECK_HALF_PX: f64 = 1.2;
 const LEAST_HALF_PX: f64 = 0.3;
 /// Levels from this one on are the white's shading.
 const SHADING: usize = 6;
+/// Levels of what lies beside the band, on either side, and the deviation of their share in the picture of its sides from one.
+const BESIDE: [usize; 2] = [3, 5];
+const LIKE_BESIDE: f64 = 0.3;
 /// With the light known: how unevenly the white may be bright on top of it, as a share of its level (one deviation).
 const EVENNESS: f64 = 0.1;
+/// The same for the black, as a share of the white's level.
+const BLACK_EVENNESS: f64 = 0.05;
 /// Residuals count in full up to so many deviations.
 const ROBUST: f64 = 1.5;
 /// Surroundings that are looked at on either side of the tube, px.
 const SIDE_PX: f64 = 1.3;
+/// Farther out by so much, across and along, lies what shows what is behind the band's sides.
+const BESIDE_PX: f64 = 1.0;
+const BESIDE_END_PX: f64 = 1.0;
 /// A fit ends when the steps to come are below this, px.
 const SETTLED_PX: f64 = 0.005;
 /// A band this far from where its pixels were gathered is looked at anew, px.
@@ -259,8 +270,8 @@ fn fit_in(
         radius: band.radius_px,
         bow: band.bow_px,
         blur: 1.0 / (shape.blur_px * std::f64::consts::SQRT_2),
-        black_end,
         shade: shape.shade(band),
+        black_shaded: shape.black_shaded,
         levels: like.map(|l| l.levels),
         scale: like.map_or(f64::INFINITY, |l| l.scale),
     };
@@ -289,11 +300,20 @@ fn fit_in(
         for i in 0..UNKNOWNS {
             h[i][i] += ridge(i.saturating_sub(2));
         }
-        if shape.light.is_some() && model.scale.is_finite() {
+        let noise = model.scale / ROBUST;
+        if noise.is_finite() {
+            // What lies beside the band goes on behind its sides, nearly as it is.
+            let prior = (noise / (LIKE_BESIDE * BESIDE_UNIT)).powi(2);
+            for k in BESIDE {
+                h[2 + k][2 + k] += prior;
+                jtr[2 + k] += prior * (BESIDE_UNIT - levels[k]);
+            }
+        }
+        if shape.light.is_some() && noise.is_finite() {
             // Beyond the light the white is as bright on one side as on the other, nearly.
-            let noise = model.scale / ROBUST;
-            let prior = (noise / (EVENNESS * levels[0]).abs().max(1.0)).powi(2);
-            for k in SHADING..LEVELS {
+            let black_evenness = if shape.black_shaded { BLACK_EVENNESS } else { EVENNESS };
+            for (k, evenness) in (SHADING..LEVELS).zip([EVENNESS, black_evenness]) {
+                let prior = (noise / (evenness * levels[0]).abs().max(1.0)).powi(2);
                 h[2 + k][2 + k] += prior;
                 jtr[2 + k] -= prior * levels[k];
             }
@@ -308,7 +328,8 @@ fn fit_in(
         }
         let black = levels[1];
         // The white as seen: its level where it is level, and what the shading adds on the mean of its pixels.
-        let white = [0, 6, 7].into_iter().map(|k| levels[k] * jtj[2][2 + k]).sum::<f64>() / jtj[2][2].max(1e-9);
+        let shading = if shape.black_shaded { 7 } else { LEVELS };
+        let white = [0].into_iter().chain(SHADING..shading).map(|k| levels[k] * jtj[2][2 + k]).sum::<f64>() / jtj[2][2].max(1e-9);
         if (t0 - start.0).abs() > white_half + 2.0 || (s0 - start.1).abs() > band.radius_px + 1.5 {
             return None;
         }
@@ -343,38 +364,55 @@ fn fit_in(
     None
 }
 
-/// The pixels of a band whose middle is at `middle` (along, across), between `ends` along and up to `side` across, px from it;
-/// `None` where it leaves the picture.
+/// The pixels of a band whose middle is at `middle` (along, across), between `ends` along and up to `side` across, px from it, with what
+/// lies beside them; `None` where they leave the picture.
 fn gather(pixels: &mut BandPixels, image: &GreyView, band: &BandView, middle: (f64, f64), ends: (f64, f64), side: f64) -> Option<()> {
     pixels.clear();
     let across = band.across();
-    let length = ends.1.max(-ends.0);
+    let length = ends.1.max(-ends.0) + BESIDE_END_PX;
+    let far = side + BESIDE_PX;
+    let near = side - SIDE_PX + BESIDE_PX;
+    let mut beside = Beside::new(ends.0 - BESIDE_END_PX, ends.1 + BESIDE_END_PX);
     // How far the tube's own bend carries the band's ends across.
     let bowed = band.bend.abs() * length * length;
     let corner = band.place(middle.0, middle.1);
-    let half = length.hypot(side) + 1.0;
+    let half = length.hypot(far) + 1.0;
     let (x0, x1) = ((corner.x - half).floor() as i64, (corner.x + half).ceil() as i64);
     for y in (corner.y - half).floor() as i64..=(corner.y + half).ceil() as i64 {
         let row = usize::try_from(y).ok().and_then(|y| image.row(y));
         let dy = y as f64 - band.centre.y;
-        let (from, to) = reached(dy, (middle.0, length), (middle.1, side + bowed), band);
+        let (from, to) = reached(dy, (middle.0, length), (middle.1, far + bowed), band);
         let (from, to) = (from.max(x0), to.min(x1));
         let place = |x: i64| {
             let dx = x as f64 - band.centre.x;
             (dx * band.along.x + dy * band.along.y, dx * across.x + dy * across.y)
         };
-        let wanted = |t: f64, s: f64| {
+        // Along from the middle, across from the tube's axis there.
+        let on_tube = |t: f64, s: f64| {
             let from_middle = t - middle.0;
-            !((from_middle < ends.0) | (from_middle > ends.1) | ((s - middle.1 - band.bend * from_middle * from_middle).abs() > side))
+            (from_middle, s - middle.1 - band.bend * from_middle * from_middle)
+        };
+        let wanted = |t: f64, s: f64| {
+            let (from_middle, aside) = on_tube(t, s);
+            !((from_middle < ends.0) | (from_middle > ends.1) | (aside.abs() > side))
+        };
+        let mut around = |(t, s): (f64, f64), grey: u8| {
+            let (from_middle, aside) = on_tube(t, s);
+            if (near..=far).contains(&aside.abs()) {
+                beside.add(from_middle, aside, grey);
+            }
         };
         let seen = usize::try_from(from).ok().zip(usize::try_from(to).ok()).and_then(|(from, to)| row?.get(from..=to));
         let Some(seen) = seen else {
             // Partly beyond what is there: is the band?
             for x in from..=to {
                 let (t, s) = place(x);
+                let grey = row.and_then(|row| row.get(usize::try_from(x).ok()?)).copied();
                 if wanted(t, s) {
-                    let grey = *row?.get(usize::try_from(x).ok()?)?;
-                    pixels.push_row(std::iter::once((t, s, grey)), |_, _| true);
+                    pixels.push_row(std::iter::once((t, s, grey?)), |_, _| true);
+                }
+                if let Some(grey) = grey {
+                    around((t, s), grey);
                 }
             }
             continue;
@@ -384,8 +422,10 @@ fn gather(pixels: &mut BandPixels, image: &GreyView, band: &BandView, middle: (f
             (t, s, *grey)
         };
         pixels.push_row(seen.iter().enumerate().map(pixel), wanted);
+        seen.iter().enumerate().for_each(|(i, grey)| around(place(from + i as i64), *grey));
     }
-    pixels.complete();
+    beside.complete();
+    pixels.complete(|t, s| beside.at(t - middle.0 as f32, s - middle.1 as f32));
     Some(())
 }
 

@@ -7,9 +7,9 @@
 use super::racket_figure::VISIBLE_DEPTH;
 use super::tape_light::BandShade;
 
-/// Grey levels: white, black, background on either side with its slope along the tube, and how the white brightens across
-/// the tube: linearly (light from the side would otherwise pull the band toward it by up to 0.3 px) and from the edges to
-/// the middle (light from the camera's side).
+/// Grey levels: white, black, background on either side with how much of what lies beside the band shows in it, and how the white
+/// brightens across the tube: linearly (light from the side would otherwise pull the band toward it by up to 0.3 px) and from the edges to
+/// the middle (light from the camera's side). Once the light is known the last is how the black brightens across.
 pub const LEVELS: usize = 8;
 /// Shift along and across, and the levels.
 pub const UNKNOWNS: usize = 2 + LEVELS;
@@ -21,6 +21,8 @@ const LANES: usize = 16;
 type Step = [f32; STEP];
 /// Products of two of the columns of the design and of the residual, each pair once.
 const PRODUCTS: usize = (UNKNOWNS + 1) * (UNKNOWNS + 2) / 2;
+/// Grey levels by which what lies beside a band is divided, so that all columns are of one size.
+pub const BESIDE_UNIT: f64 = 50.0;
 /// Residuals are ranked to this, grey levels.
 const RANK_STEP: f32 = 0.25;
 const RANKS: usize = 256;
@@ -36,9 +38,10 @@ pub struct BandModel {
     pub bow: f64,
     /// 1 / (sqrt 2 times the blur), 1/px.
     pub blur: f64,
-    pub black_end: f64,
     /// Light across the tube.
     pub shade: BandShade,
+    /// The last level is the black's.
+    pub black_shaded: bool,
     /// `None` in the first round, which only finds them.
     pub levels: Option<[f64; LEVELS]>,
     /// Residuals beyond this count less (Huber).
@@ -53,12 +56,14 @@ pub struct BandSums {
     pub chi: f64,
 }
 
-/// The pixels of a band: place along and across the straight tube, px, and grey level. Memory is used again.
+/// The pixels of a band: place along and across the straight tube, px, grey level, and what lies beside the band there
+/// (less its mean, in [`BESIDE_UNIT`]). Memory is used again.
 #[derive(Default)]
 pub struct BandPixels {
     t: Vec<f32>,
     s: Vec<f32>,
     grey: Vec<f32>,
+    beside: Vec<f32>,
     /// How many there are; the arrays may be longer.
     count: usize,
     residual: Vec<f32>,
@@ -136,17 +141,20 @@ impl BandPixels {
     #[inline(always)]
     fn room_for(&mut self, pixels: usize) {
         if self.residual.len() < pixels {
-            for v in [&mut self.t, &mut self.s, &mut self.grey, &mut self.residual] {
+            for v in [&mut self.t, &mut self.s, &mut self.grey, &mut self.beside, &mut self.residual] {
                 v.resize((2 * pixels).next_multiple_of(STEP), 0.0);
             }
         }
     }
 
-    /// After the last row, before the first [`Self::sums`].
-    pub fn complete(&mut self) {
+    /// After the last row, before the first [`Self::sums`]: what lies beside the band at a place along and across.
+    pub fn complete(&mut self, beside: impl Fn(f32, f32) -> f32) {
         let end = self.steps_end();
         self.room_for(end);
-        for v in [&mut self.t, &mut self.s, &mut self.grey] {
+        for i in 0..self.count {
+            self.beside[i] = beside(self.t[i], self.s[i]);
+        }
+        for v in [&mut self.t, &mut self.s, &mut self.grey, &mut self.beside] {
             v[self.count..end].fill(0.0);
         }
     }
@@ -199,17 +207,19 @@ fn round(p: &mut BandPixels, m: &BandModel) -> BandSums {
     let (sigma, unit) = (std::f32::consts::FRAC_1_SQRT_2 / blur, 1.0 / std::f32::consts::TAU.sqrt());
     let steep = blur / std::f32::consts::PI.sqrt();
     let [ambient, sideways, up] = [m.shade.ambient, m.shade.across, m.shade.up].map(|v| v as f32);
-    let slope = 1.0 / m.black_end as f32;
     let l = m.levels.unwrap_or_default().map(|v| v as f32);
     let scale = if m.levels.is_some() { m.scale as f32 } else { f32::INFINITY };
+    // The last level is either the white's or the black's.
+    let [of_white, of_black] = if m.black_shaded { [0.0, 1.0] } else { [1.0, 0.0] };
+    let (raised, black_lit) = (of_white * l[7], of_black * l[7]);
 
     let mut sums = [[0.0f32; LANES]; PRODUCTS];
     let mut weights = [0.0f32; LANES];
     let end = p.steps_end();
     let Scratch { t, s, q, depth, z, erf, bell, narrowing, shade, shade_slope, steeper, tube, inside, c, weight } = &mut *p.scratch;
-    let steps =
-        p.t[..end].as_chunks::<STEP>().0.iter().zip(p.s.as_chunks::<STEP>().0).zip(p.grey.as_chunks::<STEP>().0).zip(p.residual.as_chunks_mut::<STEP>().0);
-    for (k, (((places_t, places_s), grey), residual)) in steps.enumerate() {
+    let places = p.t[..end].as_chunks::<STEP>().0.iter().zip(p.s.as_chunks::<STEP>().0).zip(p.beside.as_chunks::<STEP>().0);
+    let steps = places.zip(p.grey.as_chunks::<STEP>().0).zip(p.residual.as_chunks_mut::<STEP>().0);
+    for (k, ((((places_t, places_s), beside), grey), residual)) in steps.enumerate() {
         let real = p.count.saturating_sub(k * STEP);
         for i in 0..STEP {
             t[i] = places_t[i] - t0;
@@ -255,11 +265,10 @@ fn round(p: &mut BandPixels, m: &BandModel) -> BandSums {
             c[6][i] = 0.5 * (1.0 - erf_c[i]);
         }
         for i in 0..STEP {
-            let at = t[i] * slope;
-            c[5][i] = c[4][i] * at;
-            c[7][i] = c[6][i] * at;
+            c[5][i] = c[4][i] * beside[i];
+            c[7][i] = c[6][i] * beside[i];
             c[8][i] = c[2][i] * q[i];
-            c[9][i] = c[2][i] * (depth[i] - mean_depth);
+            c[9][i] = of_white * c[2][i] * (depth[i] - mean_depth) + of_black * c[3][i] * q[i];
         }
         for i in 0..STEP {
             let white = l[0] * c[2][i] + l[1] * c[3][i] + l[6] * c[8][i] + l[7] * c[9][i];
@@ -268,15 +277,15 @@ fn round(p: &mut BandPixels, m: &BandModel) -> BandSums {
         }
         // Derivatives by a shift of the band: along, the white ends move; across, the tube's sides move.
         for i in 0..STEP {
-            let level = l[0] + l[6] * q[i] + l[7] * (depth[i] - mean_depth);
-            c[0][i] = tube[i] * shade[i] * (bell_b[i] - bell_a[i]) * steep * (level - l[1]);
-            let inside = level * inside[i] + l[1] * (1.0 - inside[i]);
+            let level = l[0] + l[6] * q[i] + raised * (depth[i] - mean_depth);
+            let black = l[1] + black_lit * q[i];
+            c[0][i] = tube[i] * shade[i] * (bell_b[i] - bell_a[i]) * steep * (level - black);
+            let inside = level * inside[i] + black * (1.0 - inside[i]);
             c[1][i] = inside * ((bell_e[i] - bell_c[i]) * steep * shade[i] - tube[i] * shade_slope[i]);
         }
         for i in 0..STEP {
-            let at = t[i] * slope;
-            let around = steep * (bell_c[i] * (l[4] + l[5] * at) - bell_e[i] * (l[2] + l[3] * at));
-            c[1][i] += around + (l[7] * steeper[i] - l[6]) * narrowing[i] * c[2][i];
+            let around = steep * (bell_c[i] * (l[4] + l[5] * beside[i]) - bell_e[i] * (l[2] + l[3] * beside[i]));
+            c[1][i] += around + narrowing[i] * ((raised * steeper[i] - l[6]) * c[2][i] - black_lit * c[3][i]);
         }
         for i in 0..STEP {
             weight[i] = (scale / residual[i].abs().max(1e-30)).min(1.0);
@@ -377,6 +386,12 @@ mod tests {
 
     #[test]
     fn law_sums_equal_those_of_numerical_derivatives() {
+        for black_shaded in [false, true] {
+            sums_equal_those_of_numerical_derivatives(black_shaded);
+        }
+    }
+
+    fn sums_equal_those_of_numerical_derivatives(black_shaded: bool) {
         let mut pixels = BandPixels::default();
         let grey = |t: f64, s: f64| (120.0 + 60.0 * (0.7 * t).cos() - 9.0 * s).clamp(0.0, 255.0) as u8;
         let places: Vec<(f64, f64)> = (-7..=7).flat_map(|i| (-5..=5).map(move |k| (i as f64 + 0.2, k as f64 - 0.3))).collect();
@@ -389,22 +404,22 @@ mod tests {
             radius: 2.4,
             bow: 0.0,
             blur: 1.1,
-            black_end: 7.5,
             shade: BandShade { ambient: 0.5, across: 0.3, up: 0.5 },
+            black_shaded,
             levels: Some(levels),
             scale: 1e9,
         };
         let model = |t: f64, s: f64| {
             let mut one = BandPixels::default();
             one.push(t, s, 0);
-            one.complete();
+            one.complete(|_, _| 0.0);
             // One pixel of grey 0: the sum of its squared residual is the model's square.
             one.sums(&band).chi.sqrt()
         };
         for (t, s) in &places {
             pixels.push(*t, *s, grey(*t, *s));
         }
-        pixels.complete();
+        pixels.complete(|_, _| 0.0);
         let sums = pixels.sums(&band);
         let (mut tt, mut ss, mut tr, h) = (0.0, 0.0, 0.0, 0.02);
         for (t, s) in &places {

@@ -19,9 +19,11 @@ pub struct RacketFigure {
     pub points: [Point3<f64>; 5],
     /// Unit vector along the tube at each marker; the sign has no meaning.
     pub tube: [Unit<Vector3<f64>>; 5],
-    /// Curvature of the tube's axis at each marker, toward the inside of the bend, 1/m; zero in the throat, whose shape
-    /// racket.toml does not tell.
+    /// Curvature of the tube's axis at each marker, toward the inside of the bend, 1/m. In the throat, whose shape racket.toml does
+    /// not tell, it is zero until pictures tell it ([`Self::with_throat_bend`]).
     pub bend: [Vector3<f64>; 5],
+    /// Markers between head and shaft, off the racket's axis.
+    pub throat_markers: [bool; 5],
     /// At each marker.
     pub tube_radius_m: [f64; 5],
 }
@@ -56,7 +58,9 @@ impl RacketFigure {
         let r = racket.head.tube_radius_m;
         let (a, b) = (0.5 * racket.head.inner_length_m + r, 0.5 * racket.head.inner_width_m + r);
         let tube = points.map(|p| tube_direction(&p, a, b));
-        Some(RacketFigure { points, tube, bend: points.map(|p| bend(&p, a, b)), tube_radius_m: [r; 5] })
+        let bend = points.map(|p| bend(&p, a, b));
+        let throat_markers = std::array::from_fn(|k| bend[k] == Vector3::zeros() && points[k].y != 0.0);
+        Some(RacketFigure { points, tube, bend, throat_markers, tube_radius_m: [r; 5] })
     }
 
     /// Angle of the tubes at the throat markers from the racket's axis, rad; `None` when no marker lies off the head.
@@ -72,7 +76,7 @@ impl RacketFigure {
             let outward = self.points[k].y.signum();
             figure.tube[k] = Unit::new_normalize(Vector3::new(-angle_rad.cos(), outward * angle_rad.sin(), 0.0));
         }
-        figure
+        figure.with_throat_bend(self.throat_bend())
     }
 
     /// The same figure with the throat's tubes so many times as wide as the head's.
@@ -99,9 +103,24 @@ impl RacketFigure {
         self.tube_radius_m[head.unwrap_or(0)]
     }
 
-    /// Markers between head and shaft, off the racket's axis: the tube's bend is known on the head only.
+    /// Markers between head and shaft, off the racket's axis.
     pub fn in_throat(&self) -> impl Iterator<Item = usize> {
-        (0..self.points.len()).filter(|&k| self.bend[k] == Vector3::zeros() && self.points[k].y != 0.0)
+        (0..self.points.len()).filter(|&k| self.throat_markers[k])
+    }
+
+    /// The same figure with the throat's tubes bent so much, 1/m, away from the racket's axis where it is positive (they spread toward the head).
+    pub fn with_throat_bend(&self, per_m: f64) -> Self {
+        let mut figure = self.clone();
+        for k in self.in_throat() {
+            let across = Vector3::z().cross(&self.tube[k]);
+            figure.bend[k] = across * (per_m * (across.y * self.points[k].y).signum());
+        }
+        figure
+    }
+
+    /// How much the throat's tubes are bent, 1/m; zero without any.
+    fn throat_bend(&self) -> f64 {
+        self.in_throat().next().map_or(0.0, |k| self.bend[k].norm() * (self.bend[k].y * self.points[k].y).signum())
     }
 
     /// The local point whose image is the centroid of the visible tape, seen from `eye` (local axes), with the unit
@@ -189,6 +208,7 @@ pub(crate) mod tests {
             points,
             tube: points.map(|p| tube_direction(&p, 0.1775, 0.1375)),
             bend: points.map(|p| bend(&p, 0.1775, 0.1375)),
+            throat_markers: [false, false, false, true, true],
             tube_radius_m: [0.01; 5],
         }
     }
@@ -208,6 +228,10 @@ pub(crate) mod tests {
         let other = f.with_throat(0.4);
         assert!((other.throat_angle().expect("an angle") - 0.4).abs() < 1e-12 && (other.tube[3].y / other.tube[3].x - 0.4f64.tan()).abs() < 1e-12);
         assert_eq!((other.tube[0], other.tube[2]), (f.tube[0], f.tube[2]));
+        // A bent throat turns with its tubes: outward from the racket's axis, across the tube.
+        let bent = f.with_throat_bend(3.0).with_throat(0.4);
+        assert!((bent.throat_bend() - 3.0).abs() < 1e-12 && bent.bend[3].y < 0.0 && bent.bend[4].y > 0.0 && bent.bend[4].dot(&bent.tube[4]).abs() < 1e-12);
+        assert_eq!(bent.bend[2], f.bend[2]);
         assert!((f.tube[3].y / f.tube[3].x + f.tube[4].y / f.tube[4].x).abs() < 1e-12);
     }
 

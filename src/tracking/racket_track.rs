@@ -239,6 +239,33 @@ impl Look<'_> {
     }
 }
 
+/// [`measure`] where the frames before say how the racket moves. A doubled picture shows it where it was: a band or two of that camera may
+/// still agree with the other's on a pose, one whose depth has jumped. Such a frame is measured from the other camera alone.
+pub fn measure_following(
+    scene: &RacketScene,
+    images: &[Option<GreyView>; 2],
+    predicted: &Isometry3<f64>,
+    reach_px: i32,
+    least_contrast: &[f64; 2],
+) -> Option<RacketFrame> {
+    let frame = measure(scene, images, predicted, reach_px, least_contrast)?;
+    let jumped = scene.apart_px(&frame.pose.global_from_racket, predicted) > JUMP_PX;
+    let mut images = *images;
+    for (image, points) in images.iter_mut().zip(&frame.points) {
+        if (1..FEW_BANDS).contains(&points.iter().flatten().count()) {
+            *image = None;
+        }
+    }
+    let few = images.iter().flatten().count() == 1;
+    let alone = if jumped && few { measure(scene, &images, predicted, reach_px, least_contrast) } else { None };
+    Some(alone.unwrap_or(frame))
+}
+
+/// Fewer bands than this in one camera's picture tell little beside the other's.
+const FEW_BANDS: usize = 3;
+/// A pose farther than this from the predicted one, px at any marker, is a jump.
+const JUMP_PX: f64 = 1.5;
+
 /// The bands that share a pose, and how many did not.
 struct Agreed {
     pose: RacketPose,
@@ -401,17 +428,21 @@ const LEAST_SHRUNK: f64 = 0.5;
 /// after, px.
 const STILL_PX: (f64, f64) = (0.3, 1.0);
 
+/// A racket that moves by more than this from frame to frame before and after, px, does not stand still between.
+const STOPPED_PX: f64 = 2.0;
+
 /// Pictures in which the racket stands still for one frame although the other camera sees it move: the recorder stored an earlier
 /// picture once more (a picture that was coded anew need not be equal byte by byte). By index and camera.
 pub fn stood_still(frames: &[Option<RacketFrame>]) -> Vec<[bool; 2]> {
     // Median motion of the bands in one camera's picture from one frame to another.
-    let motion = |from: usize, to: usize, camera: usize| {
+    let motion_of = |least: usize, from: usize, to: usize, camera: usize| {
         let (a, b) = (frames.get(from)?.as_ref()?, frames.get(to)?.as_ref()?);
         let both = a.points[camera].iter().zip(&b.points[camera]).filter_map(|(a, b)| Some(((*b)?.uv - (*a)?.uv).norm()));
         let mut moved: Vec<f64> = both.collect();
         moved.sort_by(f64::total_cmp);
-        (moved.len() >= 2).then(|| moved[moved.len() / 2])
+        (moved.len() >= least).then(|| moved[moved.len() / 2])
     };
+    let motion = |from, to, camera| motion_of(2, from, to, camera);
     // The two pictures of such a frame do not fit together, so that either camera's bands may be left out in it.
     let sees_it_move = |i: usize, camera: usize| match motion(i - 1, i, camera) {
         Some(m) => m > STILL_PX.1,
@@ -423,7 +454,14 @@ pub fn stood_still(frames: &[Option<RacketFrame>]) -> Vec<[bool; 2]> {
             && sees_it_move(i, 1 - camera)
             && (motion(i, i + 1, camera).is_some_and(|m| m > STILL_PX.1) || i > 1 && motion(i - 2, i - 1, camera).is_some_and(|m| m > STILL_PX.1))
     };
-    (0..frames.len()).map(|i| [0, 1].map(|c| still(i, c))).collect()
+    // A racket that moves fast before and after does not stop for one frame, whatever the other camera sees of it. One band is enough: in
+    // a frame whose pictures do not fit together most are left out.
+    let stopped = |i: usize, camera: usize| {
+        let fast = |from: usize, to: usize| motion(from, to, camera).is_some_and(|m| m > STOPPED_PX);
+        let after = fast(i, i + 1) || motion_of(1, i, i + 1, camera).is_some_and(|m| m > STOPPED_PX);
+        i > 1 && motion_of(1, i - 1, i, camera).is_some_and(|m| m < STILL_PX.0) && fast(i - 2, i - 1) && after
+    };
+    (0..frames.len()).map(|i| [0, 1].map(|c| still(i, c) || stopped(i, c))).collect()
 }
 
 /// Constant velocity and constant spin over one more frame; from one pose alone, the same pose.

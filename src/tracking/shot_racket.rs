@@ -9,8 +9,10 @@ use super::racket_track::{self, ALL_BANDS, KnownBands, RacketFrame};
 use super::recording::{Fingerprint, Fingerprints};
 use super::shot_frames::{PATIENCE, Shot, spread};
 use super::shot_tracker::TrackingError;
+use super::tape_length;
 use super::tape_light::TapeLight;
 use super::throat::ThroatEvidence;
+use super::throat_bend::BendEvidence;
 use super::tube_width::WidthEvidence;
 use crate::calibration::CameraId;
 use crate::footage::{FrameBuffer, FrameSource, GreyView, Rows};
@@ -19,7 +21,7 @@ use rayon::prelude::*;
 
 /// Frames whose pictures are asked for the direction of the throat.
 const THROAT_FRAMES: usize = 8;
-/// The same for its width: the first frame found and those after it.
+/// The same for its width and its bend: the first frame found and those after it.
 const WIDTH_FRAMES: usize = 4;
 /// Rounds in which the light on the tape is found.
 const LIGHT_ROUNDS: usize = 2;
@@ -48,9 +50,12 @@ impl<S: FrameSource> Shot<'_, S> {
     pub(super) fn start(&mut self, first: Option<[Vec<BandCandidate>; 2]>) -> Result<RacketStart, TrackingError> {
         let start = self.acquire_racket(first)?;
         let start = self.light_tape(start)?;
+        let start = self.measure_tape(start)?;
         // One frame tells the throat's direction to a degree or two, and the bands are followed with it; several tell it better.
         let start = self.turn_throat(start)?;
-        self.widen_throat(start)
+        let start = self.shape_throat(start)?;
+        // Bands thought too wide show another light.
+        self.light_tape(start)
     }
 
     /// Finds the racket in some frame: the middle first (of which candidates may be known), then halves, quarters, ...
@@ -121,20 +126,38 @@ impl<S: FrameSource> Shot<'_, S> {
         Some(RacketStart { index, frame, least_contrast })
     }
 
-    /// The start with the light as its bands show it.
+    /// The start with the light as its bands show it: the first time every band tells its own brightness, then what the light leaves over.
     fn light_tape(&mut self, mut start: RacketStart) -> Result<RacketStart, TrackingError> {
-        // The first time every band tells its own brightness, then what the light leaves over.
+        let known = self.shape;
+        (self.shape.light, self.shape.black_shaded) = (None, false);
         for _ in 0..LIGHT_ROUNDS {
             let pose = start.frame.pose.global_from_racket;
-            let Some(light) = self.look_around(start.index, &pose, |images| TapeLight::of(&self.scene(), images, &start.frame))? else { return Ok(start) };
-            let before = self.shape.light.replace(light);
+            let Some(light) = self.look_around(start.index, &pose, |images| TapeLight::of(&self.scene(), images, &start.frame))? else { break };
+            let before = self.shape;
+            self.shape.light = Some(light);
             let Some(again) = self.confirm(start.index, &pose)? else {
-                self.shape.light = before;
-                return Ok(start);
+                self.shape = before;
+                break;
             };
             start = again;
         }
+        if self.shape.light.is_none() {
+            self.shape = known;
+        }
+        self.shape.black_shaded = self.shape.light.is_some();
         Ok(start)
+    }
+
+    /// The start with the white tape as long as its bands show it.
+    fn measure_tape(&mut self, start: RacketStart) -> Result<RacketStart, TrackingError> {
+        let mut white_half_m = self.shape.white_half_m;
+        self.look_again(start.index, &start.frame, |images| white_half_m = tape_length::white_half_m(&self.scene(), images, &start.frame))?;
+        let before = std::mem::replace(&mut self.shape.white_half_m, white_half_m);
+        let again = self.confirm_again(&start)?;
+        if again.is_none() {
+            self.shape.white_half_m = before;
+        }
+        Ok(again.unwrap_or(start))
     }
 
     /// The start with the throat's direction as its pictures show it.
@@ -166,31 +189,41 @@ impl<S: FrameSource> Shot<'_, S> {
         })
     }
 
-    /// The start with the throat's width as its pictures and the next ones show it.
-    fn widen_throat(&mut self, start: RacketStart) -> Result<RacketStart, TrackingError> {
+    /// The start with the throat's width and bend as its pictures and the next ones show them.
+    fn shape_throat(&mut self, start: RacketStart) -> Result<RacketStart, TrackingError> {
         let next = self.follow_racket_one_way(&start, (start.index + 1..self.source.len()).take(WIDTH_FRAMES - 1))?.0;
         let frames: Vec<(usize, &RacketFrame)> = std::iter::once((start.index, &start.frame)).chain(next.iter().map(|(i, f)| (*i, f))).collect();
         let of_frame = |(index, frame): &(usize, &RacketFrame)| {
-            let mut evidence = WidthEvidence::default();
-            self.look_again(*index, frame, |images| evidence.add(&self.scene(), images, frame)).map(|()| evidence)
+            let (mut width, mut bend) = (WidthEvidence::none(), BendEvidence::none());
+            let look = |images: &[Option<GreyView>; 2]| {
+                width.add(&self.scene(), images, frame);
+                bend.add(&self.scene(), images, frame);
+            };
+            self.look_again(*index, frame, look).map(|()| (width, bend))
         };
-        let parts: Result<Vec<WidthEvidence>, TrackingError> = frames.par_iter().map(of_frame).collect();
-        let mut evidence = WidthEvidence::default();
-        parts?.iter().for_each(|part| evidence.join(part));
-        let wider = self.figure.with_throat_width(evidence.throat_to_head());
-        self.confirm_with(start, wider)
+        let parts: Result<Vec<(WidthEvidence, BendEvidence)>, TrackingError> = frames.par_iter().map(of_frame).collect();
+        let (mut width, mut bend) = (WidthEvidence::none(), BendEvidence::none());
+        for (w, b) in &parts? {
+            width.join(w);
+            bend.join(b);
+        }
+        let shaped = self.figure.with_throat_width(width.throat_to_head()).with_throat_bend(bend.bend());
+        self.confirm_with(start, shaped)
+    }
+
+    /// The start measured once more; `None` when its bands no longer agree.
+    fn confirm_again(&self, start: &RacketStart) -> Result<Option<RacketStart>, TrackingError> {
+        self.confirm(start.index, &start.frame.pose.global_from_racket)
     }
 
     /// The start measured once more with another figure, which stays if the bands agree.
     fn confirm_with(&mut self, start: RacketStart, figure: RacketFigure) -> Result<RacketStart, TrackingError> {
         let before = std::mem::replace(&mut self.figure, figure);
-        Ok(match self.confirm(start.index, &start.frame.pose.global_from_racket)? {
-            Some(again) => again,
-            None => {
-                self.figure = before;
-                start
-            }
-        })
+        let again = self.confirm_again(&start)?;
+        if again.is_none() {
+            self.figure = before;
+        }
+        Ok(again.unwrap_or(start))
     }
 
     /// Follows the racket from the frame where it was found to the clip's end or to its beginning.
@@ -268,7 +301,8 @@ impl<S: FrameSource> Shot<'_, S> {
                 }
                 prints.push((index, images.map(|v| v.map(|v| Fingerprint::of(&v)))));
                 if expected {
-                    found = racket_track::measure(&scene, &images, &predicted, reach, &start.least_contrast);
+                    let look = if previous.is_some() { racket_track::measure_following } else { racket_track::measure };
+                    found = look(&scene, &images, &predicted, reach, &start.least_contrast);
                 }
             }
             if found.is_none()

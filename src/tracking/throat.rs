@@ -4,12 +4,10 @@
 //! in the two cameras), and it can be seen: white and black bands lie along it. Every direction tried turns the model of the
 //! bands; the one that leaves least of the pictures of a few frames unexplained is taken.
 
-use super::band::{self, BandPart, BandView};
+use super::band_trial;
 use super::racket_figure::RacketFigure;
 use super::racket_track::{RacketFrame, RacketScene};
-use crate::calibration::CameraId;
 use crate::footage::GreyView;
-use rayon::prelude::*;
 use std::ops::Range;
 
 /// Directions tried, degrees either side of the tangent to the head, and their steps.
@@ -18,10 +16,6 @@ const STEP_DEG: f64 = 4.0;
 const TRIED: usize = 13;
 /// How far a throat may run from the tangent, degrees (one deviation).
 const TANGENT_SD_DEG: f64 = 15.0;
-/// Neighbouring pixels miss together: as many count as one.
-const TOGETHER: f64 = 4.0;
-/// One band's picture says no more than this against a direction (another thing lies across it).
-const MOST: f64 = 12.0;
 /// A direction is believed when it is known better than this, degrees.
 const LEAST_SD_DEG: f64 = 3.0;
 
@@ -56,23 +50,9 @@ impl ThroatEvidence {
     pub fn add(&mut self, scene: &RacketScene, images: &[Option<GreyView>; 2], frame: &RacketFrame) {
         let Some(tangent) = scene.figure.throat_angle() else { return };
         let figures: Vec<RacketFigure> = self.tried.clone().map(|k| scene.figure.with_throat(tried_rad(tangent, k))).collect();
-        let seen: Vec<(CameraId, usize)> =
-            CameraId::BOTH.iter().flat_map(|c| scene.figure.in_throat().map(move |m| (*c, m))).filter(|(c, m)| frame.points[c.index()][*m].is_some()).collect();
-        let of_band = |&(camera, marker): &(CameraId, usize)| -> Option<Vec<f64>> {
-            let image = images[camera.index()].as_ref()?;
-            let mut misfits = Vec::with_capacity(figures.len());
-            let mut like = None;
-            for figure in &figures {
-                let band = BandView::at(scene.view, figure, &frame.pose.global_from_racket, camera, marker)?;
-                let fit = band::fit(image, &band, scene.shape, (0.0, 0.0), BandPart::Whole, like.as_ref())?;
-                misfits.push(fit.misfit);
-                like = Some(fit.settled);
-            }
-            let least = misfits.iter().map(|m| m.0).fold(f64::INFINITY, f64::min).max(0.25);
-            Some(misfits.iter().map(|(misfit, pixels)| (0.5 * pixels / TOGETHER * (misfit.max(0.25) / least).ln()).min(MOST)).collect())
-        };
-        let evidence: Vec<Option<Vec<f64>>> = seen.par_iter().map(of_band).collect();
-        for against in evidence.into_iter().flatten() {
+        let asked = |marker: usize| scene.figure.throat_markers[marker];
+        let looks = |camera, marker| band_trial::on_figures(scene, frame, &figures, camera, marker);
+        for (_, against) in band_trial::against_in_frame(images, frame, asked, looks) {
             self.against[self.tried.clone()].iter_mut().zip(against).for_each(|(sum, a)| *sum += a);
             self.bands += 1;
         }

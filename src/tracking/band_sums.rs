@@ -26,6 +26,9 @@ pub const BESIDE_UNIT: f64 = 50.0;
 /// Residuals are ranked to this, grey levels.
 const RANK_STEP: f32 = 0.25;
 const RANKS: usize = 256;
+/// Tangent of the slant up to which a tube's bend is followed under its sides, and what it must carry them across to matter, px.
+const FARTHEST_SLANT: f32 = 1.3;
+const LEAST_SLANT_PX: f32 = 0.004;
 
 /// The band's model in one round. Lengths in px.
 pub struct BandModel {
@@ -204,6 +207,11 @@ fn round(p: &mut BandPixels, m: &BandModel) -> BandSums {
     let [t0, s0, bend, radius, blur, bow, white_half, mean_depth] =
         [m.middle.0, m.middle.1, m.bend, m.radius, m.blur, m.bow, m.white_half, VISIBLE_DEPTH].map(|v| v as f32);
     let across = 1.0 / radius;
+    // The bend is the axis': seen slantwise, the sides of the tube belong to a place of it farther back than the middle does. That is followed
+    // as far as a parabola is good for the axis; end-on there is none.
+    let far = FARTHEST_SLANT * (radius * radius - bow * bow).max(0.0).sqrt();
+    let slant = bow.clamp(-far, far);
+    let slantwise = (bend * slant * slant).abs() > LEAST_SLANT_PX;
     let (sigma, unit) = (std::f32::consts::FRAC_1_SQRT_2 / blur, 1.0 / std::f32::consts::TAU.sqrt());
     let steep = blur / std::f32::consts::PI.sqrt();
     let [ambient, sideways, up] = [m.shade.ambient, m.shade.across, m.shade.up].map(|v| v as f32);
@@ -226,6 +234,14 @@ fn round(p: &mut BandPixels, m: &BandModel) -> BandSums {
             s[i] = places_s[i] - s0 - bend * t[i] * t[i];
             q[i] = (s[i] * across).clamp(-1.0, 1.0);
             depth[i] = (1.0 - q[i] * q[i]).sqrt();
+        }
+        if slantwise {
+            for i in 0..STEP {
+                let on_axis = t[i] - slant * (depth[i] - mean_depth);
+                s[i] = places_s[i] - s0 - bend * on_axis * on_axis;
+                q[i] = (s[i] * across).clamp(-1.0, 1.0);
+                depth[i] = (1.0 - q[i] * q[i]).sqrt();
+            }
         }
         for i in 0..STEP {
             let along = t[i] - bow * (depth[i] - mean_depth);

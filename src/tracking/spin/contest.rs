@@ -2,7 +2,7 @@
 
 use super::registration::{Effort, Registrar, Registration};
 use super::search::Candidate;
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 /// Least lead over a rival behind a barrier, as a share of what the markings explain; twice that for a best solution that
 /// stands still. Measured (docs/spin.md, "Rivals"): a line that slides along itself leads by up to 0.18 where it stands
@@ -14,6 +14,11 @@ const LEAST_FAR_LEAD: f64 = 0.1;
 const BARRIER: f64 = 0.015;
 /// Axes about which a ball that seems to stand still is turned: one in 0.25 rad, twice the width of a blurred line.
 const PROBES: u32 = 100;
+/// What a fit on the best one's slope, that has not arrived after as many steps, tells of how flat their valley is: squared distance, this
+/// share of it where it is as good, a quarter of that where it is behind by `FLAT_LEAD` of what the markings explain. Three rendered
+/// sessions of 70 shots (docs/spin.md, "Flat valleys").
+const FLAT_SHARE: f64 = 0.1;
+const FLAT_LEAD: f64 = 0.01;
 /// Turn over the window within which another candidate lies in the same valley, rad.
 const SAME_VALLEY: f64 = 0.4;
 /// Candidates that are registered.
@@ -29,6 +34,8 @@ pub(super) struct Contest {
     pub rival: Option<Vector3<f64>>,
     /// Other candidates in the same valley, best first.
     pub near: Vec<Vector3<f64>>,
+    /// Covariance along the valley, where another fit stands on the best one's slope.
+    pub flat: Matrix3<f64>,
     /// Lead over the rival in log-likelihood, as a share of what the markings explain.
     pub margin: Option<f64>,
 }
@@ -63,6 +70,7 @@ pub(super) fn contest(coarse: &Registrar, candidates: &[Candidate], span_s: f64)
     // A solution that hardly moves the markings is favoured by everything that stands still: shading, strings, dirt.
     let still = best.omega.norm() * span_s < 0.3;
     let mut strongest: Option<(f64, f64, Vector3<f64>)> = None;
+    let mut flat: Matrix3<f64> = Matrix3::zeros();
     for f in fits.iter().skip(1).filter(|f| apart(&best.omega, &f.omega)) {
         let lead = (cost(f) - cost(best)) / gain;
         let way = f.omega - best.omega;
@@ -77,6 +85,10 @@ pub(super) fn contest(coarse: &Registrar, candidates: &[Candidate], span_s: f64)
         } else {
             0.0 // on the slope of the same valley: it has only not arrived yet
         };
+        if needed == 0.0 && lead < LEAST_FAR_LEAD {
+            let along = way * way.transpose() * (FLAT_SHARE * (FLAT_LEAD / (FLAT_LEAD + lead)).powi(2));
+            flat = if along.trace() > flat.trace() { along } else { flat };
+        }
         let strength = lead - needed;
         if strongest.is_none_or(|s| strength < s.0) {
             strongest = Some((strength, lead, f.omega));
@@ -96,5 +108,5 @@ pub(super) fn contest(coarse: &Registrar, candidates: &[Candidate], span_s: f64)
     }
     let rival = strongest.filter(|s| s.0 < 0.0).map(|s| s.2);
     let near = fits.iter().skip(1).map(|f| f.omega).filter(|w| (w - best.omega).norm() * span_s < SAME_VALLEY).collect();
-    Some(Contest { omega: best.omega, rival, near, margin: strongest.map(|s| s.1) })
+    Some(Contest { omega: best.omega, rival, near, flat, margin: strongest.map(|s| s.1) })
 }

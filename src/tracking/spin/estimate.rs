@@ -175,7 +175,7 @@ impl FoundSpin {
         let start = Start { contest, omega: first.omega, markings: registrar.found(&first, &shading, BLUR_PX) };
         let rough = match refused(&first, &start.contest, settings, SETTLED.0) {
             Some(reason) => SpinEstimate::Refused { reason },
-            None => held(&infos, &first, first.omega, stated(&first, &first.model_covariance, &infos), &start.contest, settings),
+            None => held(&infos, &first, first.omega, stated(&first, &first.model_covariance, &infos) + start.contest.flat, &start.contest, settings),
         };
         FoundSpin { rough, start: Some(start) }
     }
@@ -197,7 +197,7 @@ impl FoundSpin {
         }
         let on_first = stated(&best, &widened(&registrar, &best), &infos);
         let (omega, scatter) = over_cells(&mut registrar, &best.omega, &start.omega, &start.contest.near);
-        held(&infos, &best, omega, on_first + scatter * CELLS_SHARE, &start.contest, settings)
+        held(&infos, &best, omega, on_first + scatter * CELLS_SHARE + start.contest.flat, &start.contest, settings)
     }
 }
 

@@ -52,15 +52,16 @@ pub fn settle(racket: &mut [Option<RacketFrame>], ball: &[Option<BallFrame>], fi
     if !symmetric(figure) {
         return;
     }
-    // The side of the face on which the ball is while it comes nearer, over its first frames with a racket.
-    let heights: Vec<f64> = racket
-        .iter()
-        .zip(ball)
-        .filter_map(|(r, b)| {
-            let pose = r.as_ref()?.pose.global_from_racket;
-            Some((pose.inverse() * b.as_ref()?.position).z)
-        })
-        .collect();
+    // The side of the face on which the ball is while it comes nearer, over its first frames with a racket. The depth of what one camera alone
+    // sees is foretold, beyond the impact from the wrong flight: it is asked only when the two never see the ball at once.
+    let heights_of = |stereo: bool| -> Vec<f64> {
+        let height = |(r, b): (&Option<RacketFrame>, &Option<BallFrame>)| {
+            let (pose, ball) = (r.as_ref()?.pose.global_from_racket, b.as_ref().filter(|b| b.stereo == stereo)?);
+            Some((pose.inverse() * ball.position).z)
+        };
+        racket.iter().zip(ball).filter_map(height).collect()
+    };
+    let heights = Some(heights_of(true)).filter(|h| !h.is_empty()).unwrap_or_else(|| heights_of(false));
     let mut first: Vec<f64> = heights.iter().take(7).copied().collect();
     first.sort_by(f64::total_cmp);
     let side = match first.get(first.len() / 2) {
@@ -71,5 +72,42 @@ pub fn settle(racket: &mut [Option<RacketFrame>], ball: &[Option<BallFrame>], fi
         for r in racket.iter_mut().flatten() {
             *r = twin(r);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tracking::racket_pose::RacketPose;
+    use nalgebra::{Matrix6, Point3, Unit};
+
+    fn figure() -> RacketFigure {
+        let points = [(0.17, 0.0), (0.0, 0.13), (0.0, -0.13), (-0.2, 0.05), (-0.2, -0.05)].map(|(x, y)| Point3::new(x, y, 0.0));
+        RacketFigure {
+            points,
+            tube: [Unit::new_normalize(Vector3::x()); 5],
+            bend: [Vector3::zeros(); 5],
+            throat_markers: [false, false, false, true, true],
+            tube_radius_m: [0.01; 5],
+        }
+    }
+
+    #[test]
+    fn law_the_depth_that_one_camera_guesses_does_not_choose_the_face() {
+        let pose = RacketPose { global_from_racket: Isometry3::identity(), covariance: Matrix6::identity(), chi2: 0.0, dof: 1 };
+        let racket = vec![Some(RacketFrame { pose, points: [[None; 5]; 2] }); 20];
+        let ball = |stereo: bool, z: f64| Some(BallFrame { points: [None; 2], position: Point3::new(0.0, 0.0, z), stereo });
+        // Left camera alone before the impact, followed backward from the rebound: guessed behind the strings. Both cameras after it.
+        let seen: Vec<Option<BallFrame>> =
+            (0..20).map(|i| if i < 10 { ball(false, -0.02 * f64::from(10 - i)) } else { ball(true, 0.03 * f64::from(i - 9)) }).collect();
+        let up = |balls: &[Option<BallFrame>]| {
+            let mut frames = racket.clone();
+            settle(&mut frames, balls, &figure());
+            frames[0].as_ref().is_some_and(|r| r.pose.normal().z > 0.0)
+        };
+        assert!(up(&seen));
+        // Never both: what one camera guesses is all there is.
+        let one_eyed: Vec<Option<BallFrame>> = (0..20).map(|_| ball(false, -0.3)).collect();
+        assert!(!up(&one_eyed));
     }
 }

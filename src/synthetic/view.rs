@@ -80,7 +80,7 @@ impl View {
         Vector3::new(p.x, p.y, 1.0)
     }
 
-    /// A place at most [`MARGIN`] from a pixel's centre, for [`Self::direction_beside`].
+    /// A place at most `MARGIN` from a pixel's centre, for [`Self::direction_beside`].
     pub fn beside_pixel(&self, offset: &Vector2<f64>) -> BesidePixel {
         let limit = MARGIN as f64 - 1e-9;
         let o = offset.map(|x| x.clamp(-limit, limit));

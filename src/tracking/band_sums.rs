@@ -74,6 +74,7 @@ pub struct BandPixels {
 }
 
 /// What one step computes, one value a pixel; it is all written before it is read, so that no step clears it.
+#[derive(Default)]
 struct Scratch {
     t: Step,
     s: Step,
@@ -91,29 +92,6 @@ struct Scratch {
     /// Columns of the design, then the residual.
     c: [Step; UNKNOWNS + 1],
     weight: Step,
-}
-
-impl Default for Scratch {
-    fn default() -> Self {
-        let zero: Step = [0.0; STEP];
-        Scratch {
-            t: zero,
-            s: zero,
-            q: zero,
-            depth: zero,
-            z: [zero; 4],
-            erf: [zero; 4],
-            bell: [zero; 4],
-            narrowing: zero,
-            shade: zero,
-            shade_slope: zero,
-            steeper: zero,
-            tube: zero,
-            inside: zero,
-            c: [zero; UNKNOWNS + 1],
-            weight: zero,
-        }
-    }
 }
 
 impl BandPixels {

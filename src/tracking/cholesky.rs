@@ -3,44 +3,39 @@
 
 /// h = L Lᵀ.
 pub struct Cholesky<const N: usize> {
-    /// Column by column from the diagonal down, which holds its inverse; what lies above has no meaning.
-    columns: [[f64; N]; N],
+    /// Row by row; the diagonal holds its inverse.
+    l: [[f64; N]; N],
 }
 
 impl<const N: usize> Cholesky<N> {
-    /// Of a symmetric matrix, of which the upper half is looked at; `None` where it is not positive definite.
+    /// Of a symmetric matrix, of which the lower half is looked at; `None` where it is not positive definite.
     pub fn of(h: &[[f64; N]; N]) -> Option<Self> {
-        let mut columns = *h;
+        let mut l = [[0.0; N]; N];
         for j in 0..N {
-            let (before, from) = columns.split_at_mut(j);
-            let column = from.first_mut()?;
-            // Whole columns, so that several numbers go through a register at once.
-            for earlier in before {
-                let by = earlier[j];
-                for i in 0..N {
-                    column[i] -= earlier[i] * by;
+            for i in j..N {
+                let mut v = h[i][j];
+                for k in 0..j {
+                    v -= l[i][k] * l[j][k];
+                }
+                if i > j {
+                    l[i][j] = v * l[j][j];
+                } else if v > 0.0 && v.is_finite() {
+                    l[j][j] = 1.0 / v.sqrt();
+                } else {
+                    return None;
                 }
             }
-            let v = column[j];
-            if !(v > 0.0 && v.is_finite()) {
-                return None;
-            }
-            let inverse = 1.0 / v.sqrt();
-            for c in column.iter_mut() {
-                *c *= inverse;
-            }
-            column[j] = inverse;
         }
-        Some(Cholesky { columns })
+        Some(Cholesky { l })
     }
 
     /// L⁻¹ b.
     pub fn solve_lower(&self, mut b: [f64; N]) -> [f64; N] {
-        for (k, column) in self.columns.iter().enumerate() {
-            b[k] *= column[k];
-            for i in k + 1..N {
-                b[i] -= column[i] * b[k];
+        for i in 0..N {
+            for k in 0..i {
+                b[i] -= self.l[i][k] * b[k];
             }
+            b[i] *= self.l[i][i];
         }
         b
     }
@@ -50,9 +45,9 @@ impl<const N: usize> Cholesky<N> {
         let mut x = self.solve_lower(b);
         for i in (0..N).rev() {
             for k in i + 1..N {
-                x[i] -= self.columns[i][k] * x[k];
+                x[i] -= self.l[k][i] * x[k];
             }
-            x[i] *= self.columns[i][i];
+            x[i] *= self.l[i][i];
         }
         x
     }

@@ -27,6 +27,8 @@ const WIDTH_FRAMES: usize = 4;
 const LIGHT_ROUNDS: usize = 2;
 /// How far the pose of a racket just found may be off, px.
 const START_REACH_PX: i32 = 2;
+/// The same of one measured before.
+const MEASURED_REACH_PX: i32 = 1;
 /// Least share of the usual contrast that still counts as tape.
 const LEAST_CONTRAST: f64 = 0.45;
 
@@ -98,12 +100,12 @@ impl<S: FrameSource> Shot<'_, S> {
 
     /// A racket is believed when the bands themselves, not only candidate places, agree on one pose.
     fn confirm(&self, index: usize, pose: &Isometry3<f64>) -> Result<Option<RacketStart>, TrackingError> {
-        self.look_around(index, pose, |images| self.confirm_in(index, images, pose))
+        self.look_around(index, pose, START_REACH_PX, |images| self.confirm_in(index, images, pose))
     }
 
-    /// The rows of a frame's pictures that [`racket_track::measure`] looks at around a pose.
-    fn look_around<R>(&self, index: usize, pose: &Isometry3<f64>, look: impl FnOnce(&[Option<GreyView>; 2]) -> R) -> Result<R, TrackingError> {
-        let rows = CameraId::BOTH.map(|c| self.scene().rows(c, pose, START_REACH_PX));
+    /// The rows of a frame's pictures that [`racket_track::measure`] looks at around a pose that may be off by so much.
+    fn look_around<R>(&self, index: usize, pose: &Isometry3<f64>, reach_px: i32, look: impl FnOnce(&[Option<GreyView>; 2]) -> R) -> Result<R, TrackingError> {
+        let rows = CameraId::BOTH.map(|c| self.scene().rows(c, pose, reach_px));
         self.with_buffers(|buffers| Ok(look(&self.read_rows(index, rows, buffers)?)))
     }
 
@@ -132,7 +134,7 @@ impl<S: FrameSource> Shot<'_, S> {
         (self.shape.light, self.shape.black_shaded) = (None, false);
         for _ in 0..LIGHT_ROUNDS {
             let pose = start.frame.pose.global_from_racket;
-            let Some(light) = self.look_around(start.index, &pose, |images| TapeLight::of(&self.scene(), images, &start.frame))? else { break };
+            let Some(light) = self.look_around(start.index, &pose, START_REACH_PX, |images| TapeLight::of(&self.scene(), images, &start.frame))? else { break };
             let before = self.shape;
             self.shape.light = Some(light);
             let Some(again) = self.confirm(start.index, &pose)? else {
@@ -150,8 +152,7 @@ impl<S: FrameSource> Shot<'_, S> {
 
     /// The start with the white tape as long as its bands show it.
     fn measure_tape(&mut self, start: RacketStart) -> Result<RacketStart, TrackingError> {
-        let mut white_half_m = self.shape.white_half_m;
-        self.look_again(start.index, &start.frame, |images| white_half_m = tape_length::white_half_m(&self.scene(), images, &start.frame))?;
+        let white_half_m = self.look_again(start.index, &start.frame, |images| tape_length::white_half_m(&self.scene(), images, &start.frame))?;
         let before = std::mem::replace(&mut self.shape.white_half_m, white_half_m);
         let again = self.confirm_again(&start)?;
         if again.is_none() {
@@ -181,12 +182,8 @@ impl<S: FrameSource> Shot<'_, S> {
     }
 
     /// The pictures of the bands of a frame measured before.
-    fn look_again(&self, index: usize, frame: &RacketFrame, look: impl FnOnce(&[Option<GreyView>; 2])) -> Result<(), TrackingError> {
-        let rows = CameraId::BOTH.map(|c| self.scene().rows(c, &frame.pose.global_from_racket, 1));
-        self.with_buffers(|buffers| {
-            look(&self.read_rows(index, rows, buffers)?);
-            Ok(())
-        })
+    fn look_again<R>(&self, index: usize, frame: &RacketFrame, look: impl FnOnce(&[Option<GreyView>; 2]) -> R) -> Result<R, TrackingError> {
+        self.look_around(index, &frame.pose.global_from_racket, MEASURED_REACH_PX, look)
     }
 
     /// The start with the throat's width and bend as its pictures and the next ones show them.

@@ -5,9 +5,10 @@ use super::error::CliError;
 use super::track::seen_throat;
 use crate::calibration::{CalibrationError, StereoRig};
 use crate::equipment::Racket;
-use crate::kinematics::{MeasureSettings, TapeErrors};
+use crate::kinematics::{BalanceSeen, MeasureSettings, TapeErrors, evenly, measure_motion};
 use crate::session::{Session, ShotFolder};
 use crate::tracking::{RacketFigure, Throat, Tracks};
+use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -25,6 +26,9 @@ fn hinted(e: CalibrationError) -> CliError {
     CliError::from(e).hint("run `sweetspot calibrate SESSION` first; with --force it writes the file anew")
 }
 
+/// Flights per racket that are asked where it is balanced.
+const FLIGHTS: usize = 96;
+
 /// A session whose shots have been tracked.
 pub struct TrackedSession {
     pub session: Session,
@@ -32,6 +36,7 @@ pub struct TrackedSession {
     pub rig: StereoRig,
     /// By the racket's name.
     tapes: BTreeMap<String, TapeErrors>,
+    pub balances: BTreeMap<String, BalanceSeen>,
 }
 
 impl TrackedSession {
@@ -44,7 +49,36 @@ impl TrackedSession {
             let throat = tape.throat.map_or_else(String::new, |t| format!(", throat at {:.1}° from the axis", t.angle_deg));
             shell.say(format_args!("tape of {name}: seen {:.2} px off in one shot, {:.2} px in all{throat}", tape.shot_px, tape.shared_px));
         }
-        Ok(TrackedSession { session, results, rig, tapes })
+        let mut tracked = TrackedSession { session, results, rig, tapes, balances: BTreeMap::new() };
+        tracked.balances = tracked.seen_balances(shell);
+        Ok(tracked)
+    }
+
+    /// What the free flights after contact say about each racket's balance.
+    fn seen_balances(&self, shell: &Shell) -> BTreeMap<String, BalanceSeen> {
+        let mut by_racket: BTreeMap<&str, Vec<&ShotFolder>> = BTreeMap::new();
+        for shot in &self.session.shots {
+            by_racket.entry(&shot.racket.name).or_default().push(shot);
+        }
+        let motion_after = |shot: &&ShotFolder| {
+            shell.check_cancelled().ok()?;
+            let tracks = Tracks::read(&self.place(shot).join("tracks.csv")).ok()?;
+            measure_motion(&self.rig, &tracks, &shot.racket, &shot.ball, &self.settings(shot)).ok()?.racket_out
+        };
+        let of = |(name, shots): (&str, Vec<&ShotFolder>)| {
+            let motions: Vec<_> = evenly(shots.len(), FLIGHTS).map(|i| shots[i]).collect::<Vec<_>>().par_iter().filter_map(motion_after).collect();
+            let seen = BalanceSeen::of(&motions);
+            if seen.flights > 0 {
+                let [x, y, z] = (seen.shift * 1e3).into();
+                let sd = seen.sd * 1e3;
+                shell.say(format_args!(
+                    "balance of {name}: {} free flights put the centre of mass {x:+.2} ± {:.2}, {y:+.2} ± {:.2}, {z:+.2} ± {:.2} mm (x, y, z) from the stated one",
+                    seen.flights, sd.x, sd.y, sd.z
+                ));
+            }
+            (name.to_owned(), seen)
+        };
+        by_racket.into_iter().map(of).collect()
     }
 
     /// Where a shot's results are.
@@ -58,6 +92,7 @@ impl TrackedSession {
             impact_frame: shot.impact_frame,
             axes_known: self.session.axes.is_some(),
             tape: self.tapes.get(&shot.racket.name).copied().unwrap_or_else(TapeErrors::expected),
+            balance: self.balances.get(&shot.racket.name).copied().unwrap_or_else(BalanceSeen::expected),
             ..MeasureSettings::new(self.session.frame_rate_hz, self.session.exposure_s)
         }
     }

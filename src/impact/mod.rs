@@ -31,6 +31,7 @@ mod prepared_model;
 pub mod real;
 pub mod rigid;
 pub mod sensitivity;
+mod sliding_edge;
 pub mod study;
 pub mod viscoelastic;
 

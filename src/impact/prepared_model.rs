@@ -169,18 +169,25 @@ where
 
     /// The outcome of one impact in base rigid as the user would measure it, and the friction it had to spare.
     pub(crate) fn predict_rigid(&self, input: &ImpactInput<T>) -> Result<(ImpactOutput<T>, T), ModelError> {
+        self.predict_gripping(input, 1.0).map(|(output, _, spare)| (output, spare))
+    }
+
+    /// The same with all friction multiplied by `grip`, and how the contact ended.
+    pub(crate) fn predict_gripping(&self, input: &ImpactInput<T>, grip: f64) -> Result<(ImpactOutput<T>, Regime, T), ModelError> {
         let truth = self.true_input(input)?;
-        let (output, spare) = if self.body_varies { self.collide(&self.body_at(&truth)?, truth)? } else { self.collide(&self.body, truth)? };
-        Ok((self.finish(&truth, output)?, spare))
+        let (output, regime, spare) =
+            if self.body_varies { self.collide(&self.body_at(&truth)?, truth, grip)? } else { self.collide(&self.body, truth, grip)? };
+        Ok((self.finish(&truth, output)?, regime, spare))
     }
 
     /// The true outcome in base rigid; the racket's velocity at the centre of mass that its file states, in and out.
-    fn collide(&self, body: &Body<T>, input: ImpactInput<T>) -> Result<(ImpactOutput<T>, T), ModelError> {
+    fn collide(&self, body: &Body<T>, input: ImpactInput<T>, grip: f64) -> Result<(ImpactOutput<T>, Regime, T), ModelError> {
         let at = contact(body, input)?;
         let mut laws = self.base_laws(body);
         for (effect, p) in self.each() {
             effect.change_laws(p, &at, &mut laws);
         }
+        laws.friction = laws.friction * grip;
         // Not `max`: that would turn NaN into 0.
         if laws.friction.value() < 0.0 {
             laws.friction = T::zero();
@@ -194,7 +201,7 @@ where
             effect.change_output(p, &at, &laws, &impulse, &mut output);
         }
         shift_back(body, &mut output);
-        Ok((output, impulse.spare_friction))
+        Ok((output, impulse.regime, impulse.spare_friction))
     }
 
     /// The visco-elastic laws of one contact.

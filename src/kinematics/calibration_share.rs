@@ -196,7 +196,14 @@ mod tests {
             throat_markers: [false; 5],
             tube_radius_m: [0.01; 5],
         };
-        let moving = MovingRacket { figure, com_local: Point3::new(0.17, 0.0, 0.0), inertia: Vector3::new(0.0015, 0.015, 0.017), gravity: Vector3::zeros() };
+        let moving = MovingRacket {
+            figure,
+            com_local: Point3::new(0.17, 0.0, 0.0),
+            inertia: Vector3::new(0.0015, 0.015, 0.017),
+            gravity: Vector3::zeros(),
+            balance: Vector3::zeros(),
+            balance_sd: Vector3::zeros(),
+        };
         let at = BodyMotion {
             com: global * Point3::new(0.1, -0.2, 12.0),
             attitude: UnitQuaternion::from_euler_angles(0.2, 1.0, -0.4),

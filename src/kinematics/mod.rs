@@ -5,6 +5,7 @@
 //! racket-local axes of contract section 1; SI. Definitions with equation numbers: docs/kinematics.md. Sources: thesis
 //! chapters 4 and 5, physics.md B.
 
+mod balance_seen;
 mod ball_flight;
 mod calibration_share;
 mod characteristics;
@@ -29,6 +30,7 @@ mod tape_photograph;
 mod tape_session;
 mod thesis_path;
 
+pub use balance_seen::BalanceSeen;
 pub use ball_flight::{FlightEstimate, FlightLaw};
 pub use contact::{BodyMotion, PointMotion, ball_in_racket, crossing};
 pub use frame_rate::{FrameRateStudy, SlowerCamera, TipPath, frame_rate_study};
@@ -51,7 +53,7 @@ pub use sighting::{CommonError, FrameClock};
 pub use space_points::space_points;
 pub use sweet_spot::{centre_of_percussion, dead_spot, effective_mass, ideal_point, rebound_speed};
 pub use tape_photograph::{TapeError, TapePlace, markers_of, tape_places};
-pub use tape_session::TapeErrors;
+pub use tape_session::{TapeErrors, evenly};
 pub use thesis_path::{RacketAxes, ThesisShot, thesis_shot};
 
 /// Why a shot's characteristics cannot be given.

@@ -14,6 +14,8 @@ pub enum MotionLaw {
     SteadyFall,
     /// Falls freely, torque-free rotation with the racket's own inertia (Euler).
     FreeBody,
+    /// As a free body, about a centre of mass that lies off the stated balance point.
+    OffBalance,
     /// Driven along an arc: force and angular acceleration in body axes that change at constant rates.
     Swing(Pace),
     /// Held by a hand: Euler's equations with a force and a torque in body axes that change at constant rates.
@@ -81,9 +83,9 @@ impl MotionLaw {
         MotionLaw::Drift,
     ];
 
-    /// Laws for the window after the contact: those, and a hand that lets go.
+    /// Laws for the window after the contact: those, a hand that lets go, and a racket set free that is balanced elsewhere than stated.
     pub fn after_contact() -> Vec<MotionLaw> {
-        Self::EVERYWHERE.into_iter().chain(Fade::ALL.map(MotionLaw::Release)).collect()
+        Self::EVERYWHERE.into_iter().chain([MotionLaw::OffBalance]).chain(Fade::ALL.map(MotionLaw::Release)).collect()
     }
 
     /// Logarithm of the prior weight: the time constants of a release share the weight of one law.
@@ -101,6 +103,7 @@ impl MotionLaw {
             MotionLaw::Coasting => "coasting".to_owned(),
             MotionLaw::SteadyFall => "steady-fall".to_owned(),
             MotionLaw::FreeBody => "free-body".to_owned(),
+            MotionLaw::OffBalance => "off-balance".to_owned(),
             MotionLaw::Swing(pace) => format!("{}-swing", pace.word()),
             MotionLaw::Hold(pace) => format!("{}-hold", pace.word()),
             MotionLaw::Drift => "drifting-hold".to_owned(),
@@ -112,6 +115,7 @@ impl MotionLaw {
     pub(crate) fn vectors(self) -> usize {
         match self {
             MotionLaw::Rest | MotionLaw::Coasting | MotionLaw::SteadyFall | MotionLaw::FreeBody => 4,
+            MotionLaw::OffBalance => 5,
             MotionLaw::Release(_) => 6,
             MotionLaw::Swing(_) | MotionLaw::Hold(_) => 8,
             MotionLaw::Drift => 10,
@@ -119,7 +123,12 @@ impl MotionLaw {
     }
 
     pub(crate) fn gyroscopic(self) -> bool {
-        matches!(self, MotionLaw::FreeBody | MotionLaw::Hold(_) | MotionLaw::Drift | MotionLaw::Release(_))
+        matches!(self, MotionLaw::FreeBody | MotionLaw::OffBalance | MotionLaw::Hold(_) | MotionLaw::Drift | MotionLaw::Release(_))
+    }
+
+    /// Nothing but gravity acts.
+    pub(crate) fn free(self) -> bool {
+        matches!(self, MotionLaw::SteadyFall | MotionLaw::FreeBody | MotionLaw::OffBalance)
     }
 
     pub(crate) fn falls(self) -> bool {

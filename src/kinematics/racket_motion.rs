@@ -10,12 +10,12 @@ use super::motion_law::MotionLaw;
 use super::sighting::{CommonError, Sighting, deviations, persistence, whiten};
 use crate::calibration::{CameraId, StereoRig};
 use crate::tracking::RacketFigure;
-use nalgebra::{DVector, Isometry3, Point3, SMatrix, Translation3, UnitQuaternion, Vector2, Vector3};
+use nalgebra::{DVector, Isometry3, Matrix3, Point3, SMatrix, Translation3, UnitQuaternion, Vector2, Vector3};
 
 /// 12×12 covariance of (centre of mass, small rotation about global axes, velocity, angular velocity in body axes).
 pub type MotionCovariance = SMatrix<f64, 12, 12>;
 
-/// State at the reference time. Global axes, SI, unless it says body.
+/// State at the reference time, of the stated balance point. Global axes, SI, unless it says body.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MotionState {
     pub com: Point3<f64>,
@@ -33,6 +33,8 @@ pub struct MotionState {
     /// Slopes of the slopes.
     pub force_curve_body: Vector3<f64>,
     pub rate_dddot_body: Vector3<f64>,
+    /// Where the centre of mass lies from [`MovingRacket::com_local`] as seen already, body axes, m.
+    pub lever_body: Vector3<f64>,
 }
 
 impl MotionState {
@@ -49,6 +51,7 @@ impl MotionState {
             rate_ddot_body: zero,
             force_curve_body: zero,
             rate_dddot_body: zero,
+            lever_body: zero,
         }
     }
 
@@ -81,6 +84,10 @@ pub struct MovingRacket {
     /// Principal inertias about the centre of mass, kg m².
     pub inertia: Vector3<f64>,
     pub gravity: Vector3<f64>,
+    /// Where the centre of mass lies from the stated balance point, body axes, m, by what flies freely in the session.
+    pub balance: Vector3<f64>,
+    /// How well that is known, per axis.
+    pub balance_sd: Vector3<f64>,
 }
 
 /// Longest integration step, s: at 50 rad/s the fourth-order error of a step is below 1e-9 rad.
@@ -102,29 +109,46 @@ impl MovingRacket {
         order.sort_by(|a, b| dts[*a].abs().total_cmp(&dts[*b].abs()));
         let mut out = vec![Isometry3::identity(); dts.len()];
         for sign in [-1.0, 1.0] {
-            let (mut t, mut moving) = (0.0, state.clone());
+            let (mut t, mut moving) = (0.0, self.at_centre_of_mass(state, 1.0));
             for &i in order.iter().filter(|&&i| if sign < 0.0 { dts[i] < 0.0 } else { dts[i] >= 0.0 }) {
                 self.advance(law, state, &mut moving, &mut t, dts[i]);
-                out[i] = moving.pose(&self.com_local);
+                out[i] = moving.pose(&(self.com_local + self.lever(state)));
             }
         }
         out
     }
 
+    fn lever(&self, state: &MotionState) -> Vector3<f64> {
+        self.balance + state.lever_body
+    }
+
+    /// The state of the centre of mass from that of the stated balance point; with `sign` −1 the way back.
+    fn at_centre_of_mass(&self, state: &MotionState, sign: f64) -> MotionState {
+        let lever = self.lever(state) * sign;
+        MotionState {
+            com: state.com + state.global_from_racket * lever,
+            velocity: state.velocity + state.global_from_racket * state.rate_body.cross(&lever),
+            ..state.clone()
+        }
+    }
+
     /// The whole state `dt` after the reference time (reference values of force and angular acceleration moved along).
     pub fn state_at(&self, law: MotionLaw, state: &MotionState, dt: f64) -> MotionState {
-        let (mut t, mut moving) = (0.0, state.clone());
+        let (mut t, mut moving) = (0.0, self.at_centre_of_mass(state, 1.0));
         self.advance(law, state, &mut moving, &mut t, dt);
+        moving = self.at_centre_of_mass(&moving, -1.0);
         (moving.force_body, moving.rate_dot_body) = state.given(law, dt);
         moving.force_slope_body = state.force_slope_body + state.force_curve_body * dt;
         moving.rate_ddot_body = state.rate_ddot_body + state.rate_dddot_body * dt;
         moving
     }
 
-    /// Acceleration of the centre of mass (global) and angular acceleration (body) at the reference time.
+    /// Acceleration of the stated balance point (global) and angular acceleration (body) at the reference time.
     pub fn accelerations(&self, law: MotionLaw, s: &MotionState) -> (Vector3<f64>, Vector3<f64>) {
         let g = if law.falls() { self.gravity } else { Vector3::zeros() };
-        (g + s.global_from_racket * s.force_body, self.rate_dot(law, s, &s.rate_body, 0.0))
+        let (lever, rate, rate_dot) = (self.lever(s), s.rate_body, self.rate_dot(law, s, &s.rate_body, 0.0));
+        let round = rate_dot.cross(&lever) + rate.cross(&rate.cross(&lever));
+        (g + s.global_from_racket * (s.force_body - round), rate_dot)
     }
 
     fn advance(&self, law: MotionLaw, start: &MotionState, s: &mut MotionState, t: &mut f64, to: f64) {
@@ -209,8 +233,20 @@ impl<'a> LawFit<'a> {
             .collect()
     }
 
-    fn fields(s: &MotionState) -> [Vector3<f64>; 10] {
+    /// Prior deviations of the estimated vectors; where the centre of mass lies is a matter of the racket, not of the law.
+    fn priors(&self) -> [Option<Vector3<f64>>; 10] {
+        let mut priors = self.law.priors(self.view.memory_s);
+        if self.law == MotionLaw::OffBalance {
+            priors[4] = Some(self.view.racket.balance_sd);
+        }
+        priors
+    }
+
+    fn fields(&self, s: &MotionState) -> [Vector3<f64>; 10] {
         let place = [s.com.coords, Vector3::zeros(), s.velocity, s.rate_body];
+        if self.law == MotionLaw::OffBalance {
+            return std::array::from_fn(|k| if k < 4 { place[k] } else { s.lever_body });
+        }
         let drive = [s.force_body, s.rate_dot_body, s.force_slope_body, s.rate_ddot_body, s.force_curve_body, s.rate_dddot_body];
         std::array::from_fn(|k| if k < 4 { place[k] } else { drive[k - 4] })
     }
@@ -220,35 +256,42 @@ impl Problem for LawFit<'_> {
     type State = MotionState;
 
     fn scales(&self) -> Vec<f64> {
-        let per_vector = if self.law == MotionLaw::Rest {
-            [1e-3, 1e-2, 1e-3, 1e-2, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0]
-        } else {
-            [1e-3, 1e-2, 0.3, 1.0, 30.0, 100.0, 3e3, 1e4, 3e5, 1e6]
+        let per_vector = match self.law {
+            MotionLaw::Rest => [1e-3, 1e-2, 1e-3, 1e-2, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0],
+            MotionLaw::OffBalance => [1e-3, 1e-2, 0.3, 1.0, 1e-3, 1.0, 1.0, 1.0, 1.0, 1.0],
+            _ => [1e-3, 1e-2, 0.3, 1.0, 30.0, 100.0, 3e3, 1e4, 3e5, 1e6],
         };
         per_vector.iter().take(self.law.vectors()).flat_map(|s| [*s; 3]).collect()
     }
 
     fn moved(&self, state: &MotionState, step: &DVector<f64>) -> MotionState {
         let part = |k: usize| if k < self.law.vectors() { Vector3::new(step[3 * k], step[3 * k + 1], step[3 * k + 2]) } else { Vector3::zeros() };
-        MotionState {
+        let moved = MotionState {
             com: state.com + part(0),
             global_from_racket: UnitQuaternion::from_scaled_axis(part(1)) * state.global_from_racket,
             velocity: state.velocity + part(2),
             rate_body: state.rate_body + part(3),
+            ..state.clone()
+        };
+        if self.law == MotionLaw::OffBalance {
+            return MotionState { lever_body: state.lever_body + part(4), ..moved };
+        }
+        MotionState {
             force_body: state.force_body + part(4),
             rate_dot_body: state.rate_dot_body + part(5),
             force_slope_body: state.force_slope_body + part(6),
             rate_ddot_body: state.rate_ddot_body + part(7),
             force_curve_body: state.force_curve_body + part(8),
             rate_dddot_body: state.rate_dddot_body + part(9),
+            ..moved
         }
     }
 
     fn residuals(&self, state: &MotionState) -> Option<DVector<f64>> {
         let misfits = self.misfits(state)?;
         let seen = whiten(self.view.sightings, &misfits, self.view.common, self.view.noise_scale);
-        let priors = self.law.priors(self.view.memory_s);
-        let fields = Self::fields(state);
+        let priors = self.priors();
+        let fields = self.fields(state);
         let prior_rows = (0..self.law.vectors()).filter_map(|k| priors[k].map(|sd| fields[k].component_div(&sd)));
         let mut all: Vec<f64> = seen.iter().copied().collect();
         for row in prior_rows {
@@ -264,6 +307,8 @@ pub struct LawResult {
     pub law: MotionLaw,
     pub state: MotionState,
     pub covariance: MotionCovariance,
+    /// Covariance of the lever, where the law has one.
+    pub lever_covariance: Option<Matrix3<f64>>,
     pub ln_evidence: f64,
     pub chi2: f64,
 }
@@ -286,12 +331,13 @@ pub(crate) fn fit_law(view: &MotionView<'_>, law: MotionLaw, start: &MotionState
         (start.force_curve_body, start.rate_dddot_body) = (unused, unused);
     }
     let Solution { state, covariance, cost, ln_det_information } = solve(&problem, start)?;
-    let ln_prior: f64 = (0..law.vectors()).filter_map(|k| law.priors(view.memory_s)[k]).map(|sd| -sd.map(f64::ln).sum()).sum();
+    let ln_prior: f64 = (0..law.vectors()).filter_map(|k| problem.priors()[k]).map(|sd| -sd.map(f64::ln).sum()).sum();
     let chi2 = problem.misfits(&state).map_or(f64::INFINITY, |m| whiten(view.sightings, &m, view.common, view.noise_scale).norm_squared());
     Ok(LawResult {
         law,
         state,
         covariance: covariance.fixed_view::<12, 12>(0, 0).into_owned(),
+        lever_covariance: (law == MotionLaw::OffBalance).then(|| covariance.fixed_view::<3, 3>(12, 12).into_owned()),
         ln_evidence: -0.5 * cost - 0.5 * ln_det_information + ln_prior + law.ln_weight(),
         chi2,
     })
@@ -329,6 +375,18 @@ pub struct MotionEstimate {
     pub rejected: usize,
     /// From the reference time to the farthest frame, s.
     pub length_s: f64,
+    /// Where a racket that flew freely says its centre of mass lies.
+    pub lever: Option<FreeLever>,
+}
+
+/// Centre of mass from the stated balance point, as one free flight shows it.
+#[derive(Debug, Clone)]
+pub struct FreeLever {
+    /// Body axes, m.
+    pub lever: Vector3<f64>,
+    pub covariance: Matrix3<f64>,
+    /// That the racket flew freely at all.
+    pub probability: f64,
 }
 
 /// Averages results by evidence; the spread between them joins the covariance.
@@ -364,7 +422,12 @@ pub(crate) fn average(racket: &MovingRacket, mut results: Vec<LawResult>, refere
         rate_body: best.state.rate_body + part(3),
         ..best.state.clone()
     };
-    let laws = results.iter().zip(&weights).map(|(r, w)| (r.law, *w)).collect();
+    let laws: Vec<(MotionLaw, f64)> = results.iter().zip(&weights).map(|(r, w)| (r.law, *w)).collect();
+    let free = laws.iter().filter(|(l, _)| l.free()).map(|(_, w)| w).sum();
+    let lever = results.iter().find_map(|r| {
+        let covariance = r.lever_covariance?;
+        Some(FreeLever { lever: racket.lever(&r.state), covariance, probability: free })
+    });
     Some(MotionEstimate {
         reference_t,
         state,
@@ -377,5 +440,6 @@ pub(crate) fn average(racket: &MovingRacket, mut results: Vec<LawResult>, refere
         frames: 0,
         rejected: 0,
         length_s: 0.0,
+        lever,
     })
 }

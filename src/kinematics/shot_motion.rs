@@ -3,6 +3,7 @@
 //! The windows never reach across the contact: which frames belong to which side follows from the fits' own first and
 //! last contact, until it no longer changes.
 
+use super::balance_seen::BalanceSeen;
 use super::ball_flight::{
     FlightEstimate, FlightLaw, FlightResult, FlightState, FlightView, average_flight, bending_p, fit_flight, flight_deviations, flight_persistence,
 };
@@ -49,6 +50,8 @@ pub struct MeasureSettings {
     pub ball_error: CommonError,
     /// The session's tape.
     pub tape: TapeErrors,
+    /// Where the session's free flights put the racket's centre of mass.
+    pub balance: BalanceSeen,
     /// Frame near the impact, from shot.toml.
     pub impact_frame: Option<u64>,
 }
@@ -63,6 +66,7 @@ impl MeasureSettings {
             air_odds: 1.0,
             ball_error: CommonError { constant_px: 0.05, drift_px_s: 3.0, bend_px_s2: 0.0 },
             tape: TapeErrors::expected(),
+            balance: BalanceSeen::expected(),
             impact_frame: None,
         }
     }
@@ -143,7 +147,9 @@ struct Bench<'a> {
 pub fn measure_motion(rig: &StereoRig, tracks: &Tracks, racket: &Racket, ball: &Ball, settings: &MeasureSettings) -> Result<ShotMotion, KinematicsError> {
     let figure = RacketFigure::of(racket).ok_or_else(|| KinematicsError::NoMarkers { racket: racket.name.clone() })?;
     let figure = settings.tape.throat.map_or_else(|| figure.clone(), |throat| figure.with(&throat));
-    let moving = MovingRacket { figure, com_local: racket.com_local(), inertia: racket.inertia_kg_m2(), gravity: settings.gravity() };
+    let BalanceSeen { shift, sd, .. } = settings.balance;
+    let moving =
+        MovingRacket { figure, com_local: racket.com_local(), inertia: racket.inertia_kg_m2(), gravity: settings.gravity(), balance: shift, balance_sd: sd };
     let all = tracks.frames();
     let (Some(&first), Some(&last)) = (all.first(), all.last()) else {
         return Err(KinematicsError::NoPoints);

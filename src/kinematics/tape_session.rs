@@ -79,7 +79,7 @@ fn turned(figure: &RacketFigure, residuals: &impl Fn(&RacketFigure) -> Vec<Bands
 type Bands = BTreeMap<(usize, usize), Vector2<f64>>;
 
 /// `most` of `n` indices, evenly spread.
-fn evenly(n: usize, most: usize) -> impl Iterator<Item = usize> {
+pub fn evenly(n: usize, most: usize) -> impl Iterator<Item = usize> {
     let count = n.min(most);
     (0..count).map(move |k| k * n / count.max(1))
 }

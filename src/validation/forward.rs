@@ -44,6 +44,11 @@ pub trait Prediction: Sync {
     fn predict_many(&self, asked: &[Asked]) -> Vec<Option<Outputs>> {
         asked.iter().map(|a| self.predict(a)).collect()
     }
+
+    /// Where the model jumps and nature does not: by how much its prediction may be off, one deviation, all outputs together.
+    fn jump(&self, _asked: &Asked) -> Option<Outputs> {
+        None
+    }
 }
 
 /// An impact to be predicted.

@@ -6,9 +6,10 @@
 //!
 //! F is a difference over ± one deviation of each input: the slope that the noise itself sees. Across the edge between
 //! sticking and sliding that is the average of both sides, weighted by how far the noise reaches, where a derivative at a
-//! point would be wrong for half of the noise.
+//! point would be wrong for half of the noise. The model itself jumps at that edge where
+//! nature does not: a prediction that may be off by j has j j' in S beside the noise (impact::sliding_edge).
 
-use super::forward::{Inputs, Prediction};
+use super::forward::{Asked, Inputs, Prediction};
 use super::observation::{Observation, Observations};
 use super::predicted::predict_measured;
 use super::session_shift::SessionShift;
@@ -85,6 +86,8 @@ pub struct Linearised {
     pub residual: DVector<f64>,
     /// F, outputs × inputs.
     pub jacobian: DMatrix<f64>,
+    /// How far off the prediction may be because the model jumps nearby.
+    pub jump: DVector<f64>,
     /// S with the inflation of outlying cells.
     pub covariance: DMatrix<f64>,
     /// L⁻¹ where S = L L'.
@@ -152,7 +155,10 @@ pub fn linearise(
 ) -> Vec<Option<Linearised>> {
     let mut points = begin(p, impacts, setting, start);
     match reuse {
-        Some(kept) => points.iter_mut().for_each(|point| point.jacobian.clone_from(&kept[point.place].jacobian)),
+        Some(kept) => points.iter_mut().for_each(|point| {
+            point.jacobian.clone_from(&kept[point.place].jacobian);
+            point.jump.clone_from(&kept[point.place].jump);
+        }),
         None => differentiate(p, &mut points, f64::INFINITY),
     }
     whiten_all(&mut points, setting);
@@ -189,6 +195,7 @@ struct Point<'a> {
     x: Inputs,
     at_x: DVector<f64>,
     jacobian: DMatrix<f64>,
+    jump: DVector<f64>,
     result: Option<Linearised>,
     /// Cleared when the model has no answer at the next estimate.
     moves: bool,
@@ -218,7 +225,7 @@ fn begin<'a>(p: &dyn Prediction, impacts: &[&'a Observation], setting: &Setting,
         at[i] = (measured[i].inputs, value);
     }
     let point = |(place, ((o, measured), (x, value))): (usize, ((&&'a Observation, Corrected), (Inputs, Option<DVector<f64>>)))| {
-        Some(Point { place, o, measured, x, at_x: value?, jacobian: DMatrix::zeros(0, 0), result: None, moves: true })
+        Some(Point { place, o, measured, x, at_x: value?, jacobian: DMatrix::zeros(0, 0), jump: DVector::zeros(0), result: None, moves: true })
     };
     impacts.iter().zip(measured).zip(at).enumerate().filter_map(point).collect()
 }
@@ -228,12 +235,18 @@ fn differentiate(p: &dyn Prediction, points: &mut [Point], widest: f64) {
     let jacobians = input_jacobians(p, &moving, widest);
     for (point, jacobian) in points.iter_mut().filter(|point| point.moves).zip(jacobians) {
         point.jacobian = jacobian;
+        point.jump = jump(p, point);
     }
+}
+
+fn jump(p: &dyn Prediction, point: &Point) -> DVector<f64> {
+    let found = p.jump(&Asked { gear: point.o.gear, order: point.o.order, inputs: point.x });
+    DVector::from_iterator(point.o.measured.len(), point.o.measured.iter().map(|&k| found.map_or(0.0, |j| j[k])))
 }
 
 fn whiten_all(points: &mut [Point], setting: &Setting) {
     for point in points.iter_mut().filter(|point| point.moves) {
-        point.result = whiten(point.o, setting, &point.x, &point.at_x, &point.jacobian, &point.measured);
+        point.result = whiten(point, setting);
         point.moves = point.result.is_some();
     }
 }
@@ -263,7 +276,8 @@ fn advance(p: &dyn Prediction, setting: &Setting, points: &mut [Point]) {
     }
 }
 
-fn whiten(o: &Observation, setting: &Setting, x: &Inputs, at_x: &DVector<f64>, jacobian: &DMatrix<f64>, measured: &Corrected) -> Option<Linearised> {
+fn whiten(point: &Point, setting: &Setting) -> Option<Linearised> {
+    let Point { o, measured, x, at_x, jacobian, jump, .. } = point;
     let k = o.measured.len();
     let gap = DVector::from_iterator(INPUTS.len(), (0..INPUTS.len()).map(|j| if o.input_sd[j] > 0.0 { measured.inputs[j] - x[j] } else { 0.0 }));
     let residual = &measured.outputs - (at_x + jacobian * gap);
@@ -280,6 +294,7 @@ fn whiten(o: &Observation, setting: &Setting, x: &Inputs, at_x: &DVector<f64>, j
             covariance.ger(sd * sd, &column, &column, 1.0);
         }
     }
+    covariance.ger(1.0, jump, jump, 1.0);
     let mut lower = covariance.clone().cholesky()?.unpack();
     let mut whitener = lower.solve_lower_triangular(&DMatrix::identity(k, k))?;
     let mut precision = whitener.transpose() * &whitener;
@@ -334,6 +349,7 @@ fn whiten(o: &Observation, setting: &Setting, x: &Inputs, at_x: &DVector<f64>, j
         predicted,
         residual,
         jacobian: jacobian.clone(),
+        jump: jump.clone(),
         covariance,
         whitener,
         z,

@@ -85,6 +85,10 @@ impl Prediction for Ready {
         }
         outputs
     }
+
+    fn jump(&self, asked: &Asked) -> Option<Outputs> {
+        self.0.get(asked.gear)?.short_of_sticking(&input_of(asked)).ok()?
+    }
 }
 
 impl Forward for ModelForward {

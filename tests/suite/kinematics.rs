@@ -1,12 +1,12 @@
 //! `kinematics` against worlds with known truth that do not share its laws of motion.
 
 use super::kinematics_world::{Difficulty, FRAME_S, TrueShot, true_shot};
-use nalgebra::{Isometry3, Point3, Vector3};
+use nalgebra::{Isometry3, Point3, Rotation3, Vector3};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use sweetspot::calibration::{CameraId, RigidTransform};
 use sweetspot::kinematics::{
-    KinematicsError, MeasureSettings, MeasuredShot, Shot, ShotInput, ShotRecord, ShotSpin, TapeErrors, WindowReport, Windows, frame_rate_study, measure_shot,
+    BalanceSeen, KinematicsError, MeasureSettings, MeasuredShot, MotionEstimate, Shot, ShotInput, ShotRecord, ShotSpin, TapeErrors, WindowReport, Windows, frame_rate_study, measure_shot,
 };
 use sweetspot::tracking::spin::{BallSpin, SpinEstimate, SpinRefusal};
 use sweetspot::tracking::{PointState, Target, TrackPoint};
@@ -412,6 +412,43 @@ fn law_a_long_window_knows_velocities_better() {
     for k in 0..4 {
         assert!(errors[1][k] < 0.9 * errors[0][k], "{errors:?}");
     }
+}
+
+/// Rackets balanced 3 mm nearer to the tip than their file says, as 24 free flights show: where the centre of mass lies, and the
+/// velocity of the stated point, which goes round it.
+#[test]
+fn truth_free_flights_tell_where_the_racket_is_balanced() {
+    const OFF_M: f64 = 0.003;
+    let shots = |stated_off_m: f64, balance: BalanceSeen| -> (BalanceSeen, f64) {
+        let settings = MeasureSettings { balance, ..settings() };
+        let each: Vec<(MotionEstimate, f64)> = (9700..9724u64)
+            .into_par_iter()
+            .map(|seed| {
+                let mut truth = true_shot(seed, &COURT);
+                truth.racket.balance_m += stated_off_m;
+                let shot = measured(&truth, &settings).expect("measured");
+                let of = |stem: &str| Vector3::from(["x", "y", "z"].map(|a| truth.row[format!("{stem}{a}").as_str()]));
+                // The row is the centre of mass's; the stated point lies along x as the racket then stands.
+                let turned = Rotation3::from_scaled_axis((of("racket_in_w") + of("racket_out_w")) * (0.5 * truth.row["contact_time"]));
+                let point = of("racket_out_v") + of("racket_out_w").cross(&(turned * Vector3::x() * -stated_off_m));
+                let seen = Vector3::from(["x", "y", "z"].map(|a| value(&shot, &format!("racket_out_v{a}"))));
+                (shot.motion.racket_out.expect("seen after contact"), (seen - point).x.powi(2))
+            })
+            .collect();
+        let along = (each.iter().map(|(_, e)| e).sum::<f64>() / each.len() as f64).sqrt();
+        (BalanceSeen::of(each.iter().map(|(m, _)| m)), along)
+    };
+    // A balance stated too far from the butt is a point too near to the tip: the centre of mass lies along +x of it.
+    let (seen, unaware) = shots(OFF_M, BalanceSeen::expected());
+    let off = seen.shift - Vector3::new(OFF_M, 0.0, 0.0);
+    eprintln!("{seen:?}, along the handle {unaware} m/s");
+    assert!(seen.flights >= 20 && seen.sd.max() < 1e-3, "{seen:?}");
+    assert!((0..3).all(|k| off[k].abs() < 3.0 * seen.sd[k]), "{seen:?}");
+    let (_, aware) = shots(OFF_M, seen);
+    eprintln!("then {aware} m/s");
+    assert!(aware < 0.7 * unaware, "error along the handle {unaware} m/s, with the balance seen {aware}");
+    let (right, _) = shots(0.0, BalanceSeen::expected());
+    assert!((0..3).all(|k| right.shift[k].abs() < 3.0 * right.sd[k]), "{right:?}");
 }
 
 #[test]

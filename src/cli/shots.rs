@@ -5,16 +5,17 @@ use super::error::CliError;
 use super::tracked_session::TrackedSession;
 use crate::impact_table::ImpactTable;
 use crate::kinematics::{
-    GroupStatistic, RiseInterval, SHOT_FILE, Shot, ShotInput, ShotRecord, ShotSpin, SpinComponent, SpinVector, measure_shot, rise_table,
+    BalanceSeen, GroupStatistic, RiseInterval, SHOT_FILE, Shot, ShotInput, ShotRecord, ShotSpin, SpinComponent, SpinVector, measure_shot, rise_table,
     season_statistics, season_to_csv,
 };
 use crate::provenance::Provenance;
 use crate::report::{histograms_to_csv, season_figures};
-use crate::session::{Session, ShotFolder};
+use crate::session::ShotFolder;
 use crate::tracking::spin::{SPIN_FILE, SpinEstimate, read_spin};
 use crate::tracking::{Tracks, points_to_csv};
 use nalgebra::Vector2;
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Tracks to shot.json and impacts.csv
@@ -76,7 +77,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     if !shots.is_empty() {
         let table = ImpactTable { rows: shots.iter().enumerate().map(|(k, r)| r.shot.impact_row(k as f64)).collect() };
         shell.write(&impacts, table.to_csv().as_bytes())?;
-        write_season(session, &shots, results, shell)?;
+        write_season(&tracked, &shots, shell)?;
     }
     shell.say(format_args!("{} of {} shots measured: {}", shots.len(), shots.len() + failed.len(), impacts.display()));
     let summary = Summary { impacts, shots, failed };
@@ -90,21 +91,24 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
 }
 
 #[derive(serde::Serialize)]
-struct Season {
+struct Season<'a> {
     statistics: Vec<GroupStatistic>,
     /// Table 5.9b: forward speed of the incoming ball by its vertical velocity.
     rise: Vec<RiseInterval>,
+    /// By the racket's name: where its free flights put the centre of mass.
+    balance: &'a BTreeMap<String, BalanceSeen>,
 }
 
 /// The session as a whole: `season.csv`, `season.json`, the figures of chapter 5 as `season/*.svg`, and what their histograms
 /// count as `season/histograms.csv`.
-fn write_season(session: &Session, records: &[ShotRecord], results: &Path, shell: &Shell) -> Result<(), CliError> {
+fn write_season(tracked: &TrackedSession, records: &[ShotRecord], shell: &Shell) -> Result<(), CliError> {
+    let results = &tracked.results;
     let shots: Vec<&Shot> = records.iter().map(|r| &r.shot).collect();
-    let season = Season { statistics: season_statistics(&shots), rise: rise_table(&shots) };
+    let season = Season { statistics: season_statistics(&shots), rise: rise_table(&shots), balance: &tracked.balances };
     shell.write(&results.join("season.csv"), season_to_csv(&season.statistics).as_bytes())?;
     let json = serde_json::to_string_pretty(&season).map_err(CliError::output)? + "\n";
     shell.write(&results.join("season.json"), json.as_bytes())?;
-    let figures = season_figures(&shots, Some(&session.racket));
+    let figures = season_figures(&shots, Some(&tracked.session.racket));
     if !figures.is_empty() {
         shell.write(&results.join("season").join("histograms.csv"), histograms_to_csv(&figures).as_bytes())?;
     }

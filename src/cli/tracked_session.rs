@@ -69,8 +69,8 @@ impl TrackedSession {
             let motions: Vec<_> = evenly(shots.len(), FLIGHTS).map(|i| shots[i]).collect::<Vec<_>>().par_iter().filter_map(motion_after).collect();
             let seen = BalanceSeen::of(&motions);
             if seen.flights > 0 {
-                let [x, y, z] = (seen.shift * 1e3).into();
-                let sd = seen.sd * 1e3;
+                let [x, y, z] = (seen.shift_m * 1e3).into();
+                let sd = seen.sd_m * 1e3;
                 shell.say(format_args!(
                     "balance of {name}: {} free flights put the centre of mass {x:+.2} ± {:.2}, {y:+.2} ± {:.2}, {z:+.2} ± {:.2} mm (x, y, z) from the stated one",
                     seen.flights, sd.x, sd.y, sd.z

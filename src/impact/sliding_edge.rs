@@ -68,8 +68,7 @@ mod tests {
     #[test]
     fn truth_what_falls_short_shrinks_from_the_whole_jump_to_nothing() {
         let (racket, ball) = reference_equipment();
-        let input =
-            ImpactInput { ball_velocity: Vector3::new(6.0, -9.0, -20.0), position: nalgebra::Vector2::new(-0.08, 0.05), ..reference_input() };
+        let input = ImpactInput { ball_velocity: Vector3::new(6.0, -9.0, -20.0), position: nalgebra::Vector2::new(-0.08, 0.05), ..reference_input() };
         let with = |friction: f64| {
             let mut model = Model::new(Base::Rigid);
             model.set("friction", friction).expect("allowed");

@@ -17,9 +17,9 @@ const FREE: f64 = 0.5;
 /// The centre of mass from the stated balance point, body axes, m.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct BalanceSeen {
-    pub shift: Vector3<f64>,
+    pub shift_m: Vector3<f64>,
     /// One deviation per axis.
-    pub sd: Vector3<f64>,
+    pub sd_m: Vector3<f64>,
     /// Free flights it was seen in.
     pub flights: usize,
 }
@@ -27,7 +27,7 @@ pub struct BalanceSeen {
 impl BalanceSeen {
     /// Before anything was seen.
     pub fn expected() -> Self {
-        BalanceSeen { shift: Vector3::zeros(), sd: Vector3::repeat(EXPECTED_M), flights: 0 }
+        BalanceSeen { shift_m: Vector3::zeros(), sd_m: Vector3::repeat(EXPECTED_M), flights: 0 }
     }
 
     /// From motions after contact that were fitted with [`BalanceSeen::expected`].
@@ -66,7 +66,7 @@ impl BalanceSeen {
         }
         let Some((shift, information)) = found else { return Self::expected() };
         let Some(covariance) = information.try_inverse() else { return Self::expected() };
-        BalanceSeen { shift, sd: covariance.diagonal().map(f64::sqrt), flights: flights.len() }
+        BalanceSeen { shift_m: shift, sd_m: covariance.diagonal().map(f64::sqrt), flights: flights.len() }
     }
 }
 

@@ -147,9 +147,15 @@ struct Bench<'a> {
 pub fn measure_motion(rig: &StereoRig, tracks: &Tracks, racket: &Racket, ball: &Ball, settings: &MeasureSettings) -> Result<ShotMotion, KinematicsError> {
     let figure = RacketFigure::of(racket).ok_or_else(|| KinematicsError::NoMarkers { racket: racket.name.clone() })?;
     let figure = settings.tape.throat.map_or_else(|| figure.clone(), |throat| figure.with(&throat));
-    let BalanceSeen { shift, sd, .. } = settings.balance;
-    let moving =
-        MovingRacket { figure, com_local: racket.com_local(), inertia: racket.inertia_kg_m2(), gravity: settings.gravity(), balance: shift, balance_sd: sd };
+    let BalanceSeen { shift_m, sd_m, .. } = settings.balance;
+    let moving = MovingRacket {
+        figure,
+        com_local: racket.com_local(),
+        inertia: racket.inertia_kg_m2(),
+        gravity: settings.gravity(),
+        balance: shift_m,
+        balance_sd: sd_m,
+    };
     let all = tracks.frames();
     let (Some(&first), Some(&last)) = (all.first(), all.last()) else {
         return Err(KinematicsError::NoPoints);

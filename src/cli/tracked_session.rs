@@ -5,7 +5,7 @@ use super::error::CliError;
 use super::track::seen_throat;
 use crate::calibration::{CalibrationError, StereoRig};
 use crate::equipment::Racket;
-use crate::kinematics::{BalanceSeen, MeasureSettings, TapeErrors, evenly, measure_motion};
+use crate::kinematics::{AirSeen, BalanceSeen, MeasureSettings, ShotMotion, TapeErrors, evenly, measure_motion};
 use crate::session::{Session, ShotFolder};
 use crate::tracking::{RacketFigure, Throat, Tracks};
 use rayon::prelude::*;
@@ -26,8 +26,8 @@ fn hinted(e: CalibrationError) -> CliError {
     CliError::from(e).hint("run `sweetspot calibrate SESSION` first; with --force it writes the file anew")
 }
 
-/// Flights per racket that are asked where it is balanced.
-const FLIGHTS: usize = 96;
+/// Shots per racket that are asked what all share.
+const FIRST_LOOKS: usize = 96;
 
 /// A session whose shots have been tracked.
 pub struct TrackedSession {
@@ -37,6 +37,7 @@ pub struct TrackedSession {
     /// By the racket's name.
     tapes: BTreeMap<String, TapeErrors>,
     pub balances: BTreeMap<String, BalanceSeen>,
+    air: AirSeen,
 }
 
 impl TrackedSession {
@@ -49,25 +50,22 @@ impl TrackedSession {
             let throat = tape.throat.map_or_else(String::new, |t| format!(", throat at {:.1}° from the axis", t.angle_deg));
             shell.say(format_args!("tape of {name}: seen {:.2} px off in one shot, {:.2} px in all{throat}", tape.shot_px, tape.shared_px));
         }
-        let mut tracked = TrackedSession { session, results, rig, tapes, balances: BTreeMap::new() };
-        tracked.balances = tracked.seen_balances(shell);
+        let mut tracked = TrackedSession { session, results, rig, tapes, balances: BTreeMap::new(), air: AirSeen::default() };
+        tracked.look_first(shell);
         Ok(tracked)
     }
 
-    /// What the free flights after contact say about each racket's balance.
-    fn seen_balances(&self, shell: &Shell) -> BTreeMap<String, BalanceSeen> {
+    /// Measures some shots to learn what all of them share: how the rackets are balanced, and whether there is air.
+    fn look_first(&mut self, shell: &Shell) {
         let mut by_racket: BTreeMap<&str, Vec<&ShotFolder>> = BTreeMap::new();
         for shot in &self.session.shots {
             by_racket.entry(&shot.racket.name).or_default().push(shot);
         }
-        let motion_after = |shot: &&ShotFolder| {
-            shell.check_cancelled().ok()?;
-            let tracks = Tracks::read(&self.place(shot).join("tracks.csv")).ok()?;
-            measure_motion(&self.rig, &tracks, &shot.racket, &shot.ball, &self.settings(shot)).ok()?.racket_out
-        };
-        let of = |(name, shots): (&str, Vec<&ShotFolder>)| {
-            let motions: Vec<_> = evenly(shots.len(), FLIGHTS).map(|i| shots[i]).collect::<Vec<_>>().par_iter().filter_map(motion_after).collect();
-            let seen = BalanceSeen::of(&motions);
+        let (mut balances, mut all) = (BTreeMap::new(), Vec::new());
+        for (name, shots) in by_racket {
+            let some: Vec<&ShotFolder> = evenly(shots.len(), FIRST_LOOKS).map(|i| shots[i]).collect();
+            let motions: Vec<(&str, ShotMotion)> = some.par_iter().filter_map(|shot| Some((shot.id.as_str(), self.first_motion(shot, shell)?))).collect();
+            let seen = BalanceSeen::of(motions.iter().filter_map(|(_, m)| m.racket_out.as_ref()));
             if seen.flights > 0 {
                 let [x, y, z] = (seen.shift_m * 1e3).into();
                 let sd = seen.sd_m * 1e3;
@@ -76,9 +74,17 @@ impl TrackedSession {
                     seen.flights, sd.x, sd.y, sd.z
                 ));
             }
-            (name.to_owned(), seen)
-        };
-        by_racket.into_iter().map(of).collect()
+            balances.insert(name.to_owned(), seen);
+            all.extend(motions);
+        }
+        let air = AirSeen::of(all.iter().map(|(id, motion)| (*id, motion)));
+        (self.balances, self.air) = (balances, air);
+    }
+
+    fn first_motion(&self, shot: &ShotFolder, shell: &Shell) -> Option<ShotMotion> {
+        shell.check_cancelled().ok()?;
+        let tracks = Tracks::read(&self.place(shot).join("tracks.csv")).ok()?;
+        measure_motion(&self.rig, &tracks, &shot.racket, &shot.ball, &self.settings(shot)).ok()
     }
 
     /// Where a shot's results are.
@@ -92,6 +98,7 @@ impl TrackedSession {
             impact_frame: shot.impact_frame,
             axes_known: self.session.axes.is_some(),
             tape: self.tapes.get(&shot.racket.name).copied().unwrap_or_else(TapeErrors::expected),
+            air_odds: self.air.odds(&shot.id),
             balance: self.balances.get(&shot.racket.name).copied().unwrap_or_else(BalanceSeen::expected),
             ..MeasureSettings::new(self.session.frame_rate_hz, self.session.exposure_s)
         }

@@ -5,6 +5,7 @@
 //! racket-local axes of contract section 1; SI. Definitions with equation numbers: docs/kinematics.md. Sources: thesis
 //! chapters 4 and 5, physics.md B.
 
+mod air_seen;
 mod balance_seen;
 mod ball_flight;
 mod calibration_share;
@@ -30,6 +31,7 @@ mod tape_photograph;
 mod tape_session;
 mod thesis_path;
 
+pub use air_seen::AirSeen;
 pub use balance_seen::BalanceSeen;
 pub use ball_flight::{FlightEstimate, FlightLaw};
 pub use contact::{BodyMotion, PointMotion, ball_in_racket, crossing};

@@ -36,7 +36,7 @@ pub struct Arguments {
     #[arg(long, default_value_t = 0.35, requires = "hidden_effect")]
     pub strength: f64,
     /// Shots to render
-    #[arg(long, default_value_t = 80, requires = "hidden_effect")]
+    #[arg(long, default_value_t = 120, requires = "hidden_effect")]
     pub shots: usize,
     /// Seed of the rendered world (default: from the clock)
     #[arg(long, requires = "hidden_effect")]

@@ -84,7 +84,8 @@ impl TrackedSession {
     fn first_motion(&self, shot: &ShotFolder, shell: &Shell) -> Option<ShotMotion> {
         shell.check_cancelled().ok()?;
         let tracks = Tracks::read(&self.place(shot).join("tracks.csv")).ok()?;
-        measure_motion(&self.rig, &tracks, &shot.racket, &shot.ball, &self.settings(shot)).ok()
+        let settings = MeasureSettings { first_look: true, ..self.settings(shot) };
+        measure_motion(&self.rig, &tracks, &shot.racket, &shot.ball, &settings).ok()
     }
 
     /// Where a shot's results are.

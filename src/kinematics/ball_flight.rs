@@ -7,7 +7,7 @@
 //! changes freely. A bounce, a net cord, a barrel or a wrongly tracked stretch within the window bends it.
 
 use super::least_squares::{Problem, Solution, SolveError, chi2_tail_3, solve};
-use super::sighting::{CommonError, Sighting, deviations, persistence, whiten};
+use super::sighting::{CommonError, Sighting, Whitener, deviations, persistence};
 use crate::calibration::{CameraId, StereoRig};
 use crate::equipment::Ball;
 use nalgebra::{DVector, Isometry3, Matrix6, Point3, SMatrix, Vector2, Vector3};
@@ -99,11 +99,17 @@ struct FlightFit<'a> {
     view: &'a FlightView<'a>,
     law: FlightLaw,
     cameras: [Isometry3<f64>; 2],
+    whitener: Whitener,
     /// Prior spread of the lift, m/s².
     lift_sd: f64,
 }
 
-impl FlightFit<'_> {
+impl<'a> FlightFit<'a> {
+    fn new(view: &'a FlightView<'a>, law: FlightLaw, lift_sd: f64) -> Self {
+        let whitener = Whitener::new(view.sightings, view.common, view.noise_scale);
+        FlightFit { view, law, cameras: CameraId::BOTH.map(|c| view.rig.camera_from_global(c)), whitener, lift_sd }
+    }
+
     fn misfits(&self, state: &FlightState) -> Option<Vec<Vector2<f64>>> {
         self.view
             .sightings
@@ -145,7 +151,7 @@ impl Problem for FlightFit<'_> {
     }
 
     fn residuals(&self, s: &FlightState) -> Option<DVector<f64>> {
-        let seen = whiten(self.view.sightings, &self.misfits(s)?, self.view.common, self.view.noise_scale);
+        let seen = self.whitener.whiten(&self.misfits(s)?);
         let mut all: Vec<f64> = seen.iter().copied().collect();
         if self.law != FlightLaw::Gravity {
             all.push((s.drag_coefficient - DRAG.0) / DRAG.1);
@@ -173,7 +179,7 @@ pub struct FlightResult {
 pub(crate) fn fit_flight(view: &FlightView<'_>, law: FlightLaw, start: &FlightState) -> Result<FlightResult, SolveError> {
     let speed = start.velocity.norm();
     let drag = DRAG.0 * view.drag_per_m() * speed * speed;
-    let problem = FlightFit { view, law, cameras: CameraId::BOTH.map(|c| view.rig.camera_from_global(c)), lift_sd: (LIFT_SHARE * drag).max(0.05) };
+    let problem = FlightFit::new(view, law, (LIFT_SHARE * drag).max(0.05));
     let mut start = start.clone();
     start.drag_coefficient = if law == FlightLaw::Gravity { 0.0 } else { DRAG.0 };
     (start.lift, start.bending) = (Vector3::zeros(), Vector3::zeros());
@@ -184,7 +190,7 @@ pub(crate) fn fit_flight(view: &FlightView<'_>, law: FlightLaw, start: &FlightSt
         FlightLaw::Air => air,
         FlightLaw::Bending => air - 3.0 * BENDING.ln(),
     };
-    let chi2 = problem.misfits(&state).map_or(f64::INFINITY, |m| whiten(view.sightings, &m, view.common, view.noise_scale).norm_squared());
+    let chi2 = problem.misfits(&state).map_or(f64::INFINITY, |m| problem.whitener.whiten(&m).norm_squared());
     Ok(FlightResult {
         law,
         state,
@@ -207,15 +213,14 @@ pub(crate) fn bending_p(view: &FlightView<'_>, start: &FlightState, scale: impl 
 }
 
 pub(crate) fn flight_deviations(view: &FlightView<'_>, result: &FlightResult) -> Vec<f64> {
-    let problem = FlightFit { view, law: result.law, cameras: CameraId::BOTH.map(|c| view.rig.camera_from_global(c)), lift_sd: 1.0 };
+    let problem = FlightFit::new(view, result.law, 1.0);
     problem.misfits(&result.state).map_or_else(|| vec![f64::INFINITY; view.sightings.len()], |m| deviations(view.sightings, &m, view.common))
 }
 
 /// Factor on the deviations for errors that persist from frame to frame under a law's result.
 pub(crate) fn flight_persistence(view: &FlightView<'_>, result: &FlightResult) -> f64 {
-    let problem = FlightFit { view, law: result.law, cameras: CameraId::BOTH.map(|c| view.rig.camera_from_global(c)), lift_sd: 1.0 };
-    let misfits = problem.misfits(&result.state);
-    misfits.map_or(1.0, |m| persistence(view.sightings, &whiten(view.sightings, &m, view.common, view.noise_scale)))
+    let problem = FlightFit::new(view, result.law, 1.0);
+    problem.misfits(&result.state).map_or(1.0, |m| persistence(view.sightings, &problem.whitener.whiten(&m)))
 }
 
 /// The ball at the reference time, averaged over the laws.

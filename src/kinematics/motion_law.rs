@@ -88,6 +88,18 @@ impl MotionLaw {
         Self::EVERYWHERE.into_iter().chain([MotionLaw::OffBalance]).chain(Fade::ALL.map(MotionLaw::Release)).collect()
     }
 
+    /// Laws enough to tell whether a racket flies freely after the contact, and about which point.
+    pub(crate) const TOLD_FREE: [MotionLaw; 8] = [
+        MotionLaw::Rest,
+        MotionLaw::Coasting,
+        MotionLaw::SteadyFall,
+        MotionLaw::FreeBody,
+        MotionLaw::OffBalance,
+        MotionLaw::Hold(Pace::Gentle),
+        MotionLaw::Hold(Pace::Brisk),
+        MotionLaw::Release(Fade(10)),
+    ];
+
     /// Logarithm of the prior weight: the time constants of a release share the weight of one law.
     pub(crate) fn ln_weight(self) -> f64 {
         if matches!(self, MotionLaw::Release(_)) { -(Fade::ALL.len() as f64).ln() } else { 0.0 }

@@ -7,7 +7,7 @@
 
 use super::least_squares::{Problem, Solution, SolveError, solve};
 use super::motion_law::MotionLaw;
-use super::sighting::{CommonError, Sighting, deviations, persistence, whiten};
+use super::sighting::{CommonError, Sighting, Whitener, deviations, persistence};
 use crate::calibration::{CameraId, StereoRig};
 use crate::tracking::RacketFigure;
 use nalgebra::{DVector, Isometry3, Matrix3, Point3, SMatrix, Translation3, UnitQuaternion, Vector2, Vector3};
@@ -206,6 +206,7 @@ struct LawFit<'a> {
     frame_of: Vec<usize>,
     centres: [Point3<f64>; 2],
     cameras: [Isometry3<f64>; 2],
+    whitener: Whitener,
 }
 
 impl<'a> LawFit<'a> {
@@ -215,7 +216,8 @@ impl<'a> LawFit<'a> {
         times.dedup();
         let frame_of = view.sightings.iter().map(|s| times.partition_point(|t| *t < s.t - view.reference_t)).collect();
         let cameras = CameraId::BOTH.map(|c| view.rig.camera_from_global(c));
-        LawFit { view, law, times, frame_of, centres: cameras.map(|c| c.inverse() * Point3::origin()), cameras }
+        let whitener = Whitener::new(view.sightings, view.common, view.noise_scale);
+        LawFit { view, law, times, frame_of, centres: cameras.map(|c| c.inverse() * Point3::origin()), cameras, whitener }
     }
 
     fn misfits(&self, state: &MotionState) -> Option<Vec<Vector2<f64>>> {
@@ -289,7 +291,7 @@ impl Problem for LawFit<'_> {
 
     fn residuals(&self, state: &MotionState) -> Option<DVector<f64>> {
         let misfits = self.misfits(state)?;
-        let seen = whiten(self.view.sightings, &misfits, self.view.common, self.view.noise_scale);
+        let seen = self.whitener.whiten(&misfits);
         let priors = self.priors();
         let fields = self.fields(state);
         let prior_rows = (0..self.law.vectors()).filter_map(|k| priors[k].map(|sd| fields[k].component_div(&sd)));
@@ -332,7 +334,7 @@ pub(crate) fn fit_law(view: &MotionView<'_>, law: MotionLaw, start: &MotionState
     }
     let Solution { state, covariance, cost, ln_det_information } = solve(&problem, start)?;
     let ln_prior: f64 = (0..law.vectors()).filter_map(|k| problem.priors()[k]).map(|sd| -sd.map(f64::ln).sum()).sum();
-    let chi2 = problem.misfits(&state).map_or(f64::INFINITY, |m| whiten(view.sightings, &m, view.common, view.noise_scale).norm_squared());
+    let chi2 = problem.misfits(&state).map_or(f64::INFINITY, |m| problem.whitener.whiten(&m).norm_squared());
     Ok(LawResult {
         law,
         state,
@@ -352,8 +354,8 @@ pub(crate) fn sighting_deviations(view: &MotionView<'_>, result: &LawResult) -> 
 
 /// Factor on the deviations for errors that persist from frame to frame under a law's result.
 pub(crate) fn motion_persistence(view: &MotionView<'_>, result: &LawResult) -> f64 {
-    let misfits = LawFit::new(view, result.law).misfits(&result.state);
-    misfits.map_or(1.0, |m| persistence(view.sightings, &whiten(view.sightings, &m, view.common, view.noise_scale)))
+    let problem = LawFit::new(view, result.law);
+    problem.misfits(&result.state).map_or(1.0, |m| persistence(view.sightings, &problem.whitener.whiten(&m)))
 }
 
 /// The racket at the reference time, averaged over the laws by their evidence.

@@ -52,6 +52,8 @@ pub struct MeasureSettings {
     pub tape: TapeErrors,
     /// Where the session's free flights put the racket's centre of mass.
     pub balance: BalanceSeen,
+    /// Only what tells `balance` and `air_odds` is asked for: few laws of the racket, none of them weighed before the contact.
+    pub first_look: bool,
     /// Frame near the impact, from shot.toml.
     pub impact_frame: Option<u64>,
 }
@@ -67,6 +69,7 @@ impl MeasureSettings {
             ball_error: CommonError { constant_px: 0.05, drift_px_s: 3.0, bend_px_s2: 0.0 },
             tape: TapeErrors::expected(),
             balance: BalanceSeen::expected(),
+            first_look: false,
             impact_frame: None,
         }
     }
@@ -283,7 +286,7 @@ impl Bench<'_> {
         for round in 0..ROUNDS {
             let from = contact - self.settings.window_s;
             // The windows settle with one law; the last round weighs them all.
-            let laws: &[MotionLaw] = if settled { &MotionLaw::EVERYWHERE } else { &[MotionLaw::Hold(Pace::Brisk)] };
+            let laws: &[MotionLaw] = if settled && !self.settings.first_look { &MotionLaw::EVERYWHERE } else { &[MotionLaw::Hold(Pace::Brisk)] };
             let ball_in = self.flight(&frames, When::Before, from, end, contact)?;
             let racket_in = self.motion(&frames, When::Before, from, end, contact, laws)?;
             let dt = crossing(&PointMotion::from(&ball_in), &body_at(&self.moving, &racket_in, contact), &self.moving.com_local, side, radius)
@@ -323,7 +326,7 @@ impl Bench<'_> {
         let mut start = shot.first_contact_t + SURELY_FREE_S;
         let mut contact = shot.first_contact_t + 0.005;
         let mut settled = false;
-        let all = MotionLaw::after_contact();
+        let all = if self.settings.first_look { MotionLaw::TOLD_FREE.to_vec() } else { MotionLaw::after_contact() };
         for round in 0..ROUNDS {
             let laws: &[MotionLaw] = if settled { &all } else { &[MotionLaw::Hold(Pace::Brisk)] };
             let to = contact + self.settings.window_s;

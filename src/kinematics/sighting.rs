@@ -83,36 +83,56 @@ fn groups(sightings: &[Sighting]) -> Vec<std::ops::Range<usize>> {
     ranges
 }
 
-/// Residuals divided by the square root of their covariance, group by group and axis by axis.
+/// Divides residuals by the square root of their covariance, group by group and axis by axis.
 ///
 /// With y = r/σ and U = [τ 1/σ, κ t/σ, γ t²/σ], the inverse root of I + U Uᵀ is I − U V diag((1 − 1/√(1+λ))/λ) Vᵀ Uᵀ, where
-/// Uᵀ U = V diag(λ) Vᵀ.
-pub(crate) fn whiten(sightings: &[Sighting], misfit_px: &[Vector2<f64>], common: CommonError, scale: f64) -> DVector<f64> {
-    let mut out = DVector::zeros(2 * sightings.len());
-    for range in groups(sightings) {
-        let mean_t = sightings[range.clone()].iter().map(|s| s.t).sum::<f64>() / range.len() as f64;
-        for axis in 0..2 {
-            let shared = |i: usize| common.at(sightings[i].t - mean_t, sightings[i].sd[axis] * scale);
-            let mut gram = Matrix3::zeros();
-            let mut dot = Vector3::zeros();
-            for i in range.clone() {
-                let u = shared(i);
-                gram += u * u.transpose();
-                dot += u * (misfit_px[i][axis] / (sightings[i].sd[axis] * scale));
-            }
+/// Uᵀ U = V diag(λ) Vᵀ. None of that depends on the residuals: a fit has it computed once.
+pub(crate) struct Whitener {
+    groups: Vec<Group>,
+    points: usize,
+}
+
+/// One group and axis.
+struct Group {
+    range: std::ops::Range<usize>,
+    axis: usize,
+    /// Rows of U and σ.
+    shared: Vec<(Vector3<f64>, f64)>,
+    vectors: Matrix3<f64>,
+    shrink: Vector3<f64>,
+}
+
+impl Whitener {
+    pub fn new(sightings: &[Sighting], common: CommonError, scale: f64) -> Self {
+        let group = |range: std::ops::Range<usize>, axis: usize| {
+            let mean_t = sightings[range.clone()].iter().map(|s| s.t).sum::<f64>() / range.len() as f64;
+            let row = |s: &Sighting| (common.at(s.t - mean_t, s.sd[axis] * scale), s.sd[axis] * scale);
+            let shared: Vec<(Vector3<f64>, f64)> = sightings[range.clone()].iter().map(row).collect();
+            let gram = shared.iter().fold(Matrix3::zeros(), |sum, (u, _)| sum + u * u.transpose());
             let eigen = gram.symmetric_eigen();
             let shrink = eigen.eigenvalues.map(|l| if l > 1e-12 { (1.0 - 1.0 / (1.0 + l).sqrt()) / l } else { 0.5 });
-            let take = eigen.eigenvectors * shrink.component_mul(&(eigen.eigenvectors.transpose() * dot));
-            for i in range.clone() {
-                out[2 * i + axis] = misfit_px[i][axis] / (sightings[i].sd[axis] * scale) - shared(i).dot(&take);
+            Group { range, axis, shared, vectors: eigen.eigenvectors, shrink }
+        };
+        let groups = groups(sightings).into_iter().flat_map(|range| [(range.clone(), 0), (range, 1)]).map(|(range, axis)| group(range, axis)).collect();
+        Whitener { groups, points: sightings.len() }
+    }
+
+    pub fn whiten(&self, misfit_px: &[Vector2<f64>]) -> DVector<f64> {
+        let mut out = DVector::zeros(2 * self.points);
+        for g in &self.groups {
+            let own = || misfit_px[g.range.clone()].iter().zip(&g.shared);
+            let dot: Vector3<f64> = own().fold(Vector3::zeros(), |sum, (misfit, (u, sd))| sum + u * (misfit[g.axis] / sd));
+            let take = g.vectors * g.shrink.component_mul(&(g.vectors.transpose() * dot));
+            for (i, (misfit, (u, sd))) in g.range.clone().zip(own()) {
+                out[2 * i + g.axis] = misfit[g.axis] / sd - u.dot(&take);
             }
         }
+        out
     }
-    out
 }
 
 /// Factor on the deviations for errors that persist from frame to frame: √((1+ρ)/(1−ρ)) with ρ the residuals' correlation
-/// between neighbouring frames, each group's mean taken out; at least 1. `whitened` as [`whiten`] gives it.
+/// between neighbouring frames, each group's mean taken out; at least 1. `whitened` as [`Whitener::whiten`] gives it.
 pub(crate) fn persistence(sightings: &[Sighting], whitened: &DVector<f64>) -> f64 {
     let (mut product, mut square, mut pairs, mut points) = (0.0, 0.0, 0, 0);
     for range in groups(sightings).into_iter().filter(|r| r.len() >= 6) {
@@ -163,7 +183,7 @@ mod tests {
         let at = |frame, sd| Sighting { frame, t: 0.0, camera: CameraId::Left, target: Target::M1, uv: Vector2::zeros(), sd: Vector2::new(sd, 1.0) };
         let seen = [at(0, 1.0), at(1, 2.0)];
         let r = [Vector2::new(0.7, 0.0), Vector2::new(-1.3, 0.0)];
-        let white = whiten(&seen, &r, CommonError { constant_px: 3.0, drift_px_s: 0.0, bend_px_s2: 0.0 }, 1.0);
+        let white = Whitener::new(&seen, CommonError { constant_px: 3.0, drift_px_s: 0.0, bend_px_s2: 0.0 }, 1.0).whiten(&r);
         let covariance = nalgebra::Matrix2::new(10.0, 9.0, 9.0, 13.0);
         let v = nalgebra::Vector2::new(0.7, -1.3);
         let expected = v.dot(&(covariance.try_inverse().expect("positive") * v));

@@ -4,8 +4,7 @@
 //! bright as itself leaves its follower with nothing better. Inside such a circle the picture is the clip's median picture; inside a
 //! ball it is not, even before something as bright, for a ball has a dark side and lines.
 
-use super::ball_track::BallFrame;
-use crate::footage::{GreyImage, GreyView};
+use crate::footage::GreyView;
 use nalgebra::Vector2;
 
 /// How far from the centre pixels are asked, in radii: well inside the outline.
@@ -16,7 +15,7 @@ const LEAST_SHARE: f64 = 0.25;
 const FEWEST: usize = 6;
 
 /// How much a disc differs from the same place of the median picture, grey levels in the mean; `None` where either is not known.
-pub fn change(image: &GreyView, still: &GreyImage, centre: &Vector2<f64>, radius_px: f64) -> Option<f64> {
+pub fn change(image: &GreyView, still: &GreyView, centre: &Vector2<f64>, radius_px: f64) -> Option<f64> {
     let reach = INSIDE * radius_px;
     let (x0, x1) = ((centre.x - reach).ceil() as i64, (centre.x + reach).floor() as i64);
     let (y0, y1) = ((centre.y - reach).ceil() as i64, (centre.y + reach).floor() as i64);
@@ -29,15 +28,18 @@ pub fn change(image: &GreyView, still: &GreyImage, centre: &Vector2<f64>, radius
         let columns = (centre.x - half).ceil() as usize..=(centre.x + half).floor() as usize;
         let (first, row) = image.part_of_row(y as usize)?;
         let seen = row.get(columns.start().checked_sub(first)?..=columns.end().checked_sub(first)?)?;
-        let behind = still.pixels.get(y as usize * still.width..(y as usize + 1) * still.width)?.get(columns)?;
+        let (first, row) = still.part_of_row(y as usize)?;
+        let behind = row.get(columns.start().checked_sub(first)?..=columns.end().checked_sub(first)?)?;
         sum += seen.iter().zip(behind).map(|(a, b)| u32::from(a.abs_diff(*b))).sum::<u32>();
         count += seen.len() as u32;
     }
     (count > 0).then(|| f64::from(sum) / f64::from(count))
 }
 
-/// Takes away the points at which hardly anything has changed; `changes` are [`change`] of each frame and camera.
-pub fn drop_absent(ball: &mut [Option<BallFrame>], changes: &[[Option<f64>; 2]]) {
+/// The points at which hardly anything has changed, by frame and camera, with what a ball should change; `changes` are [`change`] of each
+/// frame and camera.
+pub fn absent(changes: &[[Option<f64>; 2]]) -> Vec<(usize, usize, f64)> {
+    let mut out = Vec::new();
     for camera in 0..2 {
         let mut sorted: Vec<f64> = changes.iter().filter_map(|c| c[camera]).collect();
         if sorted.len() < FEWEST {
@@ -45,18 +47,22 @@ pub fn drop_absent(ball: &mut [Option<BallFrame>], changes: &[[Option<f64>; 2]])
         }
         sorted.sort_by(f64::total_cmp);
         let least = LEAST_SHARE * sorted[sorted.len() / 2];
-        for (frame, changes) in ball.iter_mut().zip(changes) {
-            if changes[camera].is_some_and(|c| c < least) {
-                BallFrame::forget(frame, camera);
-            }
-        }
+        out.extend(changes.iter().enumerate().filter(|(_, c)| c[camera].is_some_and(|c| c < least)).map(|(index, _)| (index, camera, least)));
     }
+    out
+}
+
+/// The first, the middle and the last of the frames in which a camera saw the ball farther than `away_px` from its place in frame `index`.
+pub fn elsewhere(places: &[Option<Vector2<f64>>], index: usize, away_px: f64) -> Option<[usize; 3]> {
+    let here = places[index]?;
+    let away: Vec<usize> = (0..places.len()).filter(|i| places[*i].is_some_and(|uv| (uv - here).norm() > away_px)).collect();
+    Some([*away.first()?, *away.get(away.len() / 2)?, *away.last()?])
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::Point3;
+    use crate::footage::GreyImage;
 
     #[test]
     fn truth_a_ball_differs_from_the_median_picture_and_an_empty_circle_does_not() {
@@ -67,17 +73,17 @@ mod tests {
             *p = if d.norm() < 8.0 { (96.0 - 8.0 * d.y) as u8 } else { *p + (i % 3) as u8 };
         }
         let view = GreyView::of(&picture);
-        let at = |x: f64, y: f64| change(&view, &still, &Vector2::new(x, y), 8.0);
+        let empty = GreyView::of(&still);
+        let at = |x: f64, y: f64| change(&view, &empty, &Vector2::new(x, y), 8.0);
         assert!(at(20.3, 30.6).is_some_and(|c| c > 15.0) && at(45.0, 30.0).is_some_and(|c| c < 2.0) && at(2.0, 30.0).is_none());
-        let ball = BallFrame {
-            points: [None, Some(super::super::ImagePoint { uv: Vector2::zeros(), sd: Vector2::repeat(0.1) })],
-            position: Point3::origin(),
-            stereo: false,
-        };
-        let mut seen = vec![Some(ball); 8];
+        // A ball that stayed until the clip's middle is in the median picture, and not in the pictures of later frames.
+        let places: Vec<Option<Vector2<f64>>> = (0..20).map(|k| (k != 3).then(|| Vector2::new(20.3 + 6.0 * (f64::from(k) - 10.0).max(0.0), 30.6))).collect();
+        assert_eq!(elsewhere(&places, 2, 17.0), Some([13, 16, 19]));
+        assert!(elsewhere(&places, 3, 17.0).is_none() && elsewhere(&places[..10], 2, 17.0).is_none());
+        let with_ball = GreyView::of(&picture);
+        assert!(change(&view, &with_ball, &Vector2::new(20.3, 30.6), 8.0).is_some_and(|c| c < 1.0));
         let mut changes = vec![[None, Some(20.0)]; 8];
         changes[5] = [None, Some(1.0)];
-        drop_absent(&mut seen, &changes);
-        assert!((0..8).all(|k| seen[k].is_some() == (k != 5)));
+        assert_eq!(absent(&changes), [(5, 1, 5.0)]);
     }
 }

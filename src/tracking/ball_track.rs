@@ -25,6 +25,8 @@ const FAINT_SHIFT_PX: f64 = 2.0;
 /// A ball on the strings changes its velocity by less than this per frame, m (50 m/s over 5 ms), and depth is good to
 /// about as much; with every pixel of search a quarter more.
 const STEP_M: f64 = 0.015;
+/// Frames after which a ball not seen by both cameras may be anywhere near.
+const LONGEST_UNSEEN: f64 = 6.0;
 /// Share above which a fit from the predicted place is taken at once.
 const CLEAR_OUTLINE: f64 = 0.6;
 /// A ball this near to its predicted place needs no more rows than those of its outline, px.
@@ -122,6 +124,7 @@ impl BallScene<'_> {
         images: &[Option<GreyView>; 2],
         predicted: &Point3<f64>,
         before: Option<&[OutlineLevels; 2]>,
+        unseen: f64,
     ) -> Option<(BallFrame, [OutlineLevels; 2])> {
         let settled = if self.faint { SETTLED_PX } else { ROUGH_PX };
         let mut fits: [Option<BallFit>; 2] = [None, None];
@@ -135,13 +138,14 @@ impl BallScene<'_> {
             }
             fits[camera.index()] = Some(f);
         }
-        let ball = self.together(&fits, predicted, 1).filter(|b| b.stereo)?;
+        let ball = self.together(&fits, predicted, self.most_off_m(1, unseen)).filter(|b| b.stereo)?;
         let [Some(left), Some(right)] = fits.map(|f| f.map(|f| f.outline_as_seen)) else { return None };
         Some((ball, [left, right]))
     }
 
-    /// The ball near a predicted place (global, m). `reach_px` is how far the prediction may be off.
-    pub fn measure(&self, images: &[Option<GreyView>; 2], predicted: &Point3<f64>, reach_px: i32) -> Option<BallFrame> {
+    /// The ball near a predicted place (global, m). `reach_px` is how far the prediction may be off, `unseen` how many frames ago both
+    /// cameras saw it.
+    pub fn measure(&self, images: &[Option<GreyView>; 2], predicted: &Point3<f64>, reach_px: i32, unseen: f64) -> Option<BallFrame> {
         let mut fits: [Option<BallFit>; 2] = [None, None];
         for camera in CameraId::BOTH {
             let Some(image) = &images[camera.index()] else { continue };
@@ -164,21 +168,25 @@ impl BallScene<'_> {
             }
             fits[camera.index()] = found;
         }
-        self.together(&fits, predicted, reach_px)
+        self.together(&fits, predicted, self.most_off_m(reach_px, unseen))
     }
 
-    /// One ball from what either camera sees.
-    fn together(&self, fits: &[Option<BallFit>; 2], predicted: &Point3<f64>, reach_px: i32) -> Option<BallFrame> {
+    /// How far from the predicted place the ball may be, m: between neighbours in time by a step, beyond them by what the strings change
+    /// its velocity in as many frames.
+    fn most_off_m(&self, reach_px: i32, unseen: f64) -> f64 {
+        let n = unseen.clamp(1.0, LONGEST_UNSEEN) * 1000.0 / self.frame_rate_hz;
+        let steps = if self.faint { 1.0 } else { (0.5 * n * (n + 1.0)).max(1.0) };
+        STEP_M * (steps + 0.25 * f64::from(reach_px))
+    }
+
+    /// One ball from what either camera sees, within `most_off_m` of where it was predicted.
+    fn together(&self, fits: &[Option<BallFit>; 2], predicted: &Point3<f64>, most_off_m: f64) -> Option<BallFrame> {
         let both = [fits[0].as_ref().map(image_point), fits[1].as_ref().map(image_point)];
-        if !self.faint {
-            let sure = fits.iter().flatten().all(Self::good);
-            return if sure || both.iter().all(Option::is_some) { self.join(both, predicted) } else { None };
-        }
         // Along the epipolar lines the two cameras agree on any depth: the place must also be near the expected one.
         if both.iter().all(Option::is_some)
             && fits.iter().flatten().any(Self::outlined)
             && let Some(b) = self.join(both, predicted)
-            && (b.position - predicted).norm() < STEP_M * (1.0 + 0.25 * f64::from(reach_px))
+            && (b.position - predicted).norm() < most_off_m
         {
             return Some(b);
         }
@@ -319,4 +327,38 @@ impl MeanDisc {
 fn image_point(f: &BallFit) -> ImagePoint {
     let sd = |v: f64| v.sqrt().hypot(FLOOR_SD_PX);
     ImagePoint { uv: f.uv, sd: Vector2::new(sd(f.covariance[(0, 0)]), sd(f.covariance[(1, 1)])) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::racket_pose::tests::rig;
+    use super::*;
+    use crate::footage::GreyImage;
+
+    /// Bright discs before a dark wall, a grey ramp two pixels wide at the outline.
+    fn picture(centre: Vector2<f64>, radius: f64) -> GreyImage {
+        let grey = |i: usize| {
+            let inside = 0.5 + 0.5 * (radius - (Vector2::new((i % 512) as f64, (i / 512) as f64) - centre).norm());
+            50 + (130.0 * inside.clamp(0.0, 1.0)) as u8
+        };
+        GreyImage { width: 512, height: 512, pixels: (0..512 * 512).map(grey).collect() }
+    }
+
+    #[test]
+    fn truth_two_discs_on_one_epipolar_line_are_no_ball_where_none_can_have_got_to() {
+        let rig = rig();
+        let view = View::new(&rig);
+        let limb = LimbProfile::new(&BallShading::default(), 8.0, 0.55);
+        let scene = BallScene { view: &view, radius_m: 0.033, limb: [limb.clone(), limb], frame_rate_hz: 1000.0, faint: false };
+        let there = Point3::new(0.1, 1.05, 0.05);
+        // The right camera shows another disc, 5 cm farther along the left one's ray.
+        let other = there + view.ray(CameraId::Left, view.project(CameraId::Left, &there).expect("seen")).expect("a ray") * 0.05;
+        let image = |camera: CameraId, at: &Point3<f64>| picture(view.project(camera, at).expect("seen"), scene.radius_px(camera, at).expect("seen"));
+        let (left, same, another) = (image(CameraId::Left, &there), image(CameraId::Right, &there), image(CameraId::Right, &other));
+        let measure =
+            |right: &GreyImage, unseen: f64| scene.measure(&[Some(GreyView::of(&left)), Some(GreyView::of(right))], &there, 8, unseen).expect("a ball");
+        assert!(measure(&same, 1.0).stereo && !measure(&another, 1.0).stereo);
+        // Six frames after both cameras saw it the strings may have sent it there.
+        assert!(measure(&another, 6.0).stereo);
+    }
 }

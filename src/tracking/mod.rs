@@ -3,11 +3,14 @@
 //! Comes in: frames, a stereo rig, the racket's marker figure. Goes out: [`Tracks`] with an uncertainty per point.
 
 mod background;
+mod ball_choice;
 mod ball_disc;
 mod ball_fit;
+mod ball_gaps;
 mod ball_learn;
 mod ball_light;
 mod ball_model;
+mod ball_pieces;
 mod ball_presence;
 mod ball_refine;
 mod ball_ring;

@@ -1,5 +1,6 @@
 //! The ball of a shot: found where something flies that meets the racket, followed both ways, measured once more with its light.
 
+use super::ball_choice::{self, Sighting};
 use super::ball_fit::OutlineLevels;
 use super::ball_presence;
 use super::ball_search;
@@ -9,32 +10,30 @@ use super::racket_track::RacketFrame;
 use super::shot_frames::{PATIENCE, Shot, spread};
 use super::shot_tracker::TrackingError;
 use crate::calibration::CameraId;
-use crate::footage::{FrameBuffer, FrameSource, GreyImage, GreyPatch, Rows};
-use nalgebra::Point3;
+use crate::footage::{FrameBuffer, FrameSource, GreyImage, GreyPatch, GreyView, Rows};
+use nalgebra::{Point3, Vector2};
 use rayon::prelude::*;
 
 /// Blur of the ball's outline, px, one standard deviation.
 const BALL_BLUR_PX: f64 = 0.55;
-/// A ball in play comes this much nearer to the racket (or goes away by it) while it is seen, m: 10 m/s over six frames.
-const LEAST_APPROACH_M: f64 = 0.06;
-/// A score (below) at which no other ball is looked for: at the racket and 0.2 m farther away before, or much farther.
-const CLEAR_SCORE: f64 = 0.13;
 /// Frames of which the pixels around the ball are kept, each way: 2 kB each, so that memory does not grow with the clip.
 const PATCHES: usize = 2000;
+/// A ball is elsewhere when its centre is this many radii away.
+const ELSEWHERE_RADII: f64 = 2.2;
 /// Longest gap in the ball's track that is looked into again, frames.
 const FILLED: f64 = 6.0;
 
 /// A ball as first followed, and the mean pictures of its disc.
 pub struct Flight {
-    frames: Vec<Option<BallFrame>>,
-    means: [MeanDisc; 2],
+    pub(super) frames: Vec<Option<BallFrame>>,
+    pub(super) means: [MeanDisc; 2],
     /// By frame.
-    kept: Vec<Option<Kept>>,
+    pub(super) kept: Vec<Option<Kept>>,
 }
 
 /// What both cameras saw around the ball in a frame, and with which levels it was measured.
 #[derive(Clone)]
-struct Kept {
+pub struct Kept {
     patches: [GreyPatch; 2],
     levels: Option<[OutlineLevels; 2]>,
 }
@@ -78,7 +77,7 @@ impl<S: FrameSource> Shot<'_, S> {
     }
 
     /// The free flights through a frame and the next two.
-    fn flights_from(&self, first: usize, scene: &BallScene, still: &[Option<GreyImage>; 2]) -> Result<Vec<[BallFrame; 3]>, TrackingError> {
+    pub(super) fn flights_from(&self, first: usize, scene: &BallScene, still: &[Option<GreyImage>; 2]) -> Result<Vec<[BallFrame; 3]>, TrackingError> {
         // Places in space that may be the ball in a frame.
         let candidates = |index: usize| -> Result<Vec<BallFrame>, TrackingError> {
             self.with_buffers(|buffers| {
@@ -99,6 +98,15 @@ impl<S: FrameSource> Shot<'_, S> {
         Ok(scene.flights(&[now, next?, last?]))
     }
 
+    /// [`Self::flights_from`] of what stands out from the pictures half a clip away: a ball that comes along a camera's line of sight hardly
+    /// moves in its pictures, and then the median picture holds the ball itself.
+    pub(super) fn flights_against_another(&self, first: usize, scene: &BallScene) -> Result<Vec<[BallFrame; 3]>, TrackingError> {
+        let n = self.source.len();
+        let image = |v: GreyView| GreyImage { width: v.width, height: v.height, pixels: (0..v.height).filter_map(|y| v.row(y)).flatten().copied().collect() };
+        let away = self.with_buffers(|buffers| Ok::<_, TrackingError>(self.read((first + n / 2) % n, buffers)?.map(|view| view.map(image))))?;
+        if away.iter().all(Option::is_some) { self.flights_from(first, scene, &away) } else { Ok(Vec::new()) }
+    }
+
     /// Finds the ball that meets the racket and follows it both ways, beginning with what the first look found, if there was one.
     pub(super) fn find_and_follow_ball(
         &self,
@@ -110,55 +118,78 @@ impl<S: FrameSource> Shot<'_, S> {
         let n = self.source.len();
         let (mut flights_ahead, mut followed) = ahead.map_or((None, None), |ahead| (Some(ahead.flights), ahead.followed));
         let mut best = (f64::INFINITY, Flight { frames: vec![None; n], means: Default::default(), kept: vec![None; n] });
+        let mut clear = false;
         let mut claimed: Vec<Vec<Option<BallFrame>>> = Vec::new();
-        for first in self.looked_into() {
-            let flights = flights_ahead.take().map_or_else(|| self.flights_from(first, &scene, still), Ok)?;
-            for flight in flights {
-                let known = |t: &Vec<Option<BallFrame>>| t[first + 1].is_some_and(|b| (b.position - flight[1].position).norm() < 0.03);
-                if claimed.iter().any(known) {
-                    continue;
-                }
-                let track = match followed.take() {
-                    Some(track) => track,
-                    None => {
-                        let (back, forth) =
-                            rayon::join(|| self.follow_flight(&scene, first, &flight, false), || self.follow_flight(&scene, first, &flight, true));
-                        self.whole_flight(first, &flight, [back?, forth?])
-                    }
-                };
-                let count = track.frames.iter().flatten().count();
-                if count >= 6 {
-                    // Distances from the stringbed's centre, m. What stays at its own is fastened to the racket or the arm.
-                    let distances = track
-                        .frames
-                        .iter()
-                        .zip(racket)
-                        .filter_map(|(b, r)| Some((b.as_ref()?.position.coords - r.as_ref()?.pose.global_from_racket.translation.vector).norm()));
-                    let (near, far) = distances.fold((f64::INFINITY, 0.0f64), |(near, far), d| (near.min(d), far.max(d)));
-                    // The nearest counts, then who came from farther away, then the longer track.
-                    let (near_m, approach_m) = (near.max(0.15), (far - near).min(0.5));
-                    let score = if far - near < LEAST_APPROACH_M { f64::INFINITY } else { near_m - 0.1 * approach_m - 1e-4 * count as f64 };
-                    claimed.push(track.frames.clone());
-                    if score < best.0 {
-                        best = (score, track);
-                    }
-                } else {
-                    claimed.push(track.frames);
-                }
-            }
-            if best.0 < CLEAR_SCORE {
+        for against_another in [false, true] {
+            if clear || against_another && self.stands_in(&claimed, racket) {
                 break;
             }
+            for first in self.looked_into() {
+                let flights = match flights_ahead.take() {
+                    Some(flights) => flights,
+                    None if against_another => self.flights_against_another(first, &scene)?,
+                    None => self.flights_from(first, &scene, still)?,
+                };
+                for flight in flights {
+                    let known = |t: &Vec<Option<BallFrame>>| t[first + 1].is_some_and(|b| (b.position - flight[1].position).norm() < 0.03);
+                    if claimed.iter().any(known) {
+                        continue;
+                    }
+                    let track = match followed.take() {
+                        Some(track) => track,
+                        None => {
+                            let (back, forth) =
+                                rayon::join(|| self.follow_flight(&scene, first, &flight, false), || self.follow_flight(&scene, first, &flight, true));
+                            self.whole_flight(first, &flight, [back?, forth?])
+                        }
+                    };
+                    let count = track.frames.iter().flatten().count();
+                    if count >= 6 {
+                        let likeness = ball_choice::likeness(&self.sightings(&track.frames, racket), count, self.setup.frame_rate_hz);
+                        claimed.push(track.frames.clone());
+                        if likeness.score < best.0 {
+                            best = (likeness.score, track);
+                            clear = likeness.clear;
+                        }
+                    } else {
+                        claimed.push(track.frames);
+                    }
+                }
+                if clear {
+                    break;
+                }
+            }
         }
-        self.remeasure_ball(scene, best.1, still)
+        let mut flight = best.1;
+        if !clear {
+            self.keep_free_flight(&scene, &mut flight, &claimed, racket)?;
+        }
+        self.remeasure_ball(scene, flight, racket, still)
+    }
+
+    /// Where both cameras saw a thing that was followed.
+    pub(super) fn sightings(&self, frames: &[Option<BallFrame>], racket: &[Option<RacketFrame>]) -> Vec<Sighting> {
+        let of = |(index, (ball, racket)): (usize, (&Option<BallFrame>, &Option<RacketFrame>))| {
+            let place = ball.as_ref().filter(|b| b.stereo)?.position;
+            let in_racket = racket.as_ref().map(|r| r.pose.global_from_racket.inverse() * place);
+            Some(Sighting { index, number: self.source.number(index) as f64, place, in_racket })
+        };
+        frames.iter().zip(racket).enumerate().filter_map(of).collect()
     }
 
     /// Learns the light from the ball as first measured, then measures every frame again with it. Where the picture is as it is without
     /// a ball, there is none.
-    fn remeasure_ball(&self, mut scene: BallScene, rough: Flight, still: &[Option<GreyImage>; 2]) -> Result<Vec<Option<BallFrame>>, TrackingError> {
-        let Flight { frames: rough, means, kept } = rough;
-        let Some(near) = rough.iter().flatten().find(|b| b.stereo).map(|b| b.position) else { return Ok(rough) };
-        scene.set_light(&means, &near, BALL_BLUR_PX);
+    fn remeasure_ball(
+        &self,
+        mut scene: BallScene,
+        mut rough: Flight,
+        racket: &[Option<RacketFrame>],
+        still: &[Option<GreyImage>; 2],
+    ) -> Result<Vec<Option<BallFrame>>, TrackingError> {
+        let Some(near) = rough.frames.iter().flatten().find(|b| b.stereo).map(|b| b.position) else { return Ok(rough.frames) };
+        scene.set_light(&rough.means, &near, BALL_BLUR_PX);
+        self.fill_gaps(&scene, &mut rough, racket, still)?;
+        let Flight { frames: rough, kept, .. } = rough;
         scene.faint = true;
         let numbers: Vec<f64> = (0..rough.len()).map(|i| self.source.number(i) as f64).collect();
         let scene = &scene;
@@ -170,27 +201,51 @@ impl<S: FrameSource> Shot<'_, S> {
             let Some((p, within)) = expected else { return Ok((None, [None; 2])) };
             let close = kept[index].as_ref().and_then(|kept| {
                 let images = kept.patches.each_ref().map(|p| Some(p.view()));
-                Some((scene.measure_close(&images, &p, kept.levels.as_ref())?.0, images))
+                Some((scene.measure_close(&images, &p, kept.levels.as_ref(), 1.0)?.0, images))
             });
             let (found, images) = match close {
                 Some((found, images)) => (Some(found), images),
                 None => {
                     let images = self.read_rows(index, self.ball_rows(scene, &p, 1), buffers)?;
-                    (scene.measure(&images, &p, 1), images)
+                    (scene.measure(&images, &p, 1, 1.0), images)
                 }
             };
             // Beyond the flight's ends nobody has seen a ball: there both cameras must agree.
             let found = found.filter(|b| within || b.stereo);
             let changes = CameraId::BOTH.map(|c| {
                 let (image, still, radius) = (images[c.index()].as_ref()?, still[c.index()].as_ref()?, scene.radius_px(c, &p)?);
-                ball_presence::change(image, still, &found?.points[c.index()]?.uv, radius)
+                ball_presence::change(image, &GreyView::of(still), &found?.points[c.index()]?.uv, radius)
             });
             Ok((found, changes))
         };
         let all: Result<Vec<_>, TrackingError> = (0..rough.len()).into_par_iter().map_init(Default::default, again).collect();
         let (mut ball, changes): (Vec<_>, Vec<_>) = all?.into_iter().unzip();
-        ball_presence::drop_absent(&mut ball, &changes);
+        for (index, camera, least) in ball_presence::absent(&changes) {
+            let still_there = self.change_from_elsewhere(scene, &ball, index, camera)?.is_some_and(|c| c >= least);
+            if !still_there {
+                BallFrame::forget(&mut ball[index], camera);
+            }
+        }
         Ok(ball)
+    }
+
+    /// How much the ball changes a picture from what other frames show there while the ball is seen elsewhere: a ball that hardly moves in a
+    /// picture for half of the clip is in the median picture itself.
+    fn change_from_elsewhere(&self, scene: &BallScene, ball: &[Option<BallFrame>], index: usize, camera: usize) -> Result<Option<f64>, TrackingError> {
+        let places: Vec<Option<Vector2<f64>>> = ball.iter().map(|b| b.as_ref()?.points[camera].map(|p| p.uv)).collect();
+        let Some(centre) = places[index] else { return Ok(None) };
+        let Some(radius) = ball[index].as_ref().and_then(|b| scene.radius_px(CameraId::BOTH[camera], &b.position)) else { return Ok(None) };
+        let Some(elsewhere) = ball_presence::elsewhere(&places, index, ELSEWHERE_RADII * radius) else { return Ok(None) };
+        let rows = Rows::span((centre.y - radius).max(0.0) as usize, (2.0 * radius) as usize + 2);
+        let (mut buffer, mut other) = (FrameBuffer::default(), FrameBuffer::default());
+        let Some(image) = self.read_one(index, camera, rows, &mut buffer)? else { return Ok(None) };
+        let mut changes = Vec::new();
+        for at in elsewhere {
+            let behind = self.read_one(at, camera, rows, &mut other)?;
+            changes.extend(behind.and_then(|behind| ball_presence::change(&image, &behind, &centre, radius)));
+        }
+        changes.sort_by(f64::total_cmp);
+        Ok(changes.get(changes.len().saturating_sub(1) / 2).copied())
     }
 
     /// Follows a flight found in three frames to the clip's end or to its beginning.
@@ -221,7 +276,17 @@ impl<S: FrameSource> Shot<'_, S> {
         Flight { frames, means, kept }
     }
 
-    fn follow_ball_one_way(
+    /// A flight of which one way alone was followed.
+    pub(super) fn half_flight(&self, half: HalfFlight) -> Flight {
+        let n = self.source.len();
+        let mut flight = Flight { frames: vec![None; n], means: Default::default(), kept: vec![None; n] };
+        for (index, ball, kept) in half.frames {
+            (flight.frames[index], flight.kept[index]) = (Some(ball), kept);
+        }
+        flight
+    }
+
+    pub(super) fn follow_ball_one_way(
         &self,
         scene: &BallScene,
         before: (usize, BallFrame),
@@ -232,16 +297,17 @@ impl<S: FrameSource> Shot<'_, S> {
         let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
         let at = |i: usize| self.source.number(i) as f64;
         let (mut previous, mut last) = ((at(before.0), before.1.position), (at(last.0), last.1.position));
-        let mut lost = 0;
+        let (mut lost, mut seen_by_both) = (0, last.0);
         for index in indices {
             let now = at(index);
+            let unseen = (now - seen_by_both).abs();
             let predicted = last.1 + (last.1 - previous.1) * ((now - last.0) / (last.0 - previous.0));
-            let reach_px = (4 + 2 * lost as i32).min(12);
+            let reach_px = (2 + 2 * unseen as i32).min(12);
             let close = self.read_rows(index, scene.close_rows(&predicted), &mut buffers)?;
-            let (found, levels, images) = match scene.measure_close(&close, &predicted, None) {
+            let (found, levels, images) = match scene.measure_close(&close, &predicted, None, unseen) {
                 None => {
                     let images = self.read_rows(index, self.ball_rows(scene, &predicted, reach_px), &mut buffers)?;
-                    (scene.measure(&images, &predicted, reach_px), None, images)
+                    (scene.measure(&images, &predicted, reach_px, unseen), None, images)
                 }
                 Some((found, levels)) => (Some(found), Some(levels), close),
             };
@@ -253,6 +319,9 @@ impl<S: FrameSource> Shot<'_, S> {
                     previous = last;
                     last = (now, b.position);
                     lost = 0;
+                    if b.stereo {
+                        seen_by_both = now;
+                    }
                     for camera in CameraId::BOTH {
                         if let Some(image) = &images[camera.index()] {
                             scene.add_to_mean(&mut half.means[camera.index()], image, camera, &b);
@@ -274,7 +343,7 @@ impl<S: FrameSource> Shot<'_, S> {
 
     /// The rows of each picture that measuring the ball near a place looks at: its outline may be found `reach_px` away, and
     /// the fit may move by most of a radius from there.
-    fn ball_rows(&self, scene: &BallScene, at: &Point3<f64>, reach_px: i32) -> [Rows; 2] {
+    pub(super) fn ball_rows(&self, scene: &BallScene, at: &Point3<f64>, reach_px: i32) -> [Rows; 2] {
         CameraId::BOTH.map(|camera| {
             let (Some(uv), Some(radius)) = (self.view.project(camera, at), scene.radius_px(camera, at)) else { return Rows::ALL };
             let half = 2.0 * radius + f64::from(reach_px) + 8.0;

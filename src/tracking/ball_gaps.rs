@@ -1,0 +1,305 @@
+//! Stretches over which the ball was lost, looked into again.
+//!
+//! The strings turn a ball round within a few frames, before frame, lettering and strings: who follows it through the contact may lose it
+//! there, or keep it in one camera only. Beyond, it flies freely and can be found for itself, three frames at a time. It is the same
+//! ball when, followed toward the known one, it comes to where that was seen.
+
+use super::ball_choice::{Sighting, moves_in_racket};
+use super::ball_pieces::{Piece, goes_on, meet, met_at_strings, straight_pieces};
+use super::ball_track::{BallFrame, BallScene};
+use super::racket_track::RacketFrame;
+use super::shot_ball::Flight;
+use super::shot_frames::{PATIENCE, Shot};
+use super::shot_tracker::TrackingError;
+use crate::calibration::CameraId;
+use crate::footage::{FrameSource, GreyImage};
+use nalgebra::Vector2;
+use std::ops::Range;
+
+/// Shortest stretch that is looked into, frames.
+const SHORTEST: usize = 4;
+/// Frames from the known ball at which a free flight is looked for, in order: contact lasts six frames, and soon after the ball is clear of
+/// the racket's frame in both pictures.
+const STARTS: [usize; 7] = [2, 6, 10, 14, 18, 23, 28];
+/// Two measurements of one ball differ by less, m: three deviations of depth by rays good to 1 px.
+const SAME_BALL_M: f64 = 0.03;
+/// A ball on the strings changes its velocity by this per frame at 1000 frames a second, m: 50 m/s over 4 ms.
+const TURN_M: f64 = 0.0125;
+/// A ball this near to the stringbed's centre may be turned round at any moment, m.
+const AT_THE_RACKET_M: f64 = 0.4;
+
+impl<S: FrameSource> Shot<'_, S> {
+    /// Looks for the ball where no frame of a stretch has it in both cameras.
+    pub(super) fn fill_gaps(
+        &self,
+        scene: &BallScene,
+        flight: &mut Flight,
+        racket: &[Option<RacketFrame>],
+        still: &[Option<GreyImage>; 2],
+    ) -> Result<(), TrackingError> {
+        for gap in gaps(&flight.frames) {
+            for forth in [false, true] {
+                if let Some(found) = self.continued(scene, &gap, flight, racket, forth)? {
+                    flight.take_in(&gap, found);
+                }
+            }
+        }
+        for gap in gaps(&flight.frames) {
+            if let Some(found) = self.flight_in(scene, &gap, flight, racket, still)? {
+                flight.take_in(&gap, found);
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether the ball before and after the strings stands in what was followed.
+    pub(super) fn stands_in(&self, ways: &[Vec<Option<BallFrame>>], racket: &[Option<RacketFrame>]) -> bool {
+        let pieces: Vec<Piece> = ways.iter().flat_map(|frames| straight_pieces(&self.sightings(frames, racket), self.setup.frame_rate_hz)).collect();
+        met_at_strings(&pieces, self.setup.frame_rate_hz).is_some()
+    }
+
+    /// Leaves of a flight what flies straight: the ball before and after the strings, wherever in the ways followed (`ways`) it stands, or the
+    /// straight pieces of this one. What lies between two pieces close to each other stays as well.
+    pub(super) fn keep_free_flight(
+        &self,
+        scene: &BallScene,
+        flight: &mut Flight,
+        ways: &[Vec<Option<BallFrame>>],
+        racket: &[Option<RacketFrame>],
+    ) -> Result<(), TrackingError> {
+        let rate = self.setup.frame_rate_hz;
+        let pieces_of = |frames: &[Option<BallFrame>]| straight_pieces(&self.sightings(frames, racket), rate);
+        let own: Vec<Piece> = pieces_of(&flight.frames).into_iter().filter(|p| moves_in_racket(p, rate)).collect();
+        let (way_of, pieces): (Vec<usize>, Vec<Piece>) =
+            ways.iter().enumerate().flat_map(|(way, frames)| pieces_of(frames).into_iter().map(move |p| (way, p))).unzip();
+        // Two short pieces may meet by chance: a longer one speaks against them.
+        let longest = own.iter().map(Vec::len).max().unwrap_or(0);
+        let pair = met_at_strings(&pieces, rate).filter(|pair| pair.iter().map(|k| pieces[*k].len()).sum::<usize>() > longest);
+        let mut kept = vec![false; flight.frames.len()];
+        match pair {
+            Some(pair) => {
+                for (piece, way) in pair.map(|k| (&pieces[k], &ways[way_of[k]])) {
+                    for s in piece {
+                        kept[s.index] = true;
+                        if way[s.index].map(|f| f.position) != flight.frames[s.index].map(|f| f.position) {
+                            (flight.frames[s.index], flight.kept[s.index]) = (way[s.index], None);
+                        }
+                    }
+                }
+            }
+            // Seen too briefly to tell.
+            None if own.is_empty() => return Ok(()),
+            None => own.iter().flatten().for_each(|s| kept[s.index] = true),
+        }
+        let known: Vec<usize> = (0..kept.len()).filter(|i| kept[*i]).collect();
+        for pair in known.windows(2) {
+            if self.source.number(pair[1]) - self.source.number(pair[0]) <= PATIENCE as u64 + 1 {
+                kept[pair[0]..pair[1]].fill(true);
+            }
+        }
+        for (index, kept) in kept.iter().enumerate() {
+            if !kept {
+                (flight.frames[index], flight.kept[index]) = (None, None);
+            }
+        }
+        self.mean_discs_again(scene, flight)
+    }
+
+    /// The mean pictures of the disc, from the frames that stayed.
+    fn mean_discs_again(&self, scene: &BallScene, flight: &mut Flight) -> Result<(), TrackingError> {
+        flight.means = Default::default();
+        self.with_buffers(|buffers| {
+            for (index, ball) in flight.frames.iter().enumerate() {
+                let Some(ball) = ball else { continue };
+                let images = self.read_rows(index, self.ball_rows(scene, &ball.position, 1), buffers)?;
+                for camera in CameraId::BOTH {
+                    if let Some(image) = &images[camera.index()] {
+                        scene.add_to_mean(&mut flight.means[camera.index()], image, camera, ball);
+                    }
+                }
+            }
+            Ok(())
+        })
+    }
+
+    /// Follows the ball from its known end into a gap, as far as it goes straight on.
+    fn continued(
+        &self,
+        scene: &BallScene,
+        gap: &Range<usize>,
+        flight: &Flight,
+        racket: &[Option<RacketFrame>],
+        forth: bool,
+    ) -> Result<Option<Flight>, TrackingError> {
+        let known = self.sightings(&flight.frames, racket);
+        let beside = |s: &&Sighting| if forth { s.index < gap.start } else { s.index >= gap.end };
+        let mut piece: Vec<Sighting> =
+            if forth { known.iter().filter(beside).copied().collect() } else { known.iter().rev().filter(beside).copied().collect() };
+        let [.., b, a] = piece.as_slice() else { return Ok(None) };
+        let (Some(last), Some(before)) = (flight.frames[a.index], flight.frames[b.index]) else { return Ok(None) };
+        let (last, before) = ((a.index, last), (b.index, before));
+        let half =
+            if forth { self.follow_ball_one_way(scene, before, last, gap.clone())? } else { self.follow_ball_one_way(scene, before, last, gap.clone().rev())? };
+        let mut found = self.half_flight(half);
+        let seen = self.sightings(&found.frames, racket);
+        // From the other end: turned round by the strings, it comes to where it is known beyond the gap.
+        let (toward, beyond): (Vec<&Sighting>, _) = if forth {
+            (seen.iter().rev().collect(), known.iter().find(|s| s.index >= gap.end))
+        } else {
+            (seen.iter().collect(), known.iter().rev().find(|s| s.index < gap.start))
+        };
+        if beyond.is_some_and(|beyond| meets(&toward, beyond, self.setup.frame_rate_hz) == Some(true)) {
+            return Ok(Some(found));
+        }
+        let in_order: Vec<&Sighting> = toward.into_iter().rev().collect();
+        let known = piece.len();
+        for s in in_order {
+            if !goes_on(&piece, s) {
+                break;
+            }
+            piece.push(*s);
+        }
+        found.keep_only(&piece);
+        Ok((piece.len() > known).then_some(found))
+    }
+
+    /// Looks for a free flight in a gap that is the ball's: followed to the gap's end it comes to where the ball is known, or both meet at the
+    /// strings.
+    fn flight_in(
+        &self,
+        scene: &BallScene,
+        gap: &Range<usize>,
+        flight: &Flight,
+        racket: &[Option<RacketFrame>],
+        still: &[Option<GreyImage>; 2],
+    ) -> Result<Option<Flight>, TrackingError> {
+        let known = self.sightings(&flight.frames, racket);
+        let first_lost = self.source.number(gap.start) as f64;
+        let before: Vec<&Sighting> = known.iter().rev().filter(|k| k.number < first_lost).collect();
+        let after: Vec<&Sighting> = known.iter().filter(|k| k.number > first_lost).collect();
+        let rate = self.setup.frame_rate_hz;
+        let (earlier, later): (Vec<Sighting>, Vec<Sighting>) = known.iter().copied().partition(|k| k.number < first_lost);
+        let (last_piece, next_piece) = (straight_pieces(&earlier, rate).pop(), straight_pieces(&later, rate).into_iter().next());
+        let met = |piece: &Piece| {
+            last_piece.as_ref().is_some_and(|known| meet(known, piece, rate)) || next_piece.as_ref().is_some_and(|known| meet(piece, known, rate))
+        };
+        for start in STARTS {
+            let from_before = gap.start.checked_add(start).filter(|first| first + 2 < gap.end && self.may_be_seen(scene, &before, *first));
+            let from_after = gap.end.checked_sub(start + 3).filter(|first| *first >= gap.start && self.may_be_seen(scene, &after, *first));
+            for first in [from_before, from_after].into_iter().flatten() {
+                let flights = [self.flights_from(first, scene, still)?, self.flights_against_another(first, scene)?];
+                for three in flights.into_iter().flatten() {
+                    let forth = || self.follow_ball_one_way(scene, (first + 1, three[1]), (first + 2, three[2]), first + 3..gap.end);
+                    let back = || self.follow_ball_one_way(scene, (first + 1, three[1]), (first, three[0]), (gap.start..first).rev());
+                    let (back, forth) = rayon::join(back, forth);
+                    let mut found = self.whole_flight(first, &three, [back?, forth?]);
+                    let seen = self.sightings(&found.frames, racket);
+                    let pieces: Vec<Piece> = straight_pieces(&seen, rate).into_iter().filter(|p| moves_in_racket(p, rate)).collect();
+                    let ends = [(before.first(), seen.iter().collect::<Vec<_>>()), (after.first(), seen.iter().rev().collect())];
+                    let meets: Vec<bool> = ends.iter().filter_map(|(known, found)| meets(found, known.as_ref()?, rate)).collect();
+                    if let Some(piece) = pieces.iter().find(|p| met(p)) {
+                        found.keep_only(piece);
+                        return Ok(Some(found));
+                    }
+                    let straight: usize = pieces.iter().map(Vec::len).sum();
+                    if seen.len() >= SHORTEST && 2 * straight >= seen.len() && meets.contains(&true) && !meets.contains(&false) {
+                        return Ok(Some(found));
+                    }
+                }
+            }
+        }
+        Ok(None)
+    }
+
+    /// Whether a ball known in these frames, nearest first, may show in both pictures of another one: at the racket it may be turned round
+    /// and go anywhere, elsewhere it goes on as it went.
+    fn may_be_seen(&self, scene: &BallScene, known: &[&Sighting], index: usize) -> bool {
+        let [a, b, ..] = known else { return false };
+        if a.in_racket.is_some_and(|p| p.coords.norm() < AT_THE_RACKET_M) {
+            return true;
+        }
+        let there = a.place + (a.place - b.place) * ((self.source.number(index) as f64 - a.number) / (a.number - b.number));
+        let [width, height] = self.setup.rig.image_size.map(|n| n as f64);
+        let inside = |uv: Vector2<f64>| uv.x > 0.0 && uv.y > 0.0 && uv.x < width && uv.y < height;
+        CameraId::BOTH.into_iter().all(|c| scene.view.project(c, &there).is_some_and(inside))
+    }
+}
+
+/// Whether a flight, its nearest frames first, comes to where the ball is known; `None` where its end is too far away to tell.
+fn meets(found: &[&Sighting], known: &Sighting, frame_rate_hz: f64) -> Option<bool> {
+    let [a, b, ..] = found else { return None };
+    let away = (known.number - a.number).abs();
+    if away > PATIENCE as f64 {
+        return None;
+    }
+    let there = a.place + (a.place - b.place) * ((known.number - a.number) / (a.number - b.number));
+    let frames = away * 1000.0 / frame_rate_hz;
+    Some((there - known.place).norm() < SAME_BALL_M + 0.5 * TURN_M * frames * frames)
+}
+
+/// Stretches in which no frame has the ball in both cameras.
+fn gaps(frames: &[Option<BallFrame>]) -> Vec<Range<usize>> {
+    let mut out = Vec::new();
+    let mut start = 0;
+    for end in 0..=frames.len() {
+        if end == frames.len() || frames[end].is_some_and(|b| b.stereo) {
+            if end >= start + SHORTEST && end - start < frames.len() {
+                out.push(start..end);
+            }
+            start = end + 1;
+        }
+    }
+    out
+}
+
+impl Flight {
+    /// Leaves the frames of these sightings.
+    fn keep_only(&mut self, piece: &[Sighting]) {
+        for index in 0..self.frames.len() {
+            if piece.iter().all(|s| s.index != index) {
+                (self.frames[index], self.kept[index]) = (None, None);
+            }
+        }
+    }
+
+    /// Takes in what was found in a gap.
+    fn take_in(&mut self, gap: &Range<usize>, found: Flight) {
+        for (index, (frame, kept)) in found.frames.into_iter().zip(found.kept).enumerate() {
+            if gap.contains(&index) && frame.is_some() {
+                (self.frames[index], self.kept[index]) = (frame, kept);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Point3;
+
+    fn ball(stereo: bool) -> Option<BallFrame> {
+        Some(BallFrame { points: [None, None], position: Point3::origin(), stereo })
+    }
+
+    #[test]
+    fn truth_a_gap_has_no_frame_in_which_both_cameras_see_the_ball() {
+        let mut frames = vec![ball(true); 20];
+        frames[5..9].fill(ball(false));
+        frames[12..14].fill(None);
+        frames[16..].fill(None);
+        assert_eq!(gaps(&frames), [5..9, 16..20]);
+        assert!(gaps(&vec![None; 20]).is_empty());
+    }
+
+    #[test]
+    fn truth_a_flight_meets_the_ball_it_comes_to_and_no_other() {
+        let at = |number: f64, x: f64| Sighting { index: 0, number, place: Point3::new(x, 0.0, 0.0), in_racket: None };
+        // Comes back along x at 30 mm a frame.
+        let found = [at(10.0, 0.30), at(11.0, 0.33)];
+        let toward: Vec<&Sighting> = found.iter().collect();
+        assert_eq!(meets(&toward, &at(8.0, 0.25), 1000.0), Some(true));
+        assert_eq!(meets(&toward, &at(8.0, 0.45), 1000.0), Some(false));
+        // Seven frames away the strings may have turned it anywhere.
+        assert_eq!(meets(&toward, &at(3.0, 0.45), 1000.0), None);
+    }
+}

@@ -1,0 +1,129 @@
+//! The straight pieces of what was followed, and which two of them are the ball before and after it met the strings.
+//!
+//! Who follows the ball past strings and frame may go over to another thing, and the ball's other half may stand in what was followed from
+//! another frame. But off the strings the ball flies straight on, and where it meets them both its flights come together.
+
+use super::ball_choice::{ON_LINE_M, Sighting, moves_in_racket, on_line};
+use nalgebra::{Point3, Vector3};
+
+/// Fewest sightings of a piece at 1000 frames a second, and of any.
+const FEWEST: (f64, usize) = (5.0, 3);
+/// Most frames between neighbours in a piece.
+const LONGEST_STEP: f64 = 4.0;
+/// A line goes through so many sightings: over more of them gravity and drag bend it.
+const OF_LINE: usize = 12;
+/// The next sighting lies this near to the line through those before, m: foretold from a dozen, twice the error of each.
+const NEXT_M: f64 = 2.0 * ON_LINE_M;
+/// Two flights of one ball come this near to each other while it is on the strings, m, and as near to the stringbed's centre: half the head and
+/// what the racket moves meanwhile.
+const MEET_M: f64 = 0.06;
+const AT_THE_BED_M: f64 = 0.25;
+/// Longest time between the two flights, s, contact included.
+const LONGEST_BETWEEN_S: f64 = 0.025;
+
+/// A straight piece of a flight, sightings in time.
+pub type Piece = Vec<Sighting>;
+
+/// The straight pieces of one thing's way.
+pub fn straight_pieces(seen: &[Sighting], frame_rate_hz: f64) -> Vec<Piece> {
+    let fewest = ((FEWEST.0 * frame_rate_hz / 1000.0) as usize).clamp(FEWEST.1, FEWEST.0 as usize);
+    let mut out = Vec::new();
+    let mut start = 0;
+    while start + fewest <= seen.len() {
+        let mut end = start;
+        if on_line(&seen[start..start + 3]) {
+            end = start + 3;
+            while end < seen.len() && goes_on(&seen[start..end], &seen[end]) {
+                end += 1;
+            }
+        }
+        if end >= start + fewest {
+            out.push(seen[start..end].to_vec());
+            start = end;
+        } else {
+            start += 1;
+        }
+    }
+    out
+}
+
+/// Whether a sighting continues a piece, whose sightings come in order toward it.
+pub fn goes_on(piece: &[Sighting], next: &Sighting) -> bool {
+    let near = &piece[piece.len().saturating_sub(OF_LINE)..];
+    let Some(last) = near.last() else { return false };
+    (next.number - last.number).abs() <= LONGEST_STEP && (next.place - at(near, next.number)).norm() < NEXT_M
+}
+
+/// Where the straight line through sightings puts the ball in a frame.
+fn at(seen: &[Sighting], number: f64) -> Point3<f64> {
+    let n = seen.len() as f64;
+    let mean_number = seen.iter().map(|s| s.number).sum::<f64>() / n;
+    let mean = seen.iter().map(|s| s.place.coords).sum::<Vector3<f64>>() / n;
+    let square: f64 = seen.iter().map(|s| (s.number - mean_number).powi(2)).sum();
+    let step = seen.iter().map(|s| s.place.coords * (s.number - mean_number)).sum::<Vector3<f64>>() / square.max(1e-9);
+    Point3::from(mean + step * (number - mean_number))
+}
+
+/// Which two pieces most likely are the ball before and after the strings: they meet there, and together they are the longest.
+pub fn met_at_strings(pieces: &[Piece], frame_rate_hz: f64) -> Option<[usize; 2]> {
+    let moving: Vec<usize> = (0..pieces.len()).filter(|k| moves_in_racket(&pieces[*k], frame_rate_hz)).collect();
+    let mut best: Option<(usize, [usize; 2])> = None;
+    for a in &moving {
+        for b in &moving {
+            let length = pieces[*a].len() + pieces[*b].len();
+            if best.is_none_or(|best| length > best.0) && meet(&pieces[*a], &pieces[*b], frame_rate_hz) {
+                best = Some((length, [*a, *b]));
+            }
+        }
+    }
+    best.map(|b| b.1)
+}
+
+/// Whether two flights come together at the stringbed in between.
+pub fn meet(before: &[Sighting], after: &[Sighting], frame_rate_hz: f64) -> bool {
+    let (Some(last), Some(first)) = (before.last(), after.first()) else { return false };
+    let between = first.number - last.number;
+    if between <= 0.0 || between > LONGEST_BETWEEN_S * frame_rate_hz {
+        return false;
+    }
+    let (a, b) = (&before[before.len().saturating_sub(OF_LINE)..], &after[..after.len().min(OF_LINE)]);
+    let together = (0..=20).map(|k| last.number + between * f64::from(k) / 20.0).map(|t| (at(a, t), at(b, t)));
+    let Some((p, q)) = together.min_by(|x, y| (x.0 - x.1).norm().total_cmp(&(y.0 - y.1).norm())) else { return false };
+    // The racket stands where the sightings nearest to the meeting have it.
+    let from_bed = |s: &Sighting, there: &Point3<f64>| s.in_racket.map(|local| local.coords.norm() - (there - s.place).norm());
+    let at_bed = |s: &Sighting, there: &Point3<f64>| from_bed(s, there).is_some_and(|d| d < AT_THE_BED_M);
+    (p - q).norm() < MEET_M && at_bed(last, &p) && at_bed(first, &q)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn seen(numbers: std::ops::Range<i32>, of: impl Fn(f64) -> Point3<f64>) -> Vec<Sighting> {
+        let sighting = |k: i32| {
+            let place = of(f64::from(k));
+            Sighting { index: k as usize, number: f64::from(k), place, in_racket: Some(place) }
+        };
+        numbers.map(sighting).collect()
+    }
+
+    #[test]
+    fn truth_the_two_halves_of_a_flight_are_found_in_two_ways_followed() {
+        let before = |t: f64| Point3::new(0.05, 0.02, 0.03 * (20.0 - t));
+        let after = |t: f64| Point3::new(0.05 + 0.01 * (t - 20.0), 0.02, 0.04 * (t - 20.0));
+        let leap = |t: f64| 0.04 * f64::from((3 * t as i32 * t as i32) % 7);
+        // One way lost the ball after it met the strings, the other begins there.
+        let lost = seen(0..40, |t| if t < 19.0 { before(t) } else { Point3::new(0.05, leap(t), 0.1 + leap(t + 3.0)) });
+        let late = seen(10..40, |t| if t > 23.0 { after(t) } else { Point3::new(leap(t), 0.3, leap(t + 1.0)) });
+        // Fastened to the racket, and longer than any.
+        let throat = seen(0..40, |_| Point3::new(-0.25, 0.0, 0.0));
+        let pieces: Vec<Piece> = [&lost, &late, &throat].into_iter().flat_map(|w| straight_pieces(w, 1000.0)).collect();
+        let [a, b] = met_at_strings(&pieces, 1000.0).expect("a pair").map(|k| &pieces[k]);
+        assert!(a.len() >= 18 && b.len() >= 15, "{} {}", a.len(), b.len());
+        assert!(a.iter().all(|s| s.number < 20.5) && b.iter().all(|s| s.number > 22.5));
+        // A flight that passes somewhere else is another ball's.
+        let elsewhere = seen(24..40, |t| after(t) + Vector3::new(0.0, 0.3, 0.0));
+        let pieces: Vec<Piece> = [&lost, &elsewhere].into_iter().flat_map(|w| straight_pieces(w, 1000.0)).collect();
+        assert!(met_at_strings(&pieces, 1000.0).is_none());
+    }
+}

@@ -5,14 +5,14 @@
 //! ball when, followed toward the known one, it comes to where that was seen.
 
 use super::ball_choice::{Sighting, moves_in_racket};
-use super::ball_pieces::{Piece, goes_on, meet, met_at_strings, straight_pieces};
+use super::ball_pieces::{LONGEST_STEP, Piece, foretold, goes_on, meet, met_at_strings, straight_pieces};
 use super::ball_track::{BallFrame, BallScene};
 use super::racket_track::RacketFrame;
 use super::shot_ball::Flight;
 use super::shot_frames::{PATIENCE, Shot};
 use super::shot_tracker::TrackingError;
 use crate::calibration::CameraId;
-use crate::footage::{FrameSource, GreyImage};
+use crate::footage::{FrameBuffer, FrameSource, GreyImage};
 use nalgebra::Vector2;
 use std::ops::Range;
 
@@ -47,6 +47,45 @@ impl<S: FrameSource> Shot<'_, S> {
         for gap in gaps(&flight.frames) {
             if let Some(found) = self.flight_in(scene, &gap, flight, racket, still)? {
                 flight.take_in(&gap, found);
+            }
+        }
+        let faint = BallScene { faint: true, ..scene.clone() };
+        for gap in gaps(&flight.frames) {
+            for forth in [false, true] {
+                self.extend(&faint, &gap, flight, racket, forth)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Goes on from the ball's known end along its straight way: where the line through a dozen frames foretells it in both pictures, a faint
+    /// outline is enough.
+    fn extend(&self, faint: &BallScene, gap: &Range<usize>, flight: &mut Flight, racket: &[Option<RacketFrame>], forth: bool) -> Result<(), TrackingError> {
+        let mut known = self.sightings(&flight.frames, racket);
+        known.retain(|s| if forth { s.index < gap.start } else { s.index >= gap.end });
+        let mut pieces = straight_pieces(&known, self.setup.frame_rate_hz);
+        let mut piece = if forth { pieces.pop().unwrap_or_default() } else { pieces.into_iter().next().unwrap_or_default() };
+        if !forth {
+            piece.reverse();
+        }
+        let mut indices: Vec<usize> = gap.clone().collect();
+        if !forth {
+            indices.reverse();
+        }
+        let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
+        for index in indices {
+            let number = self.source.number(index) as f64;
+            if piece.last().is_none_or(|last| (number - last.number).abs() > LONGEST_STEP) {
+                break;
+            }
+            let there = foretold(&piece, number);
+            let images = self.read_rows(index, self.ball_rows(faint, &there, 1), &mut buffers)?;
+            let Some(ball) = faint.measure(&images, &there, 1, 1.0).filter(|b| b.stereo) else { continue };
+            let in_racket = racket[index].as_ref().map(|r| r.pose.global_from_racket.inverse() * ball.position);
+            let next = Sighting { index, number, place: ball.position, in_racket };
+            if goes_on(&piece, &next) {
+                (flight.frames[index], flight.kept[index]) = (Some(ball), None);
+                piece.push(next);
             }
         }
         Ok(())

@@ -9,7 +9,7 @@ use nalgebra::{Point3, Vector3};
 /// Fewest sightings of a piece at 1000 frames a second, and of any.
 const FEWEST: (f64, usize) = (5.0, 3);
 /// Most frames between neighbours in a piece.
-const LONGEST_STEP: f64 = 4.0;
+pub const LONGEST_STEP: f64 = 4.0;
 /// A line goes through so many sightings: over more of them gravity and drag bend it.
 const OF_LINE: usize = 12;
 /// The next sighting lies this near to the line through those before, m: foretold from a dozen, twice the error of each.
@@ -49,9 +49,13 @@ pub fn straight_pieces(seen: &[Sighting], frame_rate_hz: f64) -> Vec<Piece> {
 
 /// Whether a sighting continues a piece, whose sightings come in order toward it.
 pub fn goes_on(piece: &[Sighting], next: &Sighting) -> bool {
-    let near = &piece[piece.len().saturating_sub(OF_LINE)..];
-    let Some(last) = near.last() else { return false };
-    (next.number - last.number).abs() <= LONGEST_STEP && (next.place - at(near, next.number)).norm() < NEXT_M
+    let Some(last) = piece.last() else { return false };
+    (next.number - last.number).abs() <= LONGEST_STEP && (next.place - foretold(piece, next.number)).norm() < NEXT_M
+}
+
+/// Where a piece, whose sightings come in order toward it, puts the ball in a frame.
+pub fn foretold(piece: &[Sighting], number: f64) -> Point3<f64> {
+    at(&piece[piece.len().saturating_sub(OF_LINE)..], number)
 }
 
 /// Where the straight line through sightings puts the ball in a frame.
@@ -125,5 +129,16 @@ mod tests {
         let elsewhere = seen(24..40, |t| after(t) + Vector3::new(0.0, 0.3, 0.0));
         let pieces: Vec<Piece> = [&lost, &elsewhere].into_iter().flat_map(|w| straight_pieces(w, 1000.0)).collect();
         assert!(met_at_strings(&pieces, 1000.0).is_none());
+    }
+    #[test]
+    fn truth_a_piece_foretells_where_the_ball_goes_on_and_nothing_else_does() {
+        let flight = |t: f64| Point3::new(0.03 * t, 0.02, -5e-6 * t * t);
+        let piece = seen(0..20, flight);
+        let [next, aside, late] = [(22.0, 0.0), (22.0, 0.02), (25.0, 0.0)].map(|(number, off)| {
+            let place = flight(number) + Vector3::new(0.0, off, 0.0);
+            Sighting { index: 0, number, place, in_racket: None }
+        });
+        assert!((foretold(&piece, 22.0) - next.place).norm() < 1e-3);
+        assert!(goes_on(&piece, &next) && !goes_on(&piece, &aside) && !goes_on(&piece, &late));
     }
 }

@@ -92,7 +92,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     make_room(&session, shell)?;
     let setting = if chosen.is_some_and(|e| e.seen == Seen::Court) { Setting::Court } else { Setting::Lab };
     let hidden = chosen.map(|e| vec![Hidden::new(e.name, arguments.strength)]).unwrap_or_default();
-    let spec = FootageSpec { hidden, frames_before: 12, frames_after: 20, ..FootageSpec::new(setting, arguments.shots, seed) };
+    let spec = FootageSpec { hidden, frames_before: 12, frames_after: 12, ..FootageSpec::new(setting, arguments.shots, seed) };
     shell.say(format_args!("A world with seed {seed}: what is hidden in it is told at the end ({} knows it)", session.join("truth.json").display()));
     film(&spec, &session, shell)?;
     let mut outcome = chain(&folder, shell)?;

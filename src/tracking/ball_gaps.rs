@@ -259,8 +259,9 @@ impl<S: FrameSource> Shot<'_, S> {
         }
         let there = a.place + (a.place - b.place) * ((self.source.number(index) as f64 - a.number) / (a.number - b.number));
         let [width, height] = self.setup.rig.image_size.map(|n| n as f64);
-        let inside = |uv: Vector2<f64>| uv.x > 0.0 && uv.y > 0.0 && uv.x < width && uv.y < height;
-        CameraId::BOTH.into_iter().all(|c| scene.view.project(c, &there).is_some_and(inside))
+        // Cut by the border it is not looked for.
+        let inside = |uv: Vector2<f64>, radius: f64| uv.x > radius && uv.y > radius && uv.x < width - radius && uv.y < height - radius;
+        CameraId::BOTH.into_iter().all(|c| scene.view.project(c, &there).zip(scene.radius_px(c, &there)).is_some_and(|(uv, radius)| inside(uv, radius)))
     }
 }
 

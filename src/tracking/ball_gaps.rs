@@ -81,8 +81,7 @@ impl<S: FrameSource> Shot<'_, S> {
             let there = foretold(&piece, number);
             let images = self.read_rows(index, self.ball_rows(faint, &there, 1), &mut buffers)?;
             let Some(ball) = faint.measure(&images, &there, 1, 1.0).filter(|b| b.stereo) else { continue };
-            let in_racket = racket[index].as_ref().map(|r| r.pose.global_from_racket.inverse() * ball.position);
-            let next = Sighting { index, number, place: ball.position, in_racket };
+            let next = self.sighting(index, ball.position, racket[index].as_ref());
             if goes_on(&piece, &next) {
                 (flight.frames[index], flight.kept[index]) = (Some(ball), None);
                 piece.push(next);
@@ -179,7 +178,7 @@ impl<S: FrameSource> Shot<'_, S> {
         let (last, before) = ((a.index, last), (b.index, before));
         let half =
             if forth { self.follow_ball_one_way(scene, before, last, gap.clone())? } else { self.follow_ball_one_way(scene, before, last, gap.clone().rev())? };
-        let mut found = self.half_flight(half);
+        let mut found = self.whole_flight(gap.start, &[], [half]);
         let seen = self.sightings(&found.frames, racket);
         // From the other end: turned round by the strings, it comes to where it is known beyond the gap.
         let (toward, beyond): (Vec<&Sighting>, _) = if forth {

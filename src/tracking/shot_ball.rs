@@ -171,10 +171,14 @@ impl<S: FrameSource> Shot<'_, S> {
     pub(super) fn sightings(&self, frames: &[Option<BallFrame>], racket: &[Option<RacketFrame>]) -> Vec<Sighting> {
         let of = |(index, (ball, racket)): (usize, (&Option<BallFrame>, &Option<RacketFrame>))| {
             let place = ball.as_ref().filter(|b| b.stereo)?.position;
-            let in_racket = racket.as_ref().map(|r| r.pose.global_from_racket.inverse() * place);
-            Some(Sighting { index, number: self.source.number(index) as f64, place, in_racket })
+            Some(self.sighting(index, place, racket.as_ref()))
         };
         frames.iter().zip(racket).enumerate().filter_map(of).collect()
+    }
+
+    pub(super) fn sighting(&self, index: usize, place: Point3<f64>, racket: Option<&RacketFrame>) -> Sighting {
+        let in_racket = racket.map(|r| r.pose.global_from_racket.inverse() * place);
+        Sighting { index, number: self.source.number(index) as f64, place, in_racket }
     }
 
     /// Learns the light from the ball as first measured, then measures every frame again with it. Where the picture is as it is without
@@ -259,7 +263,8 @@ impl<S: FrameSource> Shot<'_, S> {
         }
     }
 
-    pub(super) fn whole_flight(&self, first: usize, flight: &[BallFrame; 3], halves: [HalfFlight; 2]) -> Flight {
+    /// A flight from the frames it was found in, `first` and the next, and the ways it was followed from there.
+    pub(super) fn whole_flight(&self, first: usize, flight: &[BallFrame], halves: impl IntoIterator<Item = HalfFlight>) -> Flight {
         let n = self.source.len();
         let (mut frames, mut kept) = (vec![None; n], vec![None; n]);
         let mut means: [MeanDisc; 2] = Default::default();
@@ -274,16 +279,6 @@ impl<S: FrameSource> Shot<'_, S> {
             means.iter_mut().zip(&half.means).for_each(|(all, some)| all.add(some));
         }
         Flight { frames, means, kept }
-    }
-
-    /// A flight of which one way alone was followed.
-    pub(super) fn half_flight(&self, half: HalfFlight) -> Flight {
-        let n = self.source.len();
-        let mut flight = Flight { frames: vec![None; n], means: Default::default(), kept: vec![None; n] };
-        for (index, ball, kept) in half.frames {
-            (flight.frames[index], flight.kept[index]) = (Some(ball), kept);
-        }
-        flight
     }
 
     pub(super) fn follow_ball_one_way(

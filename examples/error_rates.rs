@@ -3,8 +3,10 @@
 //! `cargo run --release --example error_rates -- KIND IMPACTS EFFECT[+EFFECT]|nothing STRENGTH TABLES FIRST_SEED [OPTIONS]`
 //! with OPTIONS of `understated=1.25`, `outliers=0.05`, `offset=0.3`, `missing=0.1`, `noise=7` (times good footage), `one-axis`, `verbose`, `quiet`,
 //! `base=viscoelastic`, and
-//! - `signal=12`: the strength is chosen so that each effect alone has this signal (STRENGTH is then ignored): the root of
-//!   its non-centrality, the chi-square that the base model at its best leaves on the impacts of the fit without noise;
+//! - `signal=12`: the strength is chosen so that each effect alone has this signal in the first table of the world (STRENGTH is
+//!   then ignored): the root of its non-centrality, the chi-square that the base model at its best leaves on the impacts of the
+//!   fit without noise. Other tables of the same strength have more or less: each one's own signal is on its line, and the rates
+//!   of those above 8 stand apart;
 //! - `curve`: prints the signal of a range of strengths first;
 //! - `right-form`: the held-out error of the world's own law as well, its strength, restitution and friction fitted: what no
 //!   method could do better;
@@ -73,13 +75,16 @@ fn by_model(made: &mut SyntheticTable, model: &Model, racket: &Racket, ball: &Ba
     }
 }
 
-/// Root of the chi-square that the first model leaves on noiseless impacts of the fit, and how many impacts carry it:
-/// (sum of their parts)² / sum of the squares.
-fn signal(kind: Kind, impacts: usize, name: &str, strength: f64, own_form: bool, first_model: &str) -> (f64, f64) {
+/// Bar of the issue: rates are of tables with more signal than this.
+const ENOUGH: f64 = 8.0;
+
+/// Root of the chi-square that the first model leaves on the noiseless impacts of table `seed` that the fit sees, and how many
+/// impacts carry it: (sum of their parts)² / sum of the squares.
+fn signal(kind: Kind, impacts: usize, name: &str, strength: f64, own_form: bool, first_model: &str, seed: u64) -> (f64, f64) {
     let hidden = if own_form { vec![] } else { vec![Hidden::new(name, strength)] };
     const FAINT: f64 = 1e-3;
     let noise = NoiseOptions { scale: FAINT, ..NoiseOptions::default() };
-    let mut made = generate_table(&TableSpec { kind, impacts, hidden, seed: 1, noise }).expect("a table");
+    let mut made = generate_table(&TableSpec { kind, impacts, hidden, seed, noise }).expect("a table");
     if own_form || first_model == VISCOELASTIC {
         let (model, _) = own_world(first_model, if own_form { std::slice::from_ref(&name) } else { &[] }, strength);
         let (racket, ball) = (made.racket.clone(), made.ball.clone());
@@ -213,13 +218,13 @@ fn main() {
     let visco = flag("base=viscoelastic");
     let first_model = if visco { VISCOELASTIC } else { FIRST_MODEL };
     let strength_of = |name: &str| match option("signal") {
-        Some(wanted) => strength_with(wanted, |s| signal(kind, impacts, name, s, own_form, first_model).0),
+        Some(wanted) => strength_with(wanted, |s| signal(kind, impacts, name, s, own_form, first_model, 1).0),
         None => number(3),
     };
     if flag("curve") {
         for strength in [0.02, 0.03, 0.045, 0.06, 0.08, 0.12, 0.2, 0.35, 0.6, 1.0, 1.5] {
             let at = |name: &&str| {
-                let (signal, carried_by) = signal(kind, impacts, name, strength, own_form, first_model);
+                let (signal, carried_by) = signal(kind, impacts, name, strength, own_form, first_model, 1);
                 format!("{name} {signal:.1} (carried by {carried_by:.0} impacts)")
             };
             writeln!(std::io::stdout(), "strength {strength}: {}", names.iter().map(at).collect::<Vec<_>>().join(", ")).expect("stdout");
@@ -231,6 +236,8 @@ fn main() {
     let (mut before, mut after, mut with_formula, mut floor) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let (mut gone_well, mut formulas, mut all_named) = (0usize, 0usize, 0usize);
     let (mut covered, mut intervals) = (0usize, 0usize);
+    // Of tables whose own signal is above the bar: how many, named first, among the aliases.
+    let mut strong = [0usize; 3];
     let mut out = std::io::stdout();
     let (mut right_form, mut gone_of_right) = (Vec::new(), 0usize);
     let start = std::time::Instant::now();
@@ -266,8 +273,17 @@ fn main() {
             }
         }
         let failing = d.verdict != Verdict::Adequate;
-        count[3] += usize::from(failing && top.is_some_and(|t| names.contains(&t.effect.as_str())));
-        count[4] += usize::from(failing && top.is_some_and(|t| names.iter().any(|h| *h == t.effect || t.aliases.iter().any(|a| a == h))));
+        let named_first = failing && top.is_some_and(|t| names.contains(&t.effect.as_str()));
+        let among_aliases = failing && top.is_some_and(|t| names.iter().any(|h| *h == t.effect || t.aliases.iter().any(|a| a == h)));
+        count[3] += usize::from(named_first);
+        count[4] += usize::from(among_aliases);
+        let own_signal = match (names.as_slice(), option("signal")) {
+            ([name], Some(_)) => signal(kind, impacts, name, strengths[0], own_form, first_model, seed).0,
+            _ => 0.0,
+        };
+        if own_signal > ENOUGH {
+            [true, named_first, among_aliases].iter().zip(&mut strong).for_each(|(is, n)| *n += usize::from(*is));
+        }
         count[5] += usize::from(d.candidates.iter().any(|t| t.probability > 0.9 && !alias(&t.effect)));
         all_named += usize::from(!names.is_empty() && names.iter().all(|h| d.recommended.iter().any(|r| r == h)));
         before.push(d.heldout_error);
@@ -308,7 +324,7 @@ fn main() {
             .collect();
         writeln!(
             out,
-            "{seed} {} lib={:.1e} str={:.1e} ({:.0}/{}) c={:.3} E0={:.3} rec={:?} pair={} after={:.1e}/{:.0} other={:?} {:?} | {}",
+            "{seed} signal={own_signal:.1} {} lib={:.1e} str={:.1e} ({:.0}/{}) c={:.3} E0={:.3} rec={:?} pair={} after={:.1e}/{:.0} other={:?} {:?} | {}",
             d.verdict,
             d.library_p_value,
             d.structure.p_value,
@@ -348,6 +364,9 @@ fn main() {
         start.elapsed().as_secs_f64() / tables as f64
     )
     .expect("stdout");
+    if names.len() == 1 && option("signal").is_some() {
+        writeln!(out, "# own signal above {ENOUGH}: {} tables, first {}, alias {}", strong[0], strong[1], strong[2]).expect("stdout");
+    }
     if !right_form.is_empty() {
         writeln!(
             out,

@@ -5,10 +5,11 @@ use super::diagnosis::{CandidateReport, Diagnosis, Estimate, NotVisible, Togethe
 use super::error::ValidationError;
 use super::expression::{Found, find_expression, local_spot};
 use super::fit::{Fit, FitOptions, fit};
-use super::forward::{Library, Strength};
-use super::heldout::{error_of, is_noise_alone, is_shared_error, is_worth, linearise_held_out};
+use super::forward::Library;
+use super::heldout::{error_of, is_noise_alone, is_shared_error, is_worth, linearise_held_out, speak_against};
 use super::observation::Observations;
 use super::place::places;
+use super::present::Present;
 use super::project::Nuisance;
 use super::rank::{Reference, Refit, added_parameters, flexible_nuisance, form_overdispersion, gain_over};
 use super::refits::{FIRST_LEVEL, LARGEST_NOISE_SCALE, LOG_ODDS, PRIOR, Refits, estimates, excess_at, share_removed};
@@ -27,7 +28,7 @@ pub const SPOT_LEVEL: f64 = 0.002;
 pub const FALSE_ALARM_RATE: f64 = LIBRARY_LEVEL + STRUCTURE_LEVEL + SPOT_LEVEL;
 /// Share of the excess that a catalogue effect must take away to be called missing.
 pub const SHARE: f64 = 0.75;
-/// Log evidence of a formula that speaks for structure which the error on held-out impacts alone does not show.
+/// Log evidence of a formula, or of an effect, that the error on held-out impacts alone does not show.
 const CONVINCING: f64 = 10.0;
 /// Chi-square by which a formula must beat the named effect, its search paid for, to put the name in doubt.
 const FAR_MORE: f64 = 10.0;
@@ -61,15 +62,9 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
     let structure = structure_test(&base, observations, &seen, options.seed);
     let c = structure.noise_scale;
     // Effects that are in the model already may have another form than the catalogue's; what that leaves is no new effect.
-    let present: Vec<(usize, Strength)> = library
-        .effects()
-        .iter()
-        .filter(|o| o.excluded.is_some())
-        .flat_map(|o| &o.strengths)
-        .filter_map(|s| library.current().parameters().iter().position(|p| p.name == s.parameter).map(|at| (at, s.clone())))
-        .collect();
+    let present = Present::of(library);
     let c_screen = structure.noise_scale_for_screening();
-    let nuisance = if present.is_empty() { Nuisance::of(&base) } else { flexible_nuisance(library.current(), &base, observations, &seen, &present)? };
+    let nuisance = if present.is_empty() { Nuisance::of(&base) } else { flexible_nuisance(library.current(), &base, observations, &seen, &present.strengths)? };
     let screening = screen_beyond(library, &base, &seen, c_screen, &nuisance, None)?;
     let spot = local_spot(&Reference { library, observations, impacts: &seen, base: &base, c: c_screen, seed: options.seed }, &nuisance);
     let held_base = linearise_held_out(library.current(), &base, observations, &held)?;
@@ -127,6 +122,21 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
         present.is_empty() || r.effects.iter().all(stands_out)
     };
     let chosen = refits.choose(overdispersion).filter(|r| beyond_form(r));
+    let imitated = match chosen {
+        Some(r) => present.imitated_by(&r.effects, &reference, &diagnosis.structure, c_believed)?,
+        None => None,
+    };
+    let chosen = if let (Some(r), Some((own, share))) = (chosen, imitated) {
+        let share = 100.0 * share;
+        diagnosis.notes.push(format!(
+            "{} would fit what is left, but {} {own}, with which {share:.0} % of the excess is gone: more likely its form than a further effect",
+            r.effects.join(" and "),
+            if r.effects.len() == 1 { "imitates" } else { "imitate" }
+        ));
+        None
+    } else {
+        chosen
+    };
     if !present.is_empty() && chosen.is_none() {
         diagnosis.notes.push("what is left looks like the form of the effects already in the model, not like a further effect of the catalogue".to_owned());
     }
@@ -181,7 +191,8 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
     let mut refused = None;
     if let (Some(best), Verdict::EffectMissing) = (chosen, diagnosis.verdict) {
         let price = WORTH_A_FURTHER_EFFECT + 2.0 * (screening.tested.max(1) as f64).ln();
-        if after >= before || !present.is_empty() && !is_worth(price, &held_base, &best.held_out, c) {
+        let against = after >= before && (best.log_evidence / overdispersion < CONVINCING || speak_against(&held_base, &best.held_out, c));
+        if against || !present.is_empty() && !is_worth(price, &held_base, &best.held_out, c) {
             diagnosis.verdict = if diagnosis.structure.p_value >= STRUCTURE_LEVEL { Verdict::Adequate } else { Verdict::Unexplained };
             diagnosis.notes.push(format!(
                 "{} would fit these impacts better, but the error on held-out impacts {} ({before:.3} to {after:.3}): not believed",
@@ -189,6 +200,11 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
                 if after >= before { "does not fall" } else { "falls no more than by chance" }
             ));
             refused = Some(best.effects.clone());
+        } else if after >= before {
+            diagnosis.notes.push(format!(
+                "the held-out impacts hardly meet {} (their error: {before:.3} to {after:.3}); it is named for what it explains in the others",
+                best.effects.join(" and ")
+            ));
         }
     }
     if diagnosis.verdict == Verdict::Unexplained && is_shared_error(observations, &diagnosis.structure, &base, &held_base) {

@@ -47,6 +47,18 @@ pub fn is_worth(price: f64, before: &[Linearised], after: &[Linearised], c: f64)
     sum > price && sum > 2.0 * squares.sqrt()
 }
 
+/// Whether held-out impacts speak against something that does not lower their error. Where they hardly meet it they cannot: what it
+/// changes on them has chi-square d, in units of the noise `c`, and their own chi-square falls by d, with deviation 2√d, when it is
+/// there; less than that by two deviations is a refusal.
+pub fn speak_against(before: &[Linearised], after: &[Linearised], c: f64) -> bool {
+    let (fall, change) = before
+        .iter()
+        .zip(after)
+        .map(|(b, a)| ((b.z.norm_squared() - a.z.norm_squared()) / c, (&b.z - &a.z).norm_squared() / c))
+        .fold((0.0, 0.0), |(f, d), (g, e)| (f + g, d + e));
+    fall < change - 4.0 * change.sqrt()
+}
+
 /// Share of the variance that structure may add before it counts as more than what the shots of a calibration share: a tenth of the
 /// error.
 const SMALL: f64 = 0.21;

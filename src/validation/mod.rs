@@ -28,6 +28,7 @@ pub mod observation;
 pub mod place;
 pub mod polynomial;
 pub mod predicted;
+mod present;
 pub mod project;
 pub mod rank;
 pub mod refits;

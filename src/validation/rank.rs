@@ -50,6 +50,8 @@ pub struct Refit {
     pub p_value: f64,
     /// Largest share of the gain that comes from one impact.
     pub largest_share: f64,
+    /// p-value of the gain of all other impacts.
+    pub p_of_others: f64,
 }
 
 impl Refit {
@@ -61,7 +63,9 @@ impl Refit {
         // With the offsets' priors: what a session's offsets had to bend for is relieved by the effect.
         self.gain = gain_over(base, &self.fit, c);
         self.largest_share = if self.gain > 0.0 { largest / self.gain } else { 1.0 };
-        self.p_value = chi2_tail(self.gain, self.strengths.len().max(1) as f64);
+        let freedom = self.strengths.len().max(1) as f64;
+        self.p_value = chi2_tail(self.gain, freedom);
+        self.p_of_others = chi2_tail((self.gain - largest).max(0.0), freedom);
         let spikes: f64 = self.blocks.iter().map(|b| with_absent_strengths(&self.fit, b, c)).sum();
         self.log_evidence = log_evidence_over(base, &self.fit, c, self.one_sided) + spikes;
     }
@@ -115,34 +119,37 @@ pub fn log_evidence_over(base: &Fit, fit: &Fit, c: f64, one_sided: usize) -> f64
         + one_sided as f64 * std::f64::consts::LN_2
 }
 
-/// What an effect of several strengths gains in log evidence when each of them may be absent, all combinations but none at
-/// equal odds. Without it an effect pays for every strength its card lists, and loses against a narrower one that does the
-/// same. Each combination's evidence by the density ratio at absence (Dickey 1971), on the Laplace approximation.
+/// What an effect of several strengths gains in log evidence when each of them may be absent: half for the first of its card
+/// alone, which is what gives the effect its name, the other half for all other combinations but none. Without it an effect
+/// pays for every strength its card lists, and loses against a narrower one that does the same. Each combination's evidence
+/// by the density ratio at absence (Dickey 1971), on the Laplace approximation.
 fn with_absent_strengths(fit: &Fit, strengths: &[(usize, bool)], c: f64) -> f64 {
     let m = strengths.len();
     if !(2..=8).contains(&m) {
         return 0.0;
     }
     let combinations = (1usize << m) - 1;
+    let first_alone = combinations - 1;
     let logs: Vec<f64> = (0..combinations)
         .map(|dropped| {
             let which: Vec<(usize, bool)> = (0..m).filter(|i| dropped >> i & 1 == 1).map(|i| strengths[i]).collect();
             let d = which.len();
             let covariance = DMatrix::from_fn(d, d, |i, j| c * fit.covariance[(which[i].0, which[j].0)]);
             let away = nalgebra::DVector::from_fn(d, |i, _| fit.column_values[which[i].0] - fit.prior_mean[which[i].0]);
+            let odds = if dropped == first_alone { 0.5 } else { 0.5 / (combinations - 1) as f64 };
             if d == 0 {
-                return 0.0;
+                return odds.ln();
             }
             let Some(root) = covariance.cholesky() else { return f64::NEG_INFINITY };
             let log_det: f64 = root.l().diagonal().iter().map(|v| 2.0 * v.ln()).sum();
             let posterior = -0.5 * (away.dot(&root.solve(&away)) + log_det);
             // The factors of 2π cancel; a half-normal prior is twice as dense.
             let prior: f64 = which.iter().map(|(at, half)| 0.5 * (fit.prior_precision[*at] / c).ln() + if *half { std::f64::consts::LN_2 } else { 0.0 }).sum();
-            posterior - prior
+            posterior - prior + odds.ln()
         })
         .collect();
     let top = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    top + logs.iter().map(|l| (l - top).exp()).sum::<f64>().ln() - (combinations as f64).ln()
+    top + logs.iter().map(|l| (l - top).exp()).sum::<f64>().ln()
 }
 
 impl Reference<'_> {
@@ -198,6 +205,7 @@ impl Reference<'_> {
             gain: 0.0,
             p_value: 1.0,
             largest_share: 1.0,
+            p_of_others: 1.0,
         };
         refit.judge(self.base, self.c);
         Ok(refit)

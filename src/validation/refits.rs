@@ -33,7 +33,7 @@ const SECOND_SHARE: f64 = 0.1;
 /// Share of the whole excess that a second effect must take: few catalogue formulae fit nature's to better than this.
 const SMALLEST_SHARE: f64 = 0.01;
 /// Of two effects that imitate each other, one that takes this share of the excess alone stands alone.
-const ALONE_SHARE: f64 = 0.9;
+pub const ALONE_SHARE: f64 = 0.9;
 /// Candidates refitted alone, and pairs.
 const SINGLES: usize = 8;
 const PAIRS: usize = 8;
@@ -44,7 +44,7 @@ const ALIAS_COSINE: f64 = 0.95;
 /// Cosine above which two effects are one on these impacts, and the log odds by which the catalogue's first one is preferred.
 const TWIN_COSINE: f64 = 0.99;
 const PRECEDENCE: f64 = 0.5 * LOG_ODDS;
-/// An effect that one impact carries by more than this share of its gain is not believed.
+/// An effect that one impact carries by more than this share of its gain must be told by the others too.
 const ONE_IMPACT: f64 = 0.6;
 
 /// Share of the excess that is gone; an excess of nothing has nothing to remove.
@@ -253,9 +253,11 @@ impl Refits {
         self.pairs.iter().filter(|p| p.refit.largest_share < ONE_IMPACT && self.objection(p).is_none())
     }
 
-    /// Whether chance, or one odd impact, could have made the gain of a single effect.
+    /// Whether chance, or one odd impact, could have made the gain of a single effect. Few impacts meet some effects (those
+    /// that slide a law of friction): one of them may well carry most of it, when the others alone would do.
     fn is_chance(&self, r: &Refit) -> bool {
-        r.p_value * (self.tested as f64) >= FIRST_LEVEL || r.largest_share >= ONE_IMPACT
+        let chance = |p: f64| p * (self.tested as f64) >= FIRST_LEVEL;
+        chance(r.p_value) || r.largest_share >= ONE_IMPACT && chance(r.p_of_others)
     }
 
     fn log_prior(&self, effects: usize) -> f64 {
@@ -441,10 +443,15 @@ fn cosine(library: &dyn Library, screening: &Screening, a: &str, b: &str) -> f64
         .fold(0.0, |m: f64, v| if v.abs() > m.abs() { v } else { m })
 }
 
-/// Whether two effects are known to be confused, by either one's card, or cannot be told apart on these impacts.
-fn imitate_each_other(library: &dyn Library, screening: &Screening, a: &str, b: &str) -> bool {
+/// Whether two effects are known to be confused, by either one's card.
+pub fn cards_confuse(library: &dyn Library, a: &str, b: &str) -> bool {
     let lists = |name: &str, other: &str| library.effects().iter().any(|o| o.name == name && o.confused_with.iter().any(|c| c == other));
-    lists(a, b) || lists(b, a) || cosine(library, screening, a, b).abs() > ALIAS_COSINE
+    lists(a, b) || lists(b, a)
+}
+
+/// Whether two effects are known to be confused, or cannot be told apart on these impacts.
+fn imitate_each_other(library: &dyn Library, screening: &Screening, a: &str, b: &str) -> bool {
+    cards_confuse(library, a, b) || cosine(library, screening, a, b).abs() > ALIAS_COSINE
 }
 
 pub fn estimates(parameters: &[(String, f64, f64)]) -> BTreeMap<String, Estimate> {

@@ -20,7 +20,7 @@ pub(super) static CARD: EffectCard = EffectCard {
     ],
     source: "geometry of two views; 3.3 mm at 33 m/s and 0.1 ms",
     signature: "Impact position off in proportion to the ball's tangential velocity relative to the face.",
-    confused_with: &["face-plane-offset", "ball-centre-bias"],
+    confused_with: &["face-plane-offset", "ball-centre-bias", "finite-contact"],
     separated_by: "epipolar residual against image speed; a free flight that crosses",
     bases: Bases { rigid: "acts on the observation", viscoelastic: "acts on the observation" },
     effect: &CameraSkew,

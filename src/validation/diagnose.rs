@@ -6,7 +6,7 @@ use super::error::ValidationError;
 use super::expression::{Found, find_expression, local_spot};
 use super::fit::{Fit, FitOptions, fit};
 use super::forward::Library;
-use super::heldout::{error_of, is_noise_alone, is_shared_error, is_worth, linearise_held_out, speak_against};
+use super::heldout::{error_of, is_noise_alone, is_shared_error, is_worth, linearise_held_out, log_evidence_of};
 use super::observation::Observations;
 use super::place::places;
 use super::present::Present;
@@ -191,7 +191,7 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
     let mut refused = None;
     if let (Some(best), Verdict::EffectMissing) = (chosen, diagnosis.verdict) {
         let price = WORTH_A_FURTHER_EFFECT + 2.0 * (screening.tested.max(1) as f64).ln();
-        let against = after >= before && (best.log_evidence / overdispersion < CONVINCING || speak_against(&held_base, &best.held_out, c));
+        let against = after >= before && best.log_evidence / overdispersion + log_evidence_of(&held_base, &best.held_out, c) < CONVINCING;
         if against || !present.is_empty() && !is_worth(price, &held_base, &best.held_out, c) {
             diagnosis.verdict = if diagnosis.structure.p_value >= STRUCTURE_LEVEL { Verdict::Adequate } else { Verdict::Unexplained };
             diagnosis.notes.push(format!(

@@ -47,16 +47,10 @@ pub fn is_worth(price: f64, before: &[Linearised], after: &[Linearised], c: f64)
     sum > price && sum > 2.0 * squares.sqrt()
 }
 
-/// Whether held-out impacts speak against something that does not lower their error. Where they hardly meet it they cannot: what it
-/// changes on them has chi-square d, in units of the noise `c`, and their own chi-square falls by d, with deviation 2√d, when it is
-/// there; less than that by two deviations is a refusal.
-pub fn speak_against(before: &[Linearised], after: &[Linearised], c: f64) -> bool {
-    let (fall, change) = before
-        .iter()
-        .zip(after)
-        .map(|(b, a)| ((b.z.norm_squared() - a.z.norm_squared()) / c, (&b.z - &a.z).norm_squared() / c))
-        .fold((0.0, 0.0), |(f, d), (g, e)| (f + g, d + e));
-    fall < change - 4.0 * change.sqrt()
+/// Log evidence of held-out impacts for what takes them from `before` to `after`, nothing of it fitted to them: half the fall of their
+/// chi-square, in units of the noise `c`. Where they hardly meet it they say little either way.
+pub fn log_evidence_of(before: &[Linearised], after: &[Linearised], c: f64) -> f64 {
+    before.iter().zip(after).map(|(b, a)| 0.5 * ((b.z.norm_squared() - a.z.norm_squared()) / c + b.log_det - a.log_det)).sum()
 }
 
 /// Share of the variance that structure may add before it counts as more than what the shots of a calibration share: a tenth of the

@@ -17,6 +17,7 @@ mod grid_photograph;
 mod least_squares;
 mod marker_distance;
 mod motion_law;
+mod motion_state;
 mod racket_bench;
 mod racket_motion;
 mod season;
@@ -39,11 +40,12 @@ pub use frame_rate::{FrameRateStudy, SlowerCamera, TipPath, frame_rate_study};
 pub use grid_photograph::{GridError, GridPhotograph};
 pub use marker_distance::{MarkerDistance, marker_distances};
 pub use motion_law::{Fade, MotionLaw, Pace};
+pub use motion_state::MotionState;
 pub use racket_bench::{
     BenchError, Bifilar, Pendulum, Uncertain, balance_from_scales, from_rdc_kg_cm2, perpendicular_axis_mismatch, swingweight_from_pendulum,
     twistweight_from_bifilar,
 };
-pub use racket_motion::{MotionEstimate, MotionState, MovingRacket};
+pub use racket_motion::{MotionEstimate, MovingRacket};
 pub use season::{GroupStatistic, RiseInterval, rise_table, season_statistics, season_to_csv};
 pub use shot::{
     ImpactTiming, MeasuredShot, MomentumVerdict, Quantities, Shot, ShotInput, ShotSpin, SpinComponent, SwingTiming, WindowReport, Windows, measure_shot,

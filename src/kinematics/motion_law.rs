@@ -1,5 +1,6 @@
 //! Laws of motion a racket may follow in a window of some 20 ms on one side of the contact.
 
+use super::motion_state::Part;
 use nalgebra::Vector3;
 
 /// How the racket may move.
@@ -123,14 +124,24 @@ impl MotionLaw {
         }
     }
 
-    /// Number of estimated three-vectors, in the order of [`super::MotionState`]'s fields.
-    pub(crate) fn vectors(self) -> usize {
+    /// What is estimated under it, in the order of the columns of the fit. Pose and velocities always come first.
+    pub(crate) fn parts(self) -> &'static [Part] {
+        use Part::{Force, ForceCurve, ForceSlope, Lever, Place, Rate, RateDddot, RateDdot, RateDot, Turn, Velocity};
         match self {
-            MotionLaw::Rest | MotionLaw::Coasting | MotionLaw::SteadyFall | MotionLaw::FreeBody => 4,
-            MotionLaw::OffBalance => 5,
-            MotionLaw::Release(_) => 6,
-            MotionLaw::Swing(_) | MotionLaw::Hold(_) => 8,
-            MotionLaw::Drift => 10,
+            MotionLaw::Rest | MotionLaw::Coasting | MotionLaw::SteadyFall | MotionLaw::FreeBody => &[Place, Turn, Velocity, Rate],
+            MotionLaw::OffBalance => &[Place, Turn, Velocity, Rate, Lever],
+            MotionLaw::Release(_) => &[Place, Turn, Velocity, Rate, Force, RateDot],
+            MotionLaw::Swing(_) | MotionLaw::Hold(_) => &[Place, Turn, Velocity, Rate, Force, RateDot, ForceSlope, RateDdot],
+            MotionLaw::Drift => &[Place, Turn, Velocity, Rate, Force, RateDot, ForceSlope, RateDdot, ForceCurve, RateDddot],
+        }
+    }
+
+    /// Step of a part in the fit: a hung racket hardly moves.
+    pub(crate) fn step(self, part: Part) -> f64 {
+        match (self, part) {
+            (MotionLaw::Rest, Part::Velocity) => 1e-3,
+            (MotionLaw::Rest, Part::Rate) => 1e-2,
+            _ => part.step(),
         }
     }
 
@@ -155,11 +166,10 @@ impl MotionLaw {
         }
     }
 
-    /// Prior standard deviations of velocity, rate, force, rate of rate, and the slopes and curvatures of the last two (SI).
-    /// Wide: they weigh the laws against each other and hardly move an estimate. A hung racket sways by millimetres per
-    /// second. A drive changes by its own size within `memory_s`.
-    pub(crate) fn priors(self, memory_s: f64) -> [Option<Vector3<f64>>; 10] {
-        let (v, w) = if self == MotionLaw::Rest { (0.005, 0.02) } else { (20.0, 30.0) };
+    /// Prior standard deviations of a part (SI), but for the lever, which is the racket's. Wide: they weigh the laws against
+    /// each other and hardly move an estimate. A hung racket sways by millimetres per second. A drive changes by its own size
+    /// within `memory_s`.
+    pub(crate) fn prior(self, part: Part, memory_s: f64) -> Option<Vector3<f64>> {
         // Brisk: a centre of mass 0.35 m from the pivot at 30 rad/s needs 300 m/s²; a swing gains 30 rad/s within 0.05 to
         // 0.1 s (physics.md E.7). Gentle is a third of that, abrupt twice.
         let (force, rate_dot) = match self {
@@ -169,10 +179,18 @@ impl MotionLaw {
         };
         // About the handle the inertia is a tenth of the others': the same hand turns the racket faster there.
         let twist = Vector3::new(2.5, 1.0, 1.0);
-        let all = |sd: f64| Some(Vector3::repeat(sd));
-        let turn = |sd: f64| Some(twist * sd);
         let memory_s = if matches!(self, MotionLaw::Swing(Pace::Even) | MotionLaw::Hold(Pace::Even)) { 3.0 * memory_s } else { memory_s };
         let (slope, curve) = (1.0 / memory_s, 1.0 / (memory_s * memory_s));
-        [None, None, all(v), all(w), all(force), turn(rate_dot), all(force * slope), turn(rate_dot * slope), all(force * curve), turn(rate_dot * curve)]
+        match part {
+            Part::Place | Part::Turn | Part::Lever => None,
+            Part::Velocity => Some(Vector3::repeat(if self == MotionLaw::Rest { 0.005 } else { 20.0 })),
+            Part::Rate => Some(Vector3::repeat(if self == MotionLaw::Rest { 0.02 } else { 30.0 })),
+            Part::Force => Some(Vector3::repeat(force)),
+            Part::RateDot => Some(twist * rate_dot),
+            Part::ForceSlope => Some(Vector3::repeat(force * slope)),
+            Part::RateDdot => Some(twist * (rate_dot * slope)),
+            Part::ForceCurve => Some(Vector3::repeat(force * curve)),
+            Part::RateDddot => Some(twist * (rate_dot * curve)),
+        }
     }
 }

@@ -7,74 +7,14 @@
 
 use super::least_squares::{Problem, Solution, SolveError, solve};
 use super::motion_law::MotionLaw;
+use super::motion_state::{MotionState, Part};
 use super::sighting::{CommonError, Sighting, Whitener, deviations, persistence};
 use crate::calibration::{CameraId, StereoRig};
 use crate::tracking::RacketFigure;
-use nalgebra::{DVector, Isometry3, Matrix3, Point3, SMatrix, Translation3, UnitQuaternion, Vector2, Vector3};
+use nalgebra::{DVector, Isometry3, Matrix3, Point3, SMatrix, UnitQuaternion, Vector2, Vector3};
 
 /// 12×12 covariance of (centre of mass, small rotation about global axes, velocity, angular velocity in body axes).
 pub type MotionCovariance = SMatrix<f64, 12, 12>;
-
-/// State at the reference time, of the stated balance point. Global axes, SI, unless it says body.
-#[derive(Debug, Clone, PartialEq)]
-pub struct MotionState {
-    pub com: Point3<f64>,
-    pub global_from_racket: UnitQuaternion<f64>,
-    pub velocity: Vector3<f64>,
-    /// Angular velocity, body axes, rad/s.
-    pub rate_body: Vector3<f64>,
-    /// Acceleration of the centre of mass beyond gravity, body axes, m/s².
-    pub force_body: Vector3<f64>,
-    /// Angular acceleration (beyond Euler's where the law has it), body axes, rad/s².
-    pub rate_dot_body: Vector3<f64>,
-    /// Slopes in time of the two above.
-    pub force_slope_body: Vector3<f64>,
-    pub rate_ddot_body: Vector3<f64>,
-    /// Slopes of the slopes.
-    pub force_curve_body: Vector3<f64>,
-    pub rate_dddot_body: Vector3<f64>,
-    /// Where the centre of mass lies from [`MovingRacket::com_local`] as seen already, body axes, m.
-    pub lever_body: Vector3<f64>,
-}
-
-impl MotionState {
-    pub fn at_rest(pose: &Isometry3<f64>, com_local: &Point3<f64>) -> Self {
-        let zero = Vector3::zeros();
-        MotionState {
-            com: pose * com_local,
-            global_from_racket: pose.rotation,
-            velocity: zero,
-            rate_body: zero,
-            force_body: zero,
-            rate_dot_body: zero,
-            force_slope_body: zero,
-            rate_ddot_body: zero,
-            force_curve_body: zero,
-            rate_dddot_body: zero,
-            lever_body: zero,
-        }
-    }
-
-    /// `global_from_racket` with the origin at the stringbed centre.
-    pub fn pose(&self, com_local: &Point3<f64>) -> Isometry3<f64> {
-        let origin = self.com - self.global_from_racket * com_local.coords;
-        Isometry3::from_parts(Translation3::from(origin.coords), self.global_from_racket)
-    }
-
-    /// Given force and angular acceleration `dt` after the reference time.
-    fn given(&self, law: MotionLaw, dt: f64) -> (Vector3<f64>, Vector3<f64>) {
-        let [value, slope, curve] = law.course(dt);
-        (
-            self.force_body * value + self.force_slope_body * slope + self.force_curve_body * curve,
-            self.rate_dot_body * value + self.rate_ddot_body * slope + self.rate_dddot_body * curve,
-        )
-    }
-
-    /// Angular velocity along global axes.
-    pub fn rate_global(&self) -> Vector3<f64> {
-        self.global_from_racket * self.rate_body
-    }
-}
 
 /// What the racket is and where gravity points.
 #[derive(Debug, Clone)]
@@ -235,22 +175,9 @@ impl<'a> LawFit<'a> {
             .collect()
     }
 
-    /// Prior deviations of the estimated vectors; where the centre of mass lies is a matter of the racket, not of the law.
-    fn priors(&self) -> [Option<Vector3<f64>>; 10] {
-        let mut priors = self.law.priors(self.view.memory_s);
-        if self.law == MotionLaw::OffBalance {
-            priors[4] = Some(self.view.racket.balance_sd);
-        }
-        priors
-    }
-
-    fn fields(&self, s: &MotionState) -> [Vector3<f64>; 10] {
-        let place = [s.com.coords, Vector3::zeros(), s.velocity, s.rate_body];
-        if self.law == MotionLaw::OffBalance {
-            return std::array::from_fn(|k| if k < 4 { place[k] } else { s.lever_body });
-        }
-        let drive = [s.force_body, s.rate_dot_body, s.force_slope_body, s.rate_ddot_body, s.force_curve_body, s.rate_dddot_body];
-        std::array::from_fn(|k| if k < 4 { place[k] } else { drive[k - 4] })
+    /// Prior deviations of a part; where the centre of mass lies is a matter of the racket, not of the law.
+    fn prior(&self, part: Part) -> Option<Vector3<f64>> {
+        if part == Part::Lever { Some(self.view.racket.balance_sd) } else { self.law.prior(part, self.view.memory_s) }
     }
 }
 
@@ -258,43 +185,21 @@ impl Problem for LawFit<'_> {
     type State = MotionState;
 
     fn scales(&self) -> Vec<f64> {
-        let per_vector = match self.law {
-            MotionLaw::Rest => [1e-3, 1e-2, 1e-3, 1e-2, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0],
-            MotionLaw::OffBalance => [1e-3, 1e-2, 0.3, 1.0, 1e-3, 1.0, 1.0, 1.0, 1.0, 1.0],
-            _ => [1e-3, 1e-2, 0.3, 1.0, 30.0, 100.0, 3e3, 1e4, 3e5, 1e6],
-        };
-        per_vector.iter().take(self.law.vectors()).flat_map(|s| [*s; 3]).collect()
+        self.law.parts().iter().flat_map(|part| [self.law.step(*part); 3]).collect()
     }
 
     fn moved(&self, state: &MotionState, step: &DVector<f64>) -> MotionState {
-        let part = |k: usize| if k < self.law.vectors() { Vector3::new(step[3 * k], step[3 * k + 1], step[3 * k + 2]) } else { Vector3::zeros() };
-        let moved = MotionState {
-            com: state.com + part(0),
-            global_from_racket: UnitQuaternion::from_scaled_axis(part(1)) * state.global_from_racket,
-            velocity: state.velocity + part(2),
-            rate_body: state.rate_body + part(3),
-            ..state.clone()
-        };
-        if self.law == MotionLaw::OffBalance {
-            return MotionState { lever_body: state.lever_body + part(4), ..moved };
+        let mut moved = state.clone();
+        for (k, part) in self.law.parts().iter().enumerate() {
+            part.shift(&mut moved, Vector3::new(step[3 * k], step[3 * k + 1], step[3 * k + 2]));
         }
-        MotionState {
-            force_body: state.force_body + part(4),
-            rate_dot_body: state.rate_dot_body + part(5),
-            force_slope_body: state.force_slope_body + part(6),
-            rate_ddot_body: state.rate_ddot_body + part(7),
-            force_curve_body: state.force_curve_body + part(8),
-            rate_dddot_body: state.rate_dddot_body + part(9),
-            ..moved
-        }
+        moved
     }
 
     fn residuals(&self, state: &MotionState) -> Option<DVector<f64>> {
         let misfits = self.misfits(state)?;
         let seen = self.whitener.whiten(&misfits);
-        let priors = self.priors();
-        let fields = self.fields(state);
-        let prior_rows = (0..self.law.vectors()).filter_map(|k| priors[k].map(|sd| fields[k].component_div(&sd)));
+        let prior_rows = self.law.parts().iter().filter_map(|part| self.prior(*part).map(|sd| part.of(state).component_div(&sd)));
         let mut all: Vec<f64> = seen.iter().copied().collect();
         for row in prior_rows {
             all.extend(row.iter());
@@ -322,24 +227,19 @@ pub(crate) fn fit_law(view: &MotionView<'_>, law: MotionLaw, start: &MotionState
     if law == MotionLaw::Rest {
         (start.velocity, start.rate_body) = (Vector3::zeros(), Vector3::zeros());
     }
-    let unused = Vector3::zeros();
-    if law.vectors() < 6 {
-        (start.force_body, start.rate_dot_body) = (unused, unused);
-    }
-    if law.vectors() < 8 {
-        (start.force_slope_body, start.rate_ddot_body) = (unused, unused);
-    }
-    if law.vectors() < 10 {
-        (start.force_curve_body, start.rate_dddot_body) = (unused, unused);
+    for part in Part::OPTIONAL.iter().filter(|part| !law.parts().contains(part)) {
+        let unused = part.of(&start);
+        part.shift(&mut start, -unused);
     }
     let Solution { state, covariance, cost, ln_det_information } = solve(&problem, start)?;
-    let ln_prior: f64 = (0..law.vectors()).filter_map(|k| problem.priors()[k]).map(|sd| -sd.map(f64::ln).sum()).sum();
+    let ln_prior: f64 = law.parts().iter().filter_map(|part| problem.prior(*part)).map(|sd| -sd.map(f64::ln).sum()).sum();
+    let lever = law.parts().iter().position(|part| *part == Part::Lever);
     let chi2 = problem.misfits(&state).map_or(f64::INFINITY, |m| problem.whitener.whiten(&m).norm_squared());
     Ok(LawResult {
         law,
         state,
         covariance: covariance.fixed_view::<12, 12>(0, 0).into_owned(),
-        lever_covariance: (law == MotionLaw::OffBalance).then(|| covariance.fixed_view::<3, 3>(12, 12).into_owned()),
+        lever_covariance: lever.map(|k| covariance.fixed_view::<3, 3>(3 * k, 3 * k).into_owned()),
         ln_evidence: -0.5 * cost - 0.5 * ln_det_information + ln_prior + law.ln_weight(),
         chi2,
     })

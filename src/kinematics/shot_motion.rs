@@ -10,7 +10,8 @@ use super::ball_flight::{
 use super::contact::{PointMotion, body_at, crossing};
 use super::least_squares::SolveError;
 use super::motion_law::{MotionLaw, Pace};
-use super::racket_motion::{LawResult, MotionEstimate, MotionState, MotionView, MovingRacket, average, fit_law, motion_persistence, sighting_deviations};
+use super::motion_state::MotionState;
+use super::racket_motion::{LawResult, MotionEstimate, MotionView, MovingRacket, average, fit_law, motion_persistence, sighting_deviations};
 use super::sighting::{CommonError, FrameClock, Sighting, sightings};
 use super::tape_session::TapeErrors;
 use super::{FitError, KinematicsError};

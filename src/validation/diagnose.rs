@@ -109,7 +109,7 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
         return Ok(diagnosis);
     }
     let mut reference = Reference { library, observations, impacts: &seen, base: &base, c, seed: options.seed };
-    let refits = Refits::new(&mut reference, &screening, &diagnosis.structure)?;
+    let refits = Refits::new(&mut reference, &screening, &diagnosis.structure, &held_base)?;
     let c = refits.c;
     // Noise may be misstated by half; what the best model leaves beyond that is not noise but something unexplained.
     let c_believed = c.min(LARGEST_NOISE_SCALE);
@@ -191,7 +191,7 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
     let mut refused = None;
     if let (Some(best), Verdict::EffectMissing) = (chosen, diagnosis.verdict) {
         let price = WORTH_A_FURTHER_EFFECT + 2.0 * (screening.tested.max(1) as f64).ln();
-        let against = after >= before && best.log_evidence / overdispersion + log_evidence_of(&held_base, &best.held_out, c) < CONVINCING;
+        let against = after >= before && best.log_evidence / overdispersion + log_evidence_of(&held_base, &best.held_out, c, f64::INFINITY) < CONVINCING;
         if against || !present.is_empty() && !is_worth(price, &held_base, &best.held_out, c) {
             diagnosis.verdict = if diagnosis.structure.p_value >= STRUCTURE_LEVEL { Verdict::Adequate } else { Verdict::Unexplained };
             diagnosis.notes.push(format!(

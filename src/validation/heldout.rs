@@ -48,9 +48,10 @@ pub fn is_worth(price: f64, before: &[Linearised], after: &[Linearised], c: f64)
 }
 
 /// Log evidence of held-out impacts for what takes them from `before` to `after`, nothing of it fitted to them: half the fall of their
-/// chi-square, in units of the noise `c`. Where they hardly meet it they say little either way.
-pub fn log_evidence_of(before: &[Linearised], after: &[Linearised], c: f64) -> f64 {
-    before.iter().zip(after).map(|(b, a)| 0.5 * ((b.z.norm_squared() - a.z.norm_squared()) / c + b.log_det - a.log_det)).sum()
+/// chi-square, in units of the noise `c`. Where they hardly meet it they say little either way. No impact alone says more than `most`.
+pub fn log_evidence_of(before: &[Linearised], after: &[Linearised], c: f64, most: f64) -> f64 {
+    let of = |(b, a): (&Linearised, &Linearised)| 0.5 * ((b.z.norm_squared() - a.z.norm_squared()) / c + b.log_det - a.log_det);
+    before.iter().zip(after).map(|pair| of(pair).clamp(-most, most)).sum()
 }
 
 /// Share of the variance that structure may add before it counts as more than what the shots of a calibration share: a tenth of the

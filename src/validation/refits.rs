@@ -10,7 +10,7 @@ use super::diagnosis::{CandidateReport, Estimate, NextExperiment, Verdict};
 use super::error::ValidationError;
 use super::experiments::{Rival, next_experiment};
 use super::forward::Library;
-use super::heldout::error_of;
+use super::heldout::{error_of, log_evidence_of};
 use super::linearise::Linearised;
 use super::rank::{Reference, Refit, added_parameters};
 use super::screen::{Screened, Screening, screen_pairs};
@@ -79,7 +79,7 @@ pub struct Pair {
 }
 
 /// Everything refitted.
-pub struct Refits {
+pub struct Refits<'a> {
     singles: Vec<Refit>,
     pairs: Vec<Pair>,
     tested: usize,
@@ -87,12 +87,14 @@ pub struct Refits {
     pub c: f64,
     /// Structure test of the current model.
     base: StructureTest,
+    /// The impacts that no fit saw, under the current model.
+    held_base: &'a [Linearised],
     /// For each single effect, earlier ones of the catalogue that nothing on these impacts tells it from.
     twins: Vec<Vec<usize>>,
 }
 
-impl Refits {
-    pub fn new(reference: &mut Reference, screening: &Screening, base: &StructureTest) -> Result<Self, ValidationError> {
+impl<'a> Refits<'a> {
+    pub fn new(reference: &mut Reference, screening: &Screening, base: &StructureTest, held_base: &'a [Linearised]) -> Result<Self, ValidationError> {
         let library = reference.library;
         let name = |e: usize| library.effects()[e].name.as_str();
         let mut order: Vec<_> = screening.effects.iter().filter(|s| s.hidden_because.is_none() && s.gain > 0.0).collect();
@@ -101,7 +103,8 @@ impl Refits {
         let fixed = &*reference;
         let singles: Vec<Refit> =
             order.par_iter().map(|s| fixed.refit(&[name(s.effect)], &s.strengths)).collect::<Vec<_>>().into_iter().filter_map(Result::ok).collect();
-        let mut refits = Refits { singles, pairs: Vec::new(), tested: screening.tested.max(1), c: reference.c, base: base.clone(), twins: Vec::new() };
+        let mut refits =
+            Refits { singles, pairs: Vec::new(), tested: screening.tested.max(1), c: reference.c, base: base.clone(), held_base, twins: Vec::new() };
         refits.settle_noise(reference);
         refits.find_pairs(reference, screening)?;
         refits.settle_noise(reference);
@@ -281,22 +284,34 @@ impl Refits {
         self.singles.iter().chain(self.earned().map(|p| &p.refit))
     }
 
+    /// What the impacts that no fit saw say for a model: together with the others they weigh the effects against each other.
+    /// Between it and the best single effect none of them alone tells more than twenty to one, or one that the catalogue's form
+    /// misses would outweigh all.
+    fn told_by_held_out(&self, r: &Refit) -> f64 {
+        let Some(best) = self.best_single().map(|at| &self.singles[at]) else { return 0.0 };
+        log_evidence_of(self.held_base, &best.held_out, self.c, f64::INFINITY) + log_evidence_of(&best.held_out, &r.held_out, self.c, LOG_ODDS)
+    }
+
+    /// The single effect with the most evidence, the earlier one of two equal ones.
+    fn best_single(&self) -> Option<usize> {
+        (0..self.singles.len()).max_by(|&i, &j| self.singles[i].log_evidence.total_cmp(&self.singles[j].log_evidence).then(j.cmp(&i)))
+    }
+
     /// Of effects that these impacts cannot tell apart, the one the catalogue lists first is the more common one.
     fn single_weight(&self, at: usize, overdispersion: f64) -> f64 {
         let r = &self.singles[at];
         // What is not believed is not weighed for it either.
         let own = if self.is_chance(r) { r.log_evidence.min(0.0) } else { r.log_evidence };
         let second = self.twins.get(at).is_some_and(|t| t.iter().any(|&i| self.singles[i].log_evidence > own - LOG_ODDS));
-        own / overdispersion + self.log_prior(1) - if second { PRECEDENCE } else { 0.0 }
+        (own + self.told_by_held_out(r)) / overdispersion + self.log_prior(1) - if second { PRECEDENCE } else { 0.0 }
     }
 
     /// The second effect of the best single one's pair is weighed in full, any other pair against the best single effect's
     /// possible forms.
     fn pair_weight(&self, pair: &Pair, overdispersion: f64) -> f64 {
         let (half, more) = self.pair_evidence(pair);
-        let best = (0..self.singles.len()).max_by(|&i, &j| self.singles[i].log_evidence.total_cmp(&self.singles[j].log_evidence).then(j.cmp(&i)));
-        let sum = if best.is_some_and(|b| pair.halves.contains(&b)) { half / overdispersion + more } else { (half + more) / overdispersion };
-        sum + self.log_prior(2)
+        let sum = if self.best_single().is_some_and(|b| pair.halves.contains(&b)) { half / overdispersion + more } else { (half + more) / overdispersion };
+        sum + self.told_by_held_out(&pair.refit) / overdispersion + self.log_prior(2)
     }
 
     /// The model to recommend: the best single effect, or the best pair, by the same weights as their probabilities, when it

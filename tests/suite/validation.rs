@@ -99,6 +99,17 @@ fn truth_an_effect_that_few_impacts_meet_is_named() {
     }
 }
 
+/// Of two effects that imitate each other the impacts that no fit saw choose: by the fit alone it was the ball's deformation.
+#[test]
+fn truth_held_out_impacts_help_to_choose() {
+    for seed in [171027, 171041] {
+        let d = diagnosis_of(&table(Kind::Lab, 120, &[("offset-normal-force", 0.34)], seed, NoiseOptions::default()));
+        assert_eq!(d.recommended, ["offset-normal-force"], "table {seed}: {:?}", d.words);
+        let other = d.candidates.iter().find(|c| c.effect == "ball-deformation").unwrap();
+        assert!(other.log_evidence_gain > d.candidates[0].log_evidence_gain && other.heldout_error_after > d.candidates[0].heldout_error_after);
+    }
+}
+
 /// A contact that lasts in another form than the catalogue's leaves something that a shifted face plane imitates.
 #[test]
 fn law_what_imitates_an_effect_in_the_model_is_not_added_to_it() {

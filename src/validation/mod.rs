@@ -19,6 +19,7 @@ pub mod fit;
 pub mod forward;
 pub mod heldout;
 pub mod holdout;
+mod judgement;
 pub mod ledger;
 pub mod linearise;
 pub mod local_spot;

@@ -5,12 +5,12 @@
 //! of the first, take a fair share of what the first leaves, and lower the error on impacts that no fit saw by more than
 //! chance; effects that are known to imitate each other count as two only when neither does nearly all alone.
 
-use super::diagnose::SHARE;
 use super::diagnosis::{CandidateReport, Estimate, NextExperiment, Verdict};
 use super::error::ValidationError;
 use super::experiments::{Rival, next_experiment};
 use super::forward::Library;
 use super::heldout::{error_of, log_evidence_of};
+use super::judgement::SHARE;
 use super::linearise::Linearised;
 use super::rank::{Reference, Refit, added_parameters};
 use super::screen::{Screened, Screening, screen_pairs};

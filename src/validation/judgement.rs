@@ -1,0 +1,346 @@
+//! The verdict on a model with which something is wrong: which name to believe, or none, stage by stage.
+//!
+//! The catalogue's best effect or pair is a first verdict; then chance, the held-out impacts, what shots of one calibration share
+//! and a formula found from the residuals may each take it back.
+
+use super::comparison::{note_noise, outliers, varied_inputs};
+use super::diagnose::{Case, STRUCTURE_LEVEL, less_likely_than_nothing};
+use super::diagnosis::{CandidateReport, Diagnosis, Together, Verdict};
+use super::error::ValidationError;
+use super::expression::{Found, find_expression};
+use super::heldout::{error_of, is_noise_alone, is_shared_error, is_worth, log_evidence_of};
+use super::place::places;
+use super::rank::{Reference, Refit, added_parameters, form_overdispersion, gain_over};
+use super::refits::{FIRST_LEVEL, LARGEST_NOISE_SCALE, LOG_ODDS, Refits, estimates, excess_at, share_removed};
+use super::structure::{StructureTest, p_text};
+use super::verdict_words::verdict_words;
+
+/// Share of the excess that a catalogue effect must take away to be called missing.
+pub const SHARE: f64 = 0.75;
+/// Log evidence of a formula, or of an effect, that the error on held-out impacts alone does not show.
+const CONVINCING: f64 = 10.0;
+/// Chi-square by which a formula must beat the named effect, its search paid for, to put the name in doubt.
+const FAR_MORE: f64 = 10.0;
+/// Fall of the held-out impacts' chi-square that an effect beside those already in the model must bring (odds of seven to one), on
+/// top of what choosing it among the catalogue is worth: what the first one's form leaves is imitated in part by some other.
+const WORTH_A_FURTHER_EFFECT: f64 = 4.0;
+/// What is left of an effect's probability when the held-out impacts refuse it.
+const REFUSED: f64 = 0.3;
+
+/// A verdict in the making.
+pub(super) struct Judgement<'a> {
+    case: &'a Case<'a>,
+    refits: &'a Refits<'a>,
+    reference: Reference<'a>,
+    /// Noise may be misstated by half; what the best model leaves beyond that is not noise but something unexplained.
+    c_believed: f64,
+    /// Chi-square of the current model beyond noise.
+    excess: f64,
+    overdispersion: f64,
+    verdict: Verdict,
+    /// The catalogue's best effect or pair.
+    chosen: Option<&'a Refit>,
+    /// The held-out impacts refuse it.
+    refused: bool,
+    /// The held-out error with it.
+    after: f64,
+    /// A formula in the catalogue's place, one that mends the form of what is chosen, and the noise scale they end with.
+    alone: Option<Found>,
+    beside: Option<Found>,
+    c_of_formula: f64,
+    notes: Vec<String>,
+}
+
+impl<'a> Judgement<'a> {
+    /// The first verdict: is there a name, and does it account for what is wrong?
+    pub fn new(case: &'a Case<'a>, reference: Reference<'a>, refits: &'a Refits<'a>) -> Result<Self, ValidationError> {
+        let c_believed = refits.c.min(LARGEST_NOISE_SCALE);
+        let best_left = refits.all().map(|r| excess_at(&r.structure, c_believed)).fold(f64::INFINITY, f64::min);
+        let overdispersion = if best_left.is_finite() { form_overdispersion(best_left, case.structure.rank) } else { 1.0 };
+        let mut judgement = Judgement {
+            case,
+            refits,
+            c_of_formula: reference.c,
+            reference,
+            c_believed,
+            excess: excess_at(&case.structure, c_believed),
+            overdispersion,
+            verdict: Verdict::Unexplained,
+            chosen: None,
+            refused: false,
+            after: case.error,
+            alone: None,
+            beside: None,
+            notes: Vec::new(),
+        };
+        judgement.choose()?;
+        let accounted = judgement.chosen.is_some_and(|b| judgement.accounts(b));
+        judgement.verdict = match (judgement.chosen, accounted) {
+            (Some(_), true) => Verdict::EffectMissing,
+            (None, _) if !case.smooth() && !case.one_place() => Verdict::Adequate,
+            _ => Verdict::Unexplained,
+        };
+        Ok(judgement)
+    }
+
+    /// The best of the catalogue, unless it is the form of what the model has already.
+    fn choose(&mut self) -> Result<(), ValidationError> {
+        let case = self.case;
+        let tested = case.screening.tested as f64;
+        let stands_out =
+            |name: &String| case.screening.effects.iter().any(|s| case.library.effects()[s.effect].name == *name && s.p_value * tested < FIRST_LEVEL);
+        let best = self.refits.choose(self.overdispersion).filter(|r| case.present.is_empty() || r.effects.iter().all(stands_out));
+        let imitated = match best {
+            Some(r) => case.present.imitated_by(&r.effects, &self.reference, &case.structure, self.c_believed)?,
+            None => None,
+        };
+        if let (Some(r), Some((own, share))) = (best, &imitated) {
+            self.notes.push(format!(
+                "{} would fit what is left, but {} {own}, with which {:.0} % of the excess is gone: more likely its form than a further effect",
+                r.effects.join(" and "),
+                if r.effects.len() == 1 { "imitates" } else { "imitate" },
+                100.0 * share
+            ));
+        }
+        self.chosen = best.filter(|_| imitated.is_none());
+        if !case.present.is_empty() && self.chosen.is_none() {
+            self.notes.push("what is left looks like the form of the effects already in the model, not like a further effect of the catalogue".to_owned());
+        }
+        self.after = self.chosen.map_or(case.error, |b| error_of(&b.held_out));
+        Ok(())
+    }
+
+    /// Whether a model takes most of the excess away, or leaves no structure. On the held-out impacts the same is judged with
+    /// less data and without the fit's help: either may speak for it.
+    fn accounts(&self, b: &Refit) -> bool {
+        // A share has its own uncertainty: what is left scatters by its deviation, which may not make a right name wrong.
+        let give = |left: f64| (left - (2.0 * self.case.structure.rank as f64 + 4.0 * left).sqrt()).max(0.0);
+        let at_best = share_removed(self.excess, give(excess_at(&b.structure, self.c_believed)));
+        let held = |error: f64| (error.powi(2) - self.c_believed).max(0.0);
+        let sound = b.structure.p_value >= STRUCTURE_LEVEL && b.structure.noise_scale <= LARGEST_NOISE_SCALE;
+        at_best >= SHARE || share_removed(held(self.case.error), held(self.after)) >= SHARE || sound
+    }
+
+    /// A formula in the catalogue's place.
+    pub fn look_for_formula(&mut self, wanted: bool) -> Result<(), ValidationError> {
+        if wanted && self.verdict != Verdict::Adequate {
+            let mut reference = self.reference;
+            self.alone = find_expression(&mut reference, &self.case.screening, excess_believed, &self.case.structure)?;
+            self.c_of_formula = reference.c;
+        }
+        Ok(())
+    }
+
+    /// What neither the catalogue nor the held-out impacts nor a formula speaks for is chance.
+    pub fn leave_to_chance(&mut self) {
+        let (case, floor) = (self.case, self.refits.c.sqrt());
+        let told_by_formula = self.alone.as_ref().is_some_and(|f| f.log_evidence > CONVINCING && f.suggestion.heldout_error_after < case.error);
+        if self.verdict != Verdict::Unexplained || case.in_library() || told_by_formula {
+            return;
+        }
+        if !case.smooth() {
+            self.verdict = Verdict::Adequate;
+            self.notes.push(format!(
+                "one place on the face alone stands out (p = {:.4}), but a model with it does not lower the error on held-out impacts: not believed",
+                case.spot_p_value
+            ));
+        } else if is_noise_alone(&case.held_out, &case.base, floor, case.structure.residual_freedom) {
+            self.verdict = Verdict::Adequate;
+            self.notes.push(format!(
+                "the structure test alone rejects (p = {:.4}), but the error on held-out impacts is that of noise ({:.3}, floor {floor:.3}): not believed",
+                case.structure.p_value, case.error
+            ));
+        }
+    }
+
+    /// An effect that makes the error worse on impacts the fit never saw is not added, unless they hardly meet it and the others
+    /// are sure.
+    pub fn ask_held_out(&mut self) {
+        let (Some(best), Verdict::EffectMissing) = (self.chosen, self.verdict) else { return };
+        let (case, c, before, after) = (self.case, self.refits.c, self.case.error, self.after);
+        let names = best.effects.join(" and ");
+        let price = WORTH_A_FURTHER_EFFECT + 2.0 * (case.screening.tested.max(1) as f64).ln();
+        let told = best.log_evidence / self.overdispersion + log_evidence_of(&case.held_out, &best.held_out, c, f64::INFINITY);
+        if after >= before && told < CONVINCING || !case.present.is_empty() && !is_worth(price, &case.held_out, &best.held_out, c) {
+            self.verdict = if case.smooth() { Verdict::Unexplained } else { Verdict::Adequate };
+            let falls = if after >= before { "does not fall" } else { "falls no more than by chance" };
+            self.notes
+                .push(format!("{names} would fit these impacts better, but the error on held-out impacts {falls} ({before:.3} to {after:.3}): not believed"));
+            self.refused = true;
+        } else if after >= before {
+            self.notes.push(format!(
+                "the held-out impacts hardly meet {names} (their error: {before:.3} to {after:.3}); it is named for what it explains in the others"
+            ));
+        }
+    }
+
+    /// Shots of one calibration share more than their table states.
+    pub fn allow_shared_errors(&mut self) {
+        let case = self.case;
+        if self.verdict == Verdict::Unexplained && is_shared_error(case.observations, &case.structure, &case.base, &case.held_out) {
+            self.verdict = Verdict::Adequate;
+            self.notes.push(format!(
+                "some structure is left (p = {}), but it adds less than a tenth to the error of the fit and nothing to that of held-out impacts ({:.3}, floor {:.3}): not believed of shots that share a calibration",
+                p_text(case.structure.p_value),
+                case.error,
+                self.refits.c.sqrt()
+            ));
+        }
+    }
+
+    /// A name in any form of it against a formula: one that takes far more, and lowers the held-out error further, says that the
+    /// name is not it.
+    pub fn set_formula_against_name(&mut self) -> Result<(), ValidationError> {
+        let (Some(best), Verdict::EffectMissing, Some(f)) = (self.chosen, self.verdict, &self.alone) else { return Ok(()) };
+        let gain = gain_over(&self.case.base, &best.fit, self.c_of_formula);
+        if gain >= SHARE * f.honest_gain || f.honest_gain - gain <= FAR_MORE || f.suggestion.heldout_error_after >= self.after {
+            return Ok(());
+        }
+        let form = self.form_beside(best)?;
+        let named = self.log_evidence_of_name(best) + form.as_ref().map_or(0.0, |b| b.log_evidence);
+        if named + LOG_ODDS < f.log_evidence {
+            self.verdict = Verdict::Unexplained;
+            self.notes.push(format!(
+                "{} fits, but takes only {:.0} % of what a formula takes, and no other form of it does as well",
+                best.effects.join(" and "),
+                100.0 * gain / f.honest_gain
+            ));
+        }
+        self.beside = form;
+        Ok(())
+    }
+
+    fn log_evidence_of_name(&self, chosen: &Refit) -> f64 {
+        super::rank::log_evidence_over(&self.case.base, &chosen.fit, self.c_of_formula, 0)
+    }
+
+    /// An expression that mends the form of the chosen effects, found from what they leave.
+    fn form_beside(&self, chosen: &Refit) -> Result<Option<Found>, ValidationError> {
+        let reference = Reference { c: self.c_of_formula, ..self.reference };
+        let names: Vec<&str> = chosen.effects.iter().map(String::as_str).collect();
+        let library = reference.library.extended(&names, &chosen.fit.values)?;
+        let mut beside = Reference { library: library.as_ref(), base: &chosen.fit, ..reference };
+        let found = find_expression(&mut beside, &self.case.screening, excess_believed, &self.case.structure)?;
+        let shared = reference.base.values.len();
+        let with = reference.library.with(&names)?;
+        Ok(found.filter(|f| f.log_evidence > LOG_ODDS).map(|mut f| {
+            f.suggestion.words = format!("with {} in the model, {}", names.join(" and "), f.suggestion.words);
+            f.suggestion.model_file_text =
+                format!("{}{}", effects_text(&added_parameters(with.as_ref(), &chosen.fit, shared, reference.c)), f.suggestion.model_file_text);
+            f
+        }))
+    }
+
+    /// Writes the verdict, and everything that stands behind it, into the report of the case.
+    pub fn report(mut self, mut diagnosis: Diagnosis, expressions: bool) -> Result<Diagnosis, ValidationError> {
+        let (case, c) = (self.case, self.refits.c);
+        diagnosis.verdict = self.verdict;
+        diagnosis.notes.append(&mut self.notes);
+        diagnosis.noise_floor = c.sqrt();
+        diagnosis.places = places(&case.seen, &case.base.impacts, &varied_inputs(case.observations), c);
+        diagnosis.candidates = self.candidates()?;
+        let believed = self.chosen.filter(|_| !self.refused);
+        if let Some(best) = believed {
+            diagnosis.structure_after = Some(best.structure.clone());
+            if self.verdict == Verdict::EffectMissing {
+                diagnosis.recommended = best.effects.clone();
+            }
+            diagnosis.together = self.together(best)?;
+            diagnosis.outliers = outliers(&case.seen, &best.fit.impacts, &case.held, &best.held_out);
+        }
+        let form_is_off = believed.is_some_and(|b| b.structure.p_value < STRUCTURE_LEVEL);
+        if expressions
+            && (self.verdict == Verdict::Unexplained || self.verdict == Verdict::EffectMissing && form_is_off)
+            && let Some(found) = self.best_formula()?
+        {
+            diagnosis.noise_floor = diagnosis.noise_floor.min(found.structure.noise_scale.sqrt()).min(self.c_of_formula.sqrt());
+            diagnosis.suggested_expression = Some(found.suggestion);
+        }
+        if self.verdict == Verdict::EffectMissing && form_is_off {
+            diagnosis.other_form = diagnosis.recommended.first().cloned();
+        }
+        if self.verdict != Verdict::Adequate
+            && !self.refused
+            && let Some(why) = self.refits.refused_pair()
+        {
+            diagnosis.notes.push(why);
+        }
+        let at_the_floor = diagnosis.heldout_error < 1.1 * diagnosis.noise_floor;
+        let sound = at_the_floor || (self.chosen.is_none_or(|b| b.structure.p_value >= STRUCTURE_LEVEL) && self.verdict != Verdict::Unexplained);
+        note_noise(diagnosis.noise_floor, sound || diagnosis.suggested_expression.is_some(), &mut diagnosis.notes);
+        // Names that take nothing away are not worth an experiment.
+        if self.verdict == Verdict::EffectMissing {
+            diagnosis.next_experiments = self.refits.next_experiments(&self.reference, &diagnosis.candidates)?;
+        }
+        diagnosis.words = verdict_words(&diagnosis);
+        Ok(diagnosis)
+    }
+
+    fn candidates(&self) -> Result<Vec<CandidateReport>, ValidationError> {
+        let mut list = self.refits.report(&self.reference, &self.case.screening, self.case.error, self.excess, self.overdispersion, self.verdict)?;
+        if let (true, Some(refused)) = (self.refused, self.chosen) {
+            list.iter_mut().filter(|c| refused.effects.contains(&c.effect)).for_each(|c| c.probability *= REFUSED);
+        }
+        list.sort_by(|a, b| b.probability.total_cmp(&a.probability).then(b.log_evidence_gain.total_cmp(&a.log_evidence_gain)).then(a.effect.cmp(&b.effect)));
+        if self.verdict == Verdict::Adequate {
+            less_likely_than_nothing(&mut list);
+        }
+        Ok(list)
+    }
+
+    /// Two effects as one model.
+    fn together(&self, best: &Refit) -> Result<Option<Together>, ValidationError> {
+        if best.effects.len() < 2 {
+            return Ok(None);
+        }
+        let forward = self.case.library.with(&best.effects.iter().map(String::as_str).collect::<Vec<_>>())?;
+        Ok(Some(Together {
+            effects: best.effects.clone(),
+            probability: self.refits.probability_of(best, self.overdispersion),
+            heldout_error_before: self.case.error,
+            heldout_error_after: self.after,
+            log_evidence_gain: best.log_evidence,
+            share_removed: share_removed(self.excess, excess_at(&best.structure, self.c_believed)),
+            parameters: estimates(&added_parameters(forward.as_ref(), &best.fit, self.case.base.values.len(), self.refits.c)),
+        }))
+    }
+
+    /// The formula to offer: in the effect's place, or beside it when the effect with its form mended says more.
+    fn best_formula(&mut self) -> Result<Option<Found>, ValidationError> {
+        let catalogue = self.chosen.map_or(0.0, |b| self.log_evidence_of_name(b));
+        let unexplained = self.verdict == Verdict::Unexplained;
+        let alone = self.alone.take().filter(|f| unexplained || f.log_evidence > catalogue + LOG_ODDS);
+        if let (Some(b), false, None) = (self.chosen, self.refused, &self.beside) {
+            self.beside = self.form_beside(b)?;
+        }
+        let least = self.after.min(self.case.error);
+        let beside = self.beside.take().filter(|f| f.suggestion.heldout_error_after < least);
+        Ok(match (alone, beside) {
+            (Some(a), Some(b)) => Some(if catalogue + b.log_evidence > a.log_evidence + LOG_ODDS { b } else { a }),
+            (a, b) => a.or(b),
+        })
+    }
+}
+
+/// The excess of a structure test at a noise scale that is believed.
+fn excess_believed(test: &StructureTest, c: f64) -> f64 {
+    excess_at(test, c.min(LARGEST_NOISE_SCALE))
+}
+
+/// Catalogue effects as a model file holds them.
+fn effects_text(parameters: &[(String, f64, f64)]) -> String {
+    let mut text = String::new();
+    let mut last = "";
+    for (name, value, _) in parameters {
+        let Some((effect, parameter)) = name.split_once('.') else { continue };
+        if effect != last {
+            text.push_str(&format!("{}[effects.{effect}]\n", if last.is_empty() { "" } else { "\n" }));
+            last = effect;
+        }
+        text.push_str(&format!("{parameter} = {{ value = {}, fit = true }}\n", super::terminal::short(*value)));
+    }
+    if !text.is_empty() {
+        text.push('\n');
+    }
+    text
+}

@@ -57,6 +57,37 @@ fn real_markers_keep_their_names_when_five_frames_in_a_row_are_missing_again_and
     }
 }
 
+/// A white line on the court, seen along, has noise on it that makes figures of faint bands; it was the racket of both shots once.
+#[test]
+fn truth_noise_along_a_white_line_is_no_racket() {
+    let folder = tempfile::tempdir().unwrap();
+    let sink = |name: &str, bytes: &[u8]| {
+        let path = folder.path().join(name);
+        std::fs::create_dir_all(path.parent().unwrap())?;
+        std::fs::write(path, bytes)
+    };
+    let spec = FootageSpec { boards: 1, ..FootageSpec::new(Setting::Hard, 2, 1013) };
+    let truth = FootageWorld::new(&spec).unwrap().film(&sink, &|| (), &AtomicBool::new(false)).unwrap();
+    let session = Session::open(folder.path()).unwrap();
+    let rig = true_rig(&truth);
+    for shot in &session.shots {
+        let setup = ShotSetup { rig: &rig, racket: &shot.racket, ball: &shot.ball, frame_rate_hz: session.frame_rate_hz };
+        let clip = Clip::list(&shot.camera("left"), &shot.camera("right")).unwrap();
+        let made = track_shot(&clip, &setup, &AtomicBool::new(false), &|_| ()).unwrap();
+        let (mut near, mut all) = (0, 0);
+        for frame in truth["shots"][&shot.id]["frames"].as_array().unwrap() {
+            let number = frame["frame"].as_u64().unwrap();
+            for (camera, target) in CameraId::BOTH.into_iter().flat_map(|c| Target::MARKERS.map(|t| (c, t))) {
+                let p = &frame["cameras"][camera.name()][target.name()];
+                let (Some(point), Some(u), Some(v)) = (made.tracks.get(number, camera, target), p["u"].as_f64(), p["v"].as_f64()) else { continue };
+                all += 1;
+                near += usize::from((point.uv.x - u).hypot(point.uv.y - v) < 4.0);
+            }
+        }
+        assert!(all > 300 && near == all, "{}: {near} of {all} points are where the markers are", shot.id);
+    }
+}
+
 #[test]
 fn truth_the_tubes_of_the_throat_run_and_are_as_wide_as_they_were_rendered() {
     for setting in [Setting::Lab, Setting::Hard] {

@@ -21,7 +21,7 @@ pub struct MotionState {
     /// Slopes of the slopes.
     pub force_curve_body: Vector3<f64>,
     pub rate_dddot_body: Vector3<f64>,
-    /// Where the centre of mass lies from [`MovingRacket::com_local`] as seen already, body axes, m.
+    /// Where the centre of mass lies from [`super::MovingRacket::com_local`] as seen already, body axes, m.
     pub lever_body: Vector3<f64>,
 }
 

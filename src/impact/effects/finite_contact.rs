@@ -19,7 +19,7 @@ pub(super) static CARD: EffectCard = EffectCard {
     source: "Stronge 2000 (energetic restitution, impulse in the course of time); visco-elastic model (this program); thesis 2.8",
     signature: "Ball leaves with up to 1 m/s more along the handle off the centre of the axis; more twist off axis; all in proportion to \
                 contact time and turning rate.",
-    confused_with: &["string-tilt", "face-plane-offset", "window-bias"],
+    confused_with: &["string-tilt", "face-plane-offset", "window-bias", "camera-skew"],
     separated_by: "scales with the racket's rate; contact time",
     bases: Bases { rigid: "as given", viscoelastic: "inherent: the contact has a duration, so the effect adds nothing" },
     effect: &FiniteContact,

@@ -20,6 +20,8 @@ const MOST_FREE: usize = 25;
 pub const ON_LINE_M: f64 = 0.0075;
 /// Neighbours on a line are at most so many frames apart.
 const LONGEST_LINE: f64 = 4.0;
+/// A ball this near to the stringbed's centre may be turned round at any moment, m.
+const AT_THE_RACKET_M: f64 = 0.4;
 /// No other ball is looked for when this one came from afar to the strings and flew freely in most of its frames.
 const CLEAR_M: f64 = 0.13;
 const CLEAR_SHARE: f64 = 0.55;
@@ -44,6 +46,13 @@ pub struct Sighting {
     pub place: Point3<f64>,
     /// In the racket's axes, where the racket was seen.
     pub in_racket: Option<Point3<f64>>,
+}
+
+impl Sighting {
+    /// Whether a ball there may be turned round at any moment.
+    pub fn at_the_racket(&self) -> bool {
+        self.in_racket.is_some_and(|p| p.coords.norm() < AT_THE_RACKET_M)
+    }
 }
 
 /// How much like the ball a thing is.

@@ -25,8 +25,6 @@ const STARTS: [usize; 7] = [2, 6, 10, 14, 18, 23, 28];
 const SAME_BALL_M: f64 = 0.03;
 /// A ball on the strings changes its velocity by this per frame at 1000 frames a second, m: 50 m/s over 4 ms.
 const TURN_M: f64 = 0.0125;
-/// A ball this near to the stringbed's centre may be turned round at any moment, m.
-const AT_THE_RACKET_M: f64 = 0.4;
 
 impl<S: FrameSource> Shot<'_, S> {
     /// Looks for the ball where no frame of a stretch has it in both cameras.
@@ -49,6 +47,11 @@ impl<S: FrameSource> Shot<'_, S> {
                 flight.take_in(&gap, found);
             }
         }
+        for gap in gaps(&flight.frames) {
+            if let Some(found) = self.flight_of_one_camera(scene, &gap, flight, racket, still)? {
+                flight.take_in(&gap, found);
+            }
+        }
         let faint = BallScene { faint: true, ..scene.clone() };
         for gap in gaps(&flight.frames) {
             for forth in [false, true] {
@@ -61,13 +64,7 @@ impl<S: FrameSource> Shot<'_, S> {
     /// Goes on from the ball's known end along its straight way: where the line through a dozen frames foretells it in both pictures, a faint
     /// outline is enough.
     fn extend(&self, faint: &BallScene, gap: &Range<usize>, flight: &mut Flight, racket: &[Option<RacketFrame>], forth: bool) -> Result<(), TrackingError> {
-        let mut known = self.sightings(&flight.frames, racket);
-        known.retain(|s| if forth { s.index < gap.start } else { s.index >= gap.end });
-        let mut pieces = straight_pieces(&known, self.setup.frame_rate_hz);
-        let mut piece = if forth { pieces.pop().unwrap_or_default() } else { pieces.into_iter().next().unwrap_or_default() };
-        if !forth {
-            piece.reverse();
-        }
+        let (_, mut piece) = self.known_beside(&flight.frames, racket, gap, forth);
         let mut indices: Vec<usize> = gap.clone().collect();
         if !forth {
             indices.reverse();
@@ -88,6 +85,19 @@ impl<S: FrameSource> Shot<'_, S> {
             }
         }
         Ok(())
+    }
+
+    /// What is known before a gap (`forth`) or after it, in order toward it, and the straight piece of that next to the gap.
+    pub(super) fn known_beside(&self, frames: &[Option<BallFrame>], racket: &[Option<RacketFrame>], gap: &Range<usize>, forth: bool) -> (Vec<Sighting>, Piece) {
+        let mut known = self.sightings(frames, racket);
+        known.retain(|s| if forth { s.index < gap.start } else { s.index >= gap.end });
+        let mut pieces = straight_pieces(&known, self.setup.frame_rate_hz);
+        let mut piece = if forth { pieces.pop().unwrap_or_default() } else { pieces.into_iter().next().unwrap_or_default() };
+        if !forth {
+            known.reverse();
+            piece.reverse();
+        }
+        (known, piece)
     }
 
     /// Whether the ball before and after the strings stands in what was followed.
@@ -253,7 +263,7 @@ impl<S: FrameSource> Shot<'_, S> {
     /// and go anywhere, elsewhere it goes on as it went.
     fn may_be_seen(&self, scene: &BallScene, known: &[&Sighting], index: usize) -> bool {
         let [a, b, ..] = known else { return false };
-        if a.in_racket.is_some_and(|p| p.coords.norm() < AT_THE_RACKET_M) {
+        if a.at_the_racket() {
             return true;
         }
         let there = a.place + (a.place - b.place) * ((self.source.number(index) as f64 - a.number) / (a.number - b.number));

@@ -95,6 +95,12 @@ impl BallScene<'_> {
         Self::outlined(f) && f.edge > 2.0 * f.residual.max(0.7)
     }
 
+    /// The outline near a place; a faint one counts when faint ones do.
+    pub fn outline_near(&self, image: &GreyView, camera: CameraId, start: Vector2<f64>, radius_px: f64) -> Option<BallFit> {
+        let outline = ball_fit::fit(image, start, radius_px, &self.limb[camera.index()], ROUGH_PX, None)?;
+        (Self::outlined(&outline) || self.faint && Self::fair(&outline)).then_some(outline)
+    }
+
     /// The rows that [`Self::measure_close`] looks at.
     pub fn close_rows(&self, predicted: &Point3<f64>) -> [Rows; 2] {
         CameraId::BOTH.map(|camera| {

@@ -3,6 +3,7 @@
 //! Comes in: frames, a stereo rig, the racket's marker figure. Goes out: [`Tracks`] with an uncertainty per point.
 
 mod background;
+mod ball_alone;
 mod ball_choice;
 mod ball_disc;
 mod ball_fit;
@@ -36,6 +37,7 @@ mod racket_figure;
 mod racket_pose;
 mod racket_search;
 mod racket_track;
+mod ray_flight;
 mod recording;
 mod shot_ball;
 mod shot_frames;

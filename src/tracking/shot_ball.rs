@@ -341,11 +341,15 @@ impl<S: FrameSource> Shot<'_, S> {
     pub(super) fn ball_rows(&self, scene: &BallScene, at: &Point3<f64>, reach_px: i32) -> [Rows; 2] {
         CameraId::BOTH.map(|camera| {
             let (Some(uv), Some(radius)) = (self.view.project(camera, at), scene.radius_px(camera, at)) else { return Rows::ALL };
-            let half = 2.0 * radius + f64::from(reach_px) + 8.0;
-            let row = |v: f64| v.clamp(0.0, self.setup.rig.image_size[1] as f64) as usize;
-            let first = row((uv.y - half).floor());
-            Rows::span(first, row((uv.y + half).ceil()) - first)
+            self.rows_between(uv.y, uv.y, 2.0 * radius + f64::from(reach_px) + 8.0)
         })
+    }
+
+    /// The rows between two places and `more` beyond them, px.
+    pub(super) fn rows_between(&self, a: f64, b: f64, more: f64) -> Rows {
+        let row = |v: f64| v.clamp(0.0, self.setup.rig.image_size[1] as f64) as usize;
+        let first = row((a.min(b) - more).floor());
+        Rows::span(first, row((a.max(b) + more).ceil()) - first)
     }
 }
 

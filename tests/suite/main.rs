@@ -31,6 +31,7 @@ mod spin;
 mod spin_ball;
 mod synthetic;
 mod tracking;
+mod tracking_ball;
 mod tracking_errors;
 mod tracking_export;
 mod tracking_faults;

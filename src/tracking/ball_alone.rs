@@ -1,0 +1,355 @@
+//! A flight that one camera sees clearly and the other hardly: over lettering, before a wall of its own grey.
+//!
+//! In the clear camera the ball is found by itself, picture by picture, as what flies straight from the strings (or to them). That leaves its
+//! distance free to some centimetres, which is a short piece of an epipolar line in the other camera's pictures. Faint outlines on it count
+//! together: in all pictures the same distance must be meant, which lettering and strings do not bring about.
+
+use super::ball_choice::Sighting;
+use super::ball_pieces::foretold;
+use super::ball_presence;
+use super::ball_search;
+use super::ball_track::BallScene;
+use super::racket_track::RacketFrame;
+use super::ray_flight::{Origin, RayFlight, RayPoint};
+use super::shot_ball::Flight;
+use super::shot_frames::Shot;
+use super::shot_tracker::TrackingError;
+use crate::calibration::CameraId;
+use crate::footage::{FrameBuffer, FrameSource, GreyImage, GreyView};
+use nalgebra::Point3;
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Frames from the known ball over which a flight is looked for, at 1000 frames a second.
+const LOOKED_INTO: f64 = 40.0;
+/// The ball was last known on the strings; what it did there moves the flight's origin by this, m (30 m/s for 2 ms).
+const ORIGIN_SD_M: f64 = 0.05;
+/// The ball is on the strings within so many frames of where it is known, at 1000 frames a second, and this near to their centre, m.
+const LONGEST_TURN: f64 = 12.0;
+const IN_THE_HEAD_M: f64 = 0.25;
+/// A straight flight from there is believed when it comes within so many deviations of it.
+const ORIGIN_LIMIT: f64 = 2.5;
+/// Two sightings that may begin a flight are so many frames apart.
+const APART: std::ops::RangeInclusive<usize> = 2..=6;
+/// A point belongs to a flight when it is this near, px; outlines without the light are good to half a pixel.
+const NEAR_PX: f64 = 1.5;
+/// Fewest points of a flight in the clear camera, and the share of its frames.
+const FEWEST: usize = 7;
+const LEAST_SHARE: f64 = 0.6;
+/// Fewest faint outlines in the other camera, their share of the clear one's points, and how many more than at any other distance.
+const FEWEST_FAINT: usize = 5;
+const LEAST_FAINT_SHARE: f64 = 0.4;
+const MORE_THAN_ELSEWHERE: f64 = 1.5;
+/// Where a picture changes by less than so many times what the surroundings do, there is no ball.
+const CHANGED: f64 = 2.0;
+/// Outlines that mean one flight agree to this, px, along the epipolar line and across it; two that tell a flight are so many frames apart.
+const AGREED_PX: f64 = 1.0;
+const LINE_APART: f64 = 4.0;
+/// Steps along the epipolar line, px, at most so many, and how fast the ball may come along the clear camera's line of sight.
+const STEP_PX: f64 = 1.5;
+const MOST_PLACES: f64 = 250.0;
+const FASTEST_M_S: f64 = 60.0;
+/// Slowest and fastest ball, m/s.
+const SPEEDS_M_S: (f64, f64) = (3.0, 90.0);
+
+/// A faint outline of one camera on the other one's ray, and what it means.
+#[derive(Debug, Clone, Copy)]
+struct Meant {
+    /// Along the other camera's axis of view, m: of a straight flight it changes evenly.
+    depth: f64,
+    /// Of the outline that is seen.
+    share: f64,
+    /// Of the picture where it lies, grey levels.
+    change: f64,
+    point: RayPoint,
+}
+
+/// Depths that change evenly.
+#[derive(Debug, Clone, Copy)]
+struct DepthLine {
+    number: f64,
+    depth: f64,
+    /// m per frame.
+    step: f64,
+    near_m: f64,
+}
+
+impl DepthLine {
+    /// How far a point is off the line, in what counts as near.
+    fn misses(&self, m: &Meant) -> f64 {
+        (m.depth - self.depth - self.step * (m.point.number - self.number)).abs() / self.near_m
+    }
+
+    /// Of every frame the nearest point, if it is near; the points of a frame come in order of depth.
+    fn agreed<'m>(&self, meant: &'m [Vec<Meant>]) -> Vec<&'m Meant> {
+        let nearest = |frame: &'m Vec<Meant>| {
+            let there = self.depth + self.step * (frame.first()?.point.number - self.number);
+            let next = frame.partition_point(|m| m.depth < there);
+            let around = &frame[next.saturating_sub(1)..(next + 1).min(frame.len())];
+            around.iter().min_by(|a, b| self.misses(a).total_cmp(&self.misses(b))).filter(|m| self.misses(m) < 1.0)
+        };
+        meant.iter().filter_map(nearest).collect()
+    }
+}
+
+/// The line from the origin (frame number, depth) on which most of an outline is seen.
+fn straight_line(meant: &[Vec<Meant>], origin: (f64, f64), near_m: f64) -> Option<DepthLine> {
+    let mut best: Option<(f64, DepthLine)> = None;
+    for (k, first) in meant.iter().enumerate() {
+        for (a, b) in meant[k + 1..].iter().flat_map(|second| first.iter().flat_map(move |a| second.iter().map(move |b| (a, b)))) {
+            let frames = b.point.number - a.point.number;
+            let line = DepthLine { number: a.point.number, depth: a.depth, step: (b.depth - a.depth) / frames, near_m };
+            let at_origin = line.depth + line.step * (origin.0 - line.number);
+            if frames < LINE_APART || (at_origin - origin.1).abs() > ORIGIN_LIMIT * ORIGIN_SD_M {
+                continue;
+            }
+            let share: f64 = line.agreed(meant).iter().map(|m| m.share).sum();
+            if best.is_none_or(|best| share > best.0) {
+                best = Some((share, line));
+            }
+        }
+    }
+    best.map(|b| b.1)
+}
+
+impl<S: FrameSource> Shot<'_, S> {
+    /// Looks in a gap for the ball's flight from (or to) where it is known beside it.
+    pub(super) fn flight_of_one_camera(
+        &self,
+        scene: &BallScene,
+        gap: &Range<usize>,
+        flight: &Flight,
+        racket: &[Option<RacketFrame>],
+        still: &[Option<GreyImage>; 2],
+    ) -> Result<Option<Flight>, TrackingError> {
+        for forth in [true, false] {
+            let Some(origin) = self.at_the_strings(gap, flight, racket, forth) else { continue };
+            let near = |i: &usize| (self.source.number(*i) as f64 - origin.number).abs() <= LOOKED_INTO * self.setup.frame_rate_hz / 1000.0;
+            let indices: Vec<usize> = gap.clone().filter(near).collect();
+            if indices.len() < FEWEST {
+                continue;
+            }
+            let faint = &BallScene { faint: true, ..scene.clone() };
+            let outlines = self.outlines(scene, &indices, &origin.place, still)?;
+            let mut best: Option<(f64, RayFlight)> = None;
+            for camera in CameraId::BOTH {
+                let Some(clear) = self.clear_flight(&outlines[camera.index()], &origin) else { continue };
+                if let Some((count, whole)) = self.with_other_camera(faint, &clear, &origin, still)?
+                    && best.as_ref().is_none_or(|b| count > b.0)
+                {
+                    best = Some((count, whole));
+                }
+            }
+            if let Some((_, whole)) = best {
+                return self.along(faint, &whole, &indices).map(Some);
+            }
+        }
+        Ok(None)
+    }
+
+    /// Where the ball known before a gap (`forth`) or after it was nearest to the string plane, seen there or flying straight on.
+    fn at_the_strings(&self, gap: &Range<usize>, flight: &Flight, racket: &[Option<RacketFrame>], forth: bool) -> Option<Origin> {
+        let (known, piece) = self.known_beside(&flight.frames, racket, gap, forth);
+        let last = known.last()?;
+        let from_last = |index: &usize| (self.source.number(*index) as f64 - last.number).abs() <= LONGEST_TURN * self.setup.frame_rate_hz / 1000.0;
+        let went_on = |index: usize| self.sighting(index, foretold(&piece, self.source.number(index) as f64), racket[index].as_ref());
+        let beyond: Vec<Sighting> = if piece.is_empty() { Vec::new() } else { gap.clone().filter(from_last).map(went_on).collect() };
+        let seen = known.iter().rev().take_while(|s| from_last(&s.index));
+        let off_plane = |s: &&Sighting| s.in_racket.filter(|p| p.xy().coords.norm() < IN_THE_HEAD_M).map(|p| p.z.abs());
+        let (off, nearest) = seen.chain(&beyond).filter_map(|s| Some((off_plane(&s)?, s))).min_by(|a, b| a.0.total_cmp(&b.0))?;
+        (off < ORIGIN_SD_M).then_some(Origin { number: nearest.number, place: nearest.place, sd_m: ORIGIN_SD_M })
+    }
+
+    /// Outlines of the ball's size in both cameras' pictures of these frames, whatever they belong to.
+    fn outlines(&self, scene: &BallScene, indices: &[usize], near: &Point3<f64>, still: &[Option<GreyImage>; 2]) -> Result<[Vec<RayPoint>; 2], TrackingError> {
+        let of_frame = |buffers: &mut [FrameBuffer; 2], index: &usize| {
+            let images = self.read(*index, buffers)?;
+            Ok(CameraId::BOTH.map(|camera| {
+                let c = camera.index();
+                let (Some(image), Some(behind), Some(radius)) = (&images[c], &still[c], scene.radius_px(camera, near)) else { return Vec::new() };
+                let number = self.source.number(*index) as f64;
+                ball_search::candidates(image, behind, radius)
+                    .iter()
+                    .filter_map(|place| scene.outline_near(image, camera, place.uv, radius))
+                    .map(|outline| RayPoint { index: *index, number, camera, uv: outline.uv })
+                    .collect()
+            }))
+        };
+        let all: Result<Vec<[Vec<RayPoint>; 2]>, TrackingError> = indices.par_iter().map_init(Default::default, of_frame).collect();
+        let mut out = [Vec::new(), Vec::new()];
+        for frame in all? {
+            out.iter_mut().zip(frame).for_each(|(out, points)| out.extend(points));
+        }
+        Ok(out)
+    }
+
+    /// The straight flight from the origin on which most outlines of one camera lie.
+    fn clear_flight(&self, outlines: &[RayPoint], origin: &Origin) -> Option<Vec<RayPoint>> {
+        let pairs: Vec<[RayPoint; 2]> = outlines
+            .iter()
+            .flat_map(|a| outlines.iter().filter(|b| b.index > a.index && APART.contains(&(b.index - a.index))).map(|b| [*a, *b]))
+            .collect();
+        let grown = |pair: &[RayPoint; 2]| -> Option<Vec<RayPoint>> {
+            let mut members = pair.to_vec();
+            // From the pair outward: two points foretell their neighbours, many the whole flight.
+            for reach in [6.0, 12.0, f64::INFINITY, f64::INFINITY] {
+                let flight = RayFlight::fit(self.view, &members, origin)?;
+                if !self.may_be_a_ball(&flight, origin) {
+                    return None;
+                }
+                let middle = 0.5 * (pair[0].number + pair[1].number);
+                members = self.on_flight(&flight, outlines.iter().filter(|p| (p.number - middle).abs() <= reach));
+                if members.len() < 4 {
+                    return None;
+                }
+            }
+            Some(members)
+        };
+        let members = pairs.par_iter().filter_map(grown).max_by_key(Vec::len)?;
+        let frames = members.last()?.index - members.first()?.index + 1;
+        (members.len() >= FEWEST && members.len() as f64 >= LEAST_SHARE * frames as f64).then_some(members)
+    }
+
+    fn may_be_a_ball(&self, flight: &RayFlight, origin: &Origin) -> bool {
+        let speed = flight.step_m() * self.setup.frame_rate_hz;
+        (SPEEDS_M_S.0..SPEEDS_M_S.1).contains(&speed) && (flight.at(origin.number) - origin.place).norm() < ORIGIN_LIMIT * origin.sd_m
+    }
+
+    /// The points near to where a flight passes, one in each frame.
+    fn on_flight<'a>(&self, flight: &RayFlight, points: impl Iterator<Item = &'a RayPoint>) -> Vec<RayPoint> {
+        let mut out: Vec<(f64, RayPoint)> = Vec::new();
+        for p in points {
+            let Some(off) = self.view.project(p.camera, &flight.at(p.number)).map(|uv| (p.uv - uv).norm()).filter(|off| *off < NEAR_PX) else { continue };
+            match out.last_mut() {
+                Some(last) if last.1.index == p.index => {
+                    if off < last.0 {
+                        *last = (off, *p);
+                    }
+                }
+                _ => out.push((off, *p)),
+            }
+        }
+        out.into_iter().map(|p| p.1).collect()
+    }
+
+    /// The flight along the clear camera's rays that most of the other camera's outlines agree with, and how much of an outline they show in all.
+    fn with_other_camera(
+        &self,
+        faint: &BallScene,
+        clear: &[RayPoint],
+        origin: &Origin,
+        still: &[Option<GreyImage>; 2],
+    ) -> Result<Option<(f64, RayFlight)>, TrackingError> {
+        let Some(middle) = clear.get(clear.len() / 2) else { return Ok(None) };
+        let other = if middle.camera == CameraId::Left { CameraId::Right } else { CameraId::Left };
+        let (eye, Some(axis), Some(behind)) = (self.view.eye(middle.camera), self.view.ray(middle.camera, middle.uv), &still[other.index()]) else {
+            return Ok(None);
+        };
+        let behind = GreyView::of(behind);
+        let origin_depth = (origin.place - eye).dot(&axis);
+        let on_ray = |p: &RayPoint| -> Result<Vec<Meant>, TrackingError> {
+            let reach_m = ORIGIN_LIMIT * ORIGIN_SD_M + FASTEST_M_S / self.setup.frame_rate_hz * (p.number - origin.number).abs();
+            let Some(ray) = self.view.ray(p.camera, p.uv) else { return Ok(Vec::new()) };
+            let seen = |depth: f64| self.view.project(other, &(eye + ray * (depth / ray.dot(&axis))));
+            let (Some(a), Some(b), Some(radius)) = (seen(origin_depth - reach_m), seen(origin_depth + reach_m), faint.radius_px(other, &origin.place)) else {
+                return Ok(Vec::new());
+            };
+            let rows = self.rows_between(a.y, b.y, 2.0 * radius + 8.0);
+            self.with_buffers(|buffers| {
+                let mut out: Vec<Meant> = Vec::new();
+                let Some(image) = self.read_one(p.index, other.index(), rows, &mut buffers[other.index()])? else { return Ok(out) };
+                let steps = ((b - a).norm() / STEP_PX).ceil().clamp(1.0, MOST_PLACES);
+                for k in 0..=steps as usize {
+                    let Some(outline) = faint.outline_near(&image, other, a + (b - a) * (k as f64 / steps), radius) else { continue };
+                    let point = RayPoint { camera: other, uv: outline.uv, ..*p };
+                    let [left, right] = if p.camera == CameraId::Left { [p.uv, point.uv] } else { [point.uv, p.uv] };
+                    if let Some((place, miss)) = self.view.triangulate(left, right)
+                        && miss * radius / faint.radius_m < AGREED_PX
+                        && out.iter().all(|known| (known.point.uv - point.uv).norm() > 0.5)
+                        && let Some(change) = ball_presence::change(&image, &behind, &point.uv, radius)
+                    {
+                        out.push(Meant { depth: (place - eye).dot(&axis), share: outline.outline, change, point });
+                    }
+                }
+                Ok(out)
+            })
+        };
+        let meant: Result<Vec<Vec<Meant>>, TrackingError> = clear.par_iter().map(on_ray).collect();
+        let mut meant = meant?;
+        // Most outlines on the line are the surroundings', which do not change.
+        let mut changes: Vec<f64> = meant.iter().flatten().map(|m| m.change).collect();
+        changes.sort_by(f64::total_cmp);
+        let least = CHANGED * changes.get(changes.len() / 4).copied().unwrap_or_default();
+        for frame in &mut meant {
+            frame.retain(|m| m.change > least);
+            frame.sort_by(|a, b| a.depth.total_cmp(&b.depth));
+        }
+        let px_per_m = faint.radius_px(other, &origin.place).unwrap_or_default() / faint.radius_m * self.parallax(&origin.place);
+        let line = |meant: &[Vec<Meant>]| straight_line(meant, (origin.number, origin_depth), AGREED_PX / px_per_m);
+        let Some(best) = line(&meant) else { return Ok(None) };
+        let agreed = best.agreed(&meant);
+        let share: f64 = agreed.iter().map(|m| m.share).sum();
+        let all: Vec<RayPoint> = clear.iter().copied().chain(agreed.iter().map(|m| m.point)).collect();
+        let count = agreed.len();
+        meant.iter_mut().for_each(|frame| frame.retain(|m| best.misses(m) > 2.0));
+        let elsewhere: f64 = line(&meant).map_or(0.0, |line| line.agreed(&meant).iter().map(|m| m.share).sum());
+        if count < FEWEST_FAINT || (count as f64) < LEAST_FAINT_SHARE * clear.len() as f64 || share < MORE_THAN_ELSEWHERE * elsewhere {
+            return Ok(None);
+        }
+        Ok(RayFlight::fit(self.view, &all, origin).filter(|whole| self.may_be_a_ball(whole, origin)).map(|whole| (share, whole)))
+    }
+
+    /// Sine of the angle between the two cameras' rays.
+    fn parallax(&self, at: &Point3<f64>) -> f64 {
+        let [a, b] = CameraId::BOTH.map(|c| (at - self.view.eye(c)).normalize());
+        a.cross(&b).norm()
+    }
+
+    /// What is measured where a flight passes.
+    fn along(&self, faint: &BallScene, flight: &RayFlight, indices: &[usize]) -> Result<Flight, TrackingError> {
+        let n = self.source.len();
+        let mut found = Flight { frames: vec![None; n], means: Default::default(), kept: vec![None; n] };
+        self.with_buffers(|buffers| {
+            for index in indices {
+                let there = flight.at(self.source.number(*index) as f64);
+                let images = self.read_rows(*index, self.ball_rows(faint, &there, 1), buffers)?;
+                found.frames[*index] = faint.measure(&images, &there, 1, 1.0);
+            }
+            Ok(found)
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Vector2;
+
+    #[test]
+    fn truth_the_depth_of_a_straight_flight_stands_out_of_other_outlines() {
+        let near_m = 0.007;
+        // Twelve depths in every picture, most of them of nothing; the flight's in four of five.
+        let meant = |flight: bool| -> Vec<Vec<Meant>> {
+            let of = |k: usize| {
+                let at = |depth: f64, share: f64| {
+                    let point = RayPoint { index: k, number: k as f64, camera: CameraId::Left, uv: Vector2::zeros() };
+                    Meant { depth, share, change: 20.0, point }
+                };
+                let clutter = (0..12).map(|j| at(9.2 + 1.6 * ((k * 7919 + j * 104_729) % 1009) as f64 / 1009.0, 0.2));
+                let flown = (flight && k % 5 != 2).then(|| at(10.02 + 0.021 * k as f64 + 0.002 * (k % 3) as f64, 0.3));
+                let mut all: Vec<Meant> = clutter.chain(flown).collect();
+                all.sort_by(|a, b| a.depth.total_cmp(&b.depth));
+                all
+            };
+            (3..23).map(of).collect()
+        };
+        let share = |meant: &[Vec<Meant>]| {
+            let line = straight_line(meant, (0.0, 10.0), near_m).expect("a line");
+            (line.step, line.agreed(meant).iter().map(|m| m.share).sum::<f64>())
+        };
+        let (step, with) = share(&meant(true));
+        let (_, without) = share(&meant(false));
+        assert!((step - 0.021).abs() < 0.001 && with > 4.5, "{step} {with}");
+        assert!(with > MORE_THAN_ELSEWHERE * without, "{with} {without}");
+    }
+}

@@ -163,8 +163,12 @@ fn one(arguments: &Arguments, session: &Session, shot: &ShotFolder, clip: Clip, 
     let mut made = made?;
     let mut spin = None;
     if !arguments.no_spin {
-        let found = FoundSpins::find(&made.clip, &setup, &made.tracked.tracks, &made.tracked.points)?;
+        let mut found = FoundSpins::find(&made.clip, &setup, &made.tracked.tracks, &made.tracked.points)?;
         refine_ball(&made.clip, &setup, &mut made.tracked, &found.rough())?;
+        if !found.complete() {
+            found.find_again(&made.clip, &setup, &made.tracked.tracks, &made.tracked.points)?;
+            refine_ball(&made.clip, &setup, &mut made.tracked, &found.rough())?;
+        }
         // The better centres tell the spin better: a drift of the outline looks like a turn.
         spin = Some(found.measure(&made.clip, &setup, &made.tracked.tracks, &made.tracked.points)?);
     }

@@ -185,10 +185,8 @@ impl<S: FrameSource> Shot<'_, S> {
 
     /// The straight flight from the origin on which most outlines of one camera lie.
     fn clear_flight(&self, outlines: &[RayPoint], origin: &Origin) -> Option<Vec<RayPoint>> {
-        let pairs: Vec<[RayPoint; 2]> = outlines
-            .iter()
-            .flat_map(|a| outlines.iter().filter(|b| b.index > a.index && APART.contains(&(b.index - a.index))).map(|b| [*a, *b]))
-            .collect();
+        let pairs: Vec<[RayPoint; 2]> =
+            outlines.iter().flat_map(|a| outlines.iter().filter(|b| b.index > a.index && APART.contains(&(b.index - a.index))).map(|b| [*a, *b])).collect();
         let grown = |pair: &[RayPoint; 2]| -> Option<Vec<RayPoint>> {
             let mut members = pair.to_vec();
             // From the pair outward: two points foretell their neighbours, many the whole flight.

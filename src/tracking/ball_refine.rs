@@ -11,7 +11,7 @@ use super::ball_track::{BallFrame, outline_radius_px};
 use super::racket_pose::View;
 use super::shot_tracker::{ShotSetup, ShotTracks, TrackingError};
 use super::space_points;
-use super::spin::{BallSpin, SpinEstimate, SpinRefusal};
+use super::spin::{BallSpin, SpinEstimate};
 use super::stray_ball;
 use super::track_file::{ImagePoint, PointState, Target};
 use crate::calibration::CameraId;
@@ -49,19 +49,17 @@ struct Sight {
     fit: Option<(ModelFit, ModelFit)>,
 }
 
-/// Measures the ball's centres of a tracked shot again and renews its points. Stretches of flight without a spin are left
-/// as they are, unless the ball is bare.
+/// Measures the ball's centres of a tracked shot again and renews its points. Where the spin is not known the ball is taken for bare: its
+/// lines then are pixels that disagree.
 pub fn refine_ball(source: &impl FrameSource, setup: &ShotSetup, shot: &mut ShotTracks, spin: &BallSpin) -> Result<(), TrackingError> {
     let Some(contact) = shot.contact_frame else { return Ok(()) };
     let view = View::new(setup.rig);
-    // A bare ball has no cover to learn; one whose lines are there but not understood is left alone.
     let turning = [&spin.before, &spin.after].map(|s| match s {
-        SpinEstimate::Vector { omega_rad_s, .. } => Some((*omega_rad_s, true)),
-        SpinEstimate::Refused { reason: SpinRefusal::NoMarkings { .. } } => Some((Vector3::zeros(), false)),
-        _ => None,
+        SpinEstimate::Vector { omega_rad_s, .. } => (*omega_rad_s, true),
+        SpinEstimate::OneAxis { .. } | SpinEstimate::Refused { .. } => (Vector3::zeros(), false),
     });
     let mut sights = sights(source, setup, &view, shot, contact, &turning)?;
-    let textured = turning.map(|t| t.is_some_and(|t| t.1));
+    let textured = turning.map(|t| t.1);
     measure(&mut sights, &textured);
     for sight in &sights {
         let Some(ball) = shot.ball.get_mut(sight.index).and_then(Option::as_mut) else { continue };
@@ -104,7 +102,7 @@ fn sights(
     view: &View,
     shot: &ShotTracks,
     contact: f64,
-    turning: &[Option<(Vector3<f64>, bool)>; 2],
+    turning: &[(Vector3<f64>, bool); 2],
 ) -> Result<Vec<Sight>, TrackingError> {
     let taught = MOST_TEACHING / setup.frame_rate_hz;
     let both = |buffer: &mut FrameBuffer, index: usize| -> Result<Vec<Sight>, TrackingError> {
@@ -118,7 +116,7 @@ fn sights(
         } else {
             return Ok(out);
         };
-        let Some((omega, _)) = turning[stretch] else { return Ok(out) };
+        let (omega, _) = turning[stretch];
         for camera in CameraId::BOTH {
             let Some(point) = ball.points[camera.index()] else { continue };
             let Some(radius_px) = outline_radius_px(view, camera, &ball.position, setup.ball.radius_m()) else { continue };

@@ -2,11 +2,12 @@
 
 use super::ball_refine::SHARED_VARIANCE;
 use super::shot_tracker::{ShotSetup, TrackingError};
-use super::spin::{BallSpin, BallView, FoundSpin, GreyPatch, SpinSettings};
+use super::spin::{BallSpin, BallView, FoundSpin, GreyPatch, SpinEstimate, SpinSettings};
 use super::track_file::{SpacePoint, Target, Tracks};
 use crate::calibration::CameraId;
 use crate::footage::{FrameBuffer, FrameSource, Rows};
 use nalgebra::{Point3, Vector2};
+use rayon::prelude::*;
 use std::collections::BTreeMap;
 
 /// Longest contact of ball and strings: 4 to 6 ms at the speeds of play (physics.md E.2). Frames in it show neither spin.
@@ -43,6 +44,23 @@ impl FoundSpins {
         let find = |side: usize| FoundSpin::find(&views(&crops[side]), setup.rig, setup.ball.radius_m(), &SpinSettings::new(setup.frame_rate_hz));
         let (before, after) = rayon::join(|| find(0), || find(1));
         Ok(FoundSpins { found: [before, after] })
+    }
+
+    /// Looks again where nothing was found, with the centres as they are now.
+    pub fn find_again(&mut self, source: &impl FrameSource, setup: &ShotSetup, tracks: &Tracks, points: &[SpacePoint]) -> Result<(), TrackingError> {
+        let crops = crops(source, setup, tracks, points)?;
+        let again = |(found, crops): (&mut FoundSpin, &Vec<Crop>)| {
+            if !matches!(found.rough, SpinEstimate::Vector { .. }) {
+                *found = FoundSpin::find(&views(crops), setup.rig, setup.ball.radius_m(), &SpinSettings::new(setup.frame_rate_hz));
+            }
+        };
+        self.found.par_iter_mut().zip(&crops).for_each(again);
+        Ok(())
+    }
+
+    /// Whether both spins are known.
+    pub fn complete(&self) -> bool {
+        self.found.iter().all(|f| matches!(f.rough, SpinEstimate::Vector { .. }))
     }
 
     /// What is known so far: good enough to learn the ball's cover with.

@@ -13,6 +13,7 @@ use nalgebra::Vector2;
 use opencv::core::{Mat, Point2f, Size, TermCriteria, TermCriteria_Type, Vector};
 use opencv::{calib3d, imgproc};
 use rayon::prelude::*;
+use std::sync::{Mutex, PoisonError};
 
 /// Half-window of the sub-pixel search as a share of the smallest corner spacing: a fixed one drags corners of small
 /// squares by pixels (0.3 worked on three sets, 0.4 broke one of them).
@@ -31,8 +32,7 @@ pub fn find_corners(image: &GreyImage, board: &Checkerboard) -> Result<Result<Bo
 }
 
 fn find(image: &GreyImage, board: &Checkerboard) -> opencv::Result<Result<BoardView, ViewFault>> {
-    // Our loops run over pictures; OpenCV's own threads would only make its random numbers depend on scheduling.
-    opencv::core::set_num_threads(1)?;
+    one_thread()?;
     let mat = Mat::new_rows_cols_with_data(i32::try_from(image.height)?, i32::try_from(image.width)?, &image.pixels)?;
     let all = board.corner_count();
     // What is tried later is slow when it fails: little is tried where there is little to be found.
@@ -61,6 +61,18 @@ fn find(image: &GreyImage, board: &Checkerboard) -> opencv::Result<Result<BoardV
         }
     }
     Ok(Err(fault))
+}
+
+/// Our loops run over pictures; OpenCV's own threads would only make its random numbers depend on scheduling. Once: it builds its pool anew
+/// with every call, whoever uses it meanwhile, and crashes where two threads do so at a time.
+fn one_thread() -> opencv::Result<()> {
+    static ONCE: Mutex<bool> = Mutex::new(false);
+    let mut done = ONCE.lock().unwrap_or_else(PoisonError::into_inner);
+    if !*done {
+        opencv::core::set_num_threads(1)?;
+        *done = true;
+    }
+    Ok(())
 }
 
 /// OpenCV's detectors.

@@ -167,7 +167,8 @@ fn one(arguments: &Arguments, session: &Session, shot: &ShotFolder, clip: Clip, 
         refine_ball(&made.clip, &setup, &mut made.tracked, &found.rough())?;
         if !found.complete() {
             found.find_again(&made.clip, &setup, &made.tracked.tracks, &made.tracked.points)?;
-            refine_ball(&made.clip, &setup, &mut made.tracked, &found.rough())?;
+            let measured = found.measure(&made.clip, &setup, &made.tracked.tracks, &made.tracked.points)?;
+            refine_ball(&made.clip, &setup, &mut made.tracked, &measured)?;
         }
         // The better centres tell the spin better: a drift of the outline looks like a turn.
         spin = Some(found.measure(&made.clip, &setup, &made.tracked.tracks, &made.tracked.points)?);

@@ -5,9 +5,10 @@ use nalgebra::{Isometry3, Matrix3, Point3, Vector2, Vector3};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use sweetspot::calibration::{
-    AxesFrame, Calibration, CalibrationOptions, Camera, CameraId, Checkerboard, DistortionModel, PairImages, StereoRig, calibrate_images, global_axes,
+    AxesFrame, Calibration, CalibrationOptions, Camera, CameraId, Checkerboard, DistortionModel, PairImages, StereoRig, ViewFault, calibrate_images,
+    find_corners, global_axes,
 };
-use sweetspot::footage::{numbered_images, read_grey};
+use sweetspot::footage::{GreyImage, numbered_images, read_grey};
 use sweetspot::reconstruction::Triangulator;
 use sweetspot::tracking::ImagePoint;
 
@@ -149,4 +150,16 @@ fn truth_practice_sessions_are_calibrated_within_the_bars() {
     // Sixteen correlated numbers a session: 95 % of 48 is 45.6; fewer than 42 would have a chance below one in a hundred if
     // they came in independent groups of two.
     assert!(inside >= 42, "{inside} of {parameters}");
+}
+
+#[test]
+fn law_corners_are_looked_for_by_many_threads_at_a_time() {
+    // OpenCV's pool was set anew for every picture, which ended the process when two threads met there.
+    let board = Checkerboard { columns: 9, rows: 6, square_m: 0.06 };
+    let bare = GreyImage { width: 64, height: 64, pixels: vec![90; 64 * 64] };
+    std::thread::scope(|scope| {
+        for _ in 0..8 {
+            scope.spawn(|| (0..2000).for_each(|_| assert!(matches!(find_corners(&bare, &board), Ok(Err(ViewFault::NotFound))))));
+        }
+    });
 }

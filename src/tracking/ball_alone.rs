@@ -1,8 +1,8 @@
 //! A flight that one camera sees clearly and the other hardly: over lettering, before a wall of its own grey.
 //!
-//! In the clear camera the ball is found by itself, picture by picture, as what flies straight from the strings (or to them). That leaves its
-//! distance free to some centimetres, which is a short piece of an epipolar line in the other camera's pictures. Faint outlines on it count
-//! together: in all pictures the same distance must be meant, which lettering and strings do not bring about.
+//! In the clear camera the ball is found by itself, picture by picture, as what flies straight from the strings (or to them). From a dozen metres
+//! away that leaves its depth free, and how that changes: a line over time. Faint outlines of the other camera along the epipolar lines each mean
+//! a depth, and those of one flight lie on one such line, which lettering and strings do not bring about.
 
 use super::ball_choice::Sighting;
 use super::ball_pieces::foretold;
@@ -18,10 +18,11 @@ use crate::calibration::CameraId;
 use crate::footage::{FrameBuffer, FrameSource, GreyImage, GreyView};
 use nalgebra::Point3;
 use rayon::prelude::*;
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 
-/// Frames from the known ball over which a flight is looked for, at 1000 frames a second.
+/// Frames from the known ball over which a flight is looked for, at 1000 frames a second, and how many of them are looked at.
 const LOOKED_INTO: f64 = 40.0;
+const MOST_FRAMES: usize = 48;
 /// The ball was last known on the strings; what it did there moves the flight's origin by this, m (30 m/s for 2 ms).
 const ORIGIN_SD_M: f64 = 0.05;
 /// The ball is on the strings within so many frames of where it is known, at 1000 frames a second, and this near to their centre, m.
@@ -29,22 +30,23 @@ const LONGEST_TURN: f64 = 12.0;
 const IN_THE_HEAD_M: f64 = 0.25;
 /// A straight flight from there is believed when it comes within so many deviations of it.
 const ORIGIN_LIMIT: f64 = 2.5;
-/// Two sightings that may begin a flight are so many frames apart.
-const APART: std::ops::RangeInclusive<usize> = 2..=6;
+/// Two sightings that may begin a flight are so many of the frames looked at apart; from there it grows by so many, then by all.
+const APART: RangeInclusive<usize> = 2..=6;
+const GROWING: [f64; 4] = [6.0, 12.0, f64::INFINITY, f64::INFINITY];
 /// A point belongs to a flight when it is this near, px; outlines without the light are good to half a pixel.
 const NEAR_PX: f64 = 1.5;
 /// Fewest points of a flight in the clear camera, and the share of its frames.
 const FEWEST: usize = 7;
 const LEAST_SHARE: f64 = 0.6;
-/// Fewest faint outlines in the other camera, their share of the clear one's points, and how many more than at any other distance.
+/// Fewest faint outlines in the other camera, their share of the clear one's points, and how much more than on any other line.
 const FEWEST_FAINT: usize = 5;
 const LEAST_FAINT_SHARE: f64 = 0.4;
 const MORE_THAN_ELSEWHERE: f64 = 1.5;
 /// Where a picture changes by less than so many times what the surroundings do, there is no ball.
 const CHANGED: f64 = 2.0;
-/// Outlines that mean one flight agree to this, px, along the epipolar line and across it; two that tell a flight are so many frames apart.
+/// Outlines that mean one flight agree to this, px, along the epipolar line and across it; two that tell a flight are so many of the frames looked at apart.
 const AGREED_PX: f64 = 1.0;
-const LINE_APART: f64 = 4.0;
+const LINE_APART: usize = 4;
 /// Steps along the epipolar line, px, at most so many, and how fast the ball may come along the clear camera's line of sight.
 const STEP_PX: f64 = 1.5;
 const MOST_PLACES: f64 = 250.0;
@@ -75,15 +77,19 @@ struct DepthLine {
 }
 
 impl DepthLine {
+    fn at(&self, number: f64) -> f64 {
+        self.depth + self.step * (number - self.number)
+    }
+
     /// How far a point is off the line, in what counts as near.
     fn misses(&self, m: &Meant) -> f64 {
-        (m.depth - self.depth - self.step * (m.point.number - self.number)).abs() / self.near_m
+        (m.depth - self.at(m.point.number)).abs() / self.near_m
     }
 
     /// Of every frame the nearest point, if it is near; the points of a frame come in order of depth.
     fn agreed<'m>(&self, meant: &'m [Vec<Meant>]) -> Vec<&'m Meant> {
         let nearest = |frame: &'m Vec<Meant>| {
-            let there = self.depth + self.step * (frame.first()?.point.number - self.number);
+            let there = self.at(frame.first()?.point.number);
             let next = frame.partition_point(|m| m.depth < there);
             let around = &frame[next.saturating_sub(1)..(next + 1).min(frame.len())];
             around.iter().min_by(|a, b| self.misses(a).total_cmp(&self.misses(b))).filter(|m| self.misses(m) < 1.0)
@@ -92,15 +98,15 @@ impl DepthLine {
     }
 }
 
-/// The line from the origin (frame number, depth) on which most of an outline is seen.
+/// The line from the origin (frame number, depth) on which most of an outline is seen; by frames, the points in order of depth.
 fn straight_line(meant: &[Vec<Meant>], origin: (f64, f64), near_m: f64) -> Option<DepthLine> {
     let mut best: Option<(f64, DepthLine)> = None;
     for (k, first) in meant.iter().enumerate() {
-        for (a, b) in meant[k + 1..].iter().flat_map(|second| first.iter().flat_map(move |a| second.iter().map(move |b| (a, b)))) {
-            let frames = b.point.number - a.point.number;
-            let line = DepthLine { number: a.point.number, depth: a.depth, step: (b.depth - a.depth) / frames, near_m };
-            let at_origin = line.depth + line.step * (origin.0 - line.number);
-            if frames < LINE_APART || (at_origin - origin.1).abs() > ORIGIN_LIMIT * ORIGIN_SD_M {
+        let later = meant.iter().skip(k + LINE_APART);
+        for (a, b) in later.flat_map(|second| first.iter().flat_map(move |a| second.iter().map(move |b| (a, b)))) {
+            let step = (b.depth - a.depth) / (b.point.number - a.point.number);
+            let line = DepthLine { number: a.point.number, depth: a.depth, step, near_m };
+            if (line.at(origin.0) - origin.1).abs() > ORIGIN_LIMIT * ORIGIN_SD_M {
                 continue;
             }
             let share: f64 = line.agreed(meant).iter().map(|m| m.share).sum();
@@ -110,6 +116,27 @@ fn straight_line(meant: &[Vec<Meant>], origin: (f64, f64), near_m: f64) -> Optio
         }
     }
     best.map(|b| b.1)
+}
+
+/// The other camera's points of one flight, and how much of an outline they show in all; `None` where no line stands out. `clear` is how many
+/// points the clear camera has.
+fn of_one_flight(mut meant: Vec<Vec<Meant>>, origin: (f64, f64), near_m: f64, clear: usize) -> Option<(f64, Vec<RayPoint>)> {
+    // Most outlines are the surroundings', which do not change.
+    let mut changes: Vec<f64> = meant.iter().flatten().map(|m| m.change).collect();
+    changes.sort_by(f64::total_cmp);
+    let least = CHANGED * changes.get(changes.len() / 4)?;
+    for frame in &mut meant {
+        frame.retain(|m| m.change > least);
+        frame.sort_by(|a, b| a.depth.total_cmp(&b.depth));
+    }
+    let shown = |agreed: &[&Meant]| agreed.iter().map(|m| m.share).sum::<f64>();
+    let line = straight_line(&meant, origin, near_m)?;
+    let agreed = line.agreed(&meant);
+    let (share, points): (f64, Vec<RayPoint>) = (shown(&agreed), agreed.iter().map(|m| m.point).collect());
+    meant.iter_mut().for_each(|frame| frame.retain(|m| line.misses(m) > 2.0));
+    let elsewhere = straight_line(&meant, origin, near_m).map_or(0.0, |other| shown(&other.agreed(&meant)));
+    let enough = points.len() >= FEWEST_FAINT && points.len() as f64 >= LEAST_FAINT_SHARE * clear as f64;
+    (enough && share >= MORE_THAN_ELSEWHERE * elsewhere).then_some((share, points))
 }
 
 impl<S: FrameSource> Shot<'_, S> {
@@ -130,14 +157,16 @@ impl<S: FrameSource> Shot<'_, S> {
                 continue;
             }
             let faint = &BallScene { faint: true, ..scene.clone() };
-            let outlines = self.outlines(scene, &indices, &origin.place, still)?;
+            let every = indices.len().div_ceil(MOST_FRAMES);
+            let looked_at: Vec<usize> = indices.iter().copied().step_by(every).collect();
+            let outlines = self.outlines(scene, &looked_at, &origin.place, still)?;
             let mut best: Option<(f64, RayFlight)> = None;
             for camera in CameraId::BOTH {
-                let Some(clear) = self.clear_flight(&outlines[camera.index()], &origin) else { continue };
-                if let Some((count, whole)) = self.with_other_camera(faint, &clear, &origin, still)?
-                    && best.as_ref().is_none_or(|b| count > b.0)
+                let Some(clear) = self.clear_flight(&outlines[camera.index()], &origin, every) else { continue };
+                if let Some((share, whole)) = self.with_other_camera(faint, &clear, &origin, still)?
+                    && best.is_none_or(|b| share > b.0)
                 {
-                    best = Some((count, whole));
+                    best = Some((share, whole));
                 }
             }
             if let Some((_, whole)) = best {
@@ -183,28 +212,26 @@ impl<S: FrameSource> Shot<'_, S> {
         Ok(out)
     }
 
-    /// The straight flight from the origin on which most outlines of one camera lie.
-    fn clear_flight(&self, outlines: &[RayPoint], origin: &Origin) -> Option<Vec<RayPoint>> {
-        let pairs: Vec<[RayPoint; 2]> =
-            outlines.iter().flat_map(|a| outlines.iter().filter(|b| b.index > a.index && APART.contains(&(b.index - a.index))).map(|b| [*a, *b])).collect();
+    /// The straight flight from the origin on which most outlines of one camera lie; one frame in `every` was looked at.
+    fn clear_flight(&self, outlines: &[RayPoint], origin: &Origin, every: usize) -> Option<Vec<RayPoint>> {
+        let begins = |a: &RayPoint, b: &RayPoint| b.index.checked_sub(a.index).is_some_and(|apart| APART.contains(&(apart / every)));
+        let pairs: Vec<[RayPoint; 2]> = outlines.iter().flat_map(|a| outlines.iter().filter(|b| begins(a, b)).map(|b| [*a, *b])).collect();
         let grown = |pair: &[RayPoint; 2]| -> Option<Vec<RayPoint>> {
             let mut members = pair.to_vec();
+            let middle = 0.5 * (pair[0].number + pair[1].number);
             // From the pair outward: two points foretell their neighbours, many the whole flight.
-            for reach in [6.0, 12.0, f64::INFINITY, f64::INFINITY] {
-                let flight = RayFlight::fit(self.view, &members, origin)?;
-                if !self.may_be_a_ball(&flight, origin) {
-                    return None;
-                }
-                let middle = 0.5 * (pair[0].number + pair[1].number);
-                members = self.on_flight(&flight, outlines.iter().filter(|p| (p.number - middle).abs() <= reach));
-                if members.len() < 4 {
+            for reach in GROWING {
+                let flight = RayFlight::fit(self.view, &members, origin).filter(|f| self.may_be_a_ball(f, origin))?;
+                members = self.on_flight(&flight, outlines.iter().filter(|p| (p.number - middle).abs() <= reach * every as f64));
+                if members.len() < FEWEST / 2 {
                     return None;
                 }
             }
             Some(members)
         };
-        let members = pairs.par_iter().filter_map(grown).max_by_key(Vec::len)?;
-        let frames = members.last()?.index - members.first()?.index + 1;
+        let all: Vec<Vec<RayPoint>> = pairs.par_iter().filter_map(grown).collect();
+        let members = all.into_iter().max_by_key(Vec::len)?;
+        let frames = (members.last()?.index - members.first()?.index) / every + 1;
         (members.len() >= FEWEST && members.len() as f64 >= LEAST_SHARE * frames as f64).then_some(members)
     }
 
@@ -273,27 +300,11 @@ impl<S: FrameSource> Shot<'_, S> {
             })
         };
         let meant: Result<Vec<Vec<Meant>>, TrackingError> = clear.par_iter().map(on_ray).collect();
-        let mut meant = meant?;
-        // Most outlines on the line are the surroundings', which do not change.
-        let mut changes: Vec<f64> = meant.iter().flatten().map(|m| m.change).collect();
-        changes.sort_by(f64::total_cmp);
-        let least = CHANGED * changes.get(changes.len() / 4).copied().unwrap_or_default();
-        for frame in &mut meant {
-            frame.retain(|m| m.change > least);
-            frame.sort_by(|a, b| a.depth.total_cmp(&b.depth));
-        }
-        let px_per_m = faint.radius_px(other, &origin.place).unwrap_or_default() / faint.radius_m * self.parallax(&origin.place);
-        let line = |meant: &[Vec<Meant>]| straight_line(meant, (origin.number, origin_depth), AGREED_PX / px_per_m);
-        let Some(best) = line(&meant) else { return Ok(None) };
-        let agreed = best.agreed(&meant);
-        let share: f64 = agreed.iter().map(|m| m.share).sum();
-        let all: Vec<RayPoint> = clear.iter().copied().chain(agreed.iter().map(|m| m.point)).collect();
-        let count = agreed.len();
-        meant.iter_mut().for_each(|frame| frame.retain(|m| best.misses(m) > 2.0));
-        let elsewhere: f64 = line(&meant).map_or(0.0, |line| line.agreed(&meant).iter().map(|m| m.share).sum());
-        if count < FEWEST_FAINT || (count as f64) < LEAST_FAINT_SHARE * clear.len() as f64 || share < MORE_THAN_ELSEWHERE * elsewhere {
+        let Some(px_per_m) = faint.radius_px(other, &origin.place).map(|px| px / faint.radius_m * self.parallax(&origin.place)).filter(|px| *px > 0.0) else {
             return Ok(None);
-        }
+        };
+        let Some((share, points)) = of_one_flight(meant?, (origin.number, origin_depth), AGREED_PX / px_per_m, clear.len()) else { return Ok(None) };
+        let all: Vec<RayPoint> = clear.iter().copied().chain(points).collect();
         Ok(RayFlight::fit(self.view, &all, origin).filter(|whole| self.may_be_a_ball(whole, origin)).map(|whole| (share, whole)))
     }
 
@@ -330,24 +341,23 @@ mod tests {
         let meant = |flight: bool| -> Vec<Vec<Meant>> {
             let of = |k: usize| {
                 let at = |depth: f64, share: f64| {
-                    let point = RayPoint { index: k, number: k as f64, camera: CameraId::Left, uv: Vector2::zeros() };
+                    let point = RayPoint { index: k, number: k as f64, camera: CameraId::Left, uv: Vector2::new(depth, 0.0) };
                     Meant { depth, share, change: 20.0, point }
                 };
                 let clutter = (0..12).map(|j| at(9.2 + 1.6 * ((k * 7919 + j * 104_729) % 1009) as f64 / 1009.0, 0.2));
                 let flown = (flight && k % 5 != 2).then(|| at(10.02 + 0.021 * k as f64 + 0.002 * (k % 3) as f64, 0.3));
-                let mut all: Vec<Meant> = clutter.chain(flown).collect();
+                let still = Meant { change: 2.0, ..at(10.0, 0.9) };
+                let mut all: Vec<Meant> = clutter.chain(flown).chain([still; 8]).collect();
                 all.sort_by(|a, b| a.depth.total_cmp(&b.depth));
                 all
             };
             (3..23).map(of).collect()
         };
-        let share = |meant: &[Vec<Meant>]| {
-            let line = straight_line(meant, (0.0, 10.0), near_m).expect("a line");
-            (line.step, line.agreed(meant).iter().map(|m| m.share).sum::<f64>())
-        };
-        let (step, with) = share(&meant(true));
-        let (_, without) = share(&meant(false));
-        assert!((step - 0.021).abs() < 0.001 && with > 4.5, "{step} {with}");
-        assert!(with > MORE_THAN_ELSEWHERE * without, "{with} {without}");
+        let found = |flight: bool| of_one_flight(meant(flight), (0.0, 10.0), near_m, 20);
+        assert!(found(false).is_none());
+        let (share, points) = found(true).expect("a flight");
+        assert!(points.len() >= 16 && share > 4.5, "{} {share}", points.len());
+        let off = points.iter().map(|p| (p.uv.x - 10.02 - 0.021 * p.number).abs()).fold(0.0, f64::max);
+        assert!(off < near_m, "{off}");
     }
 }

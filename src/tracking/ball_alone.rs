@@ -4,11 +4,11 @@
 //! away that leaves its depth free, and how that changes: a line over time. Faint outlines of the other camera along the epipolar lines each mean
 //! a depth, and those of one flight lie on one such line, which lettering and strings do not bring about.
 
-use super::ball_choice::Sighting;
-use super::ball_pieces::foretold;
+use super::ball_choice::{Sighting, moves_in_racket};
+use super::ball_pieces::{foretold, straight_pieces};
 use super::ball_presence;
 use super::ball_search;
-use super::ball_track::BallScene;
+use super::ball_track::{BallFrame, BallScene};
 use super::racket_track::RacketFrame;
 use super::ray_flight::{Origin, RayFlight, RayPoint};
 use super::shot_ball::Flight;
@@ -16,7 +16,7 @@ use super::shot_frames::Shot;
 use super::shot_tracker::TrackingError;
 use crate::calibration::CameraId;
 use crate::footage::{FrameBuffer, FrameSource, GreyImage, GreyView};
-use nalgebra::Point3;
+use nalgebra::{Point2, Point3};
 use rayon::prelude::*;
 use std::ops::{Range, RangeInclusive};
 
@@ -28,6 +28,8 @@ const ORIGIN_SD_M: f64 = 0.05;
 /// The ball is on the strings within so many frames of where it is known, at 1000 frames a second, and this near to their centre, m.
 const LONGEST_TURN: f64 = 12.0;
 const IN_THE_HEAD_M: f64 = 0.25;
+/// Of a ball of which nothing is known, the racket is about so near, m.
+const AROUND_M: f64 = 0.6;
 /// A straight flight from there is believed when it comes within so many deviations of it.
 const ORIGIN_LIMIT: f64 = 2.5;
 /// Two sightings that may begin a flight are so many of the frames looked at apart; from there it grows by so many, then by all.
@@ -38,6 +40,8 @@ const NEAR_PX: f64 = 1.5;
 /// Fewest points of a flight in the clear camera, and the share of its frames.
 const FEWEST: usize = 7;
 const LEAST_SHARE: f64 = 0.6;
+/// Flights of one camera that the other one is asked about.
+const MOST_CLEAR: usize = 3;
 /// Fewest faint outlines in the other camera, their share of the clear one's points, and how much more than on any other line.
 const FEWEST_FAINT: usize = 5;
 const LEAST_FAINT_SHARE: f64 = 0.4;
@@ -51,6 +55,9 @@ const LINE_APART: usize = 4;
 const STEP_PX: f64 = 1.5;
 const MOST_PLACES: f64 = 250.0;
 const FASTEST_M_S: f64 = 60.0;
+/// What stays as near to one place in the string plane, m, in more of its frames is a part of the racket.
+const KEEPS_M: f64 = 0.03;
+const MOST_KEEP: f64 = 0.7;
 /// Slowest and fastest ball, m/s.
 const SPEEDS_M_S: (f64, f64) = (3.0, 90.0);
 
@@ -87,30 +94,27 @@ impl DepthLine {
     }
 
     /// Of every frame the nearest point, if it is near; the points of a frame come in order of depth.
-    fn agreed<'m>(&self, meant: &'m [Vec<Meant>]) -> Vec<&'m Meant> {
-        let nearest = |frame: &'m Vec<Meant>| {
+    fn agreed<'m>(&self, meant: &'m [Vec<Meant>]) -> impl Iterator<Item = &'m Meant> {
+        let nearest = move |frame: &'m Vec<Meant>| {
             let there = self.at(frame.first()?.point.number);
             let next = frame.partition_point(|m| m.depth < there);
             let around = &frame[next.saturating_sub(1)..(next + 1).min(frame.len())];
             around.iter().min_by(|a, b| self.misses(a).total_cmp(&self.misses(b))).filter(|m| self.misses(m) < 1.0)
         };
-        meant.iter().filter_map(nearest).collect()
+        meant.iter().filter_map(nearest)
     }
 }
 
-/// The line from the origin (frame number, depth) on which most of an outline is seen; by frames, the points in order of depth.
-fn straight_line(meant: &[Vec<Meant>], origin: (f64, f64), near_m: f64) -> Option<DepthLine> {
+/// Of the lines that may be the ball's, the one on which most of an outline is seen; by frames, the points in order of depth.
+fn straight_line(meant: &[Vec<Meant>], may_be: &dyn Fn(&DepthLine) -> bool, near_m: f64) -> Option<DepthLine> {
     let mut best: Option<(f64, DepthLine)> = None;
     for (k, first) in meant.iter().enumerate() {
-        let later = meant.iter().skip(k + LINE_APART);
+        let later = meant.iter().skip(k + LINE_APART.max(meant.len() / 3));
         for (a, b) in later.flat_map(|second| first.iter().flat_map(move |a| second.iter().map(move |b| (a, b)))) {
             let step = (b.depth - a.depth) / (b.point.number - a.point.number);
             let line = DepthLine { number: a.point.number, depth: a.depth, step, near_m };
-            if (line.at(origin.0) - origin.1).abs() > ORIGIN_LIMIT * ORIGIN_SD_M {
-                continue;
-            }
-            let share: f64 = line.agreed(meant).iter().map(|m| m.share).sum();
-            if best.is_none_or(|best| share > best.0) {
+            let share: f64 = line.agreed(meant).map(|m| m.share).sum();
+            if best.is_none_or(|best| share > best.0) && may_be(&line) {
                 best = Some((share, line));
             }
         }
@@ -120,7 +124,7 @@ fn straight_line(meant: &[Vec<Meant>], origin: (f64, f64), near_m: f64) -> Optio
 
 /// The other camera's points of one flight, and how much of an outline they show in all; `None` where no line stands out. `clear` is how many
 /// points the clear camera has.
-fn of_one_flight(mut meant: Vec<Vec<Meant>>, origin: (f64, f64), near_m: f64, clear: usize) -> Option<(f64, Vec<RayPoint>)> {
+fn of_one_flight(mut meant: Vec<Vec<Meant>>, may_be: &dyn Fn(&DepthLine) -> bool, near_m: f64, clear: usize) -> Option<(f64, Vec<RayPoint>)> {
     // Most outlines are the surroundings', which do not change.
     let mut changes: Vec<f64> = meant.iter().flatten().map(|m| m.change).collect();
     changes.sort_by(f64::total_cmp);
@@ -129,12 +133,11 @@ fn of_one_flight(mut meant: Vec<Vec<Meant>>, origin: (f64, f64), near_m: f64, cl
         frame.retain(|m| m.change > least);
         frame.sort_by(|a, b| a.depth.total_cmp(&b.depth));
     }
-    let shown = |agreed: &[&Meant]| agreed.iter().map(|m| m.share).sum::<f64>();
-    let line = straight_line(&meant, origin, near_m)?;
-    let agreed = line.agreed(&meant);
-    let (share, points): (f64, Vec<RayPoint>) = (shown(&agreed), agreed.iter().map(|m| m.point).collect());
+    let line = straight_line(&meant, may_be, near_m)?;
+    let shown = |line: &DepthLine, meant: &[Vec<Meant>]| line.agreed(meant).map(|m| m.share).sum::<f64>();
+    let (share, points): (f64, Vec<RayPoint>) = (shown(&line, &meant), line.agreed(&meant).map(|m| m.point).collect());
     meant.iter_mut().for_each(|frame| frame.retain(|m| line.misses(m) > 2.0));
-    let elsewhere = straight_line(&meant, origin, near_m).map_or(0.0, |other| shown(&other.agreed(&meant)));
+    let elsewhere = straight_line(&meant, may_be, near_m).map_or(0.0, |other| shown(&other, &meant));
     let enough = points.len() >= FEWEST_FAINT && points.len() as f64 >= LEAST_FAINT_SHARE * clear as f64;
     (enough && share >= MORE_THAN_ELSEWHERE * elsewhere).then_some((share, points))
 }
@@ -156,24 +159,70 @@ impl<S: FrameSource> Shot<'_, S> {
             if indices.len() < FEWEST {
                 continue;
             }
-            let faint = &BallScene { faint: true, ..scene.clone() };
-            let every = indices.len().div_ceil(MOST_FRAMES);
-            let looked_at: Vec<usize> = indices.iter().copied().step_by(every).collect();
-            let outlines = self.outlines(scene, &looked_at, &origin.place, still)?;
-            let mut best: Option<(f64, RayFlight)> = None;
-            for camera in CameraId::BOTH {
-                let Some(clear) = self.clear_flight(&outlines[camera.index()], &origin, every) else { continue };
-                if let Some((share, whole)) = self.with_other_camera(faint, &clear, &origin, still)?
-                    && best.is_none_or(|b| share > b.0)
-                {
-                    best = Some((share, whole));
-                }
-            }
-            if let Some((_, whole)) = best {
-                return self.along(faint, &whole, &indices).map(Some);
+            let found = self.clear_in_one(scene, &indices, &origin, racket, still)?;
+            if found.is_some() {
+                return Ok(found);
             }
         }
         Ok(None)
+    }
+
+    /// Looks for a ball that meets the racket where no three frames show one to both cameras.
+    pub(super) fn flight_to_the_racket(
+        &self,
+        scene: &BallScene,
+        racket: &[Option<RacketFrame>],
+        still: &[Option<GreyImage>; 2],
+    ) -> Result<Option<Flight>, TrackingError> {
+        let n = self.source.len();
+        let window = ((LOOKED_INTO * self.setup.frame_rate_hz / 1000.0) as usize).clamp(FEWEST, n.max(FEWEST));
+        let mut best: Option<(usize, Flight)> = None;
+        for first in (0..n).step_by(window.div_ceil(2)) {
+            let indices: Vec<usize> = (first..(first + window).min(n)).collect();
+            let Some(pose) = racket[first..(first + window).min(n)].iter().flatten().map(|r| r.pose.global_from_racket).next() else { continue };
+            let number = self.source.number(indices[indices.len() / 2]) as f64;
+            let origin = Origin { number, place: pose.translation.vector.into(), sd_m: AROUND_M, frame_rate_hz: self.setup.frame_rate_hz };
+            let Some(mut found) = self.clear_in_one(scene, &indices, &origin, racket, still)? else { continue };
+            let seen = self.sightings(&found.frames, racket);
+            let pieces = straight_pieces(&seen, self.setup.frame_rate_hz).into_iter().filter(|p| moves_in_racket(p, self.setup.frame_rate_hz));
+            let Some(longest) = pieces.max_by_key(Vec::len) else { continue };
+            if longest.len() >= FEWEST && best.as_ref().is_none_or(|b| longest.len() > b.0) {
+                found.keep_only(&longest);
+                best = Some((longest.len(), found));
+            }
+        }
+        Ok(best.map(|b| b.1))
+    }
+
+    /// What is measured of the flight near an origin that one camera sees clearly in these frames.
+    fn clear_in_one(
+        &self,
+        scene: &BallScene,
+        indices: &[usize],
+        origin: &Origin,
+        racket: &[Option<RacketFrame>],
+        still: &[Option<GreyImage>; 2],
+    ) -> Result<Option<Flight>, TrackingError> {
+        let every = indices.len().div_ceil(MOST_FRAMES).max(1);
+        let looked_at: Vec<usize> = indices.iter().copied().step_by(every).collect();
+        let outlines = self.outlines(scene, &looked_at, &origin.place, still)?;
+        let faint = &BallScene { faint: true, ..scene.clone() };
+        let mut best: Option<(f64, RayFlight, Vec<RayPoint>)> = None;
+        for camera in CameraId::BOTH {
+            for clear in self.clear_flights(&outlines[camera.index()], origin, every, racket) {
+                if let Some((share, whole)) = self.with_other_camera(faint, &clear, origin, racket, still)?
+                    && best.as_ref().is_none_or(|b| share > b.0)
+                {
+                    best = Some((share, whole, clear));
+                }
+            }
+        }
+        let Some((_, whole, clear)) = best else { return Ok(None) };
+        // Nearer to the origin than it was seen the strings have it.
+        let (first, last) = (clear.iter().map(|p| p.number).fold(f64::INFINITY, f64::min), clear.iter().map(|p| p.number).fold(f64::NEG_INFINITY, f64::max));
+        let free = |number: f64| (number >= first || last < origin.number) && (number <= last || first > origin.number);
+        let along: Vec<usize> = indices.iter().copied().filter(|i| free(self.source.number(*i) as f64)).collect();
+        self.along(scene, &whole, &along).map(Some)
     }
 
     /// Where the ball known before a gap (`forth`) or after it was nearest to the string plane, seen there or flying straight on.
@@ -186,7 +235,7 @@ impl<S: FrameSource> Shot<'_, S> {
         let seen = known.iter().rev().take_while(|s| from_last(&s.index));
         let off_plane = |s: &&Sighting| s.in_racket.filter(|p| p.xy().coords.norm() < IN_THE_HEAD_M).map(|p| p.z.abs());
         let (off, nearest) = seen.chain(&beyond).filter_map(|s| Some((off_plane(&s)?, s))).min_by(|a, b| a.0.total_cmp(&b.0))?;
-        (off < ORIGIN_SD_M).then_some(Origin { number: nearest.number, place: nearest.place, sd_m: ORIGIN_SD_M })
+        (off < ORIGIN_SD_M).then_some(Origin { number: nearest.number, place: nearest.place, sd_m: ORIGIN_SD_M, frame_rate_hz: self.setup.frame_rate_hz })
     }
 
     /// Outlines of the ball's size in both cameras' pictures of these frames, whatever they belong to.
@@ -212,27 +261,79 @@ impl<S: FrameSource> Shot<'_, S> {
         Ok(out)
     }
 
-    /// The straight flight from the origin on which most outlines of one camera lie; one frame in `every` was looked at.
-    fn clear_flight(&self, outlines: &[RayPoint], origin: &Origin, every: usize) -> Option<Vec<RayPoint>> {
+    /// The straight flights near the origin on which most outlines of one camera lie, the longest first; one frame in `every` was looked at.
+    fn clear_flights(&self, outlines: &[RayPoint], origin: &Origin, every: usize, racket: &[Option<RacketFrame>]) -> Vec<Vec<RayPoint>> {
         let begins = |a: &RayPoint, b: &RayPoint| b.index.checked_sub(a.index).is_some_and(|apart| APART.contains(&(apart / every)));
         let pairs: Vec<[RayPoint; 2]> = outlines.iter().flat_map(|a| outlines.iter().filter(|b| begins(a, b)).map(|b| [*a, *b])).collect();
-        let grown = |pair: &[RayPoint; 2]| -> Option<Vec<RayPoint>> {
-            let mut members = pair.to_vec();
-            let middle = 0.5 * (pair[0].number + pair[1].number);
+        let within = |middle: f64, reach: f64| outlines.iter().filter(move |p| (p.number - middle).abs() <= reach * every as f64);
+        let grown = |[a, b]: &[RayPoint; 2]| -> Option<Vec<RayPoint>> {
+            let middle = 0.5 * (a.number + b.number);
+            let straight_on = |p: &&RayPoint| (p.uv - a.uv - (b.uv - a.uv) * ((p.number - a.number) / (b.number - a.number))).norm() < 2.0 * NEAR_PX;
+            if within(middle, GROWING[0]).filter(straight_on).count() < FEWEST / 2 {
+                return None;
+            }
+            let mut members = vec![*a, *b];
             // From the pair outward: two points foretell their neighbours, many the whole flight.
             for reach in GROWING {
                 let flight = RayFlight::fit(self.view, &members, origin).filter(|f| self.may_be_a_ball(f, origin))?;
-                members = self.on_flight(&flight, outlines.iter().filter(|p| (p.number - middle).abs() <= reach * every as f64));
+                members = self.on_flight(&flight, within(middle, reach));
                 if members.len() < FEWEST / 2 {
                     return None;
                 }
             }
-            Some(members)
+            let frames = (members.last()?.index - members.first()?.index) / every + 1;
+            let long = members.len() >= FEWEST && members.len() as f64 >= LEAST_SHARE * frames as f64;
+            (long && !self.of_the_racket(&members, racket)).then_some(members)
         };
-        let all: Vec<Vec<RayPoint>> = pairs.par_iter().filter_map(grown).collect();
-        let members = all.into_iter().max_by_key(Vec::len)?;
-        let frames = (members.last()?.index - members.first()?.index) / every + 1;
-        (members.len() >= FEWEST && members.len() as f64 >= LEAST_SHARE * frames as f64).then_some(members)
+        let mut all: Vec<Vec<RayPoint>> = pairs.par_iter().filter_map(grown).collect();
+        let mut out: Vec<Vec<RayPoint>> = Vec::new();
+        all.sort_by_key(|members| std::cmp::Reverse(members.len()));
+        for members in all {
+            let same = |other: &Vec<RayPoint>| 2 * members.iter().filter(|p| other.iter().any(|q| q.index == p.index && q.uv == p.uv)).count() > members.len();
+            if out.len() < MOST_CLEAR && !out.iter().any(same) {
+                out.push(members);
+            }
+        }
+        out
+    }
+
+    /// Whether a way (global place by frame number) comes through the head somewhere.
+    fn crosses_the_head(&self, racket: &[Option<RacketFrame>], way: impl Fn(f64) -> Point3<f64>) -> bool {
+        racket.iter().enumerate().filter_map(|(i, r)| Some((i, r.as_ref()?))).any(|(i, r)| {
+            let local = r.pose.global_from_racket.inverse() * way(self.source.number(i) as f64);
+            local.z.abs() < ORIGIN_SD_M && local.xy().coords.norm() < IN_THE_HEAD_M
+        })
+    }
+
+    /// Whether what was followed keeps its place in the string plane as it moves, for either camera: a ball that comes along one camera's line
+    /// of sight does so for that camera only.
+    pub(super) fn is_part_of_the_racket(&self, frames: &[Option<BallFrame>], racket: &[Option<RacketFrame>]) -> bool {
+        CameraId::BOTH.into_iter().all(|camera| {
+            let point = |(index, ball): (usize, &Option<BallFrame>)| {
+                let uv = ball.as_ref()?.points[camera.index()]?.uv;
+                Some(RayPoint { index, number: self.source.number(index) as f64, camera, uv })
+            };
+            let points: Vec<RayPoint> = frames.iter().enumerate().filter_map(point).collect();
+            points.len() >= FEWEST && self.of_the_racket(&points, racket)
+        })
+    }
+
+    /// Whether points of one camera keep their place in the string plane as it moves: tape, throat and hand do.
+    fn of_the_racket(&self, points: &[RayPoint], racket: &[Option<RacketFrame>]) -> bool {
+        let in_plane = |p: &RayPoint| {
+            let racket_from_global = racket[p.index].as_ref()?.pose.global_from_racket.inverse();
+            let (eye, ray) = (racket_from_global * self.view.eye(p.camera), racket_from_global * self.view.ray(p.camera, p.uv)?);
+            Some((eye - ray * (eye.z / ray.z)).xy())
+        };
+        let places: Vec<Point2<f64>> = points.iter().filter_map(in_plane).collect();
+        let middle = |of: fn(&Point2<f64>) -> f64| {
+            let mut along: Vec<f64> = places.iter().map(of).collect();
+            along.sort_by(f64::total_cmp);
+            along.get(along.len() / 2).copied()
+        };
+        let (Some(x), Some(y)) = (middle(|p| p.x), middle(|p| p.y)) else { return false };
+        let keep = places.iter().filter(|p| (p.x - x).hypot(p.y - y) < KEEPS_M).count();
+        keep as f64 > MOST_KEEP * places.len() as f64
     }
 
     fn may_be_a_ball(&self, flight: &RayFlight, origin: &Origin) -> bool {
@@ -263,6 +364,7 @@ impl<S: FrameSource> Shot<'_, S> {
         faint: &BallScene,
         clear: &[RayPoint],
         origin: &Origin,
+        racket: &[Option<RacketFrame>],
         still: &[Option<GreyImage>; 2],
     ) -> Result<Option<(f64, RayFlight)>, TrackingError> {
         let Some(middle) = clear.get(clear.len() / 2) else { return Ok(None) };
@@ -273,7 +375,7 @@ impl<S: FrameSource> Shot<'_, S> {
         let behind = GreyView::of(behind);
         let origin_depth = (origin.place - eye).dot(&axis);
         let on_ray = |p: &RayPoint| -> Result<Vec<Meant>, TrackingError> {
-            let reach_m = ORIGIN_LIMIT * ORIGIN_SD_M + FASTEST_M_S / self.setup.frame_rate_hz * (p.number - origin.number).abs();
+            let reach_m = ORIGIN_LIMIT * origin.sd_m + FASTEST_M_S / self.setup.frame_rate_hz * (p.number - origin.number).abs();
             let Some(ray) = self.view.ray(p.camera, p.uv) else { return Ok(Vec::new()) };
             let seen = |depth: f64| self.view.project(other, &(eye + ray * (depth / ray.dot(&axis))));
             let (Some(a), Some(b), Some(radius)) = (seen(origin_depth - reach_m), seen(origin_depth + reach_m), faint.radius_px(other, &origin.place)) else {
@@ -303,7 +405,15 @@ impl<S: FrameSource> Shot<'_, S> {
         let Some(px_per_m) = faint.radius_px(other, &origin.place).map(|px| px / faint.radius_m * self.parallax(&origin.place)).filter(|px| *px > 0.0) else {
             return Ok(None);
         };
-        let Some((share, points)) = of_one_flight(meant?, (origin.number, origin_depth), AGREED_PX / px_per_m, clear.len()) else { return Ok(None) };
+        // Where a line puts the ball in a frame.
+        let Some(rays) = RayFlight::fit(self.view, clear, origin) else { return Ok(None) };
+        let place = |line: &DepthLine, number: f64| {
+            let from_eye = rays.at(number) - eye;
+            eye + from_eye * (line.at(number) / from_eye.dot(&axis))
+        };
+        let from_origin = |line: &DepthLine| (line.at(origin.number) - origin_depth).abs() < ORIGIN_LIMIT * origin.sd_m;
+        let may_be = |line: &DepthLine| from_origin(line) && self.crosses_the_head(racket, |number| place(line, number));
+        let Some((share, points)) = of_one_flight(meant?, &may_be, AGREED_PX / px_per_m, clear.len()) else { return Ok(None) };
         let all: Vec<RayPoint> = clear.iter().copied().chain(points).collect();
         Ok(RayFlight::fit(self.view, &all, origin).filter(|whole| self.may_be_a_ball(whole, origin)).map(|whole| (share, whole)))
     }
@@ -315,9 +425,10 @@ impl<S: FrameSource> Shot<'_, S> {
     }
 
     /// What is measured where a flight passes.
-    fn along(&self, faint: &BallScene, flight: &RayFlight, indices: &[usize]) -> Result<Flight, TrackingError> {
+    fn along(&self, scene: &BallScene, flight: &RayFlight, indices: &[usize]) -> Result<Flight, TrackingError> {
         let n = self.source.len();
         let mut found = Flight { frames: vec![None; n], means: Default::default(), kept: vec![None; n] };
+        let faint = &BallScene { faint: true, ..scene.clone() };
         self.with_buffers(|buffers| {
             for index in indices {
                 let there = flight.at(self.source.number(*index) as f64);
@@ -353,7 +464,7 @@ mod tests {
             };
             (3..23).map(of).collect()
         };
-        let found = |flight: bool| of_one_flight(meant(flight), (0.0, 10.0), near_m, 20);
+        let found = |flight: bool| of_one_flight(meant(flight), &|line| (line.at(0.0) - 10.0).abs() < 0.125, near_m, 20);
         assert!(found(false).is_none());
         let (share, points) = found(true).expect("a flight");
         assert!(points.len() >= 16 && share > 4.5, "{} {share}", points.len());

@@ -106,6 +106,12 @@ impl<S: FrameSource> Shot<'_, S> {
         met_at_strings(&pieces, self.setup.frame_rate_hz).is_some()
     }
 
+    /// Frames of the longest straight piece of what was followed that moves as a ball does.
+    pub(super) fn longest_flight(&self, frames: &[Option<BallFrame>], racket: &[Option<RacketFrame>]) -> usize {
+        let rate = self.setup.frame_rate_hz;
+        straight_pieces(&self.sightings(frames, racket), rate).iter().filter(|p| moves_in_racket(p, rate)).map(Vec::len).max().unwrap_or(0)
+    }
+
     /// Leaves of a flight what flies straight: the ball before and after the strings, wherever in the ways followed (`ways`) it stands, or the
     /// straight pieces of this one. What lies between two pieces close to each other stays as well.
     pub(super) fn keep_free_flight(
@@ -154,7 +160,7 @@ impl<S: FrameSource> Shot<'_, S> {
     }
 
     /// The mean pictures of the disc, from the frames that stayed.
-    fn mean_discs_again(&self, scene: &BallScene, flight: &mut Flight) -> Result<(), TrackingError> {
+    pub(super) fn mean_discs_again(&self, scene: &BallScene, flight: &mut Flight) -> Result<(), TrackingError> {
         flight.means = Default::default();
         self.with_buffers(|buffers| {
             for (index, ball) in flight.frames.iter().enumerate() {
@@ -303,7 +309,7 @@ fn gaps(frames: &[Option<BallFrame>]) -> Vec<Range<usize>> {
 
 impl Flight {
     /// Leaves the frames of these sightings.
-    fn keep_only(&mut self, piece: &[Sighting]) {
+    pub(super) fn keep_only(&mut self, piece: &[Sighting]) {
         for index in 0..self.frames.len() {
             if piece.iter().all(|s| s.index != index) {
                 (self.frames[index], self.kept[index]) = (None, None);

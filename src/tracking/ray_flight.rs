@@ -9,6 +9,8 @@ use nalgebra::{Matrix3, Matrix3x6, Matrix6, Point3, Vector2, Vector6};
 
 /// What an outline measured without the ball's light is good to, px.
 const RAY_SD_PX: f64 = 0.5;
+/// What is known of the ball's velocity beforehand, one deviation of each component, m/s: perspective alone says little about its approach.
+const SPEED_SD_M_S: f64 = 40.0;
 /// Tukey's limit, deviations.
 const TUKEY: f64 = 5.0;
 const ROUNDS: usize = 5;
@@ -31,6 +33,7 @@ pub struct Origin {
     pub place: Point3<f64>,
     /// m, each axis.
     pub sd_m: f64,
+    pub frame_rate_hz: f64,
 }
 
 /// Place (global, m) at the origin's frame and step (m per frame).
@@ -45,11 +48,14 @@ impl RayFlight {
     pub fn fit(view: &View, points: &[RayPoint], origin: &Origin) -> Option<RayFlight> {
         let mut state = Vector6::zeros();
         state.fixed_rows_mut::<3>(0).copy_from(&origin.place.coords);
+        let per_step = (origin.frame_rate_hz / SPEED_SD_M_S).powi(2);
         for round in 0..ROUNDS {
             let (mut h, mut g) = (Matrix6::zeros(), Vector6::zeros());
             for axis in 0..3 {
                 h[(axis, axis)] += origin.sd_m.powi(-2);
                 g[axis] += origin.sd_m.powi(-2) * (origin.place[axis] - state[axis]);
+                h[(axis + 3, axis + 3)] += per_step;
+                g[axis + 3] -= per_step * state[axis + 3];
             }
             for p in points {
                 let ray = view.ray(p.camera, p.uv)?;
@@ -108,7 +114,7 @@ mod tests {
         let mut points: Vec<RayPoint> = (4..20).map(|k| point(&view, CameraId::Left, k, flight(k as f64))).collect();
         // Another thing in one of the pictures.
         points[7].uv += Vector2::new(40.0, -10.0);
-        let origin = Origin { number: 0.0, place: flight(0.0) + Vector3::new(0.03, -0.01, 0.02), sd_m: 0.04 };
+        let origin = Origin { number: 0.0, place: flight(0.0) + Vector3::new(0.03, -0.01, 0.02), sd_m: 0.04, frame_rate_hz: 1000.0 };
         let px = |camera, f: &RayFlight| (view.project(camera, &f.at(15.0)).expect("seen") - view.project(camera, &flight(15.0)).expect("seen")).norm();
         let found = RayFlight::fit(&view, &points, &origin).expect("a flight");
         assert!(px(CameraId::Left, &found) < 0.1 && (found.at(0.0) - flight(0.0)).norm() < 0.1, "{} {}", px(CameraId::Left, &found), found.at(0.0));

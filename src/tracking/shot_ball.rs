@@ -23,6 +23,9 @@ const ELSEWHERE_RADII: f64 = 2.2;
 /// Longest gap in the ball's track that is looked into again, frames.
 const FILLED: f64 = 6.0;
 
+/// A thing that flew straight in as many frames may be the ball.
+const FLIES: usize = 8;
+
 /// A ball as first followed, and the mean pictures of its disc.
 pub struct Flight {
     pub(super) frames: Vec<Option<BallFrame>>,
@@ -120,6 +123,7 @@ impl<S: FrameSource> Shot<'_, S> {
         let mut best = (f64::INFINITY, Flight { frames: vec![None; n], means: Default::default(), kept: vec![None; n] });
         let mut clear = false;
         let mut claimed: Vec<Vec<Option<BallFrame>>> = Vec::new();
+        let mut of_the_racket: Vec<Vec<Option<BallFrame>>> = Vec::new();
         for against_another in [false, true] {
             if clear || against_another && self.stands_in(&claimed, racket) {
                 break;
@@ -132,7 +136,7 @@ impl<S: FrameSource> Shot<'_, S> {
                 };
                 for flight in flights {
                     let known = |t: &Vec<Option<BallFrame>>| t[first + 1].is_some_and(|b| (b.position - flight[1].position).norm() < 0.03);
-                    if claimed.iter().any(known) {
+                    if claimed.iter().chain(&of_the_racket).any(known) {
                         continue;
                     }
                     let track = match followed.take() {
@@ -143,6 +147,10 @@ impl<S: FrameSource> Shot<'_, S> {
                             self.whole_flight(first, &flight, [back?, forth?])
                         }
                     };
+                    if self.is_part_of_the_racket(&track.frames, racket) {
+                        of_the_racket.push(track.frames);
+                        continue;
+                    }
                     let count = track.frames.iter().flatten().count();
                     if count >= 6 {
                         let likeness = ball_choice::likeness(&self.sightings(&track.frames, racket), count, self.setup.frame_rate_hz);
@@ -162,7 +170,14 @@ impl<S: FrameSource> Shot<'_, S> {
         }
         let mut flight = best.1;
         if !clear {
-            self.keep_free_flight(&scene, &mut flight, &claimed, racket)?;
+            let flies = self.stands_in(&claimed, racket) || self.longest_flight(&flight.frames, racket) >= FLIES;
+            match if flies { None } else { self.flight_to_the_racket(&scene, racket, still)? } {
+                Some(found) => {
+                    flight = found;
+                    self.mean_discs_again(&scene, &mut flight)?;
+                }
+                None => self.keep_free_flight(&scene, &mut flight, &claimed, racket)?,
+            }
         }
         self.remeasure_ball(scene, flight, racket, still)
     }

@@ -219,7 +219,7 @@ impl<S: FrameSource> Shot<'_, S> {
         }
         let Some((_, whole, clear)) = best else { return Ok(None) };
         // Nearer to the origin than it was seen the strings have it.
-        let (first, last) = (clear.iter().map(|p| p.number).fold(f64::INFINITY, f64::min), clear.iter().map(|p| p.number).fold(f64::NEG_INFINITY, f64::max));
+        let [first, last] = [clear.first(), clear.last()].map(|p| p.map_or(origin.number, |p| p.number));
         let free = |number: f64| (number >= first || last < origin.number) && (number <= last || first > origin.number);
         let along: Vec<usize> = indices.iter().copied().filter(|i| free(self.source.number(*i) as f64)).collect();
         self.along(scene, &whole, &along).map(Some)

@@ -299,9 +299,11 @@ impl<S: FrameSource> Shot<'_, S> {
 
     /// Whether a way (global place by frame number) comes through the head somewhere.
     fn crosses_the_head(&self, racket: &[Option<RacketFrame>], way: impl Fn(f64) -> Point3<f64>) -> bool {
+        // Half a frame's way may lie between the plane and the nearest frame.
+        let near_m = ORIGIN_SD_M.max(0.5 * SPEEDS_M_S.1 / self.setup.frame_rate_hz);
         racket.iter().enumerate().filter_map(|(i, r)| Some((i, r.as_ref()?))).any(|(i, r)| {
             let local = r.pose.global_from_racket.inverse() * way(self.source.number(i) as f64);
-            local.z.abs() < ORIGIN_SD_M && local.xy().coords.norm() < IN_THE_HEAD_M
+            local.z.abs() < near_m && local.xy().coords.norm() < IN_THE_HEAD_M
         })
     }
 

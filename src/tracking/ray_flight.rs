@@ -107,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn truth_one_camera_and_the_origin_give_a_flight_and_one_more_point_its_depth() {
+    fn truth_one_camera_and_the_origin_give_a_flight_and_two_more_points_its_depth() {
         let rig = rig();
         let view = View::new(&rig);
         let flight = |k: f64| Point3::new(0.02 + 0.021 * k, 1.05 + 0.003 * k, 0.1 - 0.024 * k);
@@ -127,7 +127,7 @@ mod tests {
             px(CameraId::Left, &farther),
             px(CameraId::Right, &farther)
         );
-        points.push(point(&view, CameraId::Right, 18, flight(18.0)));
+        points.extend([6, 18].map(|k| point(&view, CameraId::Right, k, flight(k as f64))));
         let found = RayFlight::fit(&view, &points, &origin).expect("a flight");
         assert!((found.at(12.0) - flight(12.0)).norm() < 5e-4, "{}", found.at(12.0) - flight(12.0));
         assert!((found.step_m() - 0.032).abs() < 1e-3);

@@ -159,6 +159,7 @@ pub fn main() -> ExitCode {
             return ExitCode::from(if e.use_stderr() { 2 } else { 0 });
         }
     };
+    crate::footage::let_files_stay_open();
     let cancelled = Arc::new(AtomicBool::new(false));
     let flag = cancelled.clone();
     // Without a handler Ctrl-C still stops the program; results are whole either way, because writes are atomic.

@@ -91,6 +91,11 @@ struct TrackRecord {
 const TRACK_FILE: &str = "track.json";
 
 pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
+    // On one of the threads that share the work: each of a score of shared steps would have to wake one first.
+    rayon::scope(|_| track(arguments, shell))
+}
+
+fn track(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let session = Session::open(&arguments.session)?;
     let shots = session.select(&arguments.shot)?;
     let results = shell.results_of_session(&arguments.session);

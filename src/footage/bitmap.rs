@@ -2,6 +2,7 @@
 //! read, into a buffer that is used again, and looked at in place. Everything else goes the general way
 //! ([`super::read_grey`]).
 
+use super::open_files::OpenFile;
 use super::{GreyView, Rows};
 use std::fs::File;
 use std::path::Path;
@@ -24,6 +25,13 @@ pub struct Layout {
     flipped: bool,
 }
 
+/// What is known of a picture that has been read.
+#[derive(Debug)]
+pub struct Known {
+    pub layout: Layout,
+    open: Option<OpenFile>,
+}
+
 /// A band of a bitmap's rows; the memory is reused from picture to picture.
 #[derive(Debug, Default)]
 pub struct Bitmap {
@@ -38,14 +46,15 @@ pub struct Bitmap {
 }
 
 impl Bitmap {
-    /// Reads rows of a file; `known` is its layout once it has been read. `false` when it is not an uncompressed 8-bit bitmap with a
-    /// grey ramp, whole to its last row. Rows beyond the picture are left out.
-    pub fn read(&mut self, path: &Path, rows: Rows, known: &OnceLock<Layout>) -> std::io::Result<bool> {
+    /// Reads rows of a file; `known` is what is known of it once it has been read. `false` when it is not an uncompressed 8-bit bitmap with
+    /// a grey ramp, whole to its last row. Rows beyond the picture are left out.
+    pub fn read(&mut self, path: &Path, rows: Rows, known: &OnceLock<Known>) -> std::io::Result<bool> {
         self.band = None;
-        let file = File::open(path)?;
-        let l = match known.get() {
-            Some(layout) => *layout,
+        match known.get() {
+            Some(Known { layout, open: Some(open) }) => self.read_rows(open.file(), rows, layout)?,
+            Some(Known { layout, open: None }) => self.read_rows(&File::open(path)?, rows, layout)?,
             None => {
+                let file = File::open(path)?;
                 let length = file.metadata()?.len();
                 if !(54..=MOST).contains(&length) {
                     return Ok(false);
@@ -53,9 +62,14 @@ impl Bitmap {
                 self.head.resize(HEAD.min(length as usize), 0);
                 read_exact_at(&file, &mut self.head, 0)?;
                 let Some(layout) = self.layout(length) else { return Ok(false) };
-                *known.get_or_init(|| layout)
+                self.read_rows(&file, rows, &layout)?;
+                known.get_or_init(|| Known { layout, open: OpenFile::keep(file) });
             }
-        };
+        }
+        Ok(true)
+    }
+
+    fn read_rows(&mut self, file: &File, rows: Rows, l: &Layout) -> std::io::Result<()> {
         let spans = rows.within(l.height);
         let (first, end) = spans.clone().fold((l.height, 0), |(first, end), span| (first.min(span.0), end.max(span.1)));
         let count = end.saturating_sub(first);
@@ -70,13 +84,13 @@ impl Bitmap {
             // Bottom-up bitmaps begin with the lowest row.
             let (in_file, in_band) = if l.flipped { (l.height - below, end - below) } else { (top, top - first) };
             let bytes = &mut self.bytes[in_band * l.stride..(in_band + below - top) * l.stride];
-            read_exact_at(&file, bytes, (l.offset + in_file * l.stride) as u64)?;
+            read_exact_at(file, bytes, (l.offset + in_file * l.stride) as u64)?;
             if let Some(left_out) = self.left_out.get_mut(top - first..below - first) {
                 left_out.fill(false);
             }
         }
-        self.band = Some((first.min(l.height), count, l));
-        Ok(true)
+        self.band = Some((first.min(l.height), count, *l));
+        Ok(())
     }
 
     /// The layout of the file whose head was just read.

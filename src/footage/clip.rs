@@ -1,6 +1,6 @@
 //! One shot's recording: the frames of both cameras, paired by the number in their names; gaps stay gaps.
 
-use super::bitmap::Layout;
+use super::bitmap::Known;
 use super::decoded_pictures::DecodedPictures;
 use super::{FootageError, numbered_images};
 use std::path::{Path, PathBuf};
@@ -19,8 +19,8 @@ pub struct FramePair {
 pub struct Clip {
     pub pairs: Vec<FramePair>,
     pub(super) decoded: Arc<DecodedPictures>,
-    /// How each bitmap stands in its file, once it has been read, by camera.
-    pub(super) layouts: Arc<Vec<[OnceLock<Layout>; 2]>>,
+    /// Of each bitmap, once it has been read, how it stands in its file, by camera.
+    pub(super) known: Arc<Vec<[OnceLock<Known>; 2]>>,
 }
 
 impl Clip {
@@ -58,13 +58,13 @@ impl Clip {
     }
 
     fn of(pairs: Vec<FramePair>, decoded: Arc<DecodedPictures>) -> Self {
-        let layouts = Arc::new(pairs.iter().map(|_| Default::default()).collect());
-        Clip { pairs, decoded, layouts }
+        let known = Arc::new(pairs.iter().map(|_| Default::default()).collect());
+        Clip { pairs, decoded, known }
     }
 
     /// Size of a picture's file, bytes, where it is known from reading it.
     pub fn known_length(&self, index: usize, camera: usize) -> Option<u64> {
-        self.layouts.get(index)?[camera].get().map(|layout| layout.length)
+        self.known.get(index)?[camera].get().map(|known| known.layout.length)
     }
 
     /// What the user should know about missing pictures: one line per camera that lacks some.

@@ -49,10 +49,10 @@ impl FrameSource for Clip {
     }
 
     fn read(&self, index: usize, camera: usize, rows: Rows, buffer: &mut FrameBuffer) -> Result<bool, FootageError> {
-        let (Some(pair), Some(layouts)) = (self.pairs.get(index), self.layouts.get(index)) else { return Ok(false) };
+        let (Some(pair), Some(known)) = (self.pairs.get(index), self.known.get(index)) else { return Ok(false) };
         let Some(path) = &pair.files[camera] else { return Ok(false) };
         buffer.whole = None;
-        if !buffer.bitmap.read(path, rows, &layouts[camera]).unwrap_or(false) {
+        if !buffer.bitmap.read(path, rows, &known[camera]).unwrap_or(false) {
             buffer.put(self.decoded.read(path)?);
         }
         Ok(true)

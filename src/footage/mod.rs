@@ -10,6 +10,7 @@ mod frame_source;
 mod grey_patch;
 mod grey_view;
 mod image_file;
+mod open_files;
 mod rows;
 
 pub use clip::{Clip, FramePair};
@@ -17,4 +18,5 @@ pub use frame_source::{FrameBuffer, FrameSource};
 pub use grey_patch::GreyPatch;
 pub use grey_view::GreyView;
 pub use image_file::{FootageError, GreyImage, numbered_images, read_grey};
+pub use open_files::let_files_stay_open;
 pub use rows::Rows;

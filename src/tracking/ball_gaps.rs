@@ -14,6 +14,7 @@ use super::shot_tracker::TrackingError;
 use crate::calibration::CameraId;
 use crate::footage::{FrameBuffer, FrameSource, GreyImage};
 use nalgebra::Vector2;
+use rayon::prelude::*;
 use std::ops::Range;
 
 /// Shortest stretch that is looked into, frames.
@@ -35,11 +36,12 @@ impl<S: FrameSource> Shot<'_, S> {
         racket: &[Option<RacketFrame>],
         still: &[Option<GreyImage>; 2],
     ) -> Result<(), TrackingError> {
-        for gap in gaps(&flight.frames) {
-            for forth in [false, true] {
-                if let Some(found) = self.continued(scene, &gap, flight, racket, forth)? {
-                    flight.take_in(&gap, found);
-                }
+        let known: &Flight = flight;
+        let ways: Vec<(Range<usize>, bool)> = gaps(&known.frames).into_iter().flat_map(|gap| [false, true].map(|forth| (gap.clone(), forth))).collect();
+        let found: Result<Vec<_>, TrackingError> = ways.par_iter().map(|(gap, forth)| self.continued(scene, gap, known, racket, *forth)).collect();
+        for ((gap, _), found) in ways.iter().zip(found?) {
+            if let Some(found) = found {
+                flight.take_in(gap, found);
             }
         }
         for gap in gaps(&flight.frames) {

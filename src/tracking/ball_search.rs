@@ -14,7 +14,7 @@ pub struct BallCandidate {
 
 /// Most candidates kept per picture.
 const MOST: usize = 16;
-/// A gradient counts up to this, grey levels over two pixels: bright clutter must not outvote a pale ball.
+/// A gradient counts up to this, grey levels over two pixels: bright clutter must not outvote a pale ball. One that large is one vote.
 const CAP: f32 = 30.0;
 /// Less is noise, grey levels over two pixels.
 const LEAST: f32 = 6.0;
@@ -52,14 +52,13 @@ pub fn candidates(image: &GreyView, background: &GreyImage, radius_px: f64) -> V
         scratch.find_moving(image, background);
         scratch.vote(image, radius_px, &region, &region, true)
     });
-    let (least, gap) = (2.0 * radius_px, (0.5 * radius_px) as i64);
+    // A ball with a third of its outline against other grey gives about 2 votes for each pixel of radius.
+    let (least, gap) = ((2.0 * radius_px * f64::from(CAP)) as u16, (0.5 * radius_px) as i64);
     let mut found: Vec<BallCandidate> = Vec::new();
-    for y in votes.place.y0..=votes.place.y1 {
-        for x in votes.place.x0..=votes.place.x1 {
-            let v = votes.at(x, y);
-            // A ball with a third of its outline against other grey gives about 2 votes for each pixel of radius.
-            if f64::from(v) > least && (y - 1..=y + 1).all(|j| (x - 1..=x + 1).all(|i| votes.at(i, j) <= v)) {
-                found.push(BallCandidate { uv: Vector2::new(x as f64, y as f64), votes: f64::from(v) });
+    for (y, row) in votes.rows() {
+        for (x, v) in (votes.place.x0..).zip(row).filter(|(_, v)| **v > least) {
+            if (y - 1..=y + 1).all(|j| (x - 1..=x + 1).all(|i| votes.at(i, j) <= *v)) {
+                found.push(BallCandidate { uv: Vector2::new(x as f64, y as f64), votes: f64::from(*v) / f64::from(CAP) });
             }
         }
     }
@@ -87,12 +86,11 @@ pub fn nearby(image: &GreyView, centre: Vector2<f64>, radius_px: f64, reach_px: 
         return None;
     }
     let votes = SCRATCH.with_borrow_mut(|scratch| scratch.vote(image, radius_px, &pixels, &centres, false));
-    let mut best = (0.0, centre);
-    for y in votes.place.y0..=votes.place.y1 {
-        for x in votes.place.x0..=votes.place.x1 {
-            let v = votes.at(x, y);
-            if v > best.0 {
-                best = (v, Vector2::new(x as f64, y as f64));
+    let mut best = (0, centre);
+    for (y, row) in votes.rows() {
+        for (x, v) in (votes.place.x0..).zip(row) {
+            if *v > best.0 {
+                best = (*v, Vector2::new(x as f64, y as f64));
             }
         }
     }
@@ -100,20 +98,25 @@ pub fn nearby(image: &GreyView, centre: Vector2<f64>, radius_px: f64, reach_px: 
     Some(best.1)
 }
 
-/// Smoothed votes of a box of centres; none elsewhere.
+/// Smoothed votes of a box of centres, [`CAP`] of them to one; none elsewhere.
 struct Votes {
     place: Region,
-    votes: Vec<f32>,
+    votes: Vec<u16>,
 }
 
 impl Votes {
     #[inline]
-    fn at(&self, x: i64, y: i64) -> f32 {
+    fn at(&self, x: i64, y: i64) -> u16 {
         let p = &self.place;
         if x < p.x0 || x > p.x1 || y < p.y0 || y > p.y1 {
-            return 0.0;
+            return 0;
         }
         self.votes[(y - p.y0) as usize * p.width() + (x - p.x0) as usize]
+    }
+
+    /// By row: its place down the picture and the votes along it.
+    fn rows(&self) -> impl Iterator<Item = (i64, &[u16])> {
+        (self.place.y0..).zip(self.votes.chunks_exact(self.place.width().max(1)))
     }
 
     /// Leaves the memory to the next ones.
@@ -134,9 +137,9 @@ struct Scratch {
     /// Those and their neighbours: 1, others 0.
     moving: Vec<u8>,
     /// Votes; all zero between two uses.
-    raw: Vec<f32>,
+    raw: Vec<u16>,
     /// Room for [`Votes`].
-    votes: Vec<f32>,
+    votes: Vec<u16>,
 }
 
 impl Scratch {
@@ -145,7 +148,7 @@ impl Scratch {
     fn vote(&mut self, image: &GreyView, radius_px: f64, pixels: &Region, centres: &Region, only_moving: bool) -> Votes {
         let w = centres.width();
         if self.raw.len() < w * centres.height() {
-            self.raw = vec![0.0; w * centres.height()];
+            self.raw = vec![0; w * centres.height()];
         }
         let raw = &mut self.raw;
         // Where votes fell.
@@ -175,12 +178,13 @@ impl Scratch {
                 if g < LEAST {
                     continue;
                 }
-                let weight = g.min(CAP) / CAP;
+                let weight = g.min(CAP).round() as u16;
                 let (dx, dy) = (gx / g * radius, gy / g * radius);
                 for sign in [1.0, -1.0] {
                     let (cx, cy) = ((i as f32 + sign * dx).round() as i64, (y as f32 + sign * dy).round() as i64);
                     if cx >= centres.x0 && cy >= centres.y0 && cx <= centres.x1 && cy <= centres.y1 {
-                        raw[(cy - centres.y0) as usize * w + (cx - centres.x0) as usize] += weight;
+                        let place = &mut raw[(cy - centres.y0) as usize * w + (cx - centres.x0) as usize];
+                        *place = place.saturating_add(weight);
                         seen = Region { x0: seen.x0.min(cx), y0: seen.y0.min(cy), x1: seen.x1.max(cx), y1: seen.y1.max(cy) };
                     }
                 }
@@ -197,17 +201,17 @@ impl Scratch {
         let mut votes = std::mem::take(&mut self.votes);
         votes.clear();
         votes.reserve(n * place.height());
-        let mut column = vec![0.0f32; n + 2];
+        let mut column = vec![0u16; n + 2];
         for y in place.y0..=place.y1 {
             let at = |y: i64| &raw[(y - centres.y0) as usize * w + (place.x0 - 1 - centres.x0) as usize..][..n + 2];
             let (above, here, below) = (at(y - 1), at(y), at(y + 1));
             for (sum, ((a, h), b)) in column.iter_mut().zip(above.iter().zip(here).zip(below)) {
-                *sum = a + h + b;
+                *sum = a.saturating_add(*h).saturating_add(*b);
             }
-            votes.extend(column.windows(3).map(|three| three[0] + three[1] + three[2]));
+            votes.extend(column.windows(3).map(|three| three[0].saturating_add(three[1]).saturating_add(three[2])));
         }
         for y in seen.y0..=seen.y1 {
-            raw[(y - centres.y0) as usize * w..][(seen.x0 - centres.x0) as usize..=(seen.x1 - centres.x0) as usize].fill(0.0);
+            raw[(y - centres.y0) as usize * w..][(seen.x0 - centres.x0) as usize..=(seen.x1 - centres.x0) as usize].fill(0);
         }
         Votes { place, votes }
     }

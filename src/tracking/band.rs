@@ -5,7 +5,7 @@
 //! centroid of the visible tape, its covariance and how well the picture agrees.
 
 use super::band_beside::Beside;
-use super::band_sums::{BESIDE_UNIT, BandModel, BandPixels, BandSums, LEVELS, UNKNOWNS};
+use super::band_sums::{Belongs, BESIDE_UNIT, BandModel, BandPixels, BandSums, LEVELS, UNKNOWNS};
 use super::cholesky::Cholesky;
 use super::racket_figure::{RacketFigure, VISIBLE_DEPTH};
 use super::racket_pose::View;
@@ -392,27 +392,21 @@ fn gather(pixels: &mut BandPixels, image: &GreyView, band: &BandView, middle: (f
             let from_middle = t - middle.0;
             (from_middle, s - middle.1 - band.bend * from_middle * from_middle)
         };
-        let wanted = |t: f64, s: f64| {
+        let belongs = |t: f64, s: f64| {
             let (from_middle, aside) = on_tube(t, s);
-            !((from_middle < ends.0) | (from_middle > ends.1) | (aside.abs() > side))
-        };
-        let mut around = |(t, s): (f64, f64), grey: u8| {
-            let (from_middle, aside) = on_tube(t, s);
-            if (near..=far).contains(&aside.abs()) {
-                beside.add(from_middle, aside, grey);
-            }
+            let wanted = !((from_middle < ends.0) | (from_middle > ends.1) | (aside.abs() > side));
+            let off = aside.abs();
+            Belongs { to_band: wanted, beside: (off >= near) & (off <= far), along: from_middle as f32, positive: aside >= 0.0 }
         };
         let seen = usize::try_from(from).ok().zip(usize::try_from(to).ok()).and_then(|(from, to)| row?.get(from..=to));
         let Some(seen) = seen else {
             // Partly beyond what is there: is the band?
             for x in from..=to {
                 let (t, s) = place(x);
-                let grey = row.and_then(|row| row.get(usize::try_from(x).ok()?)).copied();
-                if wanted(t, s) {
-                    pixels.push_row(std::iter::once((t, s, grey?)), |_, _| true);
-                }
-                if let Some(grey) = grey {
-                    around((t, s), grey);
+                match row.and_then(|row| row.get(usize::try_from(x).ok()?)) {
+                    Some(grey) => pixels.push_row(std::iter::once((t, s, *grey)), belongs),
+                    None if belongs(t, s).to_band => return None,
+                    None => {}
                 }
             }
             continue;
@@ -421,8 +415,10 @@ fn gather(pixels: &mut BandPixels, image: &GreyView, band: &BandView, middle: (f
             let (t, s) = place(from + i as i64);
             (t, s, *grey)
         };
-        pixels.push_row(seen.iter().enumerate().map(pixel), wanted);
-        seen.iter().enumerate().for_each(|(i, grey)| around(place(from + i as i64), *grey));
+        pixels.push_row(seen.iter().enumerate().map(pixel), belongs);
+    }
+    for (along, positive, grey) in pixels.beside_it() {
+        beside.add(along, positive, grey);
     }
     beside.complete();
     pixels.complete(|t, s| beside.at(t - middle.0 as f32, s - middle.1 as f32));

@@ -37,11 +37,12 @@ impl Beside {
         (knot, at - knot as f32)
     }
 
-    pub fn add(&mut self, along: f64, across: f64, grey: u8) {
-        let (k, share) = self.knot(along as f32);
-        let side = usize::from(across < 0.0);
+    /// Adds a pixel on the positive side across or the negative one.
+    pub fn add(&mut self, along: f32, positive: bool, grey: f32) {
+        let (k, share) = self.knot(along);
+        let side = usize::from(!positive);
         for (knot, weight) in [(k, 1.0 - share), (k + 1, share)] {
-            self.grey[side][knot] += weight * f32::from(grey);
+            self.grey[side][knot] += weight * grey;
             self.weight[side][knot] += weight;
         }
     }
@@ -72,9 +73,9 @@ mod tests {
     fn law_a_step_along_one_side_is_seen_there_and_not_on_the_other() {
         let mut beside = Beside::new(-8.0, 8.0);
         for t in -16..=16 {
-            let t = 0.5 * f64::from(t);
-            beside.add(t, 4.0, if t < 0.0 { 40 } else { 140 });
-            beside.add(t, -4.0, 90);
+            let t = 0.5 * t as f32;
+            beside.add(t, true, if t < 0.0 { 40.0 } else { 140.0 });
+            beside.add(t, false, 90.0);
         }
         beside.complete();
         assert!((beside.at(5.0, 1.0) - beside.at(-5.0, 1.0) - 100.0 / UNIT).abs() < 1e-4);
@@ -82,7 +83,7 @@ mod tests {
         // Beyond the ends it goes on as it ends; a long band has wider steps.
         assert_eq!(beside.at(90.0, 1.0), beside.at(8.0, 1.0));
         let mut long = Beside::new(-400.0, 400.0);
-        (-400..=400).for_each(|t| long.add(f64::from(t), 1.0, (100 + t / 8) as u8));
+        (-400..=400).for_each(|t| long.add(t as f32, true, (100 + t / 8) as f32));
         long.complete();
         assert!((long.at(160.0, 1.0) - 20.0 / UNIT).abs() < 0.03 && (long.at(-160.0, 1.0) + 20.0 / UNIT).abs() < 0.03);
     }

@@ -69,8 +69,20 @@ pub struct BandPixels {
     beside: Vec<f32>,
     /// How many there are; the arrays may be longer.
     count: usize,
+    /// Pixels beside the band: along from its middle, side across, grey level; the same of them.
+    around: Vec<(f32, bool, f32)>,
+    around_count: usize,
     residual: Vec<f32>,
     scratch: Box<Scratch>,
+}
+
+/// What a pixel belongs to, and where it is: along the tube from the band's middle, and on which side across.
+pub struct Belongs {
+    pub to_band: bool,
+    /// To what lies beside the band.
+    pub beside: bool,
+    pub along: f32,
+    pub positive: bool,
 }
 
 /// What one step computes, one value a pixel; it is all written before it is read, so that no step clears it.
@@ -96,27 +108,41 @@ struct Scratch {
 
 impl BandPixels {
     pub fn clear(&mut self) {
-        self.count = 0;
+        (self.count, self.around_count) = (0, 0);
     }
 
     #[cfg(test)]
     pub fn push(&mut self, t: f64, s: f64, grey: u8) {
-        self.push_row(std::iter::once((t, s, grey)), |_, _| true);
+        self.push_row(std::iter::once((t, s, grey)), |_, _| Belongs { to_band: true, beside: false, along: 0.0, positive: true });
     }
 
-    /// Adds the pixels of a row (along, across, grey level) that are wanted by their place.
+    /// Adds the pixels of a row (along, across, grey level) that belong to the band or lie beside it.
     #[inline(always)]
-    pub fn push_row(&mut self, row: impl ExactSizeIterator<Item = (f64, f64, u8)>, wanted: impl Fn(f64, f64) -> bool) {
+    pub fn push_row(&mut self, row: impl ExactSizeIterator<Item = (f64, f64, u8)>, belongs: impl Fn(f64, f64) -> Belongs) {
         let most = self.count + row.len();
         self.room_for(most);
+        if self.around.len() < self.around_count + row.len() {
+            self.around.resize(2 * (self.around_count + row.len()), (0.0, false, 0.0));
+        }
         let [along, across, greys] = [&mut self.t, &mut self.s, &mut self.grey].map(|v| &mut v[self.count..most]);
-        let mut at = 0;
-        // Written in any case, kept where it is wanted: no branch to guess.
+        let around = &mut self.around[self.around_count..][..row.len()];
+        let (mut at, mut beside) = (0, 0);
+        // Written in any case, kept where it belongs: no branch to guess.
         for (t, s, grey) in row {
-            (along[at], across[at], greys[at]) = (t as f32, s as f32, f32::from(grey));
-            at += usize::from(wanted(t, s));
+            let grey = f32::from(grey);
+            let b = belongs(t, s);
+            (along[at], across[at], greys[at]) = (t as f32, s as f32, grey);
+            around[beside] = (b.along, b.positive, grey);
+            at += usize::from(b.to_band);
+            beside += usize::from(b.beside);
         }
         self.count += at;
+        self.around_count += beside;
+    }
+
+    /// The pixels beside the band: along from its middle, whether on the positive side across, grey level.
+    pub fn beside_it(&self) -> impl Iterator<Item = (f32, bool, f32)> + '_ {
+        self.around[..self.around_count].iter().copied()
     }
 
     #[inline(always)]

@@ -9,8 +9,8 @@ use crate::provenance::{Provenance, ends_with_line, sha256_file, sha256_hex};
 use crate::session::{Session, ShotFolder};
 use crate::tracking::spin::{SPIN_FILE, spin_to_json};
 use crate::tracking::{
-    FoundSpins, InStep, Overlay, PointState, RacketFigure, ShotSetup, SyncMode, Throat, TrackExport, TrackingError, Tracks, c3d_bytes, contact_frames, dltdv_tables, points_to_csv, read_points,
-    refine_ball, track_in_step,
+    InStep, Overlay, PointState, RacketFigure, ShotSetup, SyncMode, Throat, TrackExport, TrackingError, Tracks, c3d_bytes, contact_frames, dltdv_tables, measure_spin, points_to_csv,
+    read_points, track_in_step,
 };
 use serde::{Deserialize, Serialize};
 use std::fmt::Write as _;
@@ -166,18 +166,7 @@ fn one(arguments: &Arguments, session: &Session, shot: &ShotFolder, clip: Clip, 
     let made = track_in_step(&clip, &setup, mode, shell.cancel_flag(), &|n| bar.inc(n as u64));
     bar.finish_and_clear();
     let mut made = made?;
-    let mut spin = None;
-    if !arguments.no_spin {
-        let mut found = FoundSpins::find(&made.clip, &setup, &made.tracked.tracks, &made.tracked.points)?;
-        refine_ball(&made.clip, &setup, &mut made.tracked, &found.rough())?;
-        if !found.complete() {
-            found.find_again(&made.clip, &setup, &made.tracked.tracks, &made.tracked.points)?;
-            let measured = found.measure(&made.clip, &setup, &made.tracked.tracks, &made.tracked.points)?;
-            refine_ball(&made.clip, &setup, &mut made.tracked, &measured)?;
-        }
-        // The better centres tell the spin better: a drift of the outline looks like a turn.
-        spin = Some(found.measure(&made.clip, &setup, &made.tracked.tracks, &made.tracked.points)?);
-    }
+    let spin = if arguments.no_spin { None } else { Some(measure_spin(&made.clip, &setup, &mut made.tracked)?) };
     let tracked = &made.tracked;
     let summary = summary(&shot.id, &setup, &made, clip.gap_notes());
     shell.say(format!("{}: {} points measured, {} occluded, in {} frames", shot.id, summary.measured, summary.occluded, summary.frames));

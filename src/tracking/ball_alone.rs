@@ -8,15 +8,16 @@ use super::ball_choice::{Sighting, moves_in_racket};
 use super::ball_pieces::{foretold, straight_pieces};
 use super::ball_presence;
 use super::ball_search;
-use super::ball_track::{BallFrame, BallScene};
+use super::ball_track::BallScene;
+use super::part_of_racket::IN_THE_HEAD_M;
 use super::racket_track::RacketFrame;
 use super::ray_flight::{Origin, RayFlight, RayPoint};
-use super::shot_ball::Flight;
+use super::shot_ball::{Flight, Stage};
 use super::shot_frames::Shot;
 use super::shot_tracker::TrackingError;
 use crate::calibration::CameraId;
-use crate::footage::{FrameBuffer, FrameSource, GreyImage, GreyView};
-use nalgebra::{Point2, Point3};
+use crate::footage::{FrameBuffer, FrameSource, GreyView};
+use nalgebra::Point3;
 use rayon::prelude::*;
 use std::ops::{Range, RangeInclusive};
 
@@ -25,9 +26,8 @@ const LOOKED_INTO: f64 = 40.0;
 const MOST_FRAMES: usize = 48;
 /// The ball was last known on the strings; what it did there moves the flight's origin by this, m (30 m/s for 2 ms).
 const ORIGIN_SD_M: f64 = 0.05;
-/// The ball is on the strings within so many frames of where it is known, at 1000 frames a second, and this near to their centre, m.
+/// The ball is on the strings within so many frames of where it is known, at 1000 frames a second.
 const LONGEST_TURN: f64 = 12.0;
-const IN_THE_HEAD_M: f64 = 0.25;
 /// Of a ball of which nothing is known, the racket is about so near, m.
 const AROUND_M: f64 = 0.6;
 /// A straight flight from there is believed when it comes within so many deviations of it.
@@ -55,9 +55,6 @@ const LINE_APART: usize = 4;
 const STEP_PX: f64 = 1.5;
 const MOST_PLACES: f64 = 250.0;
 const FASTEST_M_S: f64 = 60.0;
-/// What stays as near to one place in the string plane, m, in more of its frames is a part of the racket.
-const KEEPS_M: f64 = 0.03;
-const MOST_KEEP: f64 = 0.7;
 /// Slowest and fastest ball, m/s.
 const SPEEDS_M_S: (f64, f64) = (3.0, 90.0);
 
@@ -144,22 +141,15 @@ fn of_one_flight(mut meant: Vec<Vec<Meant>>, may_be: &dyn Fn(&DepthLine) -> bool
 
 impl<S: FrameSource> Shot<'_, S> {
     /// Looks in a gap for the ball's flight from (or to) where it is known beside it.
-    pub(super) fn flight_of_one_camera(
-        &self,
-        scene: &BallScene,
-        gap: &Range<usize>,
-        flight: &Flight,
-        racket: &[Option<RacketFrame>],
-        still: &[Option<GreyImage>; 2],
-    ) -> Result<Option<Flight>, TrackingError> {
+    pub(super) fn flight_of_one_camera(&self, stage: &Stage, gap: &Range<usize>, flight: &Flight) -> Result<Option<Flight>, TrackingError> {
         for forth in [true, false] {
-            let Some(origin) = self.at_the_strings(gap, flight, racket, forth) else { continue };
+            let Some(origin) = self.at_the_strings(gap, flight, stage.racket, forth) else { continue };
             let near = |i: &usize| (self.source.number(*i) as f64 - origin.number).abs() <= LOOKED_INTO * self.setup.frame_rate_hz / 1000.0;
             let indices: Vec<usize> = gap.clone().filter(near).collect();
             if indices.len() < FEWEST {
                 continue;
             }
-            let found = self.clear_in_one(scene, &indices, &origin, racket, still)?;
+            let found = self.clear_in_one(stage, &indices, &origin)?;
             if found.is_some() {
                 return Ok(found);
             }
@@ -168,22 +158,17 @@ impl<S: FrameSource> Shot<'_, S> {
     }
 
     /// Looks for a ball that meets the racket where no three frames show one to both cameras.
-    pub(super) fn flight_to_the_racket(
-        &self,
-        scene: &BallScene,
-        racket: &[Option<RacketFrame>],
-        still: &[Option<GreyImage>; 2],
-    ) -> Result<Option<Flight>, TrackingError> {
+    pub(super) fn flight_to_the_racket(&self, stage: &Stage) -> Result<Option<Flight>, TrackingError> {
         let n = self.source.len();
         let window = ((LOOKED_INTO * self.setup.frame_rate_hz / 1000.0) as usize).clamp(FEWEST, n.max(FEWEST));
         let mut best: Option<(usize, Flight)> = None;
         for first in (0..n).step_by(window.div_ceil(2)) {
             let indices: Vec<usize> = (first..(first + window).min(n)).collect();
-            let Some(pose) = racket[first..(first + window).min(n)].iter().flatten().map(|r| r.pose.global_from_racket).next() else { continue };
+            let Some(pose) = stage.racket[first..(first + window).min(n)].iter().flatten().map(|r| r.pose.global_from_racket).next() else { continue };
             let number = self.source.number(indices[indices.len() / 2]) as f64;
             let origin = Origin { number, place: pose.translation.vector.into(), sd_m: AROUND_M, frame_rate_hz: self.setup.frame_rate_hz };
-            let Some(mut found) = self.clear_in_one(scene, &indices, &origin, racket, still)? else { continue };
-            let seen = self.sightings(&found.frames, racket);
+            let Some(mut found) = self.clear_in_one(stage, &indices, &origin)? else { continue };
+            let seen = self.sightings(&found.frames, stage.racket);
             let pieces = straight_pieces(&seen, self.setup.frame_rate_hz).into_iter().filter(|p| moves_in_racket(p, self.setup.frame_rate_hz));
             let Some(longest) = pieces.max_by_key(Vec::len) else { continue };
             if longest.len() >= FEWEST && best.as_ref().is_none_or(|b| longest.len() > b.0) {
@@ -195,22 +180,15 @@ impl<S: FrameSource> Shot<'_, S> {
     }
 
     /// What is measured of the flight near an origin that one camera sees clearly in these frames.
-    fn clear_in_one(
-        &self,
-        scene: &BallScene,
-        indices: &[usize],
-        origin: &Origin,
-        racket: &[Option<RacketFrame>],
-        still: &[Option<GreyImage>; 2],
-    ) -> Result<Option<Flight>, TrackingError> {
+    fn clear_in_one(&self, stage: &Stage, indices: &[usize], origin: &Origin) -> Result<Option<Flight>, TrackingError> {
         let every = indices.len().div_ceil(MOST_FRAMES).max(1);
         let looked_at: Vec<usize> = indices.iter().copied().step_by(every).collect();
-        let outlines = self.outlines(scene, &looked_at, &origin.place, still)?;
-        let faint = &BallScene { faint: true, ..scene.clone() };
+        let outlines = self.outlines(stage, &looked_at, &origin.place)?;
+        let faint = &BallScene { faint: true, ..stage.ball.clone() };
         let mut best: Option<(f64, RayFlight, Vec<RayPoint>)> = None;
         for camera in CameraId::BOTH {
-            for clear in self.clear_flights(&outlines[camera.index()], origin, every, racket) {
-                if let Some((share, whole)) = self.with_other_camera(faint, &clear, origin, racket, still)?
+            for clear in self.clear_flights(&outlines[camera.index()], origin, every, stage.racket) {
+                if let Some((share, whole)) = self.with_other_camera(&Stage { ball: faint, ..*stage }, &clear, origin)?
                     && best.as_ref().is_none_or(|b| share > b.0)
                 {
                     best = Some((share, whole, clear));
@@ -222,7 +200,7 @@ impl<S: FrameSource> Shot<'_, S> {
         let [first, last] = [clear.first(), clear.last()].map(|p| p.map_or(origin.number, |p| p.number));
         let free = |number: f64| (number >= first || last < origin.number) && (number <= last || first > origin.number);
         let along: Vec<usize> = indices.iter().copied().filter(|i| free(self.source.number(*i) as f64)).collect();
-        self.along(scene, &whole, &along).map(Some)
+        self.along(stage.ball, &whole, &along).map(Some)
     }
 
     /// Where the ball known before a gap (`forth`) or after it was nearest to the string plane, seen there or flying straight on.
@@ -239,16 +217,16 @@ impl<S: FrameSource> Shot<'_, S> {
     }
 
     /// Outlines of the ball's size in both cameras' pictures of these frames, whatever they belong to.
-    fn outlines(&self, scene: &BallScene, indices: &[usize], near: &Point3<f64>, still: &[Option<GreyImage>; 2]) -> Result<[Vec<RayPoint>; 2], TrackingError> {
+    fn outlines(&self, stage: &Stage, indices: &[usize], near: &Point3<f64>) -> Result<[Vec<RayPoint>; 2], TrackingError> {
         let of_frame = |buffers: &mut [FrameBuffer; 2], index: &usize| {
             let images = self.read(*index, buffers)?;
             Ok(CameraId::BOTH.map(|camera| {
                 let c = camera.index();
-                let (Some(image), Some(behind), Some(radius)) = (&images[c], &still[c], scene.radius_px(camera, near)) else { return Vec::new() };
+                let (Some(image), Some(behind), Some(radius)) = (&images[c], &stage.still[c], stage.ball.radius_px(camera, near)) else { return Vec::new() };
                 let number = self.source.number(*index) as f64;
                 ball_search::candidates(image, behind, radius)
                     .iter()
-                    .filter_map(|place| scene.outline_near(image, camera, place.uv, radius))
+                    .filter_map(|place| stage.ball.outline_near(image, camera, place.uv, radius))
                     .map(|outline| RayPoint { index: *index, number, camera, uv: outline.uv })
                     .collect()
             }))
@@ -283,7 +261,7 @@ impl<S: FrameSource> Shot<'_, S> {
             }
             let frames = (members.last()?.index - members.first()?.index) / every + 1;
             let long = members.len() >= FEWEST && members.len() as f64 >= LEAST_SHARE * frames as f64;
-            (long && !self.of_the_racket(&members, racket)).then_some(members)
+            (long && !self.keeps_its_place(&members, racket)).then_some(members)
         };
         let mut all: Vec<Vec<RayPoint>> = pairs.par_iter().filter_map(grown).collect();
         let mut out: Vec<Vec<RayPoint>> = Vec::new();
@@ -295,47 +273,6 @@ impl<S: FrameSource> Shot<'_, S> {
             }
         }
         out
-    }
-
-    /// Whether a way (global place by frame number) comes through the head somewhere.
-    fn crosses_the_head(&self, racket: &[Option<RacketFrame>], way: impl Fn(f64) -> Point3<f64>) -> bool {
-        // Half a frame's way may lie between the plane and the nearest frame.
-        let near_m = ORIGIN_SD_M.max(0.5 * SPEEDS_M_S.1 / self.setup.frame_rate_hz);
-        racket.iter().enumerate().filter_map(|(i, r)| Some((i, r.as_ref()?))).any(|(i, r)| {
-            let local = r.pose.global_from_racket.inverse() * way(self.source.number(i) as f64);
-            local.z.abs() < near_m && local.xy().coords.norm() < IN_THE_HEAD_M
-        })
-    }
-
-    /// Whether what was followed keeps its place in the string plane as it moves, for either camera: a ball that comes along one camera's line
-    /// of sight does so for that camera only.
-    pub(super) fn is_part_of_the_racket(&self, frames: &[Option<BallFrame>], racket: &[Option<RacketFrame>]) -> bool {
-        CameraId::BOTH.into_iter().all(|camera| {
-            let point = |(index, ball): (usize, &Option<BallFrame>)| {
-                let uv = ball.as_ref()?.points[camera.index()]?.uv;
-                Some(RayPoint { index, number: self.source.number(index) as f64, camera, uv })
-            };
-            let points: Vec<RayPoint> = frames.iter().enumerate().filter_map(point).collect();
-            points.len() >= FEWEST && self.of_the_racket(&points, racket)
-        })
-    }
-
-    /// Whether points of one camera keep their place in the string plane as it moves: tape, throat and hand do.
-    fn of_the_racket(&self, points: &[RayPoint], racket: &[Option<RacketFrame>]) -> bool {
-        let in_plane = |p: &RayPoint| {
-            let racket_from_global = racket[p.index].as_ref()?.pose.global_from_racket.inverse();
-            let (eye, ray) = (racket_from_global * self.view.eye(p.camera), racket_from_global * self.view.ray(p.camera, p.uv)?);
-            Some((eye - ray * (eye.z / ray.z)).xy())
-        };
-        let places: Vec<Point2<f64>> = points.iter().filter_map(in_plane).collect();
-        let middle = |of: fn(&Point2<f64>) -> f64| {
-            let mut along: Vec<f64> = places.iter().map(of).collect();
-            along.sort_by(f64::total_cmp);
-            along.get(along.len() / 2).copied()
-        };
-        let (Some(x), Some(y)) = (middle(|p| p.x), middle(|p| p.y)) else { return false };
-        let keep = places.iter().filter(|p| (p.x - x).hypot(p.y - y) < KEEPS_M).count();
-        keep as f64 > MOST_KEEP * places.len() as f64
     }
 
     fn may_be_a_ball(&self, flight: &RayFlight, origin: &Origin) -> bool {
@@ -361,17 +298,11 @@ impl<S: FrameSource> Shot<'_, S> {
     }
 
     /// The flight along the clear camera's rays that most of the other camera's outlines agree with, and how much of an outline they show in all.
-    fn with_other_camera(
-        &self,
-        faint: &BallScene,
-        clear: &[RayPoint],
-        origin: &Origin,
-        racket: &[Option<RacketFrame>],
-        still: &[Option<GreyImage>; 2],
-    ) -> Result<Option<(f64, RayFlight)>, TrackingError> {
+    fn with_other_camera(&self, stage: &Stage, clear: &[RayPoint], origin: &Origin) -> Result<Option<(f64, RayFlight)>, TrackingError> {
+        let faint = stage.ball;
         let Some(middle) = clear.get(clear.len() / 2) else { return Ok(None) };
         let other = if middle.camera == CameraId::Left { CameraId::Right } else { CameraId::Left };
-        let (eye, Some(axis), Some(behind)) = (self.view.eye(middle.camera), self.view.ray(middle.camera, middle.uv), &still[other.index()]) else {
+        let (eye, Some(axis), Some(behind)) = (self.view.eye(middle.camera), self.view.ray(middle.camera, middle.uv), &stage.still[other.index()]) else {
             return Ok(None);
         };
         let behind = GreyView::of(behind);
@@ -414,7 +345,7 @@ impl<S: FrameSource> Shot<'_, S> {
             eye + from_eye * (line.at(number) / from_eye.dot(&axis))
         };
         let from_origin = |line: &DepthLine| (line.at(origin.number) - origin_depth).abs() < ORIGIN_LIMIT * origin.sd_m;
-        let may_be = |line: &DepthLine| from_origin(line) && self.crosses_the_head(racket, |number| place(line, number));
+        let may_be = |line: &DepthLine| from_origin(line) && self.crosses_the_head(stage.racket, |number| place(line, number));
         let Some((share, points)) = of_one_flight(meant?, &may_be, AGREED_PX / px_per_m, clear.len()) else { return Ok(None) };
         let all: Vec<RayPoint> = clear.iter().copied().chain(points).collect();
         Ok(RayFlight::fit(self.view, &all, origin).filter(|whole| self.may_be_a_ball(whole, origin)).map(|whole| (share, whole)))

@@ -8,11 +8,11 @@ use super::ball_choice::{Sighting, moves_in_racket};
 use super::ball_pieces::{LONGEST_STEP, Piece, foretold, goes_on, meet, met_at_strings, straight_pieces};
 use super::ball_track::{BallFrame, BallScene};
 use super::racket_track::RacketFrame;
-use super::shot_ball::Flight;
+use super::shot_ball::{Flight, Stage};
 use super::shot_frames::{PATIENCE, Shot};
 use super::shot_tracker::TrackingError;
 use crate::calibration::CameraId;
-use crate::footage::{FrameBuffer, FrameSource, GreyImage};
+use crate::footage::{FrameBuffer, FrameSource};
 use nalgebra::Vector2;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -29,35 +29,29 @@ const TURN_M: f64 = 0.0125;
 
 impl<S: FrameSource> Shot<'_, S> {
     /// Looks for the ball where no frame of a stretch has it in both cameras.
-    pub(super) fn fill_gaps(
-        &self,
-        scene: &BallScene,
-        flight: &mut Flight,
-        racket: &[Option<RacketFrame>],
-        still: &[Option<GreyImage>; 2],
-    ) -> Result<(), TrackingError> {
+    pub(super) fn fill_gaps(&self, stage: &Stage, flight: &mut Flight) -> Result<(), TrackingError> {
         let known: &Flight = flight;
         let ways: Vec<(Range<usize>, bool)> = gaps(&known.frames).into_iter().flat_map(|gap| [false, true].map(|forth| (gap.clone(), forth))).collect();
-        let found: Result<Vec<_>, TrackingError> = ways.par_iter().map(|(gap, forth)| self.continued(scene, gap, known, racket, *forth)).collect();
+        let found: Result<Vec<_>, TrackingError> = ways.par_iter().map(|(gap, forth)| self.continued(stage, gap, known, *forth)).collect();
         for ((gap, _), found) in ways.iter().zip(found?) {
             if let Some(found) = found {
                 flight.take_in(gap, found);
             }
         }
         for gap in gaps(&flight.frames) {
-            if let Some(found) = self.flight_in(scene, &gap, flight, racket, still)? {
+            if let Some(found) = self.flight_in(stage, &gap, flight)? {
                 flight.take_in(&gap, found);
             }
         }
         for gap in gaps(&flight.frames) {
-            if let Some(found) = self.flight_of_one_camera(scene, &gap, flight, racket, still)? {
+            if let Some(found) = self.flight_of_one_camera(stage, &gap, flight)? {
                 flight.take_in(&gap, found);
             }
         }
-        let faint = BallScene { faint: true, ..scene.clone() };
+        let faint = BallScene { faint: true, ..stage.ball.clone() };
         for gap in gaps(&flight.frames) {
             for forth in [false, true] {
-                self.extend(&faint, &gap, flight, racket, forth)?;
+                self.extend(&Stage { ball: &faint, ..*stage }, &gap, flight, forth)?;
             }
         }
         Ok(())
@@ -65,8 +59,9 @@ impl<S: FrameSource> Shot<'_, S> {
 
     /// Goes on from the ball's known end along its straight way: where the line through a dozen frames foretells it in both pictures, a faint
     /// outline is enough.
-    fn extend(&self, faint: &BallScene, gap: &Range<usize>, flight: &mut Flight, racket: &[Option<RacketFrame>], forth: bool) -> Result<(), TrackingError> {
-        let (_, mut piece) = self.known_beside(&flight.frames, racket, gap, forth);
+    fn extend(&self, stage: &Stage, gap: &Range<usize>, flight: &mut Flight, forth: bool) -> Result<(), TrackingError> {
+        let faint = stage.ball;
+        let (_, mut piece) = self.known_beside(&flight.frames, stage.racket, gap, forth);
         let mut indices: Vec<usize> = gap.clone().collect();
         if !forth {
             indices.reverse();
@@ -80,7 +75,7 @@ impl<S: FrameSource> Shot<'_, S> {
             let there = foretold(&piece, number);
             let images = self.read_rows(index, self.ball_rows(faint, &there, 1), &mut buffers)?;
             let Some(ball) = faint.measure(&images, &there, 1, 1.0).filter(|b| b.stereo) else { continue };
-            let next = self.sighting(index, ball.position, racket[index].as_ref());
+            let next = self.sighting(index, ball.position, stage.racket[index].as_ref());
             if goes_on(&piece, &next) {
                 (flight.frames[index], flight.kept[index]) = (Some(ball), None);
                 piece.push(next);
@@ -179,14 +174,8 @@ impl<S: FrameSource> Shot<'_, S> {
     }
 
     /// Follows the ball from its known end into a gap, as far as it goes straight on.
-    fn continued(
-        &self,
-        scene: &BallScene,
-        gap: &Range<usize>,
-        flight: &Flight,
-        racket: &[Option<RacketFrame>],
-        forth: bool,
-    ) -> Result<Option<Flight>, TrackingError> {
+    fn continued(&self, stage: &Stage, gap: &Range<usize>, flight: &Flight, forth: bool) -> Result<Option<Flight>, TrackingError> {
+        let Stage { ball: scene, racket, .. } = *stage;
         let known = self.sightings(&flight.frames, racket);
         let beside = |s: &&Sighting| if forth { s.index < gap.start } else { s.index >= gap.end };
         let mut piece: Vec<Sighting> =
@@ -221,14 +210,8 @@ impl<S: FrameSource> Shot<'_, S> {
 
     /// Looks for a free flight in a gap that is the ball's: followed to the gap's end it comes to where the ball is known, or both meet at the
     /// strings.
-    fn flight_in(
-        &self,
-        scene: &BallScene,
-        gap: &Range<usize>,
-        flight: &Flight,
-        racket: &[Option<RacketFrame>],
-        still: &[Option<GreyImage>; 2],
-    ) -> Result<Option<Flight>, TrackingError> {
+    fn flight_in(&self, stage: &Stage, gap: &Range<usize>, flight: &Flight) -> Result<Option<Flight>, TrackingError> {
+        let Stage { ball: scene, racket, still } = *stage;
         let known = self.sightings(&flight.frames, racket);
         let first_lost = self.source.number(gap.start) as f64;
         let before: Vec<&Sighting> = known.iter().rev().filter(|k| k.number < first_lost).collect();

@@ -52,7 +52,7 @@ struct Sight {
 
 /// Measures the ball's centres of a tracked shot again and renews its points. Where the spin is not known the ball is taken for bare: its
 /// lines then are pixels that disagree.
-pub fn refine_ball(source: &impl FrameSource, setup: &ShotSetup, shot: &mut ShotTracks, spin: &BallSpin) -> Result<(), TrackingError> {
+pub(super) fn refine_ball(source: &impl FrameSource, setup: &ShotSetup, shot: &mut ShotTracks, spin: &BallSpin) -> Result<(), TrackingError> {
     let Some(contact) = shot.contact_frame else { return Ok(()) };
     let view = View::new(setup.rig);
     let turning = [&spin.before, &spin.after].map(|s| match s {

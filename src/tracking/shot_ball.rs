@@ -34,6 +34,14 @@ pub struct Flight {
     pub(super) kept: Vec<Option<Kept>>,
 }
 
+/// What is known where the ball is looked for: how it looks, where the racket is, and what stands still.
+#[derive(Clone, Copy)]
+pub struct Stage<'a> {
+    pub ball: &'a BallScene<'a>,
+    pub racket: &'a [Option<RacketFrame>],
+    pub still: &'a [Option<GreyImage>; 2],
+}
+
 /// What both cameras saw around the ball in a frame, and with which levels it was measured.
 #[derive(Clone)]
 pub struct Kept {
@@ -171,7 +179,7 @@ impl<S: FrameSource> Shot<'_, S> {
         let mut flight = best.1;
         if !clear {
             let flies = self.stands_in(&claimed, racket) || self.longest_flight(&flight.frames, racket) >= FLIES;
-            match if flies { None } else { self.flight_to_the_racket(&scene, racket, still)? } {
+            match if flies { None } else { self.flight_to_the_racket(&Stage { ball: &scene, racket, still })? } {
                 Some(found) => {
                     flight = found;
                     self.mean_discs_again(&scene, &mut flight)?;
@@ -207,7 +215,7 @@ impl<S: FrameSource> Shot<'_, S> {
     ) -> Result<Vec<Option<BallFrame>>, TrackingError> {
         let Some(near) = rough.frames.iter().flatten().find(|b| b.stereo).map(|b| b.position) else { return Ok(rough.frames) };
         scene.set_light(&rough.means, &near, BALL_BLUR_PX);
-        self.fill_gaps(&scene, &mut rough, racket, still)?;
+        self.fill_gaps(&Stage { ball: &scene, racket, still }, &mut rough)?;
         let Flight { frames: rough, kept, .. } = rough;
         scene.faint = true;
         let numbers: Vec<f64> = (0..rough.len()).map(|i| self.source.number(i) as f64).collect();

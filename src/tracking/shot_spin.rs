@@ -1,7 +1,7 @@
 //! The ball's spin in one tracked shot: crops of the ball in free flight, before and after the contact.
 
-use super::ball_refine::SHARED_VARIANCE;
-use super::shot_tracker::{ShotSetup, TrackingError};
+use super::ball_refine::{SHARED_VARIANCE, refine_ball};
+use super::shot_tracker::{ShotSetup, ShotTracks, TrackingError};
 use super::spin::{BallSpin, BallView, FoundSpin, GreyPatch, SpinEstimate, SpinSettings};
 use super::track_file::{SpacePoint, Target, Tracks};
 use crate::calibration::CameraId;
@@ -31,15 +31,30 @@ struct Crop {
     position: Point3<f64>,
 }
 
+/// Measures the ball's spin before and after the contact and, with it, the ball's centres and space points.
+///
+/// # Errors  a picture that cannot be read
+pub fn measure_spin(source: &impl FrameSource, setup: &ShotSetup, shot: &mut ShotTracks) -> Result<BallSpin, TrackingError> {
+    let mut found = FoundSpins::find(source, setup, &shot.tracks, &shot.points)?;
+    refine_ball(source, setup, shot, &found.rough())?;
+    if !found.complete() {
+        found.find_again(source, setup, &shot.tracks, &shot.points)?;
+        let measured = found.measure(source, setup, &shot.tracks, &shot.points)?;
+        refine_ball(source, setup, shot, &measured)?;
+    }
+    // The better centres tell the spin better: a drift of the outline looks like a turn.
+    found.measure(source, setup, &shot.tracks, &shot.points)
+}
+
 /// The spins before and after the contact as they are found.
 #[derive(Debug, Clone)]
-pub struct FoundSpins {
+struct FoundSpins {
     found: [FoundSpin; 2],
 }
 
 impl FoundSpins {
     /// Looks for the spins. `points` are those of the shot, t = 0 at first contact.
-    pub fn find(source: &impl FrameSource, setup: &ShotSetup, tracks: &Tracks, points: &[SpacePoint]) -> Result<Self, TrackingError> {
+    fn find(source: &impl FrameSource, setup: &ShotSetup, tracks: &Tracks, points: &[SpacePoint]) -> Result<Self, TrackingError> {
         let crops = crops(source, setup, tracks, points)?;
         let find = |side: usize| FoundSpin::find(&views(&crops[side]), setup.rig, setup.ball.radius_m(), &SpinSettings::new(setup.frame_rate_hz));
         let (before, after) = rayon::join(|| find(0), || find(1));
@@ -47,7 +62,7 @@ impl FoundSpins {
     }
 
     /// Looks again where nothing was found, with the centres as they are now.
-    pub fn find_again(&mut self, source: &impl FrameSource, setup: &ShotSetup, tracks: &Tracks, points: &[SpacePoint]) -> Result<(), TrackingError> {
+    fn find_again(&mut self, source: &impl FrameSource, setup: &ShotSetup, tracks: &Tracks, points: &[SpacePoint]) -> Result<(), TrackingError> {
         let crops = crops(source, setup, tracks, points)?;
         let again = |(found, crops): (&mut FoundSpin, &Vec<Crop>)| {
             if !matches!(found.rough, SpinEstimate::Vector { .. }) {
@@ -59,18 +74,18 @@ impl FoundSpins {
     }
 
     /// Whether both spins are known.
-    pub fn complete(&self) -> bool {
+    fn complete(&self) -> bool {
         self.found.iter().all(|f| matches!(f.rough, SpinEstimate::Vector { .. }))
     }
 
     /// What is known so far: good enough to learn the ball's cover with.
-    pub fn rough(&self) -> BallSpin {
+    fn rough(&self) -> BallSpin {
         let [before, after] = self.found.each_ref().map(|f| f.rough.clone());
         BallSpin { before, after }
     }
 
     /// Measures the spins, with the centres as they are now.
-    pub fn measure(&self, source: &impl FrameSource, setup: &ShotSetup, tracks: &Tracks, points: &[SpacePoint]) -> Result<BallSpin, TrackingError> {
+    fn measure(&self, source: &impl FrameSource, setup: &ShotSetup, tracks: &Tracks, points: &[SpacePoint]) -> Result<BallSpin, TrackingError> {
         let crops = crops(source, setup, tracks, points)?;
         let measure = |side: usize| self.found[side].measure(&views(&crops[side]), setup.rig, setup.ball.radius_m(), &SpinSettings::new(setup.frame_rate_hz));
         let (before, after) = rayon::join(|| measure(0), || measure(1));

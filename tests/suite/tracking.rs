@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 use sweetspot::calibration::{CameraId, RigidTransform, StereoRig};
 use sweetspot::footage::Clip;
 use sweetspot::session::Session;
-use sweetspot::tracking::{FoundSpins, ShotSetup, Target, refine_ball, track_shot};
+use sweetspot::tracking::{ShotSetup, Target, measure_spin, track_shot};
 
 fn numbers(v: &Value) -> Vec<f64> {
     v.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()
@@ -45,8 +45,7 @@ fn score(kind: &str, shot_id: &str) -> Option<(f64, usize, f64)> {
     let setup = ShotSetup { rig: &rig, racket: &shot.racket, ball: &shot.ball, frame_rate_hz: session.frame_rate_hz };
     let clip = Clip::list(&shot.camera("left"), &shot.camera("right")).unwrap();
     let mut tracked = track_shot(&clip, &setup, &AtomicBool::new(false), &|_| ()).unwrap();
-    let spin = FoundSpins::find(&clip, &setup, &tracked.tracks, &tracked.points).unwrap().rough();
-    refine_ball(&clip, &setup, &mut tracked, &spin).unwrap();
+    measure_spin(&clip, &setup, &mut tracked).unwrap();
     let truth = &truth["shots"][shot_id];
     let last_contact = truth["contact_time"].as_f64().unwrap();
     let (mut seen, mut found, mut wrong, mut ball) = (0, 0, 0, Vec::new());

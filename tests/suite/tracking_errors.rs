@@ -10,7 +10,7 @@ use sweetspot::session::Session;
 use sweetspot::synthetic::footage_spec::FootageSpec;
 use sweetspot::synthetic::footage_world::FootageWorld;
 use sweetspot::synthetic::look::Setting;
-use sweetspot::tracking::{FoundSpins, ShotSetup, ShotTracks, Target, contact_frames, refine_ball, track_shot};
+use sweetspot::tracking::{ShotSetup, ShotTracks, Target, contact_frames, measure_spin, track_shot};
 
 /// A tracked shot, its truth, and the frames in which it was found in contact.
 struct Tracked {
@@ -34,8 +34,7 @@ fn tracked(setting: Setting, seed: u64, shots: usize) -> Vec<Tracked> {
         let setup = ShotSetup { rig: &rig, racket: &shot.racket, ball: &shot.ball, frame_rate_hz: session.frame_rate_hz };
         let clip = Clip::list(&shot.camera("left"), &shot.camera("right")).unwrap();
         let mut tracked = track_shot(&clip, &setup, &AtomicBool::new(false), &|_| ()).unwrap();
-        let spin = FoundSpins::find(&clip, &setup, &tracked.tracks, &tracked.points).unwrap().rough();
-        refine_ball(&clip, &setup, &mut tracked, &spin).unwrap();
+        measure_spin(&clip, &setup, &mut tracked).unwrap();
         Tracked { truth: truth["shots"][&shot.id].clone(), contact: contact_frames(&clip, &setup, &tracked), shot: tracked }
     };
     session.shots.iter().map(one).collect()

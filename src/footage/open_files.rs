@@ -46,3 +46,29 @@ impl Drop for OpenFile {
         OPEN.fetch_sub(1, Ordering::Relaxed);
     }
 }
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+    use std::io::Read;
+
+    #[test]
+    fn law_files_stay_open_up_to_half_of_what_is_allowed() {
+        let folder = tempfile::tempdir().expect("folder");
+        let path = folder.path().join("picture.bmp");
+        std::fs::write(&path, b"BM").expect("written");
+        let open = || File::open(&path).expect("opened");
+        let_files_stay_open();
+        let most = MOST.load(Ordering::Relaxed);
+        assert!(most > 0 && most as u64 <= ENOUGH);
+        // Other tests may hold some of them meanwhile.
+        let kept: Vec<OpenFile> = (0..=most).map_while(|_| OpenFile::keep(open())).collect();
+        assert!(!kept.is_empty() && kept.len() <= most);
+        std::fs::remove_file(&path).expect("removed");
+        let mut text = String::new();
+        kept[0].file().read_to_string(&mut text).expect("read");
+        assert_eq!(text, "BM");
+        drop(kept);
+        assert!(OPEN.load(Ordering::Relaxed) < most);
+    }
+}

@@ -12,10 +12,15 @@ const BLOCK: usize = 64;
 /// Rows ranked at once: seven whole pictures would be fresh memory, page by page, which costs more than opening the files again.
 const STRIPE: usize = 128;
 
-/// The median picture of one camera; `None` when fewer than three frames can be read or their sizes differ.
+/// The median picture of one camera over a whole clip; `None` when fewer than three frames can be read or their sizes differ.
 pub fn background(source: &impl FrameSource, camera: usize) -> Result<Option<GreyImage>, FootageError> {
-    let n = source.len();
-    let mut indices: Vec<usize> = (0..SAMPLES).filter(|_| n > 0).map(|k| (n - 1) * k / (SAMPLES - 1)).collect();
+    background_of(source, camera, &(0..source.len()).collect::<Vec<_>>())
+}
+
+/// [`background`] over some frames, in order.
+pub fn background_of(source: &impl FrameSource, camera: usize, frames: &[usize]) -> Result<Option<GreyImage>, FootageError> {
+    let Some(last) = frames.len().checked_sub(1) else { return Ok(None) };
+    let mut indices: Vec<usize> = (0..SAMPLES).map(|k| frames[last * k / (SAMPLES - 1)]).collect();
     indices.dedup();
     let mut samples: Vec<(usize, FrameBuffer)> = indices.into_iter().map(|index| (index, FrameBuffer::default())).collect();
     let mut still: Option<GreyImage> = None;

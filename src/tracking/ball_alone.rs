@@ -4,6 +4,7 @@
 //! away that leaves its depth free, and how that changes: a line over time. Faint outlines of the other camera along the epipolar lines each mean
 //! a depth, and those of one flight lie on one such line, which lettering and strings do not bring about.
 
+use super::background::background_of;
 use super::ball_choice::{Sighting, moves_in_racket};
 use super::ball_pieces::{foretold, straight_pieces};
 use super::ball_presence;
@@ -149,7 +150,14 @@ impl<S: FrameSource> Shot<'_, S> {
             if indices.len() < FEWEST {
                 continue;
             }
-            let found = self.clear_in_one(stage, &indices, &origin)?;
+            let mut found = self.clear_in_one(stage, &indices, &origin, SPEEDS_M_S)?;
+            if found.is_none() {
+                // Along a camera's line of sight the ball hardly moves in its pictures: then the median of all of them holds the ball itself,
+                // and that of the frames beside the gap does not.
+                let beside: Vec<usize> = (0..self.source.len()).filter(|i| !gap.contains(i)).collect();
+                let (left, right) = rayon::join(|| background_of(self.source, 0, &beside), || background_of(self.source, 1, &beside));
+                found = self.clear_in_one(&Stage { still: &[left?, right?], ..*stage }, &indices, &origin, (0.0, SPEEDS_M_S.1))?;
+            }
             if found.is_some() {
                 return Ok(found);
             }
@@ -167,7 +175,7 @@ impl<S: FrameSource> Shot<'_, S> {
             let Some(pose) = stage.racket[first..(first + window).min(n)].iter().flatten().map(|r| r.pose.global_from_racket).next() else { continue };
             let number = self.source.number(indices[indices.len() / 2]) as f64;
             let origin = Origin { number, place: pose.translation.vector.into(), sd_m: AROUND_M, frame_rate_hz: self.setup.frame_rate_hz };
-            let Some(mut found) = self.clear_in_one(stage, &indices, &origin)? else { continue };
+            let Some(mut found) = self.clear_in_one(stage, &indices, &origin, SPEEDS_M_S)? else { continue };
             let seen = self.sightings(&found.frames, stage.racket);
             let pieces = straight_pieces(&seen, self.setup.frame_rate_hz).into_iter().filter(|p| moves_in_racket(p, self.setup.frame_rate_hz));
             let Some(longest) = pieces.max_by_key(Vec::len) else { continue };
@@ -179,15 +187,16 @@ impl<S: FrameSource> Shot<'_, S> {
         Ok(best.map(|b| b.1))
     }
 
-    /// What is measured of the flight near an origin that one camera sees clearly in these frames.
-    fn clear_in_one(&self, stage: &Stage, indices: &[usize], origin: &Origin) -> Result<Option<Flight>, TrackingError> {
+    /// What is measured of the flight near an origin that one camera sees clearly in these frames. `across` is how fast it may be in that camera
+    /// alone, m/s.
+    fn clear_in_one(&self, stage: &Stage, indices: &[usize], origin: &Origin, across: (f64, f64)) -> Result<Option<Flight>, TrackingError> {
         let every = indices.len().div_ceil(MOST_FRAMES).max(1);
         let looked_at: Vec<usize> = indices.iter().copied().step_by(every).collect();
         let outlines = self.outlines(stage, &looked_at, &origin.place)?;
         let faint = &BallScene { faint: true, ..stage.ball.clone() };
         let mut best: Option<(f64, RayFlight, Vec<RayPoint>)> = None;
         for camera in CameraId::BOTH {
-            for clear in self.clear_flights(&outlines[camera.index()], origin, every, stage.racket) {
+            for clear in self.clear_flights(&outlines[camera.index()], origin, every, stage.racket, across) {
                 if let Some((share, whole)) = self.with_other_camera(&Stage { ball: faint, ..*stage }, &clear, origin)?
                     && best.as_ref().is_none_or(|b| share > b.0)
                 {
@@ -240,7 +249,14 @@ impl<S: FrameSource> Shot<'_, S> {
     }
 
     /// The straight flights near the origin on which most outlines of one camera lie, the longest first; one frame in `every` was looked at.
-    fn clear_flights(&self, outlines: &[RayPoint], origin: &Origin, every: usize, racket: &[Option<RacketFrame>]) -> Vec<Vec<RayPoint>> {
+    fn clear_flights(
+        &self,
+        outlines: &[RayPoint],
+        origin: &Origin,
+        every: usize,
+        racket: &[Option<RacketFrame>],
+        across: (f64, f64),
+    ) -> Vec<Vec<RayPoint>> {
         let begins = |a: &RayPoint, b: &RayPoint| b.index.checked_sub(a.index).is_some_and(|apart| APART.contains(&(apart / every)));
         let pairs: Vec<[RayPoint; 2]> = outlines.iter().flat_map(|a| outlines.iter().filter(|b| begins(a, b)).map(|b| [*a, *b])).collect();
         let within = |middle: f64, reach: f64| outlines.iter().filter(move |p| (p.number - middle).abs() <= reach * every as f64);
@@ -253,7 +269,7 @@ impl<S: FrameSource> Shot<'_, S> {
             let mut members = vec![*a, *b];
             // From the pair outward: two points foretell their neighbours, many the whole flight.
             for reach in GROWING {
-                let flight = RayFlight::fit(self.view, &members, origin).filter(|f| self.may_be_a_ball(f, origin))?;
+                let flight = RayFlight::fit(self.view, &members, origin).filter(|f| self.may_be_a_ball(f, origin, across))?;
                 members = self.on_flight(&flight, within(middle, reach));
                 if members.len() < FEWEST / 2 {
                     return None;
@@ -275,9 +291,10 @@ impl<S: FrameSource> Shot<'_, S> {
         out
     }
 
-    fn may_be_a_ball(&self, flight: &RayFlight, origin: &Origin) -> bool {
+    /// Whether a flight comes from the origin with one of these speeds, m/s.
+    fn may_be_a_ball(&self, flight: &RayFlight, origin: &Origin, speeds: (f64, f64)) -> bool {
         let speed = flight.step_m() * self.setup.frame_rate_hz;
-        (SPEEDS_M_S.0..SPEEDS_M_S.1).contains(&speed) && (flight.at(origin.number) - origin.place).norm() < ORIGIN_LIMIT * origin.sd_m
+        (speeds.0..speeds.1).contains(&speed) && (flight.at(origin.number) - origin.place).norm() < ORIGIN_LIMIT * origin.sd_m
     }
 
     /// The points near to where a flight passes, one in each frame.
@@ -348,7 +365,7 @@ impl<S: FrameSource> Shot<'_, S> {
         let may_be = |line: &DepthLine| from_origin(line) && self.crosses_the_head(stage.racket, |number| place(line, number));
         let Some((share, points)) = of_one_flight(meant?, &may_be, AGREED_PX / px_per_m, clear.len()) else { return Ok(None) };
         let all: Vec<RayPoint> = clear.iter().copied().chain(points).collect();
-        Ok(RayFlight::fit(self.view, &all, origin).filter(|whole| self.may_be_a_ball(whole, origin)).map(|whole| (share, whole)))
+        Ok(RayFlight::fit(self.view, &all, origin).filter(|whole| self.may_be_a_ball(whole, origin, SPEEDS_M_S)).map(|whole| (share, whole)))
     }
 
     /// Sine of the angle between the two cameras' rays.

@@ -1,12 +1,13 @@
 //! Spin of the ball: rendered balls with known spin, and the practice footage with its truth.
 
 use crate::shared::shared;
-use crate::spin_ball::{Markings, Picture, RADIUS_M, Scene, random_turn, rig, rig_of_poses};
-use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector2, Vector3};
+use crate::tracking::true_rig;
+use crate::spin_ball::{Markings, Picture, RADIUS_M, Scene, random_turn, rig};
+use nalgebra::{Point3, Vector2, Vector3};
 use rand::{Rng, SeedableRng};
 use std::collections::BTreeMap;
 use std::path::Path;
-use sweetspot::calibration::{Camera, CameraId, StereoRig};
+use sweetspot::calibration::CameraId;
 use sweetspot::tracking::spin::{BallView, SpinEstimate, SpinRefusal, SpinSettings, estimate_spin};
 
 fn numbers(v: &serde_json::Value) -> Vec<f64> {
@@ -15,22 +16,6 @@ fn numbers(v: &serde_json::Value) -> Vec<f64> {
 
 fn vector(v: &serde_json::Value) -> Vector3<f64> {
     Vector3::from_iterator(numbers(v))
-}
-
-fn pose(v: &serde_json::Value) -> Isometry3<f64> {
-    let r: Vec<f64> = v["R"].as_array().unwrap().iter().flat_map(numbers).collect();
-    let r = Rotation3::from_matrix(&Matrix3::from_row_slice(&r));
-    Isometry3::from_parts(Translation3::from(vector(&v["t"])), UnitQuaternion::from_rotation_matrix(&r))
-}
-
-fn true_rig(truth: &serde_json::Value) -> StereoRig {
-    let camera = |v: &serde_json::Value| {
-        let d = numbers(&v["dist"]);
-        let k = |i: usize, j: usize| v["K"][i][j].as_f64().unwrap();
-        Camera { fx: k(0, 0), fy: k(1, 1), cx: k(0, 2), cy: k(1, 2), distortion: [d[0], d[1], d[2], d[3], d[4]], rms_px: 0.0, sd: BTreeMap::new() }
-    };
-    let c = &truth["cameras"];
-    rig_of_poses([512, 512], [camera(&c["left"]), camera(&c["right"])], [pose(&c["left"]), pose(&c["right"])])
 }
 
 /// Processor time of this thread, ms (0 where the system does not tell).

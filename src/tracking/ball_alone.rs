@@ -150,14 +150,10 @@ impl<S: FrameSource> Shot<'_, S> {
             if indices.len() < FEWEST {
                 continue;
             }
-            let mut found = self.clear_in_one(stage, &indices, &origin, SPEEDS_M_S)?;
-            if found.is_none() {
-                // Along a camera's line of sight the ball hardly moves in its pictures: then the median of all of them holds the ball itself,
-                // and that of the frames beside the gap does not.
-                let beside: Vec<usize> = (0..self.source.len()).filter(|i| !gap.contains(i)).collect();
-                let (left, right) = rayon::join(|| background_of(self.source, 0, &beside), || background_of(self.source, 1, &beside));
-                found = self.clear_in_one(&Stage { still: &[left?, right?], ..*stage }, &indices, &origin, (0.0, SPEEDS_M_S.1))?;
-            }
+            let found = match self.clear_in_one(stage, &indices, &origin, SPEEDS_M_S)? {
+                None => self.hovering_in_one(stage, gap, &indices, &origin)?,
+                found => found,
+            };
             if found.is_some() {
                 return Ok(found);
             }
@@ -168,23 +164,39 @@ impl<S: FrameSource> Shot<'_, S> {
     /// Looks for a ball that meets the racket where no three frames show one to both cameras.
     pub(super) fn flight_to_the_racket(&self, stage: &Stage) -> Result<Option<Flight>, TrackingError> {
         let n = self.source.len();
-        let window = ((LOOKED_INTO * self.setup.frame_rate_hz / 1000.0) as usize).clamp(FEWEST, n.max(FEWEST));
-        let mut best: Option<(usize, Flight)> = None;
-        for first in (0..n).step_by(window.div_ceil(2)) {
-            let indices: Vec<usize> = (first..(first + window).min(n)).collect();
-            let Some(pose) = stage.racket[first..(first + window).min(n)].iter().flatten().map(|r| r.pose.global_from_racket).next() else { continue };
-            let number = self.source.number(indices[indices.len() / 2]) as f64;
-            let origin = Origin { number, place: pose.translation.vector.into(), sd_m: AROUND_M, frame_rate_hz: self.setup.frame_rate_hz };
-            let Some(mut found) = self.clear_in_one(stage, &indices, &origin, SPEEDS_M_S)? else { continue };
-            let seen = self.sightings(&found.frames, stage.racket);
-            let pieces = straight_pieces(&seen, self.setup.frame_rate_hz).into_iter().filter(|p| moves_in_racket(p, self.setup.frame_rate_hz));
-            let Some(longest) = pieces.max_by_key(Vec::len) else { continue };
-            if longest.len() >= FEWEST && best.as_ref().is_none_or(|b| longest.len() > b.0) {
-                found.keep_only(&longest);
-                best = Some((longest.len(), found));
+        let most = (LOOKED_INTO * self.setup.frame_rate_hz / 1000.0) as usize;
+        for (window, hovers) in [(most, false), (most.min(n / 2), true)] {
+            let window = window.clamp(FEWEST, n.max(FEWEST));
+            let mut best: Option<(usize, Flight)> = None;
+            for first in (0..n).step_by(window.div_ceil(2)) {
+                let frames = first..(first + window).min(n);
+                let Some(pose) = stage.racket[frames.clone()].iter().flatten().map(|r| r.pose.global_from_racket).next() else { continue };
+                let number = self.source.number((frames.start + frames.end) / 2) as f64;
+                let origin = Origin { number, place: pose.translation.vector.into(), sd_m: AROUND_M, frame_rate_hz: self.setup.frame_rate_hz };
+                let indices: Vec<usize> = frames.clone().collect();
+                let found = if hovers { self.hovering_in_one(stage, &frames, &indices, &origin)? } else { self.clear_in_one(stage, &indices, &origin, SPEEDS_M_S)? };
+                let Some(mut found) = found else { continue };
+                let seen = self.sightings(&found.frames, stage.racket);
+                let pieces = straight_pieces(&seen, self.setup.frame_rate_hz).into_iter().filter(|p| moves_in_racket(p, self.setup.frame_rate_hz));
+                let Some(longest) = pieces.max_by_key(Vec::len) else { continue };
+                if longest.len() >= FEWEST && best.as_ref().is_none_or(|b| longest.len() > b.0) {
+                    found.keep_only(&longest);
+                    best = Some((longest.len(), found));
+                }
+            }
+            if let Some((_, found)) = best {
+                return Ok(Some(found));
             }
         }
-        Ok(best.map(|b| b.1))
+        Ok(None)
+    }
+
+    /// [`Self::clear_in_one`] of a ball that hardly moves in a camera's pictures, along its line of sight: the median of all frames holds the ball
+    /// itself, that of those `beside` which it is looked for does not.
+    fn hovering_in_one(&self, stage: &Stage, beside: &Range<usize>, indices: &[usize], origin: &Origin) -> Result<Option<Flight>, TrackingError> {
+        let others: Vec<usize> = (0..self.source.len()).filter(|i| !beside.contains(i)).collect();
+        let (left, right) = rayon::join(|| background_of(self.source, 0, &others), || background_of(self.source, 1, &others));
+        self.clear_in_one(&Stage { still: &[left?, right?], ..*stage }, indices, origin, (0.0, SPEEDS_M_S.1))
     }
 
     /// What is measured of the flight near an origin that one camera sees clearly in these frames. `across` is how fast it may be in that camera

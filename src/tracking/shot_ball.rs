@@ -216,6 +216,10 @@ impl<S: FrameSource> Shot<'_, S> {
         let Some(near) = rough.frames.iter().flatten().find(|b| b.stereo).map(|b| b.position) else { return Ok(rough.frames) };
         scene.set_light(&rough.means, &near, BALL_BLUR_PX);
         self.fill_gaps(&Stage { ball: &scene, racket, still }, &mut rough)?;
+        // A piece of something may fly as a ball does, and what it was a piece of may not.
+        if self.is_part_of_the_racket(&rough.frames, racket) {
+            return Ok(vec![None; rough.frames.len()]);
+        }
         let Flight { frames: rough, kept, .. } = rough;
         scene.faint = true;
         let numbers: Vec<f64> = (0..rough.len()).map(|i| self.source.number(i) as f64).collect();

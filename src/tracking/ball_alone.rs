@@ -161,34 +161,30 @@ impl<S: FrameSource> Shot<'_, S> {
         Ok(None)
     }
 
-    /// Looks for a ball that meets the racket where no three frames show one to both cameras.
-    pub(super) fn flight_to_the_racket(&self, stage: &Stage) -> Result<Option<Flight>, TrackingError> {
+    /// Looks for a ball that meets the racket where no three frames show one to both cameras; one that `hovers` in one of them, if so asked.
+    pub(super) fn flight_to_the_racket(&self, stage: &Stage, hovers: bool) -> Result<Option<Flight>, TrackingError> {
         let n = self.source.len();
         let most = (LOOKED_INTO * self.setup.frame_rate_hz / 1000.0) as usize;
-        for (window, hovers) in [(most, false), (most.min(n / 2), true)] {
-            let window = window.clamp(FEWEST, n.max(FEWEST));
-            let mut best: Option<(usize, Flight)> = None;
-            for first in (0..n).step_by(window.div_ceil(2)) {
-                let frames = first..(first + window).min(n);
-                let Some(pose) = stage.racket[frames.clone()].iter().flatten().map(|r| r.pose.global_from_racket).next() else { continue };
-                let number = self.source.number((frames.start + frames.end) / 2) as f64;
-                let origin = Origin { number, place: pose.translation.vector.into(), sd_m: AROUND_M, frame_rate_hz: self.setup.frame_rate_hz };
-                let indices: Vec<usize> = frames.clone().collect();
-                let found = if hovers { self.hovering_in_one(stage, &frames, &indices, &origin)? } else { self.clear_in_one(stage, &indices, &origin, SPEEDS_M_S)? };
-                let Some(mut found) = found else { continue };
-                let seen = self.sightings(&found.frames, stage.racket);
-                let pieces = straight_pieces(&seen, self.setup.frame_rate_hz).into_iter().filter(|p| moves_in_racket(p, self.setup.frame_rate_hz));
-                let Some(longest) = pieces.max_by_key(Vec::len) else { continue };
-                if longest.len() >= FEWEST && best.as_ref().is_none_or(|b| longest.len() > b.0) {
-                    found.keep_only(&longest);
-                    best = Some((longest.len(), found));
-                }
-            }
-            if let Some((_, found)) = best {
-                return Ok(Some(found));
+        // Beside a window in which it hovers there must be frames without it.
+        let window = if hovers { most.min(n / 2) } else { most }.clamp(FEWEST, n.max(FEWEST));
+        let mut best: Option<(usize, Flight)> = None;
+        for first in (0..n).step_by(window.div_ceil(2)) {
+            let frames = first..(first + window).min(n);
+            let Some(pose) = stage.racket[frames.clone()].iter().flatten().map(|r| r.pose.global_from_racket).next() else { continue };
+            let number = self.source.number((frames.start + frames.end) / 2) as f64;
+            let origin = Origin { number, place: pose.translation.vector.into(), sd_m: AROUND_M, frame_rate_hz: self.setup.frame_rate_hz };
+            let indices: Vec<usize> = frames.clone().collect();
+            let found = if hovers { self.hovering_in_one(stage, &frames, &indices, &origin)? } else { self.clear_in_one(stage, &indices, &origin, SPEEDS_M_S)? };
+            let Some(mut found) = found else { continue };
+            let seen = self.sightings(&found.frames, stage.racket);
+            let pieces = straight_pieces(&seen, self.setup.frame_rate_hz).into_iter().filter(|p| moves_in_racket(p, self.setup.frame_rate_hz));
+            let Some(longest) = pieces.max_by_key(Vec::len) else { continue };
+            if longest.len() >= FEWEST && best.as_ref().is_none_or(|b| longest.len() > b.0) {
+                found.keep_only(&longest);
+                best = Some((longest.len(), found));
             }
         }
-        Ok(None)
+        Ok(best.map(|b| b.1))
     }
 
     /// [`Self::clear_in_one`] of a ball that hardly moves in a camera's pictures, along its line of sight: the median of all frames holds the ball

@@ -105,8 +105,18 @@ impl<S: FrameSource> Shot<'_, S> {
 
     /// Frames of the longest straight piece of what was followed that moves as a ball does.
     pub(super) fn longest_flight(&self, frames: &[Option<BallFrame>], racket: &[Option<RacketFrame>]) -> usize {
+        self.flights_of(frames, racket).iter().map(Vec::len).max().unwrap_or(0)
+    }
+
+    /// Frames of all such pieces.
+    pub(super) fn frames_in_flight(&self, frames: &[Option<BallFrame>], racket: &[Option<RacketFrame>]) -> usize {
+        self.flights_of(frames, racket).iter().map(Vec::len).sum()
+    }
+
+    /// The straight pieces of what was followed that move as a ball does.
+    fn flights_of(&self, frames: &[Option<BallFrame>], racket: &[Option<RacketFrame>]) -> Vec<Piece> {
         let rate = self.setup.frame_rate_hz;
-        straight_pieces(&self.sightings(frames, racket), rate).iter().filter(|p| moves_in_racket(p, rate)).map(Vec::len).max().unwrap_or(0)
+        straight_pieces(&self.sightings(frames, racket), rate).into_iter().filter(|p| moves_in_racket(p, rate)).collect()
     }
 
     /// Leaves of a flight what flies straight: the ball before and after the strings, wherever in the ways followed (`ways`) it stands, or the
@@ -120,7 +130,7 @@ impl<S: FrameSource> Shot<'_, S> {
     ) -> Result<(), TrackingError> {
         let rate = self.setup.frame_rate_hz;
         let pieces_of = |frames: &[Option<BallFrame>]| straight_pieces(&self.sightings(frames, racket), rate);
-        let own: Vec<Piece> = pieces_of(&flight.frames).into_iter().filter(|p| moves_in_racket(p, rate)).collect();
+        let own = self.flights_of(&flight.frames, racket);
         let (way_of, pieces): (Vec<usize>, Vec<Piece>) =
             ways.iter().enumerate().flat_map(|(way, frames)| pieces_of(frames).into_iter().map(move |p| (way, p))).unzip();
         // Two short pieces may meet by chance: a longer one speaks against them.

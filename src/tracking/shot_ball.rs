@@ -177,17 +177,22 @@ impl<S: FrameSource> Shot<'_, S> {
             }
         }
         let mut flight = best.1;
-        if !clear {
-            let flies = self.stands_in(&claimed, racket) || self.longest_flight(&flight.frames, racket) >= FLIES;
-            match if flies { None } else { self.flight_to_the_racket(&Stage { ball: &scene, racket, still })? } {
-                Some(found) => {
-                    flight = found;
-                    self.mean_discs_again(&scene, &mut flight)?;
-                }
-                None => self.keep_free_flight(&scene, &mut flight, &claimed, racket)?,
-            }
+        let stage = Stage { ball: &scene, racket, still };
+        if clear {
+            return self.remeasure_ball(&stage, flight);
         }
-        self.remeasure_ball(scene, flight, racket, still)
+        let flies = self.stands_in(&claimed, racket) || self.longest_flight(&flight.frames, racket) >= FLIES;
+        if let Some(mut found) = if flies { None } else { self.flight_to_the_racket(&stage, false)? } {
+            self.mean_discs_again(&scene, &mut found)?;
+            return self.remeasure_ball(&stage, found);
+        }
+        self.keep_free_flight(&scene, &mut flight, &claimed, racket)?;
+        let followed = self.remeasure_ball(&stage, flight)?;
+        let Some(mut found) = (if flies { None } else { self.flight_to_the_racket(&stage, true)? }) else { return Ok(followed) };
+        self.mean_discs_again(&scene, &mut found)?;
+        let hovering = self.remeasure_ball(&stage, found)?;
+        let frames = [&followed, &hovering].map(|ball| self.frames_in_flight(ball, racket));
+        Ok(if frames[1] > frames[0] { hovering } else { followed })
     }
 
     /// Where both cameras saw a thing that was followed.
@@ -206,16 +211,12 @@ impl<S: FrameSource> Shot<'_, S> {
 
     /// Learns the light from the ball as first measured, then measures every frame again with it. Where the picture is as it is without
     /// a ball, there is none.
-    fn remeasure_ball(
-        &self,
-        mut scene: BallScene,
-        mut rough: Flight,
-        racket: &[Option<RacketFrame>],
-        still: &[Option<GreyImage>; 2],
-    ) -> Result<Vec<Option<BallFrame>>, TrackingError> {
+    fn remeasure_ball(&self, stage: &Stage, mut rough: Flight) -> Result<Vec<Option<BallFrame>>, TrackingError> {
+        let Stage { racket, still, .. } = *stage;
+        let mut scene = stage.ball.clone();
         let Some(near) = rough.frames.iter().flatten().find(|b| b.stereo).map(|b| b.position) else { return Ok(rough.frames) };
         scene.set_light(&rough.means, &near, BALL_BLUR_PX);
-        self.fill_gaps(&Stage { ball: &scene, racket, still }, &mut rough)?;
+        self.fill_gaps(&Stage { ball: &scene, ..*stage }, &mut rough)?;
         // A piece of something may fly as a ball does, and what it was a piece of may not.
         if self.is_part_of_the_racket(&rough.frames, racket) {
             return Ok(vec![None; rough.frames.len()]);

@@ -174,7 +174,8 @@ impl<S: FrameSource> Shot<'_, S> {
             let number = self.source.number((frames.start + frames.end) / 2) as f64;
             let origin = Origin { number, place: pose.translation.vector.into(), sd_m: AROUND_M, frame_rate_hz: self.setup.frame_rate_hz };
             let indices: Vec<usize> = frames.clone().collect();
-            let found = if hovers { self.hovering_in_one(stage, &frames, &indices, &origin)? } else { self.clear_in_one(stage, &indices, &origin, SPEEDS_M_S)? };
+            let found =
+                if hovers { self.hovering_in_one(stage, &frames, &indices, &origin)? } else { self.clear_in_one(stage, &indices, &origin, SPEEDS_M_S)? };
             let Some(mut found) = found else { continue };
             let seen = self.sightings(&found.frames, stage.racket);
             let pieces = straight_pieces(&seen, self.setup.frame_rate_hz).into_iter().filter(|p| moves_in_racket(p, self.setup.frame_rate_hz));
@@ -257,14 +258,7 @@ impl<S: FrameSource> Shot<'_, S> {
     }
 
     /// The straight flights near the origin on which most outlines of one camera lie, the longest first; one frame in `every` was looked at.
-    fn clear_flights(
-        &self,
-        outlines: &[RayPoint],
-        origin: &Origin,
-        every: usize,
-        racket: &[Option<RacketFrame>],
-        across: (f64, f64),
-    ) -> Vec<Vec<RayPoint>> {
+    fn clear_flights(&self, outlines: &[RayPoint], origin: &Origin, every: usize, racket: &[Option<RacketFrame>], across: (f64, f64)) -> Vec<Vec<RayPoint>> {
         let begins = |a: &RayPoint, b: &RayPoint| b.index.checked_sub(a.index).is_some_and(|apart| APART.contains(&(apart / every)));
         let pairs: Vec<[RayPoint; 2]> = outlines.iter().flat_map(|a| outlines.iter().filter(|b| begins(a, b)).map(|b| [*a, *b])).collect();
         let within = |middle: f64, reach: f64| outlines.iter().filter(move |p| (p.number - middle).abs() <= reach * every as f64);

@@ -5,7 +5,7 @@
 //! centroid of the visible tape, its covariance and how well the picture agrees.
 
 use super::band_beside::Beside;
-use super::band_sums::{Belongs, BESIDE_UNIT, BandModel, BandPixels, BandSums, LEVELS, UNKNOWNS};
+use super::band_sums::{BESIDE_UNIT, BandModel, BandPixels, BandSums, Belongs, LEVELS, UNKNOWNS};
 use super::cholesky::Cholesky;
 use super::racket_figure::{RacketFigure, VISIBLE_DEPTH};
 use super::racket_pose::View;

@@ -1,8 +1,8 @@
 //! Spin of the ball: rendered balls with known spin, and the practice footage with its truth.
 
 use crate::shared::shared;
-use crate::tracking::true_rig;
 use crate::spin_ball::{Markings, Picture, RADIUS_M, Scene, random_turn, rig};
+use crate::tracking::true_rig;
 use nalgebra::{Point3, Vector2, Vector3};
 use rand::{Rng, SeedableRng};
 use std::collections::BTreeMap;

@@ -9,7 +9,7 @@ use super::ball_choice::{Sighting, moves_in_racket};
 use super::ball_pieces::{foretold, straight_pieces};
 use super::ball_presence;
 use super::ball_search;
-use super::ball_track::BallScene;
+use super::ball_track::{BallScene, FASTEST_M_S};
 use super::part_of_racket::IN_THE_HEAD_M;
 use super::racket_track::RacketFrame;
 use super::ray_flight::{Origin, RayFlight, RayPoint};
@@ -55,9 +55,9 @@ const LINE_APART: usize = 4;
 /// Steps along the epipolar line, px, at most so many, and how fast the ball may come along the clear camera's line of sight.
 const STEP_PX: f64 = 1.5;
 const MOST_PLACES: f64 = 250.0;
-const FASTEST_M_S: f64 = 60.0;
+const FASTEST_ALONG_M_S: f64 = 60.0;
 /// Slowest and fastest ball, m/s.
-const SPEEDS_M_S: (f64, f64) = (3.0, 90.0);
+const SPEEDS_M_S: (f64, f64) = (3.0, FASTEST_M_S);
 
 /// A faint outline of one camera on the other one's ray, and what it means.
 #[derive(Debug, Clone, Copy)]
@@ -327,7 +327,7 @@ impl<S: FrameSource> Shot<'_, S> {
         let behind = GreyView::of(behind);
         let origin_depth = (origin.place - eye).dot(&axis);
         let on_ray = |p: &RayPoint| -> Result<Vec<Meant>, TrackingError> {
-            let reach_m = ORIGIN_LIMIT * origin.sd_m + FASTEST_M_S / self.setup.frame_rate_hz * (p.number - origin.number).abs();
+            let reach_m = ORIGIN_LIMIT * origin.sd_m + FASTEST_ALONG_M_S / self.setup.frame_rate_hz * (p.number - origin.number).abs();
             let Some(ray) = self.view.ray(p.camera, p.uv) else { return Ok(Vec::new()) };
             let seen = |depth: f64| self.view.project(other, &(eye + ray * (depth / ray.dot(&axis))));
             let (Some(a), Some(b), Some(radius)) = (seen(origin_depth - reach_m), seen(origin_depth + reach_m), faint.radius_px(other, &origin.place)) else {

@@ -34,7 +34,9 @@ const CLOSE_PX: f64 = 1.0;
 /// The two rays of one ball may miss each other by this, px (deviations are added).
 const RAY_TOLERANCE_PX: f64 = 0.8;
 /// Slowest and fastest motion that is taken for a ball in play, m per frame at 1000 frames a second scaled by the rate.
-const SPEEDS_M_S: (f64, f64) = (1.5, 90.0);
+const SPEEDS_M_S: (f64, f64) = (1.5, FASTEST_M_S);
+/// No ball in play is faster, m/s.
+pub(super) const FASTEST_M_S: f64 = 90.0;
 /// A free ball's second difference of position, m per frame²: rays good to 3 px in depth.
 const BEND_M: f64 = 0.02;
 

@@ -1,6 +1,6 @@
 //! What belongs to the racket and what comes through it: tape, lettering, throat and hand move with the string plane, a ball goes through it.
 
-use super::ball_track::BallFrame;
+use super::ball_track::{BallFrame, FASTEST_M_S};
 use super::racket_track::RacketFrame;
 use super::ray_flight::RayPoint;
 use super::shot_frames::Shot;
@@ -12,7 +12,6 @@ use nalgebra::{Point2, Point3};
 pub(super) const IN_THE_HEAD_M: f64 = 0.25;
 /// A ball in the head this near to the string plane, m, has come to it: what the strings give, and half of what the fastest goes in a frame.
 const NEAR_STRINGS_M: f64 = 0.05;
-const FASTEST_M_S: f64 = 90.0;
 /// What stays as near to one place in the string plane, m, in more of its frames is a part of the racket.
 const KEEPS_M: f64 = 0.03;
 const MOST_KEEP: f64 = 0.7;

@@ -29,6 +29,11 @@ const RANKS: usize = 256;
 /// Tangent of the slant up to which a tube's bend is followed under its sides, and what it must carry them across to matter, px.
 const FARTHEST_SLANT: f32 = 1.3;
 const LEAST_SLANT_PX: f32 = 0.004;
+/// What a pixel astride the edge of the light sees beyond the light at its middle: in deviations of the light within the pixel, for an edge
+/// right at its middle (a normal deviate is above zero by 1/sqrt(2 pi) in the mean), and how many deviations from the edge it ends. Between it
+/// falls with the fourth power, true to 0.006 deviations.
+const AT_EDGE: f32 = 0.398_942_3;
+const EDGE_REACH: f32 = 3.1;
 
 /// The band's model in one round. Lengths in px.
 pub struct BandModel {
@@ -268,15 +273,24 @@ fn round(p: &mut BandPixels, m: &BandModel) -> BandSums {
             narrowing[i] = (1.0 - spread - lean * lean).clamp(0.0, 1.0) * across;
             q[i] = ((s[i] - sigma * lean) * across).clamp(-1.0, 1.0);
         }
+        // A pixel sees a mean over places of the tube, not what its mean place shows: toward the sides the surface falls away ever faster,
+        // and where the light ends it is even. By the places' spread; without it light from the side pulls bands by 0.02 px.
         for i in 0..STEP {
-            depth[i] = (1.0 - q[i] * q[i]).sqrt();
-            let direct = sideways * q[i] + up * depth[i];
+            let spread_out = narrowing[i] * sigma * sigma * across;
+            let squared = (1.0 - q[i] * q[i] - spread_out).max(1e-4);
+            depth[i] = squared.sqrt() * (1.0 - 0.5 * (q[i] * q[i] * spread_out / (squared * squared)).min(0.5));
             let on_tube = if q[i].abs() < 1.0 { narrowing[i] } else { 0.0 };
             // The slope of the tube's surface there, toward the camera.
             steeper[i] = q[i] / depth[i].max(0.3);
+            let direct = sideways * q[i] + up * depth[i];
+            let slope = sideways - up * steeper[i];
+            let deviation = slope.abs() * spread_out.sqrt();
+            let near_edge = (1.0 - direct.abs() / (EDGE_REACH * deviation).max(1e-6)).max(0.0);
+            let cubed = near_edge * near_edge * near_edge;
+            let lit = if direct > 0.0 { 1.0 - AT_EDGE * 4.0 / EDGE_REACH * cubed } else { AT_EDGE * 4.0 / EDGE_REACH * cubed };
+            shade[i] = ambient + direct.max(0.0) + AT_EDGE * deviation * near_edge * cubed;
+            shade_slope[i] = lit * slope * on_tube;
             narrowing[i] = on_tube;
-            shade[i] = ambient + direct.max(0.0);
-            shade_slope[i] = if direct > 0.0 { (sideways - up * steeper[i]) * on_tube } else { 0.0 };
         }
         for i in 0..STEP {
             c[2][i] = tube[i] * inside[i] * shade[i];
@@ -408,6 +422,48 @@ mod tests {
     fn law_sums_equal_those_of_numerical_derivatives() {
         for black_shaded in [false, true] {
             sums_equal_those_of_numerical_derivatives(black_shaded);
+        }
+    }
+
+    #[test]
+    fn truth_a_lit_tube_is_as_bright_as_the_mean_of_its_places_under_the_lens() {
+        let (radius, sigma, white) = (2.4f64, 0.6f64, 100.0);
+        for (ambient, across, up) in [(0.35, 0.2, 0.6), (0.35, -0.35, 0.45), (0.35, 0.5, 0.3), (0.3, 0.5, -0.2), (0.3, 0.1, 0.7)] {
+            let band = BandModel {
+                middle: (0.0, 0.0),
+                bend: 0.0,
+                white_half: 50.0,
+                radius,
+                bow: 0.0,
+                blur: 1.0 / (sigma * std::f64::consts::SQRT_2),
+                shade: BandShade { ambient, across, up },
+                black_shaded: true,
+                levels: Some([white, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
+                scale: 1e9,
+            };
+            // Where the light is: what the model puts too far to one side pulls the band to the other.
+            let (mut pull, mut light) = (0.0, 0.0);
+            for k in -40..=40 {
+                let s = 0.1 * f64::from(k);
+                let mut one = BandPixels::default();
+                one.push(0.0, s, 0);
+                one.complete(|_, _| 0.0);
+                let model = one.sums(&band).chi.sqrt();
+                // Midpoints of 4000 strips of the tube.
+                let strip = 2.0 * radius / 4000.0;
+                let truth: f64 = (0..4000)
+                    .map(|i| strip * (f64::from(i) + 0.5) - radius)
+                    .map(|x| {
+                        let q = x / radius;
+                        let lit = ambient + (across * q + up * (1.0 - q * q).sqrt()).max(0.0);
+                        white * lit * (-0.5 * ((s - x) / sigma).powi(2)).exp() * strip / (sigma * std::f64::consts::TAU.sqrt())
+                    })
+                    .sum();
+                assert!((model - truth).abs() < 0.006 * white, "{ambient} {across} {up} at {s}: {model} instead of {truth}");
+                pull += s * (model - truth);
+                light += truth;
+            }
+            assert!((pull / light).abs() < 0.006, "{ambient} {across} {up}: {} px", pull / light);
         }
     }
 

@@ -113,8 +113,8 @@ pub fn expose(view: &View, scene: &Scene, look: &Look, t: f64, exposure_s: f64, 
                                 Paint::Grip => look.grip,
                             };
                             let cosine = hit.normal.dot(&sun_on_racket[k]);
-                            // Tape is retro-reflecting and lit from the cameras, so its own shading is weak.
-                            colour = if tape.is_some() { brightness * (0.90 + 0.10 * cosine.max(0.0)) } else { shade(brightness, cosine) };
+                            let shading = look.tape_shading;
+                            colour = if tape.is_some() { brightness * (1.0 - shading + shading * cosine.max(0.0)) } else { shade(brightness, cosine) };
                         }
                     }
                     let tube_depth = nearest;
@@ -136,7 +136,8 @@ pub fn expose(view: &View, scene: &Scene, look: &Look, t: f64, exposure_s: f64, 
                             nearest = depth;
                             let own = marking[k] * normal;
                             let line = own.x.abs() < LINE || own.y.abs() < LINE;
-                            colour = shade(if line { look.ball_line } else { look.ball }, normal.dot(&sun));
+                            let toward_limb = 1.0 + normal.dot(&direction) / direction.norm();
+                            colour = shade(if line { look.ball_line } else { look.ball }, normal.dot(&sun)) * (1.0 - look.felt_limb * toward_limb);
                         }
                     }
                     if tile.strings

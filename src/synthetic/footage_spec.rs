@@ -39,6 +39,10 @@ pub struct FootageSpec {
     /// dark curtain becomes plain black and the files small.
     #[serde(default)]
     pub black_level: f64,
+    /// Tape and felt as matt surfaces are: tape shaded like all else (otherwise nearly even, as retro-reflecting tape lit from the cameras),
+    /// the ball darker toward its limb.
+    #[serde(default)]
+    pub matt: bool,
     /// Incoming spin relative to the setting's own.
     #[serde(default = "defaults::one")]
     pub spin: f64,
@@ -87,6 +91,7 @@ impl FootageSpec {
             size_px: defaults::size(),
             noise: 1.0,
             black_level: 0.0,
+            matt: false,
             spin: 1.0,
             format: PictureFormat::default(),
         }

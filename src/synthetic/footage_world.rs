@@ -103,7 +103,8 @@ impl FootageWorld {
             return Err(FootageWorldError::NotInPictures { name: name.map(|h| h.effect.clone()).unwrap_or_default() });
         }
         let (racket, ball) = equipment();
-        let mut look = Look::of(spec.setting);
+        let look = Look::of(spec.setting);
+        let mut look = if spec.matt { look.matted() } else { look };
         look.read_noise *= spec.noise;
         look.shot_noise *= spec.noise * spec.noise;
         let mut rng = ChaCha12Rng::seed_from_u64(spec.seed);

@@ -37,6 +37,10 @@ pub struct Look {
     pub light: Unit<Vector3<f64>>,
     /// Share of light that comes from everywhere.
     pub ambient: f64,
+    /// Share of the tape's brightness that follows the light.
+    pub tape_shading: f64,
+    /// How much darker felt is at the limb, as a share.
+    pub felt_limb: f64,
     /// Half width of the lens blur's triangular profile, px.
     pub blur_px: f64,
     /// Read noise, grey levels.
@@ -62,6 +66,8 @@ impl Look {
             sphere: 240.0,
             light: Unit::new_normalize(Vector3::new(0.75, 0.6, 0.25)),
             ambient: 0.35,
+            tape_shading: 0.10,
+            felt_limb: 0.0,
             blur_px: 1.25,
             read_noise: 1.0,
             shot_noise: 0.02,
@@ -105,6 +111,11 @@ impl Look {
                 ..lab
             },
         }
+    }
+
+    /// The same with tape and felt as matt surfaces are.
+    pub fn matted(self) -> Look {
+        Look { tape_shading: 1.0 - self.ambient, felt_limb: 0.2, ..self }
     }
 
     /// Brightness of a matt surface with outward `normal` (global axes).

@@ -134,6 +134,30 @@ fn truth_what_stands_in_the_pictures_is_what_the_truth_says() {
 }
 
 #[test]
+fn switch_matt_surfaces_shade_the_tape_and_darken_the_balls_limb() {
+    let plain = FootageSpec { boards: 1, frames_before: 6, frames_after: 6, noise: 0.2, ..FootageSpec::new(Setting::Lab, 1, 4) };
+    let matt = FootageSpec { matt: true, ..plain.clone() };
+    let [(plain, truth), (matt, _)] = [&plain, &matt].map(filmed);
+    let mean = |files: &BTreeMap<String, Vec<u8>>, name: &str, centre: (f64, f64), ring: std::ops::Range<f64>| {
+        let picture = image::load_from_memory(&files[name]).unwrap().to_luma8();
+        let inside = |(u, v, _): &(u32, u32, &image::Luma<u8>)| ring.contains(&(f64::from(*u) - centre.0).hypot(f64::from(*v) - centre.1));
+        let greys: Vec<f64> = picture.enumerate_pixels().filter(inside).map(|p| f64::from(p.2.0[0])).collect();
+        greys.iter().sum::<f64>() / greys.len() as f64
+    };
+    // Long before the impact nothing is near the ball.
+    let frame = &truth["shots"]["shot-01"]["frames"][0];
+    let name = format!("shots/shot-01/left/frame_{:06}.bmp", frame["frame"].as_u64().unwrap());
+    let at = |target: &str, u: &str, v: &str| (frame["cameras"]["left"][target][u].as_f64().unwrap(), frame["cameras"]["left"][target][v].as_f64().unwrap());
+    let ball = at("ball", "u", "v");
+    let limb = |files| mean(files, &name, ball, 6.0..7.0) / mean(files, &name, ball, 0.0..3.0);
+    let darker = limb(&matt) / limb(&plain);
+    assert!((0.85..0.95).contains(&darker), "{darker}");
+    let tape = at("m2", "patch_u", "patch_v");
+    let dimmer = mean(&matt, &name, tape, 0.0..2.0) / mean(&plain, &name, tape, 0.0..2.0);
+    assert!((0.6..0.95).contains(&dimmer), "{dimmer}");
+}
+
+#[test]
 fn cli_synth_names_what_is_wrong_with_a_scenario() {
     let folder = tempfile::tempdir().unwrap();
     let path = |n: &str| folder.path().join(n).to_str().unwrap().to_owned();

@@ -34,11 +34,18 @@ const CLEAR_POINTS: usize = 8;
 /// The racket's pose, or `None` when the pictures hold no figure like it. Candidates come strongest first.
 pub fn search(view: &View, figure: &RacketFigure, candidates: &[Vec<BandCandidate>; 2]) -> Option<RacketPose> {
     let strongest = candidates.each_ref().map(|c| c.iter().take(STRONGEST).copied().collect::<Vec<_>>());
-    search_among(view, figure, &strongest).filter(|(seen, _)| *seen >= CLEAR_POINTS).or_else(|| search_among(view, figure, candidates)).map(|(_, pose)| pose)
+    let likeliest = |candidates| search_among(view, figure, candidates).into_iter().next();
+    likeliest(&strongest).filter(|(seen, _)| *seen >= CLEAR_POINTS).or_else(|| likeliest(candidates)).map(|(_, pose)| pose)
 }
 
-/// The best pose with the number of image points that agree on it.
-fn search_among(view: &View, figure: &RacketFigure, candidates: &[Vec<BandCandidate>; 2]) -> Option<(usize, RacketPose)> {
+/// All poses that put the racket on figures like it, likeliest first. Lettering makes figures too, and may look more like tape than tape in the
+/// shade does.
+pub fn search_all(view: &View, figure: &RacketFigure, candidates: &[Vec<BandCandidate>; 2]) -> impl Iterator<Item = RacketPose> {
+    search_among(view, figure, candidates).into_iter().map(|(_, pose)| pose)
+}
+
+/// The best poses with the number of image points that agree on each, best first.
+fn search_among(view: &View, figure: &RacketFigure, candidates: &[Vec<BandCandidate>; 2]) -> Vec<(usize, RacketPose)> {
     let points = space_candidates(view, candidates);
     let neighbours = CameraId::BOTH.map(|c| Neighbours::of(view.rig.image_size, &candidates[c.index()]));
     // Markers 2-3 or 1-4, ... : each pair of markers may be the one that is seen well.
@@ -54,9 +61,10 @@ fn search_among(view: &View, figure: &RacketFigure, candidates: &[Vec<BandCandid
         }
     }
     let followed: Vec<_> = tried.par_iter().map(|pose| follow(view, figure, &neighbours, pose)).collect();
-    // The first of equals.
-    let best = followed.into_iter().flatten().reduce(|best, found| if found.0 > best.0 { found } else { best });
-    best.map(|(_, seen, pose)| (seen, pose))
+    let mut found: Vec<_> = followed.into_iter().flatten().collect();
+    // The first of equals stays first.
+    found.sort_by(|a, b| b.0.total_cmp(&a.0));
+    found.into_iter().map(|(_, seen, pose)| (seen, pose)).collect()
 }
 
 /// The poses that put three markers, two of them given, on space points; with the image points that agree and how far these

@@ -34,6 +34,8 @@ const STRONG: usize = 9;
 /// A racket is clear when its bands have more than this share of that candidate's contrast: 0.9 to 3.1 on practice and rendered
 /// sessions, figures of noise 0.03 to 0.3.
 const CLEAR_STRENGTH: f64 = 0.6;
+/// And when both cameras together show so many of its ten bands (one marker may be hidden): figures of letters have six or seven.
+const CLEAR_BANDS: usize = 8;
 /// Unclear rackets looked at before the strongest of them is taken.
 const DOUBTFUL_STARTS: usize = 16;
 /// Least share of the usual contrast that still counts as tape.
@@ -99,7 +101,7 @@ impl<S: FrameSource> Shot<'_, S> {
             let Some(pose) = racket_search::search(self.view, &self.figure, &candidates) else { continue };
             let Some(start) = self.confirm(index, &pose.global_from_racket)? else { continue };
             let strength = start.strength(&candidates);
-            if strength > CLEAR_STRENGTH {
+            if strength > CLEAR_STRENGTH && start.frame.count() >= CLEAR_BANDS {
                 return Ok(start);
             }
             found.push((strength, start));
@@ -107,8 +109,27 @@ impl<S: FrameSource> Shot<'_, S> {
                 break;
             }
         }
-        let best = found.into_iter().max_by(|a, b| a.0.total_cmp(&b.0));
+        if let Some(start) = self.racket_among_figures()? {
+            return Ok(start);
+        }
+        let best = found
+            .into_iter()
+            .max_by(|a, b| (a.0 > CLEAR_STRENGTH).cmp(&(b.0 > CLEAR_STRENGTH)).then(a.1.frame.count().cmp(&b.1.frame.count())).then(a.0.total_cmp(&b.0)));
         best.map(|(_, start)| start).ok_or(TrackingError::NoRacket { searched, left: most[0], right: most[1] })
+    }
+
+    /// A clear racket where the likeliest figure of a frame is none.
+    fn racket_among_figures(&self) -> Result<Option<RacketStart>, TrackingError> {
+        for index in spread(self.source.len()).into_iter().take(DOUBTFUL_STARTS) {
+            let Some(candidates) = self.candidates_in(index)? else { continue };
+            for pose in racket_search::search_all(self.view, &self.figure, &candidates) {
+                let clear = |start: &RacketStart| start.frame.count() >= CLEAR_BANDS && start.strength(&candidates) > CLEAR_STRENGTH;
+                if let Some(start) = self.confirm(index, &pose.global_from_racket)?.filter(clear) {
+                    return Ok(Some(start));
+                }
+            }
+        }
+        Ok(None)
     }
 
     /// What may be tape in both pictures of a frame; nothing where one is missing.

@@ -60,14 +60,23 @@ fn real_markers_keep_their_names_when_five_frames_in_a_row_are_missing_again_and
 /// A white line on the court, seen along, has noise on it that makes figures of faint bands; it was the racket of both shots once.
 #[test]
 fn truth_noise_along_a_white_line_is_no_racket() {
+    the_racket_is_found(&FootageSpec { boards: 1, ..FootageSpec::new(Setting::Hard, 2, 1013) });
+}
+
+/// Letters on the back wall are brighter than tape in the shade, and make figures; they were the racket of the second shot.
+#[test]
+fn truth_lettering_brighter_than_the_tape_is_no_racket() {
+    the_racket_is_found(&FootageSpec { boards: 1, matt: true, ..FootageSpec::new(Setting::Court, 2, 1303) });
+}
+
+fn the_racket_is_found(spec: &FootageSpec) {
     let folder = tempfile::tempdir().unwrap();
     let sink = |name: &str, bytes: &[u8]| {
         let path = folder.path().join(name);
         std::fs::create_dir_all(path.parent().unwrap())?;
         std::fs::write(path, bytes)
     };
-    let spec = FootageSpec { boards: 1, ..FootageSpec::new(Setting::Hard, 2, 1013) };
-    let truth = FootageWorld::new(&spec).unwrap().film(&sink, &|| (), &AtomicBool::new(false)).unwrap();
+    let truth = FootageWorld::new(spec).unwrap().film(&sink, &|| (), &AtomicBool::new(false)).unwrap();
     let session = Session::open(folder.path()).unwrap();
     let rig = true_rig(&truth);
     for shot in &session.shots {

@@ -276,18 +276,19 @@ fn round(p: &mut BandPixels, m: &BandModel) -> BandSums {
         // A pixel sees a mean over places of the tube, not what its mean place shows: toward the sides the surface falls away ever faster,
         // and where the light ends it is even. By the places' spread; without it light from the side pulls bands by 0.02 px.
         for i in 0..STEP {
-            let spread_out = narrowing[i] * sigma * sigma * across;
-            let squared = (1.0 - q[i] * q[i] - spread_out).max(1e-4);
-            depth[i] = squared.sqrt() * (1.0 - 0.5 * (q[i] * q[i] * spread_out / (squared * squared)).min(0.5));
+            let variance = narrowing[i] * sigma * sigma * across;
+            let squared = (1.0 - q[i] * q[i] - variance).max(1e-4);
+            depth[i] = squared.sqrt() * (1.0 - 0.5 * (q[i] * q[i] * variance / (squared * squared)).min(0.5));
             let on_tube = if q[i].abs() < 1.0 { narrowing[i] } else { 0.0 };
             // The slope of the tube's surface there, toward the camera.
             steeper[i] = q[i] / depth[i].max(0.3);
             let direct = sideways * q[i] + up * depth[i];
             let slope = sideways - up * steeper[i];
-            let deviation = slope.abs() * spread_out.sqrt();
+            let deviation = slope.abs() * variance.sqrt();
             let near_edge = (1.0 - direct.abs() / (EDGE_REACH * deviation).max(1e-6)).max(0.0);
             let cubed = near_edge * near_edge * near_edge;
-            let lit = if direct > 0.0 { 1.0 - AT_EDGE * 4.0 / EDGE_REACH * cubed } else { AT_EDGE * 4.0 / EDGE_REACH * cubed };
+            let past_edge = AT_EDGE * 4.0 / EDGE_REACH * cubed;
+            let lit = if direct > 0.0 { 1.0 - past_edge } else { past_edge };
             shade[i] = ambient + direct.max(0.0) + AT_EDGE * deviation * near_edge * cubed;
             shade_slope[i] = lit * slope * on_tube;
             narrowing[i] = on_tube;

@@ -36,7 +36,7 @@ const STRONG: usize = 9;
 const CLEAR_STRENGTH: f64 = 0.6;
 /// And when both cameras together show so many of its ten bands (one marker may be hidden): figures of letters have six or seven.
 const CLEAR_BANDS: usize = 8;
-/// Unclear rackets looked at before the strongest of them is taken.
+/// Unclear rackets looked at before other likely figures of as many frames are asked, and the best of them is taken.
 const DOUBTFUL_STARTS: usize = 16;
 /// Least share of the usual contrast that still counts as tape.
 const LEAST_CONTRAST: f64 = 0.45;
@@ -60,6 +60,10 @@ impl RacketStart {
             Some(self.least_contrast[camera] / (LEAST_CONTRAST * strong))
         };
         (0..2).filter_map(of).fold(f64::INFINITY, f64::min)
+    }
+
+    fn is_clear(&self, strength: f64) -> bool {
+        strength > CLEAR_STRENGTH && self.frame.count() >= CLEAR_BANDS
     }
 }
 
@@ -101,7 +105,7 @@ impl<S: FrameSource> Shot<'_, S> {
             let Some(pose) = racket_search::search(self.view, &self.figure, &candidates) else { continue };
             let Some(start) = self.confirm(index, &pose.global_from_racket)? else { continue };
             let strength = start.strength(&candidates);
-            if strength > CLEAR_STRENGTH && start.frame.count() >= CLEAR_BANDS {
+            if start.is_clear(strength) {
                 return Ok(start);
             }
             found.push((strength, start));
@@ -123,9 +127,9 @@ impl<S: FrameSource> Shot<'_, S> {
         for index in spread(self.source.len()).into_iter().take(DOUBTFUL_STARTS) {
             let Some(candidates) = self.candidates_in(index)? else { continue };
             for pose in racket_search::search_all(self.view, &self.figure, &candidates) {
-                let clear = |start: &RacketStart| start.frame.count() >= CLEAR_BANDS && start.strength(&candidates) > CLEAR_STRENGTH;
-                if let Some(start) = self.confirm(index, &pose.global_from_racket)?.filter(clear) {
-                    return Ok(Some(start));
+                let start = self.confirm(index, &pose.global_from_racket)?.filter(|s| s.is_clear(s.strength(&candidates)));
+                if start.is_some() {
+                    return Ok(start);
                 }
             }
         }

@@ -15,7 +15,7 @@ pub struct BandCandidate {
 /// Directions tried over half a turn; 22.5 degrees apart, well inside the width of a band.
 const DIRECTIONS: usize = 8;
 /// Most candidates kept per picture: a cluttered court shows some tens.
-const MOST: usize = 70;
+pub const MOST: usize = 70;
 
 /// Rows scored at once: what belongs to so many stays in the near cache and is the same memory from one stripe to the next.
 const STRIPE: usize = 64;
@@ -24,9 +24,9 @@ const AROUND: usize = 2;
 /// Nine-pixel sums: less than 4 grey levels of contrast is noise in any camera.
 const LEAST: i32 = 9 * 4;
 
-/// Candidates, strongest first. `px_per_m` is the scale of the picture at the racket; `white_half_m` the expected half
-/// length of the white tape.
-pub fn candidates(image: &GreyView, px_per_m: f64, white_half_m: f64) -> Vec<BandCandidate> {
+/// Candidates, strongest first and at most so many. `px_per_m` is the scale of the picture at the racket; `white_half_m` the expected
+/// half length of the white tape.
+pub fn candidates(image: &GreyView, px_per_m: f64, white_half_m: f64, most: usize) -> Vec<BandCandidate> {
     let (w, h) = (image.width, image.rows);
     // From a foreshortened band (0.7 of its length) to the far end of the black.
     let near = 0.75 * white_half_m * px_per_m + 0.8;
@@ -63,7 +63,7 @@ pub fn candidates(image: &GreyView, px_per_m: f64, white_half_m: f64) -> Vec<Ban
         }
     }
     found.sort_by(|a, b| b.0.cmp(&a.0).then((a.2, a.1).cmp(&(b.2, b.1))));
-    found.truncate(MOST);
+    found.truncate(most);
     let first_row = Vector2::new(0.0, image.first_row as f64);
     found.into_iter().map(|(s, _, _, at)| BandCandidate { uv: at + first_row, contrast: f64::from(s) / 9.0 }).collect()
 }

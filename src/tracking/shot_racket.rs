@@ -1,7 +1,7 @@
 //! The racket of a shot: found in some frame, its light and figure learnt there, followed from there both ways.
 
 use super::band::BandView;
-use super::band_search::{self, BandCandidate};
+use super::band_search::{self, BandCandidate, MOST};
 use super::face;
 use super::racket_figure::RacketFigure;
 use super::racket_search;
@@ -38,6 +38,12 @@ const CLEAR_STRENGTH: f64 = 0.6;
 const CLEAR_BANDS: usize = 8;
 /// Unclear rackets looked at before other likely figures of as many frames are asked, and the best of them is taken.
 const DOUBTFUL_STARTS: usize = 16;
+/// Places of a picture that look like tape before those that keep their place are left out.
+const MOST_BEFORE_STILL_ONES_GO: usize = 400;
+/// What keeps its place moves by less than this, px,
+const STILL_PX: f64 = 1.5;
+/// in so large a share of the frames.
+const STILL_SHARE: f64 = 0.6;
 /// Least share of the usual contrast that still counts as tape.
 const LEAST_CONTRAST: f64 = 0.45;
 
@@ -67,10 +73,16 @@ impl RacketStart {
     }
 }
 
+/// Whether most other frames have a candidate at the same place.
+fn keeps_its_place(candidate: &BandCandidate, others: &[&[BandCandidate]]) -> bool {
+    let seen = others.iter().filter(|frame| frame.iter().any(|c| (c.uv - candidate.uv).norm() < STILL_PX)).count();
+    seen as f64 > STILL_SHARE * others.len() as f64
+}
+
 impl<S: FrameSource> Shot<'_, S> {
     /// What may be tape in the frame that is searched first; nothing where one of its pictures is missing.
     pub(super) fn first_candidates(&self) -> Result<Option<[Vec<BandCandidate>; 2]>, TrackingError> {
-        self.candidates_in(spread(self.source.len()).first().copied().unwrap_or_default())
+        self.candidates_in(spread(self.source.len()).first().copied().unwrap_or_default(), MOST)
     }
 
     /// The racket in some frame, with its light and figure.
@@ -93,7 +105,7 @@ impl<S: FrameSource> Shot<'_, S> {
         for index in spread(self.source.len()) {
             let candidates = match first.take() {
                 Some(candidates) => candidates,
-                None => match self.candidates_in(index)? {
+                None => match self.candidates_in(index, MOST)? {
                     Some(candidates) => candidates,
                     None => continue,
                 },
@@ -122,12 +134,22 @@ impl<S: FrameSource> Shot<'_, S> {
         best.map(|(_, start)| start).ok_or(TrackingError::NoRacket { searched, left: most[0], right: most[1] })
     }
 
-    /// A clear racket where the likeliest figure of a frame is none.
+    /// A clear racket where the likeliest figure of a frame is none: among all that looks like tape and does not keep its place, as lettering does.
+    /// (A racket that hangs still is found in a frame in which it moves.)
     fn racket_among_figures(&self) -> Result<Option<RacketStart>, TrackingError> {
+        let mut frames = Vec::new();
         for index in spread(self.source.len()).into_iter().take(DOUBTFUL_STARTS) {
-            let Some(candidates) = self.candidates_in(index)? else { continue };
-            for pose in racket_search::search_all(self.view, &self.figure, &candidates) {
-                let start = self.confirm(index, &pose.global_from_racket)?.filter(|s| s.is_clear(s.strength(&candidates)));
+            if let Some(candidates) = self.candidates_in(index, MOST_BEFORE_STILL_ONES_GO)? {
+                frames.push((index, candidates));
+            }
+        }
+        for (index, candidates) in &frames {
+            let moving = [0, 1].map(|camera| {
+                let others: Vec<&[BandCandidate]> = frames.iter().filter(|(i, _)| i != index).map(|(_, c)| c[camera].as_slice()).collect();
+                candidates[camera].iter().filter(|c| !keeps_its_place(c, &others)).take(MOST).copied().collect()
+            });
+            for pose in racket_search::search_all(self.view, &self.figure, &moving) {
+                let start = self.confirm(*index, &pose.global_from_racket)?.filter(|s| s.is_clear(s.strength(&moving)));
                 if start.is_some() {
                     return Ok(start);
                 }
@@ -136,17 +158,17 @@ impl<S: FrameSource> Shot<'_, S> {
         Ok(None)
     }
 
-    /// What may be tape in both pictures of a frame; nothing where one is missing.
-    fn candidates_in(&self, index: usize) -> Result<Option<[Vec<BandCandidate>; 2]>, TrackingError> {
+    /// What may be tape in both pictures of a frame, at most so many places in each; nothing where one is missing.
+    fn candidates_in(&self, index: usize, most: usize) -> Result<Option<[Vec<BandCandidate>; 2]>, TrackingError> {
         self.with_buffers(|buffers| {
             let [Some(l), Some(r)] = &self.read(index, buffers)? else { return Ok(None) };
-            Ok(Some(self.band_candidates(l, r)))
+            Ok(Some(self.band_candidates(l, r, most)))
         })
     }
 
     /// What may be tape in either picture.
-    fn band_candidates(&self, left: &GreyView, right: &GreyView) -> [Vec<BandCandidate>; 2] {
-        let of = |view: &GreyView, camera: CameraId| band_search::candidates(view, self.px_per_m(camera), self.shape.white_half_m);
+    fn band_candidates(&self, left: &GreyView, right: &GreyView, most: usize) -> [Vec<BandCandidate>; 2] {
+        let of = |view: &GreyView, camera: CameraId| band_search::candidates(view, self.px_per_m(camera), self.shape.white_half_m, most);
         let (left, right) = rayon::join(|| of(left, CameraId::Left), || of(right, CameraId::Right));
         [left, right]
     }
@@ -361,7 +383,7 @@ impl<S: FrameSource> Shot<'_, S> {
                 && let [Some(l), Some(r)] = &images
             {
                 // Lost: search the whole pictures again.
-                let candidates = self.band_candidates(l, r);
+                let candidates = self.band_candidates(l, r, MOST);
                 found = racket_search::search(self.view, &self.figure, &candidates)
                     .and_then(|p| racket_track::measure(&scene, &images, &p.global_from_racket, 2, &start.least_contrast))
                     .filter(|f| f.count() >= 6)

@@ -172,6 +172,8 @@ pub struct BandFit {
     pub covariance: Matrix2<f64>,
     pub white: f64,
     pub black: f64,
+    /// Half the tube's width, px.
+    pub radius_px: f64,
     /// Mean square of the residuals, grey levels squared, and how many pixels it is of.
     pub misfit: (f64, f64),
     /// Grey levels and noise as found: what a fit to a picture like this one may begin with.
@@ -352,6 +354,7 @@ fn fit_in(
                 covariance,
                 white,
                 black,
+                radius_px: band.radius_px,
                 misfit: (variance, weight),
                 settled: Settled { levels: *levels, scale: model.scale },
             });

@@ -18,6 +18,10 @@ const MODEL_TOLERANCE_PX: f64 = 0.25;
 
 /// A pose this near to the predicted one, px at every marker, was predicted well: the bands looked as expected there.
 const CONFIRMED_PX: f64 = 1.0;
+/// Least share of the usual contrast that still counts as tape.
+pub const LEAST_CONTRAST: f64 = 0.45;
+/// Of the usual least contrast, the least that is asked of a band in the shade.
+const DEEPEST_SHADE: f64 = 0.5;
 /// A band of which one half is covered must show this many times the least contrast: nearly that of the others.
 const HALF_SEEN_CONTRAST: f64 = 1.6;
 /// It must be this near to where the others say it is, px.
@@ -144,7 +148,7 @@ pub fn confirm(
     // A glance at all of them before any is measured.
     for camera in CameraId::BOTH {
         let (image, least) = (images[camera.index()].as_ref()?, least_contrast[camera.index()]);
-        if !expected.0[camera.index()].iter().all(|band| band.contrast(image, scene.shape, 0.0, 0.0).is_some_and(|c| c >= least)) {
+        if !expected.0[camera.index()].iter().all(|band| band.contrast(image, scene.shape, 0.0, 0.0).is_some_and(|c| c >= least_of(scene, band, least))) {
             return None;
         }
     }
@@ -153,12 +157,13 @@ pub fn confirm(
         for (marker, band) in expected.0[camera.index()].iter().enumerate() {
             let like = known.as_ref().and_then(|k| k.0[camera.index()][marker]);
             let fit = band::fit(image, band, scene.shape, (0.0, 0.0), BandPart::Whole, like.as_ref())?;
-            if !(fit.white - fit.black > least) {
+            if !(fit.white - fit.black > least_of(scene, band, least)) {
                 return None;
             }
             fits.push((camera, marker, fit));
         }
     }
+    leave_out_hidden(scene, &mut fits, predicted);
     let pose = agree(scene, &mut fits, predicted)?;
     if fits.len() < ALL_BANDS || !(scene.apart_px(&pose.global_from_racket, predicted) < CONFIRMED_PX) {
         return None;
@@ -233,9 +238,27 @@ impl Look<'_> {
             }
         }
         fits.sort_by_key(|f| (f.0, f.1));
+        leave_out_hidden(self.scene, &mut fits, pose);
         let seen = fits.len();
         let pose = agree(self.scene, &mut fits, pose)?;
         Some(Agreed { pose, dropped: seen - fits.len(), fits })
+    }
+}
+
+/// Leaves out bands that were found on the tape of another one nearer to the camera: of a racket seen edge-on one tube hides the other, and the
+/// hidden band's fit goes to the tape that is seen. Two tubes' middles less than a radius apart leave less than half of the farther one.
+fn leave_out_hidden(scene: &RacketScene, fits: &mut Vec<(CameraId, usize, BandFit)>, pose: &Isometry3<f64>) {
+    let depth = |camera: CameraId, marker: usize| (pose * scene.figure.points[marker] - scene.view.eye(camera)).norm();
+    let hidden = |k: usize| {
+        let (camera, marker, fit) = &fits[k];
+        fits.iter()
+            .filter(|(c, m, _)| c == camera && m != marker)
+            .any(|(_, other, f)| (f.uv - fit.uv).norm() < fit.radius_px && depth(*camera, *other) < depth(*camera, *marker))
+    };
+    let hidden: Vec<bool> = (0..fits.len()).map(hidden).collect();
+    if hidden.contains(&true) {
+        let mut hidden = hidden.into_iter();
+        fits.retain(|_| !hidden.next().unwrap_or(false));
     }
 }
 
@@ -273,6 +296,12 @@ struct Agreed {
     dropped: usize,
 }
 
+/// The contrast a band must have: less than the others' where the known light leaves it in the shade.
+fn least_of(scene: &RacketScene, band: &BandView, least_contrast: f64) -> f64 {
+    let lit = scene.shape.lit(band).map_or(least_contrast, |lit| LEAST_CONTRAST * lit);
+    lit.clamp(DEEPEST_SHADE * least_contrast, least_contrast)
+}
+
 /// One band near its expected place.
 fn find(
     scene: &RacketScene,
@@ -285,6 +314,7 @@ fn find(
 ) -> Option<BandFit> {
     let band = BandView::at(scene.view, scene.figure, pose, camera, marker)?;
     let (t, s, contrast) = band.search(image, scene.shape, reach_px)?;
+    let least_contrast = least_of(scene, &band, least_contrast);
     if contrast >= least_contrast {
         let f = band::fit(image, &band, scene.shape, (t, s), BandPart::Whole, None)?;
         return (f.white - f.black > least_contrast).then_some(f);

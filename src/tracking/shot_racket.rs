@@ -5,7 +5,7 @@ use super::band_search::{self, BandCandidate, MOST};
 use super::face;
 use super::racket_figure::RacketFigure;
 use super::racket_search;
-use super::racket_track::{self, ALL_BANDS, KnownBands, RacketFrame};
+use super::racket_track::{self, ALL_BANDS, KnownBands, LEAST_CONTRAST, RacketFrame};
 use super::recording::{Fingerprint, Fingerprints};
 use super::shot_frames::{PATIENCE, Shot, spread};
 use super::shot_tracker::TrackingError;
@@ -44,8 +44,6 @@ const MOST_BEFORE_STILL_ONES_GO: usize = 400;
 const STILL_PX: f64 = 1.5;
 /// in so large a share of the frames.
 const STILL_SHARE: f64 = 0.6;
-/// Least share of the usual contrast that still counts as tape.
-const LEAST_CONTRAST: f64 = 0.45;
 
 /// The racket in the frames of one direction, and every picture's fingerprint.
 pub type OneWay = (Vec<(usize, RacketFrame)>, Vec<(usize, [Option<Fingerprint>; 2])>);

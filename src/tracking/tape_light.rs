@@ -41,6 +41,11 @@ impl BandShade {
     fn at(&self, q: f64) -> f64 {
         self.ambient + (self.across * q + self.up * (1.0 - q * q).max(0.0).sqrt()).max(0.0)
     }
+
+    fn mean(&self) -> f64 {
+        let places = MEAN_PLACES.get_or_init(|| std::array::from_fn(|i| (2.0 * i as f64 + 1.0) / STEPS as f64 - 1.0).map(|q: f64| (q, (1.0 - q * q).sqrt())));
+        self.ambient + places.iter().map(|(q, up)| (self.across * q + self.up * up).max(0.0)).sum::<f64>() / STEPS as f64
+    }
 }
 
 /// Places across over which a band's mean brightness is taken, with the surface's height there.
@@ -48,11 +53,14 @@ const STEPS: usize = 16;
 static MEAN_PLACES: OnceLock<[(f64, f64); STEPS]> = OnceLock::new();
 
 impl TapeLight {
+    fn raw(&self, across: &Vector3<f64>, up: &Vector3<f64>) -> BandShade {
+        BandShade { ambient: self.ambient, across: self.toward.dot(across), up: self.toward.dot(up) }
+    }
+
     /// Over a band whose places across and up the surface have these directions (unit vectors, global axes).
     pub fn over(&self, across: &Vector3<f64>, up: &Vector3<f64>) -> BandShade {
-        let raw = BandShade { ambient: self.ambient, across: self.toward.dot(across), up: self.toward.dot(up) };
-        let places = MEAN_PLACES.get_or_init(|| std::array::from_fn(|i| (2.0 * i as f64 + 1.0) / STEPS as f64 - 1.0).map(|q: f64| (q, (1.0 - q * q).sqrt())));
-        let mean = raw.ambient + places.iter().map(|(q, up)| (raw.across * q + raw.up * up).max(0.0)).sum::<f64>() / STEPS as f64;
+        let raw = self.raw(across, up);
+        let mean = raw.mean();
         if mean > 1e-6 { BandShade { ambient: raw.ambient / mean, across: raw.across / mean, up: raw.up / mean } } else { BandShade::EVEN }
     }
 
@@ -92,6 +100,11 @@ impl BandShape {
     /// How the light falls on a band.
     pub fn shade(&self, band: &BandView) -> BandShade {
         self.light.map_or(BandShade::EVEN, |l| l.over(&band.sideways, &band.upward))
+    }
+
+    /// How bright the light makes a band in the mean, grey levels above black, where the light is known.
+    pub fn lit(&self, band: &BandView) -> Option<f64> {
+        self.light.map(|l| l.raw(&band.sideways, &band.upward).mean())
     }
 }
 

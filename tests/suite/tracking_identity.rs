@@ -60,16 +60,32 @@ fn real_markers_keep_their_names_when_five_frames_in_a_row_are_missing_again_and
 /// A white line on the court, seen along, has noise on it that makes figures of faint bands; it was the racket of both shots once.
 #[test]
 fn truth_noise_along_a_white_line_is_no_racket() {
-    the_racket_is_found(&FootageSpec { boards: 1, ..FootageSpec::new(Setting::Hard, 2, 1013) });
+    let found = found_share(&FootageSpec { boards: 1, ..FootageSpec::new(Setting::Hard, 2, 1013) });
+    assert!(found > 0.93, "{found}");
 }
 
-/// Letters on the back wall are brighter than tape in the shade, and make figures; they were the racket of the second shot.
+/// Letters on the back wall are brighter than tape in the shade, and make figures. They were the racket of the second shot of 1303, and of 1302's
+/// first, in which one tape is not among the strongest candidates at all.
 #[test]
 fn truth_lettering_brighter_than_the_tape_is_no_racket() {
-    the_racket_is_found(&FootageSpec { boards: 1, matt: true, ..FootageSpec::new(Setting::Court, 2, 1303) });
+    for seed in [1302, 1303] {
+        let found = found_share(&FootageSpec { boards: 1, matt: true, ..FootageSpec::new(Setting::Court, 2, seed) });
+        assert!(found > 0.98, "{seed}: {found}");
+    }
 }
 
-fn the_racket_is_found(spec: &FootageSpec) {
+/// A racket turns edge-on to one camera: one tube passes behind the other, and the tape on the far side comes out of the shade's side. Before, the
+/// hidden band was measured on the tape before it, and shaded ones not at all: 0.975 in the lab, 0.953 on court.
+#[test]
+fn truth_tubes_that_pass_behind_each_other_and_tape_in_the_shade_are_followed() {
+    for (setting, seed, least) in [(Setting::Lab, 1301, 0.995), (Setting::Court, 1308, 0.98)] {
+        let found = found_share(&FootageSpec { boards: 1, matt: true, ..FootageSpec::new(setting, 2, seed) });
+        assert!(found > least, "{setting:?} {seed}: {found}");
+    }
+}
+
+/// Share of the visible tape that was found over all shots; what is found must be where it is.
+fn found_share(spec: &FootageSpec) -> f64 {
     let folder = tempfile::tempdir().unwrap();
     let sink = |name: &str, bytes: &[u8]| {
         let path = folder.path().join(name);
@@ -79,6 +95,7 @@ fn the_racket_is_found(spec: &FootageSpec) {
     let truth = FootageWorld::new(spec).unwrap().film(&sink, &|| (), &AtomicBool::new(false)).unwrap();
     let session = Session::open(folder.path()).unwrap();
     let rig = true_rig(&truth);
+    let (mut visible, mut found) = (0, 0);
     for shot in &session.shots {
         let setup = ShotSetup { rig: &rig, racket: &shot.racket, ball: &shot.ball, frame_rate_hz: session.frame_rate_hz };
         let clip = Clip::list(&shot.camera("left"), &shot.camera("right")).unwrap();
@@ -88,13 +105,18 @@ fn the_racket_is_found(spec: &FootageSpec) {
             let number = frame["frame"].as_u64().unwrap();
             for (camera, target) in CameraId::BOTH.into_iter().flat_map(|c| Target::MARKERS.map(|t| (c, t))) {
                 let p = &frame["cameras"][camera.name()][target.name()];
+                if p["visible"] == true && p["fraction"].as_f64().unwrap() >= 0.5 {
+                    visible += 1;
+                    found += usize::from(made.tracks.get(number, camera, target).is_some());
+                }
                 let (Some(point), Some(u), Some(v)) = (made.tracks.get(number, camera, target), p["u"].as_f64(), p["v"].as_f64()) else { continue };
                 all += 1;
                 near += usize::from((point.uv.x - u).hypot(point.uv.y - v) < 4.0);
             }
         }
-        assert!(all > 300 && near == all, "{}: {near} of {all} points are where the markers are", shot.id);
+        assert!(near == all, "{}: {near} of {all} points are where the markers are", shot.id);
     }
+    found as f64 / f64::from(visible)
 }
 
 #[test]

@@ -66,13 +66,18 @@ pub struct Likeness {
 
 /// Judges a thing by where both cameras saw it; `frames` is in how many either of them did.
 pub fn likeness(seen: &[Sighting], frames: usize, frame_rate_hz: f64) -> Likeness {
-    let distances = seen.iter().filter_map(|s| Some(s.in_racket?.coords.norm()));
-    let (near, far) = distances.fold((f64::INFINITY, 0.0f64), |(near, far), d| (near.min(d), far.max(d)));
-    let free = free_frames(seen);
+    let (near, far) = nearest_and_farthest(seen.iter());
+    let in_flight: Vec<&Sighting> = seen.windows(3).filter(|three| on_line(three)).map(|three| &three[1]).collect();
+    let free = in_flight.len();
+    // Who went over from one thing to another has not flown past.
+    let passage = || {
+        let (near, far) = nearest_and_farthest(in_flight.iter().copied());
+        far - near
+    };
     let none = Likeness { score: f64::INFINITY, clear: false };
     if far - near < LEAST_APPROACH_M
         || !moves_in_racket(seen, frame_rate_hz)
-        || near > AWAY_M && (2 * free < seen.len() || free < FEWEST_AWAY || far - near < LEAST_PASSAGE_M)
+        || near > AWAY_M && (2 * free < seen.len() || free < FEWEST_AWAY || passage() < LEAST_PASSAGE_M)
     {
         return none;
     }
@@ -89,9 +94,10 @@ pub fn moves_in_racket(seen: &[Sighting], frame_rate_hz: f64) -> bool {
     local.iter().any(|(_, p)| (p - first.1).norm() > needed)
 }
 
-/// In how many frames a thing is where the line through its neighbours in time puts it.
-fn free_frames(seen: &[Sighting]) -> usize {
-    seen.windows(3).filter(|three| on_line(three)).count()
+/// Distances from the stringbed's centre.
+fn nearest_and_farthest<'a>(seen: impl Iterator<Item = &'a Sighting>) -> (f64, f64) {
+    let distances = seen.filter_map(|s| Some(s.in_racket?.coords.norm()));
+    distances.fold((f64::INFINITY, 0.0), |(near, far): (f64, f64), d| (near.min(d), far.max(d)))
 }
 
 /// Whether the middle one of three sightings lies on the line through the others.
@@ -136,7 +142,9 @@ mod tests {
         let leaping = seen(|t| Point3::new(0.02 * t, 0.4, 0.03 * f64::from((5 * t as i32 * t as i32) % 13)));
         // Turns about the racket at its own distance.
         let carried = seen(|t| Point3::new(0.02 * t + 0.45 * (0.02 * t).cos(), 0.45 * (0.02 * t).sin(), 0.0));
+        // A cuff that goes with the racket, until another thing is followed in its stead.
+        let lost = seen(|t| Point3::new(0.02 * t, 0.5 + 0.002 * t, if t < 30.0 { 0.0 } else { 0.5 + 0.05 * f64::from((5 * t as i32 * t as i32) % 13) }));
         assert!(likeness(&passing, 40, 1000.0).score.is_finite());
-        assert!([&leaping, &carried].iter().all(|s| likeness(s, 40, 1000.0).score.is_infinite()));
+        assert!([&leaping, &carried, &lost].iter().all(|s| likeness(s, 40, 1000.0).score.is_infinite()));
     }
 }

@@ -115,6 +115,12 @@ pub struct ShotMotion {
     pub remarks: Vec<String>,
 }
 
+/// A place and a velocity.
+type Line = (Point3<f64>, Vector3<f64>);
+/// Frames before and after the contact in which the ball may be looked for when the nearest do not show it, and how far apart both flights may be
+/// there, m: 50 m/s for 5 ms of contact.
+const FAR: u64 = 24;
+const TOGETHER_M: f64 = 0.25;
 /// Fewest frames of a body on one side: below that its velocity is a guess.
 pub const FEWEST_FRAMES: usize = 4;
 /// Fewest of these in which both cameras show it.
@@ -232,13 +238,21 @@ fn find_impact(frames: &BTreeMap<u64, FrameView>, ball: &Ball, settings: &Measur
     Ok((nearest, before.iter().sum::<f64>().signum()))
 }
 
-/// Change of the ball's velocity from the frames before to the frames after one frame, m/s; 0 when too few are seen.
+/// Change of the ball's velocity from the frames before to the frames after one frame, m/s; 0 when too few are seen. Where none of the next frames
+/// show the ball, farther ones tell, if what they show comes together at the frame: a ball cannot be turned round anywhere else.
 fn velocity_jump(frames: &BTreeMap<u64, FrameView>, at: u64) -> f64 {
-    let velocity = |range: std::ops::RangeInclusive<u64>| {
+    let Some(t) = frames.get(&at).map(|f| f.t) else { return 0.0 };
+    let line = |range: std::ops::RangeInclusive<u64>| {
         let points: Vec<(f64, Point3<f64>)> = frames.range(range).filter_map(|(_, f)| Some((f.t, f.ball?.position))).collect();
-        (points.len() >= 3).then(|| straight_line(&points, 0.0).1)
+        (points.len() >= 3).then(|| straight_line(&points, t))
     };
-    velocity(at.saturating_sub(9)..=at.saturating_sub(2)).zip(velocity(at + 5..=at + 12)).map_or(0.0, |(a, b)| (b - a).norm())
+    let near = (line(at.saturating_sub(9)..=at.saturating_sub(2)), line(at + 5..=at + 12));
+    if let (Some(before), Some(after)) = near {
+        return (after.1 - before.1).norm();
+    }
+    let far = (near.0.or_else(|| line(at.saturating_sub(FAR)..=at.saturating_sub(2))), near.1.or_else(|| line(at + 5..=at + FAR)));
+    let together = |(before, after): &(Line, Line)| (after.0 - before.0).norm() < TOGETHER_M;
+    far.0.zip(far.1).filter(together).map_or(0.0, |(before, after)| (after.1 - before.1).norm())
 }
 
 /// Where the straight approach of the distance to the face reaches zero, when no frame shows the ball near the face.
@@ -531,7 +545,7 @@ fn most_flexible(view: &MotionView<'_>, start: &MotionState) -> Result<LawResult
 }
 
 /// Line through points by least absolute deviation in its slope (Theil-Sen), evaluated at `t`: position and velocity.
-fn straight_line(points: &[(f64, Point3<f64>)], t: f64) -> (Point3<f64>, Vector3<f64>) {
+fn straight_line(points: &[(f64, Point3<f64>)], t: f64) -> Line {
     let span = (points.len() / 2).max(1);
     let mut out = (Point3::origin(), Vector3::zeros());
     for k in 0..3 {

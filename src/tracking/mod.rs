@@ -32,6 +32,7 @@ mod export;
 mod face;
 mod in_step;
 mod octet;
+mod other_thing;
 mod overlay;
 mod part_of_racket;
 mod racket_figure;

@@ -22,6 +22,8 @@ const FEWEST: usize = 6;
 const APART: f64 = 4.0;
 /// The line after the contact begins this near to where the strings let the ball go, px.
 const CONTINUES_PX: f64 = 4.0;
+/// The contact may have begun so much earlier or later than the ball's places in space tell, frames at 1000 frames a second.
+const BEGINS: [f64; 5] = [-3.0, -2.0, -1.0, 0.0, 1.0];
 /// A camera keeps the ball when it has it this near to its line, px, and another thing is farther than that off it.
 const KEEPS_PX: f64 = 1.5;
 const OTHER_PX: f64 = 2.5;
@@ -50,17 +52,21 @@ struct Way {
     after: Line,
     /// Shortest and longest contact, frames.
     contact: (f64, f64),
+    /// Frames in a thousandth of a second.
+    per_ms: f64,
 }
 
 impl Way {
     /// The two lines on which most of a camera's points lie, of those that meet at the strings.
-    fn of(points: &[(f64, Vector2<f64>)], contact: (f64, f64)) -> Option<Self> {
+    fn of(points: &[(f64, Vector2<f64>)], frame_rate_hz: f64) -> Option<Self> {
+        let contact = (CONTACT_S.0 * frame_rate_hz, CONTACT_S.1 * frame_rate_hz);
+        let per_ms = frame_rate_hz / 1000.0;
         let (before, after): (Vec<_>, Vec<_>) = points.iter().partition(|p| p.0 < 0.0);
         let (before, after) = (lines(&before), lines(&after));
         let mut best: Option<(f64, Way)> = None;
         for (on_one, one) in &before {
             for (on_other, other) in &after {
-                let way = Way { before: *one, after: *other, contact };
+                let way = Way { before: *one, after: *other, contact, per_ms };
                 if best.is_none_or(|b| on_one + on_other > b.0) && way.meets() {
                     best = Some((on_one + on_other, way));
                 }
@@ -71,8 +77,9 @@ impl Way {
 
     /// Whether the ball leaves where the strings have taken it: an even force moves it with the mean of its velocities.
     fn meets(&self) -> bool {
-        let off = |held: f64| self.before.place(0.0) + (self.before.step + self.after.step) * (held / 2.0) - self.after.place(held);
-        off(self.contact.0).norm().min(off(self.contact.1).norm()) < CONTINUES_PX
+        let off = |begins: f64, held: f64| self.before.place(begins) + (self.before.step + self.after.step) * (held / 2.0) - self.after.place(begins + held);
+        let near = |begins: f64| off(begins, self.contact.0).norm().min(off(begins, self.contact.1).norm()) < CONTINUES_PX;
+        BEGINS.into_iter().any(|begins| near(begins * self.per_ms))
     }
 
     fn off(&self, time: f64, uv: &Vector2<f64>) -> f64 {
@@ -86,7 +93,7 @@ impl Way {
 
     /// How far the strings may hold the ball off its way, px.
     fn held_off(&self, time: f64) -> f64 {
-        let held = if time < 0.0 { 0.0 } else { (self.contact.1 - time).max(0.0) };
+        let held = if time < BEGINS[0] * self.per_ms { 0.0 } else { (self.contact.1 - time.max(0.0)).max(0.0) };
         GREATEST_TO_MEAN * self.change() / self.contact.0 * held * held / 2.0
     }
 
@@ -115,16 +122,17 @@ fn lines(points: &[(f64, Vector2<f64>)]) -> Vec<(f64, Line)> {
 }
 
 impl<S: FrameSource> Shot<'_, S> {
-    /// Forgets what one camera saw elsewhere while the other kept the ball; answers with the frames in which it did.
-    pub(super) fn forget_other_things(&self, stage: &Stage, frames: &mut [Option<BallFrame>]) -> Vec<usize> {
-        let Some(first_contact) = self.comes_to_the_strings(stage, frames) else { return Vec::new() };
+    /// Forgets what one camera saw elsewhere while the other kept the ball.
+    pub(super) fn forget_other_things(&self, stage: &Stage, frames: &mut [Option<BallFrame>]) {
+        let Some(first_contact) = self.comes_to_the_strings(stage, frames) else { return };
         let rate = self.setup.frame_rate_hz;
-        let contact = (CONTACT_S.0 * rate, CONTACT_S.1 * rate);
         let time = |index: usize| self.source.number(index) as f64 - first_contact;
         let near: Vec<usize> = (0..frames.len()).filter(|i| time(*i).abs() < STRAIGHT * rate / 1000.0).collect();
         let point = |index: usize, camera: CameraId| Some((time(index), frames[index].as_ref()?.points[camera.index()]?.uv));
-        let ways = CameraId::BOTH.map(|camera| Way::of(&near.iter().filter_map(|i| point(*i, camera)).collect::<Vec<_>>(), contact));
-        let [Some(left_way), Some(right_way)] = ways else { return Vec::new() };
+        // As many points as at 1000 frames a second.
+        let every = (rate / 1000.0).ceil().max(1.0) as usize;
+        let ways = CameraId::BOTH.map(|camera| Way::of(&near.iter().step_by(every).filter_map(|i| point(*i, camera)).collect::<Vec<_>>(), rate));
+        let [Some(left_way), Some(right_way)] = ways else { return };
         let gone = |index: &usize| {
             let (left, right) = (point(*index, CameraId::Left)?, point(*index, CameraId::Right)?);
             let off = [left_way.off(left.0, &left.1), right_way.off(right.0, &right.1)];
@@ -135,15 +143,14 @@ impl<S: FrameSource> Shot<'_, S> {
             }
         };
         let gone: Vec<(usize, CameraId)> = near.iter().filter_map(gone).collect();
-        for (index, camera) in &gone {
-            BallFrame::forget(&mut frames[*index], camera.index());
-            if let Some(ball) = &mut frames[*index]
-                && let Some((place, _)) = self.view.triangulate(left_way.place(time(*index)), right_way.place(time(*index)))
+        for (index, camera) in gone {
+            BallFrame::forget(&mut frames[index], camera.index());
+            if let Some(ball) = &mut frames[index]
+                && let Some((place, _)) = self.view.triangulate(left_way.place(time(index)), right_way.place(time(index)))
             {
                 ball.position = place;
             }
         }
-        gone.into_iter().map(|g| g.0).collect()
     }
 
     /// Frame number at which the ball comes to the string plane; `None` where no flight before and after it is known.
@@ -163,8 +170,6 @@ impl<S: FrameSource> Shot<'_, S> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    const CONTACT: (f64, f64) = (4.0, 6.5);
 
     /// Comes with 0.9 px a frame, is turned round by an even force over five frames, leaves with 1.1.
     fn ball(time: f64) -> Vector2<f64> {
@@ -186,13 +191,14 @@ mod tests {
             };
             (time, uv + Vector2::new(noise, -noise))
         };
-        let way = Way::of(&(-20..24).map(seen).collect::<Vec<_>>(), CONTACT).expect("a way");
+        let way = Way::of(&(-20..24).map(seen).collect::<Vec<_>>(), 1000.0).expect("a way");
         // The other camera sees the same ball before a plain wall.
-        let (keeps, there) = (Way::of(&(-20..24).map(|k| (f64::from(k), ball(f64::from(k)))).collect::<Vec<_>>(), CONTACT).expect("a way"), ball);
-        let gone = |time: f64, uv: &Vector2<f64>| way.goes_over(time, uv, &keeps, keeps.off(time, &there(time)));
+        let keeps = Way::of(&(-20..24).map(|k| (f64::from(k), ball(f64::from(k)))).collect::<Vec<_>>(), 1000.0).expect("a way");
+        let gone = |time: f64, uv: &Vector2<f64>| way.goes_over(time, uv, &keeps, keeps.off(time, &ball(time)));
         assert!((-20..24).map(f64::from).all(|time| !gone(time, &ball(time))));
-        for (time, uv) in (2..12).map(seen) {
-            assert!(gone(time, &uv) == ((uv - ball(time)).norm() > OTHER_PX), "{time}: {} px", (uv - ball(time)).norm());
+        // Before that the strings hold the ball off the line in both.
+        for (time, uv) in (3..12).map(seen) {
+            assert!(gone(time, &uv), "{time}: {} px", (uv - ball(time)).norm());
         }
     }
 
@@ -200,7 +206,7 @@ mod tests {
     fn fails_quietly_where_no_two_lines_meet() {
         // Each for itself a line, but the ball cannot have gone from one to the other.
         let apart = |k: i32| (f64::from(k), Vector2::new(if k < 0 { 267.0 - 0.9 * f64::from(k) } else { 290.0 + 1.1 * f64::from(k) }, 194.0));
-        assert!(Way::of(&(-20..24).map(apart).collect::<Vec<_>>(), CONTACT).is_none());
-        assert!(Way::of(&[], CONTACT).is_none());
+        assert!(Way::of(&(-20..24).map(apart).collect::<Vec<_>>(), 1000.0).is_none());
+        assert!(Way::of(&[], 1000.0).is_none());
     }
 }

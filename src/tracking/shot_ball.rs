@@ -216,13 +216,7 @@ impl<S: FrameSource> Shot<'_, S> {
         let mut scene = stage.ball.clone();
         let Some(near) = rough.frames.iter().flatten().find(|b| b.stereo).map(|b| b.position) else { return Ok(rough.frames) };
         scene.set_light(&rough.means, &near, BALL_BLUR_PX);
-        let lit = Stage { ball: &scene, ..*stage };
-        self.fill_gaps(&lit, &mut rough)?;
-        let gone = self.forget_other_things(&lit, &mut rough.frames);
-        if !gone.is_empty() {
-            gone.into_iter().for_each(|index| rough.kept[index] = None);
-            self.fill_gaps(&lit, &mut rough)?;
-        }
+        self.fill_gaps(&Stage { ball: &scene, ..*stage }, &mut rough)?;
         // A piece of something may fly as a ball does, and what it was a piece of may not.
         if self.is_part_of_the_racket(&rough.frames, racket) {
             return Ok(vec![None; rough.frames.len()]);

@@ -299,7 +299,7 @@ struct Agreed {
 /// The contrast a band must have: less than the others' where the known light leaves it in the shade.
 fn least_of(scene: &RacketScene, band: &BandView, least_contrast: f64) -> f64 {
     let lit = scene.shape.lit(band).map_or(least_contrast, |lit| LEAST_CONTRAST * lit);
-    lit.clamp(DEEPEST_SHADE * least_contrast, least_contrast)
+    lit.max(DEEPEST_SHADE * least_contrast).min(least_contrast)
 }
 
 /// One band near its expected place.

@@ -121,8 +121,9 @@ const SETTLED: (f64, f64) = (3.0, 1.0);
 /// share of the rate.
 const LARGEST_SD: (f64, f64) = (17.0, 0.1);
 /// Most that may be left over beyond the noise, in units of what the markings explain: right spins of rendered balls leave
-/// 0.03 to 0.5, in pictures twice as noisy as hard ones 0.66 to 1.0; wrong ones 0.9 and more.
-const MOST_UNEXPLAINED: f64 = 0.85;
+/// 0.03 to 0.5, in pictures twice as noisy as hard ones 0.66 to 1.0; wrong ones 0.9 and more. In clear pictures right ones leave
+/// 0.27 at most and a wrong one 0.69: the first where there is no noise, the second where it is as large as the markings.
+const MOST_UNEXPLAINED: (f64, f64) = (0.4, 0.85);
 /// Least contrast of the markings (root mean square over the ball); a bare ball shows 0.007 of shading left over.
 const LEAST_CONTRAST: f64 = 0.015;
 /// Blur of the recording, standard deviation in px: lens and pixel together. Between 0.45 and 0.75 px the rate
@@ -227,7 +228,9 @@ fn refused(best: &Registration, contest: &Contest, settings: &SpinSettings, sett
     } else if best.last_step_rad_s > settled_rad_s {
         Some(SpinRefusal::Unsettled { step_rad_s: best.last_step_rad_s })
     } else {
-        (share > MOST_UNEXPLAINED).then_some(SpinRefusal::Unexplained { share })
+        let (clear, noisy) = MOST_UNEXPLAINED;
+        let most = clear + (noisy - clear) * (best.noise / best.texture).min(1.0);
+        (share > most).then_some(SpinRefusal::Unexplained { share })
     }
 }
 

@@ -8,6 +8,7 @@
 use super::ball_learn::{Learnt, Lesson};
 use super::ball_model::{BallFace, BallPicture, MARGIN_PX, ModelFit};
 use super::ball_track::{BallFrame, outline_radius_px};
+use super::contact_length::{LONGEST_CONTACT_S, SHORTEST_CONTACT_S};
 use super::racket_pose::View;
 use super::shot_tracker::{ShotSetup, ShotTracks, TrackingError};
 use super::space_points;
@@ -19,10 +20,6 @@ use crate::footage::{FrameBuffer, FrameSource, GreyImage, Rows};
 use nalgebra::{Matrix3, Rotation3, Vector2, Vector3};
 use rayon::prelude::*;
 
-/// The strings hold the ball at least this long; until then its outline is no circle.
-const SHORTEST_CONTACT_S: f64 = 4.0e-3;
-/// From here on it is surely free and round, and its cover is learnt (physics.md E.2).
-const LONGEST_CONTACT_S: f64 = 6.5e-3;
 /// Times of learning the ball and measuring its centres, and rounds of learning in each.
 const ROUNDS: [usize; 4] = [6, 3, 3, 3];
 /// A centre that moves farther than this from the outline's is not believed, px.

@@ -27,6 +27,7 @@ mod band_sums;
 mod band_trial;
 mod c3d;
 mod cholesky;
+mod contact_length;
 mod dltdv;
 mod export;
 mod face;

@@ -6,6 +6,7 @@
 
 use super::ball_pieces::{foretold, met_at_strings, straight_pieces};
 use super::ball_track::BallFrame;
+use super::contact_length::{LONGEST_CONTACT_S, SHORTEST_CONTACT_S};
 use super::shot_ball::Stage;
 use super::shot_frames::Shot;
 use crate::calibration::CameraId;
@@ -22,13 +23,12 @@ const FEWEST: usize = 6;
 const APART: f64 = 4.0;
 /// The line after the contact begins this near to where the strings let the ball go, px.
 const CONTINUES_PX: f64 = 4.0;
-/// The contact may have begun so much earlier or later than the ball's places in space tell, frames at 1000 frames a second.
-const BEGINS: [f64; 5] = [-3.0, -2.0, -1.0, 0.0, 1.0];
+/// The contact may have begun so much earlier or later than the ball's places in space tell, s.
+const BEGINS_S: [f64; 5] = [-3e-3, -2e-3, -1e-3, 0.0, 1e-3];
 /// A camera keeps the ball when it has it this near to its line, px, and another thing is farther than that off it.
 const KEEPS_PX: f64 = 1.5;
 const OTHER_PX: f64 = 2.5;
-/// Contact lasts 3 to 7 ms (physics.md E.2), and the strings' greatest force is 1.6 times the mean one (half a sine).
-const CONTACT_S: (f64, f64) = (0.004, 0.0065);
+/// The strings' greatest force is 1.6 times the mean one (half a sine).
 const GREATEST_TO_MEAN: f64 = 1.6;
 
 /// Where a point is in a camera's pictures while it moves evenly; times in frames.
@@ -50,23 +50,18 @@ impl Line {
 struct Way {
     before: Line,
     after: Line,
-    /// Shortest and longest contact, frames.
-    contact: (f64, f64),
-    /// Frames in a thousandth of a second.
-    per_ms: f64,
+    frame_rate_hz: f64,
 }
 
 impl Way {
     /// The two lines on which most of a camera's points lie, of those that meet at the strings.
     fn of(points: &[(f64, Vector2<f64>)], frame_rate_hz: f64) -> Option<Self> {
-        let contact = (CONTACT_S.0 * frame_rate_hz, CONTACT_S.1 * frame_rate_hz);
-        let per_ms = frame_rate_hz / 1000.0;
         let (before, after): (Vec<_>, Vec<_>) = points.iter().partition(|p| p.0 < 0.0);
         let (before, after) = (lines(&before), lines(&after));
         let mut best: Option<(f64, Way)> = None;
         for (on_one, one) in &before {
             for (on_other, other) in &after {
-                let way = Way { before: *one, after: *other, contact, per_ms };
+                let way = Way { before: *one, after: *other, frame_rate_hz };
                 if best.is_none_or(|b| on_one + on_other > b.0) && way.meets() {
                     best = Some((on_one + on_other, way));
                 }
@@ -78,8 +73,9 @@ impl Way {
     /// Whether the ball leaves where the strings have taken it: an even force moves it with the mean of its velocities.
     fn meets(&self) -> bool {
         let off = |begins: f64, held: f64| self.before.place(begins) + (self.before.step + self.after.step) * (held / 2.0) - self.after.place(begins + held);
-        let near = |begins: f64| off(begins, self.contact.0).norm().min(off(begins, self.contact.1).norm()) < CONTINUES_PX;
-        BEGINS.into_iter().any(|begins| near(begins * self.per_ms))
+        let holds = [SHORTEST_CONTACT_S, LONGEST_CONTACT_S].map(|s| s * self.frame_rate_hz);
+        let near = |begins: f64| holds.into_iter().any(|held| off(begins, held).norm() < CONTINUES_PX);
+        BEGINS_S.into_iter().any(|begins| near(begins * self.frame_rate_hz))
     }
 
     fn off(&self, time: f64, uv: &Vector2<f64>) -> f64 {
@@ -93,8 +89,8 @@ impl Way {
 
     /// How far the strings may hold the ball off its way, px.
     fn held_off(&self, time: f64) -> f64 {
-        let held = if time < BEGINS[0] * self.per_ms { 0.0 } else { (self.contact.1 - time.max(0.0)).max(0.0) };
-        GREATEST_TO_MEAN * self.change() / self.contact.0 * held * held / 2.0
+        let held = if time < BEGINS_S[0] * self.frame_rate_hz { 0.0 } else { (LONGEST_CONTACT_S * self.frame_rate_hz - time.max(0.0)).max(0.0) };
+        GREATEST_TO_MEAN * self.change() / (SHORTEST_CONTACT_S * self.frame_rate_hz) * held * held / 2.0
     }
 
     /// Whether a point is another thing while `keeps`, the other camera, has the ball `off` px from its way there: the strings hold it off in

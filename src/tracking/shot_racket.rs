@@ -72,7 +72,7 @@ impl RacketStart {
 }
 
 /// Whether most other frames have a candidate at the same place.
-fn keeps_its_place(candidate: &BandCandidate, others: &[&[BandCandidate]]) -> bool {
+fn stands_still(candidate: &BandCandidate, others: &[&[BandCandidate]]) -> bool {
     let seen = others.iter().filter(|frame| frame.iter().any(|c| (c.uv - candidate.uv).norm() < STILL_PX)).count();
     seen as f64 > STILL_SHARE * others.len() as f64
 }
@@ -144,7 +144,7 @@ impl<S: FrameSource> Shot<'_, S> {
         for (index, candidates) in &frames {
             let moving = [0, 1].map(|camera| {
                 let others: Vec<&[BandCandidate]> = frames.iter().filter(|(i, _)| i != index).map(|(_, c)| c[camera].as_slice()).collect();
-                candidates[camera].iter().filter(|c| !keeps_its_place(c, &others)).take(MOST).copied().collect()
+                candidates[camera].iter().filter(|c| !stands_still(c, &others)).take(MOST).copied().collect()
             });
             for pose in racket_search::search_all(self.view, &self.figure, &moving) {
                 let start = self.confirm(*index, &pose.global_from_racket)?.filter(|s| s.is_clear(s.strength(&moving)));

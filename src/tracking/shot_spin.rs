@@ -1,6 +1,7 @@
 //! The ball's spin in one tracked shot: crops of the ball in free flight, before and after the contact.
 
 use super::ball_refine::{SHARED_VARIANCE, refine_ball};
+use super::contact_length::LONGEST_CONTACT_S;
 use super::shot_tracker::{ShotSetup, ShotTracks, TrackingError};
 use super::spin::{BallSpin, BallView, FoundSpin, GreyPatch, SpinEstimate, SpinSettings};
 use super::track_file::{SpacePoint, Target, Tracks};
@@ -10,8 +11,6 @@ use nalgebra::{Point3, Vector2};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
-/// Longest contact of ball and strings: 4 to 6 ms at the speeds of play (physics.md E.2). Frames in it show neither spin.
-const LONGEST_CONTACT_S: f64 = 6.5e-3;
 /// Frames used on each side: a longer flight adds little and takes as long again.
 const MOST_FRAMES: f64 = 24.0;
 /// Pixels kept around the ball, in radii.

@@ -6,6 +6,7 @@
 //! Nothing is moved: a point stays as it was measured or goes.
 
 use super::ball_track::BallFrame;
+use super::contact_length::LONGEST_CONTACT_S;
 use super::track_file::ImagePoint;
 use crate::calibration::CameraId;
 use crate::footage::FrameSource;
@@ -31,8 +32,6 @@ const SHORTEST: usize = 3;
 const BEND_PX: f64 = 0.015;
 /// What a parabola is good to, px.
 const PARABOLA_PX: f64 = 0.03;
-/// Strings hold the ball no longer than this; until then it does not fly freely (physics.md E.2).
-const LONGEST_CONTACT_S: f64 = 6.5e-3;
 /// Huber's limit, deviations.
 const HUBER: f64 = 1.5;
 

@@ -196,6 +196,18 @@ mod tests {
         assert_eq!((INPUTS[6], INPUTS[9], OUTPUTS[6], OUTPUTS[9]), ("racket_in_vx", "racket_in_wx", "racket_out_vx", "racket_out_wx"));
     }
 
+    fn racket(balance_m: f64) -> Racket {
+        toml::from_str(&format!(
+            "name = \"r\"\nmass_kg = 0.33\nlength_m = 0.685\nbalance_m = {balance_m}\nstringbed_centre_m = 0.4975\nswingweight_kgm2 = 0.0325\n\
+             twistweight_kgm2 = 0.0015\n[head]\ninner_length_m = 0.335\ninner_width_m = 0.255\n[strings]\ntension_lb = 60.0\n"
+        ))
+        .expect("racket")
+    }
+
+    fn ball() -> Ball {
+        toml::from_str("name = \"b\"\nmass_kg = 0.0577\ndiameter_m = 0.066\ninertia_factor = 0.6\n").expect("ball")
+    }
+
     /// Every output measured, all of them zero.
     fn observation() -> Observation {
         Observation {
@@ -218,14 +230,6 @@ mod tests {
     /// A racket hung at rest, hit on its long axis at 20 m/s with e = 0.8; its balance point is stated 1.5 mm too near the tip.
     #[test]
     fn truth_a_mis_stated_balance_point_is_taken_out() {
-        let racket = |balance: f64| -> Racket {
-            toml::from_str(&format!(
-                "name = \"r\"\nmass_kg = 0.33\nlength_m = 0.685\nbalance_m = {balance}\nstringbed_centre_m = 0.4975\nswingweight_kgm2 = 0.0325\n\
-                 twistweight_kgm2 = 0.0015\n[head]\ninner_length_m = 0.335\ninner_width_m = 0.255\n[strings]\ntension_lb = 60.0\n"
-            ))
-            .expect("racket")
-        };
-        let ball: Ball = toml::from_str("name = \"b\"\nmass_kg = 0.0577\ndiameter_m = 0.066\ninertia_factor = 0.6\n").expect("ball");
         // Ball out, velocity of the centre of mass, rate about y, by hand (physics.md B.2) for a racket hit x from its centre of mass.
         let hit = |r: &Racket, x: f64| {
             let i = r.inertia_kg_m2().y;
@@ -239,7 +243,7 @@ mod tests {
         (o.inputs[2], o.inputs[POSITION]) = (-20.0, impact_x);
         // What is called the centre of mass moves with the racket there.
         (o.outputs[2], o.outputs[8], o.outputs[10]) = (ball_out, v - w * shift, w);
-        let gear = Gear { racket: stated.clone(), ball };
+        let gear = Gear { racket: stated.clone(), ball: ball() };
         let mut taken_out = SessionShift::default();
         taken_out.shared[BALANCE] = shift;
         let inputs = taken_out.inputs_of(&o, &gear);
@@ -257,12 +261,7 @@ mod tests {
     /// conservation of its angular momentum: the body's share of a momentum that turns against it.
     #[test]
     fn truth_rates_stated_too_late_are_taken_back() {
-        let racket: Racket = toml::from_str(
-            "name = \"r\"\nmass_kg = 0.33\nlength_m = 0.685\nbalance_m = 0.325\nstringbed_centre_m = 0.4975\nswingweight_kgm2 = 0.0325\n\
-             twistweight_kgm2 = 0.0015\n[head]\ninner_length_m = 0.335\ninner_width_m = 0.255\n[strings]\ntension_lb = 60.0\n",
-        )
-        .expect("racket");
-        let ball: Ball = toml::from_str("name = \"b\"\nmass_kg = 0.0577\ndiameter_m = 0.066\ninertia_factor = 0.6\n").expect("ball");
+        let (racket, ball) = (racket(0.325), ball());
         let inertia = racket.inertia_kg_m2();
         let at_end = Vector3::new(60.0, -40.0, 5.0);
         let (late_s, step_s) = (3e-4, 1e-6);

@@ -188,6 +188,11 @@ fn column(name: &str) -> Column {
     }
 }
 
+/// Whether the table gives this column a meaning of its own, so that no grouping column may bear the name.
+pub fn is_own_column(name: &str) -> bool {
+    !matches!(column(name), Column::Group(_))
+}
+
 impl ImpactTable {
     /// Reads and checks a table.
     pub fn read(path: &Path) -> Result<Self, TableError> {

@@ -4,8 +4,12 @@
 //! Units are SI. Nothing here opens an image.
 
 use crate::equipment::{Ball, EquipmentError, Racket};
+use crate::impact_table::is_own_column;
 use serde::Deserialize;
 use std::path::{Component, Path, PathBuf};
+
+/// Torques a mount may hold a handle with, N m: a firm hand has some 5 to 10.
+const GRIP_TORQUES: std::ops::RangeInclusive<f64> = 0.0..=100.0;
 
 /// Why a session cannot be read. Every variant names the file, what was seen and what is allowed.
 #[derive(Debug, thiserror::Error)]
@@ -18,6 +22,8 @@ pub enum SessionError {
     Value { path: PathBuf, key: &'static str, seen: String, allowed: &'static str },
     #[error("{path}: `{key}` is {seen}; allowed: one text, number or date per grouping column (player = \"A\")", path = .path.display())]
     Grouping { path: PathBuf, key: String, seen: String },
+    #[error("{path}: `{key}` is a column of the impacts table that is measured, not given; call the grouping column something else", path = .path.display())]
+    Taken { path: PathBuf, key: String },
     #[error("{path}: `{key}` names {named:?}, which leaves the session folder; use a relative path without `..`", path = .path.display())]
     Escapes { path: PathBuf, key: &'static str, named: String },
     #[error("{path}: shot {id:?} is not there; the session has: {known}", path = .path.display())]
@@ -61,6 +67,7 @@ struct ShotFile {
     ball: Option<String>,
     impact_frame: Option<u64>,
     note: Option<String>,
+    grip_torque: Option<f64>,
     /// Anything else (player, sex, ...) becomes a grouping column of the impacts table.
     #[serde(flatten)]
     groups: std::collections::BTreeMap<String, toml::Value>,
@@ -97,6 +104,8 @@ pub struct ShotFolder {
     /// Frame number near the impact, if the user gave one.
     pub impact_frame: Option<u64>,
     pub note: Option<String>,
+    /// Torque with which the mount holds the handle, about the long axis, N m, where it was recorded (no picture shows it).
+    pub grip_torque_n_m: Option<f64>,
     /// Grouping values (player, sex, ...) carried into `impacts.csv`.
     pub groups: Vec<(String, String)>,
 }
@@ -224,8 +233,14 @@ impl Session {
             let seen = value.to_string();
             return Err(SessionError::Grouping { path: file, key: key.clone(), seen });
         }
+        if let Some(key) = own.groups.keys().find(|k| is_own_column(k)) {
+            return Err(SessionError::Taken { path: file, key: key.clone() });
+        }
+        if let Some(torque) = own.grip_torque.filter(|t| !GRIP_TORQUES.contains(t)) {
+            return Err(SessionError::Value { path: file, key: "grip_torque", seen: torque.to_string(), allowed: "0 to 100 N m" });
+        }
         let groups = own.groups.iter().map(|(k, v)| (k.clone(), v.as_str().map_or_else(|| v.to_string(), str::to_owned))).collect();
-        Ok(ShotFolder { id: id.to_owned(), path, racket, ball, impact_frame: own.impact_frame, note: own.note, groups })
+        Ok(ShotFolder { id: id.to_owned(), path, racket, ball, impact_frame: own.impact_frame, note: own.note, grip_torque_n_m: own.grip_torque, groups })
     }
 
     /// The shots asked for, or all of them when `ids` is empty.

@@ -130,7 +130,7 @@ fn one_shot(tracked: &TrackedSession, folder: &ShotFolder, arguments: &Arguments
     }
     // Everything else that enters: equipment, timing, groups, points asked for.
     let settings = tracked.settings(folder);
-    let settings_text = format!("{:?}", (&folder.racket, &folder.ball, &folder.groups, &arguments.point, &settings));
+    let settings_text = format!("{:?}", (&folder.racket, &folder.ball, folder.grip_torque_n_m, &folder.groups, &arguments.point, &settings));
     provenance.inputs.insert("settings".into(), crate::provenance::sha256_hex(settings_text.as_bytes()));
     if !shell.args.force
         && let Ok(earlier) = ShotRecord::read(&shot_file)
@@ -147,6 +147,7 @@ fn one_shot(tracked: &TrackedSession, folder: &ShotFolder, arguments: &Arguments
         racket: &folder.racket,
         ball: &folder.ball,
         spin: &spin,
+        grip_torque_n_m: folder.grip_torque_n_m,
         groups: &folder.groups,
         asked_points: &arguments.point,
     };

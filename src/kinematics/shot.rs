@@ -190,6 +190,8 @@ pub struct ShotInput<'a> {
     pub racket: &'a Racket,
     pub ball: &'a Ball,
     pub spin: &'a ShotSpin,
+    /// Recorded torque of the mount about the handle, N m.
+    pub grip_torque_n_m: Option<f64>,
     pub groups: &'a [(String, String)],
     /// Local points whose velocity is asked for, m.
     pub asked_points: &'a [Vector2<f64>],
@@ -222,6 +224,8 @@ pub fn measure_shot(input: &ShotInput<'_>, settings: &MeasureSettings) -> Result
             quantities.0.push((format!("{name}_rpm"), Quantity::new(c.rate_rad_s * rpm, c.sd_rad_s * rpm, "rpm")));
         }
     }
+    // Set on the mount, not measured: no deviation of its own.
+    quantities.0.extend(input.grip_torque_n_m.map(|torque| ("grip_torque".to_owned(), Quantity::new(torque, 0.0, "N m"))));
     let impact_timing = quantities.get("ball_in_global_vy").filter(|_| settings.axes_known).map(|v| {
         if v.value.abs() < 1.96 * v.sd {
             ImpactTiming::Apex

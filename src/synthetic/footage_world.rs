@@ -125,7 +125,7 @@ impl FootageWorld {
             let id = format!("shot-{:02}", i + 1);
             let approach = place(spec, draw(if court { Kind::Court } else { Kind::Lab }, i as f64, &mut rng), &mut rng);
             let hit = meet(&racket, &ball, &approach, &world).map_err(|source| FootageWorldError::Contact { id: id.clone(), source })?;
-            let truth = TrueImpact { grip_torque: None, ..hit.truth };
+            let truth = TrueImpact { grip_torque: (!court).then_some(approach.grip_torque), ..hit.truth };
             let impact_frame = rng.random_range(250.0..380.0_f64);
             let first = impact_frame.floor() as i64 - spec.frames_before as i64;
             let contact_frames = (hit.aftermath.contact_time_s * spec.frame_rate_hz).ceil() as i64;
@@ -188,7 +188,7 @@ impl FootageWorld {
             })
             .collect::<Result<_, FootageWorldError>>()?;
         for (name, text) in self.texts()? {
-            sink(name, text.as_bytes())?;
+            sink(&name, text.as_bytes())?;
         }
         Ok(self.truth(&list, &sights))
     }
@@ -280,7 +280,7 @@ impl FootageWorld {
     }
 
     /// The text files of the session.
-    fn texts(&self) -> Result<Vec<(&'static str, String)>, FootageWorldError> {
+    fn texts(&self) -> Result<Vec<(String, String)>, FootageWorldError> {
         let toml = |r: Result<String, toml::ser::Error>| r.map_err(|e| FootageWorldError::Encode(e.to_string()));
         let setting = match self.spec.setting {
             Setting::Lab => "lab",
@@ -291,7 +291,11 @@ impl FootageWorld {
             "name = \"synthetic {setting} {}\"\nframe_rate_hz = {:?}\nexposure_s = {:?}\nracket = \"racket.toml\"\nball = \"ball.toml\"\n\n[calibration]\nboard_columns = {COLUMNS}\nboard_rows = {ROWS}\nsquare_m = {SQUARE_M:?}\nimages = \"calib\"\n\n[axes]\nimages = \"axes\"\narm_u_m = {ARM_U_M:?}\narm_w_m = {ARM_W_M:?}\n",
             self.spec.seed, self.spec.frame_rate_hz, self.spec.exposure_s
         );
-        Ok(vec![("session.toml", session), ("racket.toml", toml(toml::to_string(&self.racket))?), ("ball.toml", toml(toml::to_string(&self.ball))?)])
+        let (racket, ball) = (toml(toml::to_string(&self.racket))?, toml(toml::to_string(&self.ball))?);
+        let whole = [("session.toml", session), ("racket.toml", racket), ("ball.toml", ball)].map(|(name, text)| (name.to_owned(), text));
+        // What the mount of a laboratory was set to, no picture shows.
+        let recorded = |s: &Shot| Some((format!("shots/{}/shot.toml", s.id), format!("grip_torque = {:?}\n", s.truth.grip_torque?)));
+        Ok(whole.into_iter().chain(self.shots.iter().filter_map(recorded)).collect())
     }
 
     fn truth(&self, list: &[Picture], sights: &[Option<[Sight; 6]>]) -> serde_json::Value {
@@ -454,7 +458,6 @@ fn place(spec: &FootageSpec, mut approach: Approach, rng: &mut impl Rng) -> Appr
     approach.attitude = UnitQuaternion::from_scaled_axis(Vector3::new(small(turn), small(turn), small(turn))) * approach.attitude;
     approach.face_centre = Point3::new(0.32 + small(0.1), if court { 1.0 } else { 0.92 } + small(0.09), if court { 0.12 } else { 0.30 } + small(0.08));
     approach.ball_spin *= spec.spin;
-    approach.grip_torque = 0.0;
     approach
 }
 

@@ -63,6 +63,27 @@ fn fails_a_grouping_value_that_is_a_table_is_named() {
     }
 }
 
+/// No picture shows how tightly the mount holds the handle: it is recorded beside the pictures, and stands in the table.
+#[test]
+fn cli_a_recorded_grip_torque_stands_in_the_table_and_measured_columns_are_not_given() {
+    let (_keep, session, ids) = sample(3);
+    let results = session.join("results");
+    for (id, line) in ids.iter().zip(["grip_torque = 4.5\nstrings = \"gut\"\n", "grip_torque = -1.0\n", "impact_x = 0.01\n"]) {
+        std::fs::write(session.join("shots").join(id).join("shot.toml"), line).unwrap();
+    }
+    assert_eq!(sweetspot(&["calibrate", &text(&session)]).status.code(), Some(0));
+    let tracked = sweetspot(&["track", &text(&session)]);
+    assert_eq!(tracked.status.code(), Some(1), "{}", stderr(&tracked));
+    for word in ["`grip_torque` is -1; allowed: 0 to 100 N m", "`impact_x` is a column of the impacts table"] {
+        assert!(stderr(&tracked).contains(word), "{}", stderr(&tracked));
+    }
+    assert_eq!(sweetspot(&["shots", &text(&session)]).status.code(), Some(1));
+    let table = sweetspot::impact_table::ImpactTable::read(&results.join("impacts.csv")).unwrap();
+    let [row] = &table.rows[..] else { panic!("{} rows", table.rows.len()) };
+    assert_eq!(row.inputs[14].map(|m| m.value), Some(4.5));
+    assert_eq!(row.groups["strings"], "gut");
+}
+
 /// One good shot, one with a picture cut off and one of text among its frames, one that is text throughout.
 #[test]
 fn cli_broken_pictures_in_shots_are_named_and_the_others_go_on() {

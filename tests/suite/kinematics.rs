@@ -79,6 +79,7 @@ fn score_with(difficulty: &Difficulty, seeds: std::ops::Range<u64>, settings: &M
                 racket: &truth.racket,
                 ball: &truth.ball,
                 spin: &spin,
+                grip_torque_n_m: None,
                 groups: &[],
                 asked_points: &[],
             };
@@ -215,7 +216,17 @@ const CLEAN: Difficulty =
 fn measured(truth: &TrueShot, settings: &MeasureSettings) -> Result<MeasuredShot, KinematicsError> {
     let spin = ShotSpin::default();
     measure_shot(
-        &ShotInput { id: "s", rig: &truth.rig, tracks: &truth.tracks, racket: &truth.racket, ball: &truth.ball, spin: &spin, groups: &[], asked_points: &[] },
+        &ShotInput {
+            id: "s",
+            rig: &truth.rig,
+            tracks: &truth.tracks,
+            racket: &truth.racket,
+            ball: &truth.ball,
+            spin: &spin,
+            grip_torque_n_m: None,
+            groups: &[],
+            asked_points: &[],
+        },
         settings,
     )
 }
@@ -290,8 +301,17 @@ fn agrees_with_the_thesis_construction_on_clean_pictures_of_a_hung_racket() {
 fn agrees_at_half_the_frame_rate_within_what_the_study_reports() {
     let truth = true_shot(12, &COURT);
     let spin = ShotSpin::default();
-    let input =
-        ShotInput { id: "s", rig: &truth.rig, tracks: &truth.tracks, racket: &truth.racket, ball: &truth.ball, spin: &spin, groups: &[], asked_points: &[] };
+    let input = ShotInput {
+        id: "s",
+        rig: &truth.rig,
+        tracks: &truth.tracks,
+        racket: &truth.racket,
+        ball: &truth.ball,
+        spin: &spin,
+        grip_torque_n_m: None,
+        groups: &[],
+        asked_points: &[],
+    };
     let study = frame_rate_study(&input, &settings(), &[2]).unwrap();
     let [full, half] = &study.cameras[..] else { panic!("{study:?}") };
     assert_eq!((half.phases, half.frame_rate_hz), (2, 500.0), "{:?}", half.failed);

@@ -35,6 +35,7 @@ pub fn study_session(folder: &Path, only: &[String], shell: &Shell) -> Result<()
                     racket: &shot.racket,
                     ball: &shot.ball,
                     spin: &ShotSpin::default(),
+                    grip_torque_n_m: shot.grip_torque_n_m,
                     groups: &shot.groups,
                     asked_points: &[],
                 };

@@ -10,13 +10,14 @@ use std::ops::Range;
 
 /// Values at a time; lengths of rows are multiples of it.
 pub const WIDE: usize = 16;
-/// Places of the disc that one pixel sees along a row: plus and minus four deviations of the blur.
-const TAPS: usize = 10;
+/// Places of the disc that one pixel sees along a row: so many deviations of the blur either way, within these numbers.
+const REACH: f64 = 3.2;
+const TAPS: (usize, usize) = (10, 20);
 /// Places in a pixel: a whole number, so that all pixels of a row see their places with the same weights. The blur is 1.2 places
 /// wide, which leaves nothing of what a finer drawing would add.
 const PER_PIXEL: usize = 2;
 /// Empty places on either side of a row, for pixels that see little or nothing of the ball.
-const MARGIN: usize = 2 * TAPS;
+const MARGIN: usize = 24;
 
 /// Places of one disc and how much of each lies on the ball.
 pub struct BallDisc {
@@ -43,11 +44,12 @@ pub struct PlacesOnBall {
 
 /// How the pixels of a row or column look at the disc: all with the same weights, each [`PER_PIXEL`] places farther on.
 struct Look {
-    /// First place that the first pixel sees.
+    /// First place that the first pixel sees, and how many it sees.
     from: isize,
-    weight: [f32; TAPS],
+    taps: usize,
+    weight: [f32; TAPS.1],
     /// Derivatives of the weights by the centre.
-    by_centre: [f32; TAPS],
+    by_centre: [f32; TAPS.1],
 }
 
 /// A blurred disc: values and derivatives by the centre, row by row of a window.
@@ -114,16 +116,17 @@ impl BallDisc {
         // A place's own width is part of the blur.
         let blur_px = (blur_px * blur_px - spacing * spacing / 12.0).max(0.01).sqrt();
         let at = first / spacing + (self.places / 2) as f64;
-        let from = (at - 0.5 * (TAPS - 1) as f64).ceil();
+        let taps = ((2.0 * REACH * blur_px / spacing).ceil() as usize).clamp(TAPS.0, TAPS.1);
+        let from = (at - 0.5 * (taps - 1) as f64).ceil();
         let unit = spacing / ((std::f64::consts::TAU).sqrt() * blur_px);
-        let (mut weight, mut by_centre) = ([0.0; TAPS], [0.0; TAPS]);
-        for i in 0..TAPS {
+        let (mut weight, mut by_centre) = ([0.0; TAPS.1], [0.0; TAPS.1]);
+        for i in 0..taps {
             let t = (at - from - i as f64) * spacing / blur_px;
             let w = unit * (-0.5 * t * t).exp();
             weight[i] = w as f32;
             by_centre[i] = (w * t / blur_px) as f32;
         }
-        Look { from: from as isize, weight, by_centre }
+        Look { from: from as isize, taps, weight, by_centre }
     }
 
     /// Blurs discs (from [`Self::painted`] or the cover) into a window of `side` x `side` pixels whose first pixel is the picture's
@@ -180,14 +183,14 @@ impl pulp::NullaryFnOnce for Blur<'_> {
         let stride = PER_PIXEL * disc.part;
         let (mut line, mut slope) = (vec![0.0f32; stride], vec![0.0f32; stride]);
         let (mut value, mut by_x, mut by_y) = (vec![0.0f32; width], vec![0.0f32; width], vec![0.0f32; width]);
-        let mut seen = [None; TAPS];
-        for (tap, start) in seen.iter_mut().enumerate() {
+        let mut seen = [None; TAPS.1];
+        for (tap, start) in seen.iter_mut().enumerate().take(columns.taps) {
             *start = disc.seen(columns, tap, width).map(|r| r.start);
         }
         for v in 0..side {
             // The rows that this pixel row sees, of those that the disc has.
             let first = rows.from + (v * PER_PIXEL) as isize;
-            let taps = (-first).clamp(0, TAPS as isize) as usize..(disc.places as isize - first).clamp(0, TAPS as isize) as usize;
+            let taps = (-first).clamp(0, rows.taps as isize) as usize..(disc.places as isize - first).clamp(0, rows.taps as isize) as usize;
             for k in 0..PER_PIXEL {
                 for at in disc.middle(k).step_by(LANES) {
                     let (mut sum, mut change) = (Octet::ZERO, Octet::ZERO);
@@ -204,7 +207,7 @@ impl pulp::NullaryFnOnce for Blur<'_> {
             }
             for at in (0..width).step_by(LANES) {
                 let (mut sum, mut change_x, mut change_y) = (Octet::ZERO, Octet::ZERO, Octet::ZERO);
-                for (tap, start) in seen.iter().enumerate() {
+                for (tap, start) in seen.iter().enumerate().take(columns.taps) {
                     let Some(start) = start else { continue };
                     let (Some(places), Some(changes)) = (eight(&line, start + at), eight(&slope, start + at)) else { continue };
                     sum = sum.plus_times(places, columns.weight[tap]);
@@ -254,7 +257,7 @@ impl pulp::NullaryFnOnce for Gather<'_> {
                 let first = disc.middle(k).start - k * disc.part + MARGIN + width;
                 for at in (0..width).step_by(LANES) {
                     let mut sum = Octet::ZERO;
-                    for tap in 0..TAPS {
+                    for tap in 0..columns.taps {
                         let column = columns.from + (MARGIN + tap) as isize;
                         if column.rem_euclid(PER_PIXEL as isize) as usize != k {
                             continue;
@@ -270,7 +273,7 @@ impl pulp::NullaryFnOnce for Gather<'_> {
         }
         for row in 0..disc.places {
             let seen_from = row as isize - rows.from;
-            let first = (seen_from - TAPS as isize).div_euclid(PER_PIXEL as isize) + 1;
+            let first = (seen_from - rows.taps as isize).div_euclid(PER_PIXEL as isize) + 1;
             let seen = first.clamp(0, side as isize) as usize..(seen_from.div_euclid(PER_PIXEL as isize) + 1).clamp(0, side as isize) as usize;
             for k in 0..PER_PIXEL {
                 let to = row * PER_PIXEL * disc.part + disc.middle(k).start;

@@ -5,7 +5,7 @@
 //! astride the outline take part, because a line that stays on the outline is seen nowhere else.
 
 use super::ball_light::{BallLight, LightSums, LitPixel};
-use super::ball_model::{BLUR_PX, BallFace, BallModel, BallPicture, CLEAR, Shown};
+use super::ball_model::{BallFace, BallModel, BallPicture, CLEAR, Shown};
 use super::ball_surroundings::Surroundings;
 use super::ball_texture::{BallTexture, TextureSums, cells_of};
 use crate::calibration::CameraId;
@@ -14,6 +14,8 @@ use rayon::prelude::*;
 
 /// Least share of the ball that a pixel must show to teach its cover.
 const TEACHING_SHARE: f32 = 0.35;
+/// Least share that it must show to teach the light: nearer to the limb than clear pixels, out to where a blurred outline makes all the difference.
+const LIT_SHARE: f32 = 0.8;
 /// Noise of a pixel before it is known, grey levels.
 const FIRST_NOISE: f64 = 3.0;
 const LEAST_NOISE: f64 = 0.5;
@@ -22,8 +24,8 @@ const GAINS: (f64, f64) = (0.2, 5.0);
 /// Pictures looked at in one go; the sums are added in this order whatever the number of threads.
 const BATCH: usize = 8;
 /// Longest step of the blur, and its range, px.
-const MOST_SHARPER_PX: f64 = 0.15;
-const BLURS_PX: (f64, f64) = (0.4, 0.85);
+const MOST_SHARPER_PX: f64 = 0.3;
+const BLURS_PX: (f64, f64) = (0.4, 1.5);
 /// Fewest clear pixels of a picture that tell its gain.
 const FEWEST: usize = 20;
 /// Pixels of all pictures that tell the light to begin with.
@@ -40,22 +42,26 @@ pub struct Lesson<'a> {
     pub shown: Vec<Shown>,
     /// Where among them the clear ones are, and their normals in the camera's axes.
     clear: Vec<(usize, Vector3<f64>)>,
+    /// The same of those that teach the light.
+    lit: Vec<(usize, Vector3<f64>)>,
 }
 
 impl<'a> Lesson<'a> {
-    pub fn new(picture: &'a mut BallPicture) -> Self {
+    /// `blur_px` by camera.
+    pub fn new(picture: &'a mut BallPicture, blur_px: [f64; 2]) -> Self {
         let face = BallFace::new(picture);
         let cells = cells_of(&face.on_ball);
-        let mut lesson = Lesson { picture, face, cells, shown: Vec::new(), clear: Vec::new() };
-        lesson.look_again(BLUR_PX);
+        let mut lesson = Lesson { picture, face, cells, shown: Vec::new(), clear: Vec::new(), lit: Vec::new() };
+        lesson.look_again(blur_px[lesson.picture.camera.index()]);
         lesson
     }
 
     /// What does not depend on light and cover, when the centre has moved.
     pub fn look_again(&mut self, blur_px: f64) {
         let centre = self.picture.centre - self.picture.origin;
-        let shown = self.picture.shown(&self.face.disc, &centre, &Surroundings::of(self.picture, &centre), blur_px);
+        let shown = self.picture.shown(&self.face.disc, &centre, &Surroundings::of(self.picture, &centre, blur_px), blur_px);
         self.clear = shown.iter().enumerate().filter(|(_, p)| p.share > CLEAR).map(|(k, p)| (k, self.normal(p.pixel))).collect();
+        self.lit = shown.iter().enumerate().filter(|(_, p)| p.share > LIT_SHARE && p.spread.is_finite()).map(|(k, p)| (k, self.normal(p.pixel))).collect();
         self.shown = shown;
     }
 
@@ -89,12 +95,15 @@ impl<'a> Lesson<'a> {
         }
         let axes = &self.picture.camera_from_global;
         let (directions, seen, mut light) = (now.light.directions(axes), now.light.seen(axes), LightSums::default());
-        for (k, (at, normal)) in self.clear.iter().enumerate() {
+        let miss = |(at, _): &(usize, Vector3<f64>)| {
+            let i = self.shown[*at].pixel;
+            (self.picture.pixels[i] - gain * ball.value[i]).abs()
+        };
+        sums.misses.extend(self.clear.iter().step_by(NOISE_STEP).map(miss));
+        for (at, normal) in &self.lit {
             let p = &self.shown[*at];
-            let (grey, expected) = (self.picture.pixels[p.pixel], gain * ball.value[p.pixel]);
-            if k % NOISE_STEP == 0 {
-                sums.misses.push((grey - expected).abs());
-            }
+            let outside = if p.share > CLEAR { 0.0 } else { 1.0 - p.share };
+            let (grey, expected) = (self.picture.pixels[p.pixel] - outside * p.behind, gain * ball.value[p.pixel]);
             let relief = f64::from(expected / seen.at(normal.map(|x| x as f32).into()).max(3.0));
             let weight = f64::from(weights[p.pixel] / p.share);
             let pixel = LitPixel { normal: *normal, toward_limb: 1.0 + normal.z, grey: f64::from(grey), relief, weight };
@@ -154,7 +163,7 @@ pub struct Learnt {
 
 impl Learnt {
     /// The light that a bare ball would need; the start.
-    pub fn start(lessons: &[Lesson]) -> Option<Self> {
+    pub fn start(lessons: &[Lesson], blur_px: [f64; 2]) -> Option<Self> {
         let step = (lessons.iter().map(|l| l.clear.len()).sum::<usize>() / FIRST_PIXELS).max(1);
         let lit = |lesson: &Lesson| {
             let (p, clear) = (&lesson.picture, &lesson.clear);
@@ -166,7 +175,7 @@ impl Learnt {
         };
         let pixels: Vec<LitPixel> = lessons.iter().flat_map(lit).collect();
         let light = BallLight::of(&pixels, &lessons.first()?.picture.camera_from_global)?;
-        Some(Learnt { light, textures: [BallTexture::bare(), BallTexture::bare()], noise: FIRST_NOISE, blur_px: [BLUR_PX; 2] })
+        Some(Learnt { light, textures: [BallTexture::bare(), BallTexture::bare()], noise: FIRST_NOISE, blur_px })
     }
 
     /// What a picture is compared with.
@@ -239,6 +248,7 @@ mod tests {
     use nalgebra::Rotation3;
 
     const RADIUS_PX: f64 = 8.3;
+    const BLUR_PX: [f64; 2] = [0.62; 2];
 
     /// A lit ball of felt with a dark line around it, and another that stays on the outline, before a dim background that is
     /// brighter on one side; every pixel the mean of 81 places under a normal blur, drawn without the model's approximations.
@@ -294,8 +304,8 @@ mod tests {
             });
             truth.push(centre);
         }
-        let mut lessons: Vec<Lesson> = pictures.iter_mut().map(Lesson::new).collect();
-        let mut learnt = Learnt::start(&lessons).expect("a light");
+        let mut lessons: Vec<Lesson> = pictures.iter_mut().map(|p| Lesson::new(p, BLUR_PX)).collect();
+        let mut learnt = Learnt::start(&lessons, BLUR_PX).expect("a light");
         for rounds in [6, 4, 4, 4] {
             (0..rounds).for_each(|_| learnt.improve(&mut lessons, &[true, false]).expect("learnt"));
             for lesson in &mut lessons {

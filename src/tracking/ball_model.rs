@@ -15,8 +15,6 @@ use nalgebra::{Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3};
 
 /// Pixels kept around the ball beyond its radius.
 pub const MARGIN_PX: f64 = 5.0;
-/// Blur of lens and pixel before it is known, px, one standard deviation.
-pub const BLUR_PX: f64 = 0.62;
 /// Difference of two blurs that tells how the picture changes with it, px.
 const BLUR_STEP_PX: f64 = 0.04;
 /// A pixel with more of the ball than this shows nothing else.
@@ -342,7 +340,7 @@ impl<'a> Straight<'a> {
         // A few pixels more or less at their edge do not change the surroundings.
         let around = match self.around.take() {
             Some((at, around)) if (centre - at).norm() < SAME_SURROUNDINGS_PX => (at, around),
-            _ => (*centre, Surroundings::of(self.picture, centre)),
+            _ => (*centre, Surroundings::of(self.picture, centre, self.blur_px)),
         };
         let shown = self.picture.shown(&self.face.disc, centre, &around.1, self.blur_px);
         self.around = Some(around);

@@ -33,6 +33,8 @@ const MOST_SD_PX: f64 = 0.35;
 /// From 39 rendered sessions with known centres (docs/tracking.md, "Deviations").
 const COMMON_VARIANCE: f64 = 1.4;
 const COMMON_PX: f64 = 0.014;
+/// Blur of the pictures of those sessions, px. Light that is not quite the model's near the limb moves a blurred outline by the blur's square.
+const COMMON_BLUR_PX: f64 = 0.62;
 /// Share of a centre's variance that all pictures of a stretch have in common.
 pub(super) const SHARED_VARIANCE: f64 = 0.3;
 /// Frames next to the contact from which the ball is learnt: as many as the spin is measured from; more teach little.
@@ -58,10 +60,10 @@ pub(super) fn refine_ball(source: &impl FrameSource, setup: &ShotSetup, shot: &m
     });
     let mut sights = sights(source, setup, &view, shot, contact, &turning)?;
     let textured = turning.map(|t| t.1);
-    measure(&mut sights, &textured);
+    measure(&mut sights, &textured, shot.blur_px);
     for sight in &sights {
         let Some(ball) = shot.ball.get_mut(sight.index).and_then(Option::as_mut) else { continue };
-        if let (Some(point), Some(old)) = (believed(sight), ball.points[sight.camera.index()])
+        if let (Some(point), Some(old)) = (believed(sight, shot.blur_px[sight.camera.index()]), ball.points[sight.camera.index()])
             && (point.uv - old.uv).norm() < FARTHEST_PX
         {
             ball.points[sight.camera.index()] = Some(point);
@@ -184,12 +186,12 @@ fn local_axes(setup: &ShotSetup, view: &View, camera: CameraId, ball: &BallFrame
 }
 
 /// Learns the ball from both cameras' pictures and fits every centre, in turns.
-fn measure(sights: &mut [Sight], textured: &[bool; 2]) {
-    let mut lessons: Vec<Lesson> = sights.iter_mut().filter(|s| s.picture.teaches).map(|s| Lesson::new(&mut s.picture)).collect();
+fn measure(sights: &mut [Sight], textured: &[bool; 2], blur_px: [f64; 2]) {
+    let mut lessons: Vec<Lesson> = sights.iter_mut().filter(|s| s.picture.teaches).map(|s| Lesson::new(&mut s.picture, blur_px)).collect();
     if lessons.len() < FEWEST {
         return;
     }
-    let Some(mut learnt) = Learnt::start(&lessons) else { return };
+    let Some(mut learnt) = Learnt::start(&lessons, blur_px) else { return };
     for (pass, rounds) in ROUNDS.into_iter().enumerate() {
         for _ in 0..rounds {
             if learnt.improve(&mut lessons, textured).is_none() {
@@ -218,10 +220,11 @@ fn measure(sights: &mut [Sight], textured: &[bool; 2]) {
 }
 
 /// The fitted centre, if it may be believed.
-fn believed(sight: &Sight) -> Option<ImagePoint> {
+fn believed(sight: &Sight, blur_px: f64) -> Option<ImagePoint> {
     let (f, tilted) = sight.fit?;
     let other = tilted.centre - f.centre;
     let sd = Vector2::new(f.covariance[(0, 0)], f.covariance[(1, 1)]) + other.component_mul(&other);
-    let sd = sd.map(|variance| (COMMON_VARIANCE * variance + COMMON_PX * COMMON_PX).sqrt());
+    let common_px = COMMON_PX * (blur_px / COMMON_BLUR_PX).powi(2).max(1.0);
+    let sd = sd.map(|variance| (COMMON_VARIANCE * variance + common_px * common_px).sqrt());
     (f.agreeing > LEAST_AGREEING && sd.max() < MOST_SD_PX).then_some(ImagePoint { uv: f.centre, sd })
 }

@@ -2,12 +2,15 @@
 //! picture where that is what is seen outside.
 
 use super::ball_disc::{WIDE, eight};
-use super::ball_model::{BLUR_PX, BallPicture};
+use super::ball_model::BallPicture;
 use super::octet::{LANES, Octet};
 use nalgebra::Vector2;
 
-/// Pixels show the surroundings from here to there outside the outline: up to 1.5 % of the ball, px.
-const SURROUNDINGS_PX: (f64, f64) = (2.17 * BLUR_PX, 4.5);
+/// Pixels show the surroundings from so many deviations of the blur outside the outline (up to 1.5 % of the ball) to so many pixels, at
+/// least some beyond that.
+const CLEAR_OF_BALL: f64 = 2.17;
+const SURROUNDINGS_PX: f64 = 4.5;
+const LEAST_WIDTH_PX: f64 = 1.5;
 
 /// The surroundings just outside the outline of one picture, continued inward.
 pub struct Surroundings {
@@ -20,10 +23,11 @@ pub struct Surroundings {
     level: f32,
 }
 
-/// Reach of the mean that continues the surroundings inward, px, and the weights of pixels 0 to 4 columns or rows away: a
-/// normal curve of 1.2 px.
-const NEAR: usize = 4;
-const FALLING: [f32; NEAR + 1] = [1.0, 0.706_648, 0.249_352, 0.043_937, 0.003_866];
+/// The mean that continues the surroundings inward is weighted by a normal curve of this deviation, px, up to so many deviations; where
+/// the blur is more than so many pixels it is wider in proportion, because the ball's edge is.
+const NEAR_PX: f64 = 1.2;
+const REACH: f64 = 3.3;
+const USUAL_BLUR_PX: f64 = 0.8;
 /// Less weight than this is nothing: the far corner of the reach has a fifteenth of a thousandth.
 const LEAST_WEIGHT: f32 = 1e-6;
 /// Variance of a median picture's pixel, grey levels squared.
@@ -31,18 +35,22 @@ const MEDIAN_VARIANCE: f32 = 1.0;
 
 impl Surroundings {
     /// `centre` is counted from the window's first pixel.
-    pub fn of(picture: &BallPicture, centre: &Vector2<f64>) -> Self {
+    pub fn of(picture: &BallPicture, centre: &Vector2<f64>, blur_px: f64) -> Self {
         let side = picture.side;
         let stride = side.next_multiple_of(WIDE) + WIDE;
-        let (from, to) = (picture.radius_px + SURROUNDINGS_PX.0, picture.radius_px + SURROUNDINGS_PX.1);
+        let clear = CLEAR_OF_BALL * blur_px;
+        let (from, to) = (picture.radius_px + clear, picture.radius_px + SURROUNDINGS_PX.max(clear + LEAST_WIDTH_PX));
         let level = picture.pixels.first().copied().unwrap_or_default();
+        let near = NEAR_PX * (blur_px / USUAL_BLUR_PX).max(1.0);
+        let reach = ((REACH * near).ceil() as usize).min(WIDE / 2);
+        let falling: Vec<f32> = (0..=2 * reach).map(|k| (-0.5 * (k.abs_diff(reach) as f64 / near).powi(2)).exp() as f32).collect();
         // With room for the reach on all sides.
-        let mut sums: [Vec<f32>; 5] = std::array::from_fn(|_| vec![0.0; stride * (side + 2 * NEAR)]);
+        let mut sums: [Vec<f32>; 5] = std::array::from_fn(|_| vec![0.0; stride * (side + 2 * reach)]);
         for (i, grey) in picture.pixels.iter().enumerate() {
             let (x, y) = (i % side, i / side);
             let d2 = (x as f64 - centre.x).powi(2) + (y as f64 - centre.y).powi(2);
             if d2 > from * from && d2 < to * to {
-                let at = (y + NEAR) * stride + x + NEAR;
+                let at = (y + reach) * stride + x + reach;
                 let g = grey - level;
                 let e = picture.behind.as_ref().map_or(0.0, |m| grey - m[i]);
                 for (sum, v) in sums.iter_mut().zip([1.0, g, g * g, e, e * e]) {
@@ -52,7 +60,7 @@ impl Surroundings {
         }
         let count = if picture.behind.is_some() { 5 } else { 3 };
         for sum in sums.iter_mut().take(count) {
-            pulp::Arch::new().dispatch(Spread { values: sum, side, stride });
+            pulp::Arch::new().dispatch(Spread { values: sum, falling: &falling, side, stride });
         }
         Surroundings { side, stride, sums, level }
     }
@@ -80,10 +88,11 @@ impl Surroundings {
     }
 }
 
-/// Sums values over their neighbours with [`FALLING`] weights, rows then columns. The values stand [`NEAR`] pixels from the upper left
-/// corner, the sums in it.
+/// Sums values over their neighbours with falling weights on either side, rows then columns. The values stand so many pixels from the
+/// upper left corner, the sums in it.
 struct Spread<'a> {
     values: &'a mut [f32],
+    falling: &'a [f32],
     side: usize,
     stride: usize,
 }
@@ -93,15 +102,15 @@ impl pulp::NullaryFnOnce for Spread<'_> {
 
     #[inline(always)]
     fn call(self) {
-        let Spread { values, side, stride } = self;
+        let Spread { values, falling, side, stride } = self;
         let width = side.next_multiple_of(WIDE);
         let mut line = vec![0.0f32; width];
         for row in values.chunks_exact_mut(stride) {
             for at in (0..width).step_by(LANES) {
                 let mut sum = Octet::ZERO;
-                for k in 0..=2 * NEAR {
+                for (k, weight) in falling.iter().enumerate() {
                     if let Some(places) = eight(row, at + k) {
-                        sum = sum.plus_times(places, FALLING[k.abs_diff(NEAR)]);
+                        sum = sum.plus_times(places, *weight);
                     }
                 }
                 line[at..at + LANES].copy_from_slice(&sum.0);
@@ -111,9 +120,9 @@ impl pulp::NullaryFnOnce for Spread<'_> {
         for y in 0..side {
             for at in (y * stride..y * stride + width).step_by(LANES) {
                 let mut sum = Octet::ZERO;
-                for k in 0..=2 * NEAR {
+                for (k, weight) in falling.iter().enumerate() {
                     if let Some(places) = eight(values, at + k * stride) {
-                        sum = sum.plus_times(places, FALLING[k.abs_diff(NEAR)]);
+                        sum = sum.plus_times(places, *weight);
                     }
                 }
                 values[at..at + LANES].copy_from_slice(&sum.0);

@@ -240,11 +240,11 @@ impl BallScene<'_> {
     }
 
     /// Sets the limb profiles from the mean pictures of the discs.
-    pub fn set_light(&mut self, means: &[MeanDisc; 2], near: &Point3<f64>, blur_px: f64) {
+    pub fn set_light(&mut self, means: &[MeanDisc; 2], near: &Point3<f64>, blur_px: &[f64; 2]) {
         for camera in CameraId::BOTH {
             let shading = BallShading::of_mean_disc(&means[camera.index()].disc()).unwrap_or_default();
             if let Some(radius) = self.radius_px(camera, near) {
-                self.limb[camera.index()] = LimbProfile::new(&shading, radius, blur_px);
+                self.limb[camera.index()] = LimbProfile::new(&shading, radius, blur_px[camera.index()]);
             }
         }
     }

@@ -15,6 +15,9 @@ use crate::footage::GreyView;
 use nalgebra::{Isometry3, Matrix2, Vector2, Vector3};
 use std::cell::RefCell;
 
+/// Blur of a picture in focus, px.
+pub const USUAL_BLUR_PX: f64 = 0.65;
+
 /// Lengths of the tape, m, and blur of the picture, px.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BandShape {
@@ -22,8 +25,8 @@ pub struct BandShape {
     pub white_half_m: f64,
     /// Length of each black band.
     pub black_m: f64,
-    /// Gaussian blur of the picture (lens, pixel), one standard deviation.
-    pub blur_px: f64,
+    /// Gaussian blur of either camera's pictures (lens, pixel), one standard deviation.
+    pub blur_px: [f64; 2],
     /// The light, once it is known.
     pub light: Option<TapeLight>,
     /// Whether bands tell how their black brightens across, and no longer how their white does beyond the light from the edges to the middle.
@@ -33,13 +36,14 @@ pub struct BandShape {
 impl Default for BandShape {
     /// Tape of 25 mm, the usual width, black on both sides.
     fn default() -> Self {
-        BandShape { white_half_m: 0.0115, black_m: 0.020, blur_px: 0.65, light: None, black_shaded: false }
+        BandShape { white_half_m: 0.0115, black_m: 0.020, blur_px: [USUAL_BLUR_PX; 2], light: None, black_shaded: false }
     }
 }
 
 /// What a band should look like in one image.
 #[derive(Debug, Clone, Copy)]
 pub struct BandView {
+    pub camera: CameraId,
     /// Centroid of the visible tape.
     pub centre: Vector2<f64>,
     /// Unit vector along the tube in the image.
@@ -80,6 +84,7 @@ impl BandView {
         let sideways = if in_picture < 0.0 { -across } else { across };
         let bow_px = (j * n).dot(&along) * figure.tube_radius_m[marker];
         (px_per_m > 1e-6 && centre.norm().is_finite()).then_some(BandView {
+            camera,
             centre,
             along,
             px_per_m,
@@ -271,7 +276,7 @@ fn fit_in(
         white_half,
         radius: band.radius_px,
         bow: band.bow_px,
-        blur: 1.0 / (shape.blur_px * std::f64::consts::SQRT_2),
+        blur: 1.0 / (shape.blur_px[band.camera.index()] * std::f64::consts::SQRT_2),
         shade: shape.shade(band),
         black_shaded: shape.black_shaded,
         levels: like.map(|l| l.levels),

@@ -51,6 +51,7 @@ mod side_by_side;
 mod space_points;
 pub mod spin;
 mod stray_ball;
+mod tape_blur;
 mod tape_length;
 mod tape_light;
 mod throat;

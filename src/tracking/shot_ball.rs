@@ -9,12 +9,13 @@ use super::ball_track::{BallFrame, BallScene, MeanDisc};
 use super::racket_track::RacketFrame;
 use super::shot_frames::{PATIENCE, Shot, spread};
 use super::shot_tracker::TrackingError;
+use super::tape_blur::out_of_focus;
 use crate::calibration::CameraId;
 use crate::footage::{FrameBuffer, FrameSource, GreyImage, GreyPatch, GreyView, Rows};
 use nalgebra::{Point3, Vector2};
 use rayon::prelude::*;
 
-/// Blur of the ball's outline, px, one standard deviation.
+/// Blur of the ball's outline in a picture in focus, px, one standard deviation (a ball is no sharp-edged tape).
 const BALL_BLUR_PX: f64 = 0.55;
 /// Frames of which the pixels around the ball are kept, each way: 2 kB each, so that memory does not grow with the clip.
 const PATCHES: usize = 2000;
@@ -215,7 +216,7 @@ impl<S: FrameSource> Shot<'_, S> {
         let Stage { racket, still, .. } = *stage;
         let mut scene = stage.ball.clone();
         let Some(near) = rough.frames.iter().flatten().find(|b| b.stereo).map(|b| b.position) else { return Ok(rough.frames) };
-        scene.set_light(&rough.means, &near, BALL_BLUR_PX);
+        scene.set_light(&rough.means, &near, &self.blur_px.map(|tape| out_of_focus(BALL_BLUR_PX, tape)));
         self.fill_gaps(&Stage { ball: &scene, ..*stage }, &mut rough)?;
         // A piece of something may fly as a ball does, and what it was a piece of may not.
         if self.is_part_of_the_racket(&rough.frames, racket) {

@@ -22,6 +22,8 @@ pub struct Shot<'a, S: FrameSource> {
     pub view: &'a View<'a>,
     pub figure: RacketFigure,
     pub shape: BandShape,
+    /// Blur of either camera's pictures as the tape shows it, px.
+    pub blur_px: [f64; 2],
     pub focus: Point3<f64>,
     pub cancel: &'a AtomicBool,
     pub progress: &'a (dyn Fn(usize) + Sync),
@@ -44,7 +46,20 @@ impl<'a, S: FrameSource> Shot<'a, S> {
         progress: &'a (dyn Fn(usize) + Sync),
     ) -> Self {
         let shape = BandShape::default();
-        Shot { source, setup, view, figure, shape, focus, cancel, progress, stale: Vec::new(), broken: Mutex::default(), spare: Mutex::default() }
+        Shot {
+            source,
+            setup,
+            view,
+            figure,
+            shape,
+            blur_px: shape.blur_px,
+            focus,
+            cancel,
+            progress,
+            stale: Vec::new(),
+            broken: Mutex::default(),
+            spare: Mutex::default(),
+        }
     }
 }
 

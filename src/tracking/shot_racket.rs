@@ -1,6 +1,6 @@
 //! The racket of a shot: found in some frame, its light and figure learnt there, followed from there both ways.
 
-use super::band::BandView;
+use super::band::{BandView, USUAL_BLUR_PX};
 use super::band_search::{self, BandCandidate, MOST};
 use super::face;
 use super::racket_figure::RacketFigure;
@@ -9,6 +9,7 @@ use super::racket_track::{self, ALL_BANDS, KnownBands, LEAST_CONTRAST, RacketFra
 use super::recording::{Fingerprint, Fingerprints};
 use super::shot_frames::{PATIENCE, Shot, spread};
 use super::shot_tracker::TrackingError;
+use super::tape_blur::{BlurEvidence, out_of_focus};
 use super::tape_length;
 use super::tape_light::TapeLight;
 use super::throat::ThroatEvidence;
@@ -87,6 +88,7 @@ impl<S: FrameSource> Shot<'_, S> {
     pub(super) fn start(&mut self, first: Option<[Vec<BandCandidate>; 2]>) -> Result<RacketStart, TrackingError> {
         let start = self.acquire_racket(first)?;
         let start = self.light_tape(start)?;
+        let start = self.focus_tape(start)?;
         let start = self.measure_tape(start)?;
         // One frame tells the throat's direction to a degree or two, and the bands are followed with it; several tell it better.
         let start = self.turn_throat(start)?;
@@ -223,6 +225,28 @@ impl<S: FrameSource> Shot<'_, S> {
         Ok(start)
     }
 
+    /// The start with the pictures as sharp as their tape shows them.
+    fn focus_tape(&mut self, start: RacketStart) -> Result<RacketStart, TrackingError> {
+        let mut blur = BlurEvidence::wide();
+        self.look_again(start.index, &start.frame, |images| blur.add(&self.scene(), images, &start.frame))?;
+        let (before, usual) = (self.blur_px, self.shape);
+        self.set_blur(blur.blur_px(before));
+        if self.shape == usual {
+            return Ok(start);
+        }
+        let again = self.confirm_again(&start)?;
+        if again.is_none() {
+            self.set_blur(before);
+        }
+        Ok(again.unwrap_or(start))
+    }
+
+    /// Bands are fitted with the usual blur as long as pictures are in focus: between 0.5 and 0.75 px it makes no difference to their places.
+    fn set_blur(&mut self, blur_px: [f64; 2]) {
+        self.blur_px = blur_px;
+        self.shape.blur_px = blur_px.map(|tape| out_of_focus(USUAL_BLUR_PX, tape));
+    }
+
     /// The start with the white tape as long as its bands show it.
     fn measure_tape(&mut self, start: RacketStart) -> Result<RacketStart, TrackingError> {
         let white_half_m = self.look_again(start.index, &start.frame, |images| tape_length::white_half_m(&self.scene(), images, &start.frame))?;
@@ -259,24 +283,27 @@ impl<S: FrameSource> Shot<'_, S> {
         self.look_around(index, &frame.pose.global_from_racket, MEASURED_REACH_PX, look)
     }
 
-    /// The start with the throat's width and bend as its pictures and the next ones show them.
+    /// The start with the throat's width and bend as its pictures and the next ones show them, and these as sharp as they are.
     fn shape_throat(&mut self, start: RacketStart) -> Result<RacketStart, TrackingError> {
         let next = self.follow_racket_one_way(&start, (start.index + 1..self.source.len()).take(WIDTH_FRAMES - 1))?.0;
         let frames: Vec<(usize, &RacketFrame)> = std::iter::once((start.index, &start.frame)).chain(next.iter().map(|(i, f)| (*i, f))).collect();
         let of_frame = |(index, frame): &(usize, &RacketFrame)| {
-            let (mut width, mut bend) = (WidthEvidence::none(), BendEvidence::none());
+            let (mut width, mut bend, mut blur) = (WidthEvidence::none(), BendEvidence::none(), BlurEvidence::near(self.blur_px));
             let look = |images: &[Option<GreyView>; 2]| {
                 width.add(&self.scene(), images, frame);
                 bend.add(&self.scene(), images, frame);
+                blur.add(&self.scene(), images, frame);
             };
-            self.look_again(*index, frame, look).map(|()| (width, bend))
+            self.look_again(*index, frame, look).map(|()| (width, bend, blur))
         };
-        let parts: Result<Vec<(WidthEvidence, BendEvidence)>, TrackingError> = frames.par_iter().map(of_frame).collect();
-        let (mut width, mut bend) = (WidthEvidence::none(), BendEvidence::none());
-        for (w, b) in &parts? {
+        let parts: Result<Vec<_>, TrackingError> = frames.par_iter().map(of_frame).collect();
+        let (mut width, mut bend, mut blur) = (WidthEvidence::none(), BendEvidence::none(), BlurEvidence::near(self.blur_px));
+        for (w, b, sharp) in &parts? {
             width.join(w);
             bend.join(b);
+            blur.join(sharp);
         }
+        self.set_blur(blur.blur_px(self.blur_px));
         let shaped = self.figure.with_throat_width(width.throat_to_head()).with_throat_bend(bend.bend());
         self.confirm_with(start, shaped)
     }

@@ -3,7 +3,8 @@
 use super::ball_refine::{SHARED_VARIANCE, refine_ball};
 use super::contact_length::LONGEST_CONTACT_S;
 use super::shot_tracker::{ShotSetup, ShotTracks, TrackingError};
-use super::spin::{BallSpin, BallView, FoundSpin, GreyPatch, SpinEstimate, SpinSettings};
+use super::spin::{BLUR_PX, BallSpin, BallView, FoundSpin, GreyPatch, SpinEstimate, SpinSettings};
+use super::tape_blur::out_of_focus;
 use super::track_file::{SpacePoint, Target, Tracks};
 use crate::calibration::CameraId;
 use crate::footage::{FrameBuffer, FrameSource, Rows};
@@ -34,38 +35,41 @@ struct Crop {
 ///
 /// # Errors  a picture that cannot be read
 pub fn measure_spin(source: &impl FrameSource, setup: &ShotSetup, shot: &mut ShotTracks) -> Result<BallSpin, TrackingError> {
-    let mut found = FoundSpins::find(source, setup, &shot.tracks, &shot.points)?;
+    let mut found = FoundSpins::find(source, setup, shot)?;
     refine_ball(source, setup, shot, &found.rough())?;
     if !found.complete() {
-        found.find_again(source, setup, &shot.tracks, &shot.points)?;
-        let measured = found.measure(source, setup, &shot.tracks, &shot.points)?;
+        found.find_again(source, setup, shot)?;
+        let measured = found.measure(source, setup, shot)?;
         refine_ball(source, setup, shot, &measured)?;
     }
     // The better centres tell the spin better: a drift of the outline looks like a turn.
-    found.measure(source, setup, &shot.tracks, &shot.points)
+    found.measure(source, setup, shot)
 }
 
 /// The spins before and after the contact as they are found.
 #[derive(Debug, Clone)]
 struct FoundSpins {
+    settings: SpinSettings,
     found: [FoundSpin; 2],
 }
 
 impl FoundSpins {
-    /// Looks for the spins. `points` are those of the shot, t = 0 at first contact.
-    fn find(source: &impl FrameSource, setup: &ShotSetup, tracks: &Tracks, points: &[SpacePoint]) -> Result<Self, TrackingError> {
-        let crops = crops(source, setup, tracks, points)?;
-        let find = |side: usize| FoundSpin::find(&views(&crops[side]), setup.rig, setup.ball.radius_m(), &SpinSettings::new(setup.frame_rate_hz));
+    /// Looks for the spins.
+    fn find(source: &impl FrameSource, setup: &ShotSetup, shot: &ShotTracks) -> Result<Self, TrackingError> {
+        let settings = SpinSettings { blur_px: shot.blur_px.map(|tape| out_of_focus(BLUR_PX, tape)), ..SpinSettings::new(setup.frame_rate_hz) };
+        let crops = crops(source, setup, &shot.tracks, &shot.points)?;
+        let find = |side: usize| FoundSpin::find(&views(&crops[side]), setup.rig, setup.ball.radius_m(), &settings);
         let (before, after) = rayon::join(|| find(0), || find(1));
-        Ok(FoundSpins { found: [before, after] })
+        Ok(FoundSpins { settings, found: [before, after] })
     }
 
     /// Looks again where nothing was found, with the centres as they are now.
-    fn find_again(&mut self, source: &impl FrameSource, setup: &ShotSetup, tracks: &Tracks, points: &[SpacePoint]) -> Result<(), TrackingError> {
-        let crops = crops(source, setup, tracks, points)?;
+    fn find_again(&mut self, source: &impl FrameSource, setup: &ShotSetup, shot: &ShotTracks) -> Result<(), TrackingError> {
+        let crops = crops(source, setup, &shot.tracks, &shot.points)?;
+        let settings = &self.settings;
         let again = |(found, crops): (&mut FoundSpin, &Vec<Crop>)| {
             if !matches!(found.rough, SpinEstimate::Vector { .. }) {
-                *found = FoundSpin::find(&views(crops), setup.rig, setup.ball.radius_m(), &SpinSettings::new(setup.frame_rate_hz));
+                *found = FoundSpin::find(&views(crops), setup.rig, setup.ball.radius_m(), settings);
             }
         };
         self.found.par_iter_mut().zip(&crops).for_each(again);
@@ -84,9 +88,9 @@ impl FoundSpins {
     }
 
     /// Measures the spins, with the centres as they are now.
-    fn measure(&self, source: &impl FrameSource, setup: &ShotSetup, tracks: &Tracks, points: &[SpacePoint]) -> Result<BallSpin, TrackingError> {
-        let crops = crops(source, setup, tracks, points)?;
-        let measure = |side: usize| self.found[side].measure(&views(&crops[side]), setup.rig, setup.ball.radius_m(), &SpinSettings::new(setup.frame_rate_hz));
+    fn measure(&self, source: &impl FrameSource, setup: &ShotSetup, shot: &ShotTracks) -> Result<BallSpin, TrackingError> {
+        let crops = crops(source, setup, &shot.tracks, &shot.points)?;
+        let measure = |side: usize| self.found[side].measure(&views(&crops[side]), setup.rig, setup.ball.radius_m(), &self.settings);
         let (before, after) = rayon::join(|| measure(0), || measure(1));
         Ok(BallSpin { before, after })
     }

@@ -60,6 +60,8 @@ pub struct ShotTracks {
     pub unreadable: Vec<String>,
     /// What either camera sees when nothing moves.
     pub(super) still: [Option<GreyImage>; 2],
+    /// Blur of either camera's pictures as the tape shows it, px.
+    pub(super) blur_px: [f64; 2],
 }
 
 /// What a shot is tracked with.
@@ -113,7 +115,7 @@ pub fn track_shot(source: &impl FrameSource, setup: &ShotSetup, cancel: &AtomicB
     let mut broken = shot.broken.into_inner().unwrap_or_default();
     broken.append(&mut watched.broken.into_inner().unwrap_or_default());
     let unreadable = broken.into_values().collect();
-    Ok(ShotTracks { figure, tracks, racket, ball, points, contact_frame, notes, unreadable, still })
+    Ok(ShotTracks { figure, tracks, racket, ball, points, contact_frame, notes, unreadable, still, blur_px: shot.blur_px })
 }
 
 /// All points of a shot: every target in every picture that exists, measured or occluded.

@@ -4,13 +4,15 @@
 use crate::shared::shared;
 use crate::tracking::true_rig;
 use image::GrayImage;
+use nalgebra::Vector3;
 use serde_json::Value;
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 use sweetspot::calibration::{CameraId, StereoRig};
 use sweetspot::footage::{Clip, read_grey};
 use sweetspot::session::{Session, ShotFolder};
-use sweetspot::tracking::{InStep, ShotSetup, SyncMode, Target, TrackingError, track_in_step};
+use sweetspot::tracking::spin::SpinEstimate;
+use sweetspot::tracking::{InStep, ShotSetup, SyncMode, Target, TrackingError, measure_spin, track_in_step};
 
 /// A practice shot copied where it may be spoilt.
 struct Recording {
@@ -92,6 +94,39 @@ impl Recording {
         }
         (found as f64 / seen as f64, wrong)
     }
+}
+
+/// A lens out of focus: every picture of both cameras blurred by another 0.9 px on top of its own 0.65. While the blur of pictures in focus was
+/// taken for theirs, the spins came out 7 % wrong and the ball 0.42 px off.
+#[test]
+fn real_pictures_out_of_focus_tell_their_blur_and_ball_and_spin_stay_right() {
+    let Some(r) = Recording::of("lab-11") else { return };
+    for camera in CameraId::BOTH {
+        r.frames().into_iter().for_each(|frame| r.paint(camera, frame, |p| *p = image::imageops::blur(p, 0.9)));
+    }
+    let mut made = r.track(SyncMode::Report).unwrap();
+    let setup = ShotSetup { rig: &r.rig, racket: &r.shot.racket, ball: &r.shot.ball, frame_rate_hz: r.frame_rate_hz };
+    let spin = measure_spin(&made.clip, &setup, &mut made.tracked).unwrap();
+    let (found, wrong) = r.score(&made, 0, &[]);
+    assert!(found > 0.985 && wrong == 0, "{found} {wrong}");
+    for (name, estimate) in [("ball_in_w", &spin.before), ("ball_out_w", &spin.after)] {
+        let SpinEstimate::Vector { omega_rad_s, .. } = estimate else { panic!("{name}: {estimate:?}") };
+        let truth = Vector3::from_iterator(r.truth["global"][name].as_array().unwrap().iter().map(|x| x.as_f64().unwrap()));
+        let off = (omega_rad_s - truth).norm() / truth.norm();
+        assert!(off < 0.02, "{name}: {omega_rad_s} against {truth}, {off}");
+    }
+    let contact = r.truth["contact_time"].as_f64().unwrap();
+    let mut squares = Vec::new();
+    for f in r.truth["frames"].as_array().unwrap() {
+        let (number, t) = (f["frame"].as_u64().unwrap(), f["t"].as_f64().unwrap());
+        for camera in CameraId::BOTH {
+            let Some(point) = made.tracked.tracks.get(number, camera, Target::Ball).filter(|_| !(-5e-4..contact + 5e-4).contains(&t)) else { continue };
+            let (u, v) = r.place(camera, number, Target::Ball);
+            squares.push((point.uv.x - u).powi(2) + (point.uv.y - v).powi(2));
+        }
+    }
+    let rms = (squares.iter().sum::<f64>() / squares.len() as f64).sqrt();
+    assert!(rms < 0.1, "ball {rms} px");
 }
 
 #[test]

@@ -16,13 +16,16 @@ pub struct SpinSettings {
     pub frame_rate_hz: f64,
     /// Fastest spin looked for, rad/s. The default of 650 rad/s (6200 rpm) is above every stroke measured in play.
     pub limit_rad_s: f64,
+    /// Blur of the recording by camera, standard deviation in px: lens and pixel together. Between 0.45 and 0.75 px the rate
+    /// changes by 0.3 % (docs/spin.md, "Blur").
+    pub blur_px: [f64; 2],
 }
 
 impl SpinSettings {
-    /// Default limit, lowered to a quarter turn per frame for slow cameras: lines that look the same after half a turn
+    /// A camera in focus; default limit, lowered to a quarter turn per frame for slow cameras: lines that look the same after half a turn
     /// leave no more.
     pub fn new(frame_rate_hz: f64) -> Self {
-        SpinSettings { frame_rate_hz, limit_rad_s: f64::min(650.0, 0.5 * std::f64::consts::PI * frame_rate_hz) }
+        SpinSettings { frame_rate_hz, limit_rad_s: f64::min(650.0, 0.5 * std::f64::consts::PI * frame_rate_hz), blur_px: [BLUR_PX; 2] }
     }
 }
 
@@ -58,6 +61,9 @@ pub struct SpinQuality {
     pub markings: f64,
     /// Share of pixels set aside as strings, frame or glints.
     pub outliers: f64,
+    /// What is left over beyond the noise, in units of what the markings explain.
+    #[serde(default)]
+    pub unexplained: f64,
     /// Lead over the second-best distinct spin in log-likelihood, as a share of what the markings explain; absent when
     /// there was none.
     pub margin: Option<f64>,
@@ -120,15 +126,14 @@ const SETTLED: (f64, f64) = (3.0, 1.0);
 /// Largest standard deviation of a component that still counts as measured: rad/s (10 % of 1600 rpm), and for faster spins as a
 /// share of the rate.
 const LARGEST_SD: (f64, f64) = (17.0, 0.1);
-/// Most that may be left over beyond the noise, in units of what the markings explain: right spins of rendered balls leave
-/// 0.03 to 0.5, in pictures twice as noisy as hard ones 0.66 to 1.0; wrong ones 0.9 and more. In clear pictures right ones leave
-/// 0.27 at most and a wrong one 0.69: the first where there is no noise, the second where it is as large as the markings.
-const MOST_UNEXPLAINED: (f64, f64) = (0.4, 0.85);
+/// Most that may be left over beyond the noise, in units of what the markings explain: so much in clear pictures, more by this for every
+/// markings' worth of noise, and never more than the last. Right spins of rendered balls leave 0.27 at most in clear pictures, 0.45 where the
+/// noise is as large as the markings, 0.65 where it is 1.3 times as large; wrong ones 0.69 in clear pictures, 0.71 (noise of 1.06) and 0.9 to 1.3.
+const MOST_UNEXPLAINED: (f64, f64, f64) = (0.4, 0.25, 0.85);
 /// Least contrast of the markings (root mean square over the ball); a bare ball shows 0.007 of shading left over.
 const LEAST_CONTRAST: f64 = 0.015;
-/// Blur of the recording, standard deviation in px: lens and pixel together. Between 0.45 and 0.75 px the rate
-/// changes by 0.3 % (docs/spin.md, "Blur").
-const BLUR_PX: f64 = 0.6;
+/// Blur of a recording in focus, px.
+pub const BLUR_PX: f64 = 0.6;
 /// Growth of the covariance with the noise: the map follows some of it, and its slopes there look like information.
 const NOISE_SHARE: f64 = 8.0;
 /// Displacement of the markings from one end of the window to its middle that no picture shows (steps of the shading, the blur's true
@@ -165,15 +170,15 @@ impl FoundSpin {
         // Which candidate: a coarse map, every second pixel, no blur.
         let coarse_map = SphereMap::new(COARSE_EDGE);
         let few: Vec<Mark> = marks.iter().copied().step_by(2).collect();
-        let coarse = Registrar::new(&coarse_map, &infos, &few, &shading, 0.0);
+        let coarse = Registrar::new(&coarse_map, &infos, &few, &shading, None);
         let Some(contest) = contest(&coarse, &candidates, span_s(&infos)) else {
             let seen = distinct_times(&infos, settings.frame_rate_hz);
             return FoundSpin { rough: SpinEstimate::Refused { reason: SpinRefusal::TooFewFrames { seen, needed: LEAST_FRAMES } }, start: None };
         };
         let map = SphereMap::new(FINE_EDGE);
-        let registrar = Registrar::new(&map, &infos, &marks, &shading, BLUR_PX);
+        let registrar = Registrar::new(&map, &infos, &marks, &shading, Some(&settings.blur_px));
         let first = registrar.refine(contest.omega, &Effort { memory_s: MEMORY_FRAMES / settings.frame_rate_hz, ..FIRST });
-        let start = Start { contest, omega: first.omega, markings: registrar.found(&first, &shading, BLUR_PX) };
+        let start = Start { contest, omega: first.omega, markings: registrar.found(&first, &shading, settings.blur_px) };
         let rough = match refused(&first, &start.contest, settings, SETTLED.0) {
             Some(reason) => SpinEstimate::Refused { reason },
             None => held(&infos, &first, first.omega, stated(&first, &first.model_covariance, &infos) + start.contest.flat, &start.contest, settings),
@@ -191,7 +196,7 @@ impl FoundSpin {
         // The lines darken the first estimate of the shading where they pass most often; now that they are known, again.
         let map = SphereMap::new(FINE_EDGE);
         let (shading, marks) = divide_out(&infos, &samples, Some(&start.markings.at(&map, &infos, &samples)));
-        let mut registrar = Registrar::new(&map, &infos, &marks, &shading, BLUR_PX);
+        let mut registrar = Registrar::new(&map, &infos, &marks, &shading, Some(&settings.blur_px));
         let best = registrar.refine(start.omega, &Effort { memory_s: MEMORY_FRAMES / settings.frame_rate_hz, ..FINAL });
         if let Some(reason) = refused(&best, &start.contest, settings, SETTLED.1) {
             return SpinEstimate::Refused { reason };
@@ -228,8 +233,8 @@ fn refused(best: &Registration, contest: &Contest, settings: &SpinSettings, sett
     } else if best.last_step_rad_s > settled_rad_s {
         Some(SpinRefusal::Unsettled { step_rad_s: best.last_step_rad_s })
     } else {
-        let (clear, noisy) = MOST_UNEXPLAINED;
-        let most = clear + (noisy - clear) * (best.noise / best.texture).min(1.0);
+        let (clear, by_noise, ever) = MOST_UNEXPLAINED;
+        let most = (clear + by_noise * best.noise / best.texture).min(ever);
         (share > most).then_some(SpinRefusal::Unexplained { share })
     }
 }
@@ -242,6 +247,7 @@ fn held(infos: &[ViewInfo], best: &Registration, omega: Vector3<f64>, covariance
         noise: best.noise,
         markings: best.texture,
         outliers: best.outliers,
+        unexplained: unexplained(best),
         margin: contest.margin,
     };
     let frames_used = distinct_times(infos, settings.frame_rate_hz);

@@ -14,6 +14,6 @@ mod sphere_map;
 mod spin_file;
 mod view;
 
-pub use estimate::{BallSpin, FoundSpin, SpinEstimate, SpinQuality, SpinRefusal, SpinSettings, estimate_spin};
+pub use estimate::{BLUR_PX, BallSpin, FoundSpin, SpinEstimate, SpinQuality, SpinRefusal, SpinSettings, estimate_spin};
 pub use spin_file::{SPIN_FILE, SpinFileError, read_spin, spin_to_json};
 pub use view::{BallView, GreyPatch};

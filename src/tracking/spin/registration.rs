@@ -81,7 +81,7 @@ pub(super) struct FoundMarkings {
     middle_s: f64,
     map: Vec<f32>,
     shading: Shading,
-    blur_px: f64,
+    blur_px: [f64; 2],
 }
 
 impl FoundMarkings {
@@ -90,7 +90,7 @@ impl FoundMarkings {
         let back = turned_back(views, &self.omega, self.middle_s, &Rotation3::identity());
         let at = |s: &Sample| {
             let view = &views[s.view];
-            let looks_at = view.axes * blurred_direction(&s.disc, &self.shading, view, self.blur_px);
+            let looks_at = view.axes * blurred_direction(&s.disc, &self.shading, view, &self.blur_px);
             let spot = map.spot(&turned(&back[s.view], &looks_at.map(|x| x as f32).into()));
             inner(&map.values(&spot, &self.map), &spot.weights())
         };
@@ -162,7 +162,7 @@ struct Information {
 }
 
 impl<'a> Registrar<'a> {
-    pub fn new(map: &'a SphereMap, views: &'a [ViewInfo], marks: &'a [Mark], shading: &Shading, blur_px: f64) -> Self {
+    pub fn new(map: &'a SphereMap, views: &'a [ViewInfo], marks: &'a [Mark], shading: &Shading, blur_px: Option<&[f64; 2]>) -> Self {
         let middle_s = marks.iter().map(|m| views[m.view].time_s).sum::<f64>() / marks.len().max(1) as f64;
         let total: f64 = marks.iter().map(|m| m.weight).sum();
         let variance = marks.iter().map(|m| m.weight * m.contrast * m.contrast).sum::<f64>() / total.max(1e-12);
@@ -170,7 +170,7 @@ impl<'a> Registrar<'a> {
             .iter()
             .map(|m| {
                 let view = &views[m.view];
-                let disc = if blur_px > 0.0 { blurred_direction(&m.disc, shading, view, blur_px) } else { m.disc };
+                let disc = blur_px.map_or(m.disc, |blur_px| blurred_direction(&m.disc, shading, view, blur_px));
                 (view.axes * disc).map(|x| x as f32).into()
             })
             .collect();
@@ -200,7 +200,7 @@ impl<'a> Registrar<'a> {
     }
 
     /// What a registration has found.
-    pub fn found(&self, registration: &Registration, shading: &Shading, blur_px: f64) -> FoundMarkings {
+    pub fn found(&self, registration: &Registration, shading: &Shading, blur_px: [f64; 2]) -> FoundMarkings {
         FoundMarkings { omega: registration.omega, middle_s: self.middle_s, map: registration.map.clone(), shading: shading.clone(), blur_px }
     }
 
@@ -551,9 +551,9 @@ fn secant(holds: &Matrix3<f64>, step: &Vector3<f64>, change: &Vector3<f64>) -> M
 /// line seems to move toward the dark, by the blur's variance times the slope of the light's logarithm. (The mean direction
 /// under the blur would lie farther out still, but lines are narrower than the blur, and a line's blurred picture is
 /// symmetric about its place in the picture, not on the ball; docs/spin.md, "Blur".)
-fn blurred_direction(disc: &Vector3<f64>, shading: &Shading, view: &ViewInfo, blur_px: f64) -> Vector3<f64> {
+fn blurred_direction(disc: &Vector3<f64>, shading: &Shading, view: &ViewInfo, blur_px: &[f64; 2]) -> Vector3<f64> {
     const H: f64 = 0.02;
-    let variance = (blur_px / view.radius_px).powi(2);
+    let variance = (blur_px[view.camera.index()] / view.radius_px).powi(2);
     let light = |dx: f64, dy: f64| {
         let (x, y) = (disc.x + dx, disc.y + dy);
         shading.at(view.camera, &Vector3::new(x, y, (1.0 - x * x - y * y).max(0.01).sqrt()))

@@ -63,7 +63,7 @@ mod tests {
     use nalgebra::{Matrix3, Vector3};
 
     fn spin() -> BallSpin {
-        let quality = SpinQuality { views: 40, pixels: 6000, noise: 0.02, markings: 0.17, outliers: 0.03, margin: Some(0.4) };
+        let quality = SpinQuality { views: 40, pixels: 6000, noise: 0.02, markings: 0.17, outliers: 0.03, unexplained: 0.1, margin: Some(0.4) };
         BallSpin {
             before: SpinEstimate::Vector { omega_rad_s: Vector3::new(1.0, -200.5, 30.0), covariance: Matrix3::identity() * 0.3, frames_used: 20, quality },
             after: SpinEstimate::Refused { reason: SpinRefusal::TooFewFrames { seen: 2, needed: 4 } },

@@ -127,8 +127,9 @@ const SETTLED: (f64, f64) = (3.0, 1.0);
 /// share of the rate.
 const LARGEST_SD: (f64, f64) = (17.0, 0.1);
 /// Most that may be left over beyond the noise, in units of what the markings explain: so much in clear pictures, more by this for every
-/// markings' worth of noise, and never more than the last. Right spins of rendered balls leave 0.27 at most in clear pictures, 0.45 where the
-/// noise is as large as the markings, 0.65 where it is 1.3 times as large; wrong ones 0.69 in clear pictures, 0.71 (noise of 1.06) and 0.9 to 1.3.
+/// markings' worth of noise, and never more than the last. Right spins of rendered balls leave 0.27 at most in clear pictures, 0.46 where the
+/// noise is a third of the markings or as large, 0.65 where it is 1.3 times as large; wrong ones 0.55 to 0.69 in clear pictures, 0.71 (noise of
+/// 1.06) and 0.9 to 1.3.
 const MOST_UNEXPLAINED: (f64, f64, f64) = (0.4, 0.25, 0.85);
 /// Least contrast of the markings (root mean square over the ball); a bare ball shows 0.007 of shading left over.
 const LEAST_CONTRAST: f64 = 0.015;

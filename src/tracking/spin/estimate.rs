@@ -126,11 +126,10 @@ const SETTLED: (f64, f64) = (3.0, 1.0);
 /// Largest standard deviation of a component that still counts as measured: rad/s (10 % of 1600 rpm), and for faster spins as a
 /// share of the rate.
 const LARGEST_SD: (f64, f64) = (17.0, 0.1);
-/// Most that may be left over beyond the noise, in units of what the markings explain: so much in clear pictures, more by this for every
-/// markings' worth of noise, and never more than the last. Right spins of rendered balls leave 0.27 at most in clear pictures, 0.46 where the
-/// noise is a third of the markings or as large, 0.65 where it is 1.3 times as large; wrong ones 0.55 to 0.69 in clear pictures, 0.71 (noise of
-/// 1.06) and 0.9 to 1.3.
-const MOST_UNEXPLAINED: (f64, f64, f64) = (0.4, 0.25, 0.85);
+/// Most that may be left over beyond the noise, in units of what the markings explain: right spins of rendered balls leave
+/// 0.03 to 0.5, in pictures twice as noisy as hard ones 0.66 to 1.0; wrong ones 0.9 and more, one 0.71. In clear pictures right ones leave
+/// 0.46 at most and wrong ones 0.55 to 0.69: the first where there is no noise, the second where it is as large as the markings.
+const MOST_UNEXPLAINED: (f64, f64) = (0.4, 0.85);
 /// Least contrast of the markings (root mean square over the ball); a bare ball shows 0.007 of shading left over.
 const LEAST_CONTRAST: f64 = 0.015;
 /// Blur of a recording in focus, px.
@@ -234,8 +233,8 @@ fn refused(best: &Registration, contest: &Contest, settings: &SpinSettings, sett
     } else if best.last_step_rad_s > settled_rad_s {
         Some(SpinRefusal::Unsettled { step_rad_s: best.last_step_rad_s })
     } else {
-        let (clear, by_noise, ever) = MOST_UNEXPLAINED;
-        let most = (clear + by_noise * best.noise / best.texture).min(ever);
+        let (clear, noisy) = MOST_UNEXPLAINED;
+        let most = clear + (noisy - clear) * (best.noise / best.texture).min(1.0);
         (share > most).then_some(SpinRefusal::Unexplained { share })
     }
 }

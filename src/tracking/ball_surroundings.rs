@@ -27,7 +27,7 @@ pub struct Surroundings {
 /// the blur is more than so many pixels it is wider in proportion, because the ball's edge is.
 const NEAR_PX: f64 = 1.2;
 const REACH: f64 = 3.3;
-const USUAL_BLUR_PX: f64 = 0.8;
+const NARROW_BLUR_PX: f64 = 0.8;
 /// Less weight than this is nothing: the far corner of the reach has a fifteenth of a thousandth.
 const LEAST_WEIGHT: f32 = 1e-6;
 /// Variance of a median picture's pixel, grey levels squared.
@@ -41,7 +41,7 @@ impl Surroundings {
         let clear = CLEAR_OF_BALL * blur_px;
         let (from, to) = (picture.radius_px + clear, picture.radius_px + SURROUNDINGS_PX.max(clear + LEAST_WIDTH_PX));
         let level = picture.pixels.first().copied().unwrap_or_default();
-        let near = NEAR_PX * (blur_px / USUAL_BLUR_PX).max(1.0);
+        let near = NEAR_PX * (blur_px / NARROW_BLUR_PX).max(1.0);
         let reach = ((REACH * near).ceil() as usize).min(WIDE / 2);
         let falling: Vec<f32> = (0..=2 * reach).map(|k| (-0.5 * (k.abs_diff(reach) as f64 / near).powi(2)).exp() as f32).collect();
         // With room for the reach on all sides.

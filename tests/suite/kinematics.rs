@@ -72,17 +72,7 @@ fn score_with(difficulty: &Difficulty, seeds: std::ops::Range<u64>, settings: &M
         .map(|seed| {
             let truth = true_shot(seed, difficulty);
             let spin = ShotSpin::default();
-            let input = ShotInput {
-                id: "s",
-                rig: &truth.rig,
-                tracks: &truth.tracks,
-                racket: &truth.racket,
-                ball: &truth.ball,
-                spin: &spin,
-                grip_torque_n_m: None,
-                groups: &[],
-                asked_points: &[],
-            };
+            let input = input_of(&truth, &spin);
             let measured = measure_shot(&input, settings).unwrap_or_else(|e| panic!("seed {seed}: {e}"));
             let quantity = |name: &str| measured.shot.quantities.get(name).unwrap_or_else(|| panic!("seed {seed}: no {name}: {:?}", measured.shot.remarks));
             let mut out: Vec<_> = truth.row.iter().map(|(name, v)| (*name, quantity(name).value - v, quantity(name).sd)).collect();
@@ -213,22 +203,24 @@ fn truth_evidence_finds_drag_and_curvature_where_they_are_and_not_where_they_are
 const CLEAN: Difficulty =
     Difficulty { noise_px: 0.002, ball_noise_px: 0.002, tape_error_px: 0.0, outliers: 0.0, gaps: 0.0, laboratory: true, air: false, ..COURT };
 
+/// What is measured on in a true shot without groups or points asked for.
+fn input_of<'a>(truth: &'a TrueShot, spin: &'a ShotSpin) -> ShotInput<'a> {
+    ShotInput {
+        id: "s",
+        rig: &truth.rig,
+        tracks: &truth.tracks,
+        racket: &truth.racket,
+        ball: &truth.ball,
+        spin,
+        grip_torque_n_m: None,
+        groups: &[],
+        asked_points: &[],
+    }
+}
+
 fn measured(truth: &TrueShot, settings: &MeasureSettings) -> Result<MeasuredShot, KinematicsError> {
     let spin = ShotSpin::default();
-    measure_shot(
-        &ShotInput {
-            id: "s",
-            rig: &truth.rig,
-            tracks: &truth.tracks,
-            racket: &truth.racket,
-            ball: &truth.ball,
-            spin: &spin,
-            grip_torque_n_m: None,
-            groups: &[],
-            asked_points: &[],
-        },
-        settings,
-    )
+    measure_shot(&input_of(truth, &spin), settings)
 }
 
 /// The tape's errors stated as large as a world draws them, as a session's own tracks tell (`kinematics::tape_session`).
@@ -301,17 +293,7 @@ fn agrees_with_the_thesis_construction_on_clean_pictures_of_a_hung_racket() {
 fn agrees_at_half_the_frame_rate_within_what_the_study_reports() {
     let truth = true_shot(12, &COURT);
     let spin = ShotSpin::default();
-    let input = ShotInput {
-        id: "s",
-        rig: &truth.rig,
-        tracks: &truth.tracks,
-        racket: &truth.racket,
-        ball: &truth.ball,
-        spin: &spin,
-        grip_torque_n_m: None,
-        groups: &[],
-        asked_points: &[],
-    };
+    let input = input_of(&truth, &spin);
     let study = frame_rate_study(&input, &settings(), &[2]).unwrap();
     let [full, half] = &study.cameras[..] else { panic!("{study:?}") };
     assert_eq!((half.phases, half.frame_rate_hz), (2, 500.0), "{:?}", half.failed);

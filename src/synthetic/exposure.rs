@@ -6,12 +6,15 @@
 use super::look::Look;
 use super::motion::ShotMotion;
 use super::player::{Limb, Player};
+use super::pressed::PressedBall;
 use super::racket_shape::{Paint, RacketShape, SeenTube};
 use super::sampling::{INSTANTS, SAMPLES, hit_capsule, hit_sphere, instants, pattern};
 use super::view::View;
 use nalgebra::{Isometry3, Matrix3, Point3, UnitQuaternion, Vector2, Vector3};
 
 const TILE: usize = 4;
+/// A pressed ball is no wider than so many times the round one.
+const WIDEST: f64 = 1.3;
 /// Half width of the lines drawn round the ball, as the sine of the angle.
 const LINE: f64 = 0.045;
 
@@ -21,6 +24,8 @@ pub struct Scene<'a> {
     pub motion: &'a ShotMotion,
     pub shape: &'a RacketShape,
     pub ball_radius_m: f64,
+    /// Whether the ball stays round whatever presses it.
+    pub ball_stays_round: bool,
     /// Ball axes to the axes of its drawn lines.
     pub ball_marking: UnitQuaternion<f64>,
     pub player: Option<&'a Player>,
@@ -69,6 +74,18 @@ pub fn expose(view: &View, scene: &Scene, look: &Look, t: f64, exposure_s: f64, 
     let eye: Vec<Point3<f64>> = racket_from_camera.iter().map(|r| r * Point3::origin()).collect();
     let tubes: Vec<Vec<SeenTube>> = eye.iter().map(|e| scene.shape.seen_from(e)).collect();
     let ball_centre: Vec<Point3<f64>> = balls.iter().map(|b| to_camera * Point3::from(b.translation.vector)).collect();
+    let side = (rackets[0].rotation * Vector3::z()).dot(&(balls[0].translation.vector - rackets[0].translation.vector)).signum();
+    let pressed: Vec<Option<PressedBall>> = (0..INSTANTS)
+        .map(|k| {
+            let share = if scene.ball_stays_round { 0.0 } else { scene.motion.flattening(times[k]) };
+            let toward_strings = to_camera.rotation * rackets[k].rotation * Vector3::z() * -side;
+            (share > 0.0).then(|| PressedBall::new(&ball_centre[k], scene.ball_radius_m, &toward_strings, share))
+        })
+        .collect();
+    let hit_ball = |k: usize, direction: &Vector3<f64>| match &pressed[k] {
+        Some(ball) => ball.hit(direction),
+        None => hit_sphere(&ball_centre[k], scene.ball_radius_m, &Point3::origin(), direction).map(|(depth, normal)| (depth, normal, normal)),
+    };
     let marking: Vec<Matrix3<f64>> =
         balls.iter().map(|b| *(scene.ball_marking * b.rotation.inverse() * to_camera.rotation.inverse()).to_rotation_matrix().matrix()).collect();
     let limbs: Vec<Vec<(Point3<f64>, Point3<f64>, f64, f64)>> =
@@ -129,12 +146,12 @@ pub fn expose(view: &View, scene: &Scene, look: &Look, t: f64, exposure_s: f64, 
                     }
                     let mut ball_seen = None;
                     if tile.ball
-                        && let Some((depth, normal)) = hit_sphere(&ball_centre[k], scene.ball_radius_m, &Point3::origin(), &direction)
+                        && let Some((depth, normal, on_round_ball)) = hit_ball(k, &direction)
                     {
                         ball_seen = Some(depth < nearest);
                         if depth < nearest {
                             nearest = depth;
-                            let own = marking[k] * normal;
+                            let own = marking[k] * on_round_ball;
                             let line = own.x.abs() < LINE || own.y.abs() < LINE;
                             let toward_limb = 1.0 + normal.dot(&direction) / direction.norm();
                             colour = shade(if line { look.ball_line } else { look.ball }, normal.dot(&sun)) * (1.0 - look.felt_limb * toward_limb);
@@ -263,7 +280,7 @@ fn tiles_of(view: &View, scene: &Scene, rackets: &[Isometry3<f64>; INSTANTS], ba
             reach(&mut points, &mut |t| mark_once(&mut t.limbs, i));
         }
     }
-    let mut centre = ends.iter().map(|&k| (Point3::from(balls[k].translation.vector), scene.ball_radius_m));
+    let mut centre = ends.iter().map(|&k| (Point3::from(balls[k].translation.vector), WIDEST * scene.ball_radius_m));
     reach(&mut centre, &mut |t| t.ball = true);
     tiles
 }

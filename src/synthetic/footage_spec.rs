@@ -43,6 +43,9 @@ pub struct FootageSpec {
     /// the ball darker toward its limb.
     #[serde(default)]
     pub matt: bool,
+    /// The ball stays round on the strings (otherwise they press it).
+    #[serde(default)]
+    pub round_ball: bool,
     /// Incoming spin relative to the setting's own.
     #[serde(default = "defaults::one")]
     pub spin: f64,
@@ -92,6 +95,7 @@ impl FootageSpec {
             noise: 1.0,
             black_level: 0.0,
             matt: false,
+            round_ball: false,
             spin: 1.0,
             format: PictureFormat::default(),
         }

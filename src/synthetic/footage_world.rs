@@ -228,6 +228,7 @@ impl FootageWorld {
                         motion: &s.motion,
                         shape,
                         ball_radius_m: self.ball.radius_m(),
+                        ball_stays_round: self.spec.round_ball,
                         ball_marking: s.ball_marking,
                         player: self.player.as_ref(),
                         hidden_marker: hidden(n),
@@ -342,7 +343,8 @@ impl FootageWorld {
                         }
                         cameras.insert((*camera).to_owned(), Value::Object(seen));
                     }
-                    json!({"frame": n, "t": t, "points": points, "cameras": cameras})
+                    let flattening = if self.spec.round_ball { 0.0 } else { s.motion.flattening(t) };
+                    json!({"frame": n, "t": t, "points": points, "cameras": cameras, "flattening": flattening})
                 })
                 .collect();
             shots.insert(s.id.clone(), self.shot_json(s, frames));

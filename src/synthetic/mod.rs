@@ -21,6 +21,7 @@ pub mod measurement;
 pub mod motion;
 pub mod nature;
 pub mod player;
+pub mod pressed;
 pub mod racket_shape;
 pub mod sample;
 pub mod sampling;

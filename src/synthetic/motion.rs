@@ -55,9 +55,17 @@ pub struct ShotMotion {
     /// Stringbed centre from the centre of mass that turns freely, racket axes.
     face_centre: Vector3<f64>,
     pub contact_time_s: f64,
+    /// Share by which the strings flatten the ball at most.
+    pub flattening: f64,
     /// Hand on the handle, along racket axes from the stringbed centre.
     pub hand: Vector3<f64>,
 }
+
+/// The ball's part of what ball and strings give together, and the power of time by which the flattening is skewed.
+const BALLS_PART: f64 = 0.6;
+const PEAKS_EARLY: f64 = 0.9;
+/// A ball flattened by more has no shape known here.
+const MOST_FLATTENED: f64 = 0.4;
 
 /// How the racket is held.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -141,6 +149,7 @@ impl ShotMotion {
             ball: Path { start_s, instants: ball },
             face_centre: first.face_centre,
             contact_time_s: contact,
+            flattening: (BALLS_PART * hit.aftermath.peak_compression_m / (2.0 * first.ball_radius_m)).min(MOST_FLATTENED),
             hand,
         }
     }
@@ -150,6 +159,11 @@ impl ShotMotion {
         let com = self.racket.pose(t);
         let centre = com * Point3::from(self.face_centre);
         Isometry3::from_parts(centre.into(), com.rotation)
+    }
+
+    /// Share by which the strings flatten the ball at `t`: most a little before the middle of the contact.
+    pub fn flattening(&self, t: f64) -> f64 {
+        if (0.0..self.contact_time_s).contains(&t) { self.flattening * (std::f64::consts::PI * (t / self.contact_time_s).powf(PEAKS_EARLY)).sin() } else { 0.0 }
     }
 
     /// Ball frame (centre, ball axes) to global at `t`.

@@ -328,7 +328,7 @@ mod tests {
     use nalgebra::Point3;
 
     fn ball(stereo: bool) -> Option<BallFrame> {
-        Some(BallFrame { points: [None, None], position: Point3::origin(), stereo })
+        Some(BallFrame { points: [None, None], position: Point3::origin(), stereo, flattening: None })
     }
 
     #[test]

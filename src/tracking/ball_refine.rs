@@ -107,7 +107,8 @@ fn sights(
     let taught = MOST_TEACHING / setup.frame_rate_hz;
     let both = |buffer: &mut FrameBuffer, index: usize| -> Result<Vec<Sight>, TrackingError> {
         let mut out = Vec::with_capacity(2);
-        let Some(ball) = &shot.ball[index] else { return Ok(out) };
+        // A ball that the strings press is no sphere.
+        let Some(ball) = shot.ball[index].as_ref().filter(|b| b.flattening.is_none()) else { return Ok(out) };
         let t = (source.number(index) as f64 - contact) / setup.frame_rate_hz;
         let (stretch, teaches) = if t < 0.0 {
             (0, t > -taught)

@@ -197,7 +197,7 @@ const SUMS: usize = 11;
 
 /// Sector of a direction, counted from +x toward +y, without an arc tangent: the borders are lines of known slope.
 #[inline]
-fn sector_of(dx: f64, dy: f64) -> usize {
+pub fn sector_of(dx: f64, dy: f64) -> usize {
     // Tangents of 15, 30, ... 75 degrees.
     const SLOPES: [f64; SECTORS / 4 - 1] = [0.267_949_192_431_122_7, 0.577_350_269_189_625_8, 1.0, 1.732_050_807_568_877_2, 3.732_050_807_568_877];
     // Turned back into the first quadrant.

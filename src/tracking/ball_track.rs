@@ -1,6 +1,7 @@
 //! Follows the ball from frame to frame in space: predicted place in both pictures, outline fit, one point from two rays.
 
 use super::ball_fit::{self, BallFit, OutlineLevels};
+use super::ball_pressed::Flattening;
 use super::ball_ring::REACH_PX;
 use super::ball_search::{self, BallCandidate};
 use super::ball_shading::{BallShading, INSIDE_LIMB, LimbProfile};
@@ -48,6 +49,8 @@ pub struct BallFrame {
     pub position: Point3<f64>,
     /// Both cameras measured it.
     pub stereo: bool,
+    /// Of a ball that the strings press.
+    pub flattening: Option<Flattening>,
 }
 
 impl BallFrame {
@@ -207,20 +210,20 @@ impl BallScene<'_> {
         if shares[one] > 0.0 { self.join(points, predicted) } else { None }
     }
 
-    fn join(&self, points: [Option<ImagePoint>; 2], predicted: &Point3<f64>) -> Option<BallFrame> {
+    pub(super) fn join(&self, points: [Option<ImagePoint>; 2], predicted: &Point3<f64>) -> Option<BallFrame> {
         match points {
             [Some(l), Some(r)] => {
                 let (p, gap) = self.view.triangulate(l.uv, r.uv)?;
                 let px = self.radius_px(CameraId::Left, &p)? / self.radius_m;
                 let tolerance = RAY_TOLERANCE_PX + 3.0 * (l.sd.norm() + r.sd.norm());
-                (gap * px < tolerance).then_some(BallFrame { points, position: p, stereo: true })
+                (gap * px < tolerance).then_some(BallFrame { points, position: p, stereo: true, flattening: None })
             }
             [Some(one), None] | [None, Some(one)] => {
                 let camera = if points[0].is_some() { CameraId::Left } else { CameraId::Right };
                 let ray = self.view.ray(camera, one.uv)?;
                 let eye = self.view.eye(camera);
                 let position = eye + ray * (predicted - eye).dot(&ray);
-                Some(BallFrame { points, position, stereo: false })
+                Some(BallFrame { points, position, stereo: false, flattening: None })
             }
             _ => None,
         }

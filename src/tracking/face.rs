@@ -96,7 +96,7 @@ mod tests {
     fn law_the_depth_that_one_camera_guesses_does_not_choose_the_face() {
         let pose = RacketPose { global_from_racket: Isometry3::identity(), covariance: Matrix6::identity(), chi2: 0.0, dof: 1 };
         let racket = vec![Some(RacketFrame { pose, points: [[None; 5]; 2] }); 20];
-        let ball = |stereo: bool, z: f64| Some(BallFrame { points: [None; 2], position: Point3::new(0.0, 0.0, z), stereo });
+        let ball = |stereo: bool, z: f64| Some(BallFrame { points: [None; 2], position: Point3::new(0.0, 0.0, z), stereo, flattening: None });
         // Left camera alone before the impact, followed backward from the rebound: guessed behind the strings. Both cameras after it.
         let seen: Vec<Option<BallFrame>> =
             (0..20).map(|i| if i < 10 { ball(false, -0.02 * f64::from(10 - i)) } else { ball(true, 0.03 * f64::from(i - 9)) }).collect();

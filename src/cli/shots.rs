@@ -2,6 +2,7 @@
 
 use super::Shell;
 use super::error::CliError;
+use super::track::seen_flattening;
 use super::tracked_session::TrackedSession;
 use crate::impact_table::ImpactTable;
 use crate::kinematics::{
@@ -130,7 +131,8 @@ fn one_shot(tracked: &TrackedSession, folder: &ShotFolder, arguments: &Arguments
     }
     // Everything else that enters: equipment, timing, groups, points asked for.
     let settings = tracked.settings(folder);
-    let settings_text = format!("{:?}", (&folder.racket, &folder.ball, folder.grip_torque_n_m, &folder.groups, &arguments.point, &settings));
+    let ball_flattening = seen_flattening(&place);
+    let settings_text = format!("{:?}", (&folder.racket, &folder.ball, folder.grip_torque_n_m, &ball_flattening, &folder.groups, &arguments.point, &settings));
     provenance.inputs.insert("settings".into(), crate::provenance::sha256_hex(settings_text.as_bytes()));
     if !shell.args.force
         && let Ok(earlier) = ShotRecord::read(&shot_file)
@@ -148,6 +150,7 @@ fn one_shot(tracked: &TrackedSession, folder: &ShotFolder, arguments: &Arguments
         ball: &folder.ball,
         spin: &spin,
         grip_torque_n_m: folder.grip_torque_n_m,
+        ball_flattening,
         groups: &folder.groups,
         asked_points: &arguments.point,
     };

@@ -9,7 +9,7 @@ use crate::provenance::{Provenance, ends_with_line, sha256_file, sha256_hex};
 use crate::session::{Session, ShotFolder};
 use crate::tracking::spin::{SPIN_FILE, spin_to_json};
 use crate::tracking::{
-    InStep, Overlay, PointState, RacketFigure, ShotSetup, SyncMode, Throat, TrackExport, TrackingError, Tracks, c3d_bytes, contact_frames, dltdv_tables, measure_spin, points_to_csv,
+    Flattening, InStep, Overlay, PointState, PressedFrame, RacketFigure, ShotSetup, SyncMode, Throat, TrackExport, TrackingError, Tracks, c3d_bytes, contact_frames, dltdv_tables, measure_spin, points_to_csv,
     read_points, track_in_step,
 };
 use serde::{Deserialize, Serialize};
@@ -66,6 +66,9 @@ struct ShotSummary {
     /// Frames in which the ball is nearer to the string plane than one radius.
     #[serde(default)]
     contact_frames: Vec<u64>,
+    /// Frames in which the ball was measured as pressed by the strings, and how much they flatten it.
+    #[serde(default)]
+    flattening: Vec<PressedFrame>,
     /// Frame n pairs the left picture n with the right picture n + this.
     #[serde(default)]
     right_shift: i64,
@@ -277,6 +280,13 @@ pub fn seen_throat(folder: &Path) -> Option<Throat> {
     earlier(folder)?.summary.throat.filter(Throat::is_possible)
 }
 
+/// The largest flattening of the ball that tracking saw in this shot, if the tracks are its own.
+pub fn seen_flattening(folder: &Path) -> Option<Flattening> {
+    let possible = |f: &Flattening| (0.0..1.0).contains(&f.share) && f.sd.is_finite() && f.sd > 0.0;
+    let all = earlier(folder)?.summary.flattening.into_iter().map(|f| f.flattening).filter(possible);
+    all.max_by(|a, b| a.share.total_cmp(&b.share))
+}
+
 /// Whether an earlier run had the same input, wrote what is asked for now, and no picture is younger than its result.
 fn still_holds(record: &TrackRecord, arguments: &Arguments, folder: &Path, provenance: &Provenance, clip: &Clip) -> bool {
     let time = |path: &Path| std::fs::metadata(path).and_then(|m| m.modified()).ok();
@@ -298,6 +308,7 @@ fn summary(id: &str, setup: &ShotSetup, made: &InStep, gaps: Vec<String>) -> Sho
         occluded: tracked.tracks.points.len() - measured,
         contact_frame: tracked.contact_frame,
         contact_frames: contact_frames(&made.clip, setup, tracked),
+        flattening: PressedFrame::of(&made.clip, &tracked.ball),
         right_shift: made.right_shift,
         out_of_step: made.out_of_step,
         throat: tracked.figure.throat().filter(|t| as_written != Some(*t)),

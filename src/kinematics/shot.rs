@@ -15,7 +15,7 @@ use crate::calibration::{CalibrationSpread, StereoRig};
 use crate::equipment::{Ball, Racket};
 use crate::impact_table::{INPUTS, ImpactRow, Measured, OUTPUTS};
 use crate::quantity::Quantity;
-use crate::tracking::{SpacePoint, Tracks};
+use crate::tracking::{Flattening, SpacePoint, Tracks};
 use nalgebra::{Matrix3, Vector2, Vector3};
 use serde::de::{Deserializer, MapAccess, Visitor};
 use serde::ser::{SerializeMap, Serializer};
@@ -192,6 +192,8 @@ pub struct ShotInput<'a> {
     pub spin: &'a ShotSpin,
     /// Recorded torque of the mount about the handle, N m.
     pub grip_torque_n_m: Option<f64>,
+    /// Largest that the pictures show, by the strings.
+    pub ball_flattening: Option<Flattening>,
     pub groups: &'a [(String, String)],
     /// Local points whose velocity is asked for, m.
     pub asked_points: &'a [Vector2<f64>],
@@ -226,6 +228,7 @@ pub fn measure_shot(input: &ShotInput<'_>, settings: &MeasureSettings) -> Result
     }
     // Set on the mount, not measured: no deviation of its own.
     quantities.0.extend(input.grip_torque_n_m.map(|torque| ("grip_torque".to_owned(), Quantity::new(torque, 0.0, "N m"))));
+    quantities.0.extend(input.ball_flattening.map(|f| ("ball_flattening".to_owned(), Quantity::new(f.share, f.sd, ""))));
     let impact_timing = quantities.get("ball_in_global_vy").filter(|_| settings.axes_known).map(|v| {
         if v.value.abs() < 1.96 * v.sd {
             ImpactTiming::Apex

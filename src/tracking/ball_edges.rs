@@ -7,7 +7,8 @@
 use super::ball_ring::sector_of;
 use super::ball_shading::{LimbProfile, SECTORS};
 use crate::footage::GreyView;
-use nalgebra::{Matrix2, Vector2};
+use nalgebra::{Matrix2, SVector, Vector2};
+use std::sync::LazyLock;
 
 /// Places of the outline that are tried, px from the free ball's, and how far apart.
 const FROM_PX: f64 = -2.0;
@@ -21,19 +22,24 @@ const MOST: f64 = 4.5;
 const OTHER_BRIGHTNESS: f32 = 2.0;
 /// A picture's light against that of free flight.
 const GAINS: (f64, f64) = (0.7, 1.4);
-/// The centre is found in these steps, px, so many each way; over the last its curvature is taken.
-const STEPS_PX: [f64; 4] = [0.6, 0.2, 0.07, 0.025];
-const STEPS_AROUND: i32 = 3;
+/// The centre is looked for on a grid of this spacing, px, so many places each way.
+const GRID_PX: f64 = 0.6;
+const GRID: i32 = 3;
+/// Steps downhill, px: the first and the last.
+const STEPS_PX: (f64, f64) = (0.3, 0.02);
+/// The cost's curvature is taken over this, px.
 const CURVED_PX: f64 = 0.15;
 
 /// Distances of an outline from its centre in the middle of every sector, px.
 pub type Radii = [f64; SECTORS];
 
-/// The middle of a sector, seen from the centre.
-pub fn direction(sector: usize) -> Vector2<f64> {
-    let a = std::f64::consts::TAU * (sector as f64 + 0.5) / SECTORS as f64;
-    Vector2::new(a.cos(), a.sin())
-}
+/// The middle of every sector, seen from the centre.
+pub static DIRECTIONS: LazyLock<[Vector2<f64>; SECTORS]> = LazyLock::new(|| {
+    std::array::from_fn(|k| {
+        let a = std::f64::consts::TAU * (k as f64 + 0.5) / SECTORS as f64;
+        Vector2::new(a.cos(), a.sin())
+    })
+});
 
 /// The pixels of every sector around a place: distance, grey level.
 struct Around([Vec<[f32; 2]>; SECTORS]);
@@ -80,6 +86,26 @@ impl Around {
     }
 }
 
+/// Goes downhill from a place in any number of dimensions, in steps halved from the first to the last, px; `px` is how long one is. Place and cost.
+pub fn downhill<const N: usize>(from: SVector<f64, N>, px: f64, cost: impl Fn(&SVector<f64, N>) -> f64) -> (SVector<f64, N>, f64) {
+    let (mut best, mut step) = ((from, cost(&from)), STEPS_PX.0);
+    while step > STEPS_PX.1 {
+        let here = best.0;
+        // All neighbours of a cube's middle: 3^N, itself among them.
+        for k in 0..3usize.pow(N as u32) {
+            let place = here + SVector::from_fn(|i, _| (k / 3usize.pow(i as u32) % 3) as f64 - 1.0) * (step * px);
+            let there = cost(&place);
+            if there < best.1 {
+                best = (place, there);
+            }
+        }
+        if best.0 == here {
+            step *= 0.5;
+        }
+    }
+    best
+}
+
 /// Normal equations of the two levels of a sector, surroundings (a) and ball (b), from its grey levels (g).
 #[derive(Debug, Clone, Copy, Default)]
 struct Levels {
@@ -117,13 +143,6 @@ pub struct BallEdges {
     costs: [[f32; PLACES]; SECTORS],
 }
 
-/// How badly an outline agrees with a picture where it agrees best.
-#[derive(Debug, Clone, Copy)]
-pub struct OutlineCost {
-    pub centre: Vector2<f64>,
-    pub cost: f64,
-}
-
 impl BallEdges {
     /// `usual` is the ball's level in free flight. `None` where the picture does not show all around the ball.
     pub fn of(image: &GreyView, centre: Vector2<f64>, radius_px: f64, profile: &LimbProfile, usual: &[f32; SECTORS]) -> Option<Self> {
@@ -149,43 +168,95 @@ impl BallEdges {
         Some(BallEdges { centre, radius_px, costs })
     }
 
-    fn cost_at(&self, outline: &Radii, shift: &Vector2<f64>) -> f64 {
+    /// The cost of an outline around a centre.
+    pub fn cost_at(&self, outline: &Radii, centre: &Vector2<f64>) -> f64 {
+        let shift = centre - self.centre;
         let mut sum = 0.0;
-        for (k, radius) in outline.iter().enumerate() {
-            let out = radius + direction(k).dot(shift) - self.radius_px;
-            let at = ((out - FROM_PX) / SPACING_PX).clamp(0.0, (PLACES - 1) as f64 - 1e-3);
-            let beyond = (at - at.floor()) as f32;
-            let [a, b] = [self.costs[k][at as usize], self.costs[k][at as usize + 1]];
-            sum += f64::from(a * (1.0 - beyond) + b * beyond).min(MOST);
+        for ((radius, u), costs) in outline.iter().zip(&*DIRECTIONS).zip(&self.costs) {
+            let out = radius + u.x * shift.x + u.y * shift.y - self.radius_px;
+            let at = ((out - FROM_PX) * (1.0 / SPACING_PX)).clamp(0.0, (PLACES - 1) as f64 - 1e-3);
+            let place = at as usize;
+            let beyond = (at - place as f64) as f32;
+            let [a, b] = [costs[place], costs[place + 1]];
+            sum += f64::from(a + (b - a) * beyond).min(MOST);
         }
         sum
     }
 
-    /// The cost of an outline whose centre is free.
-    pub fn cost(&self, outline: &Radii) -> OutlineCost {
-        let mut best = (Vector2::zeros(), self.cost_at(outline, &Vector2::zeros()));
-        for step in STEPS_PX {
-            let from = best.0;
-            for i in -STEPS_AROUND..=STEPS_AROUND {
-                for j in -STEPS_AROUND..=STEPS_AROUND {
-                    let shift = from + Vector2::new(f64::from(i), f64::from(j)) * step;
-                    let c = self.cost_at(outline, &shift);
-                    if c < best.1 {
-                        best = (shift, c);
-                    }
-                }
-            }
-        }
-        OutlineCost { centre: self.centre + best.0, cost: best.1 }
+    /// Where on a grid around the place looked at an outline agrees best.
+    pub fn best_on_grid(&self, outline: &Radii) -> Vector2<f64> {
+        let places = (-GRID..=GRID).flat_map(|i| (-GRID..=GRID).map(move |j| self.centre + Vector2::new(f64::from(i), f64::from(j)) * GRID_PX));
+        let costs = places.map(|centre| (self.cost_at(outline, &centre), centre));
+        costs.min_by(|a, b| a.0.total_cmp(&b.0)).map_or(self.centre, |best| best.1)
     }
 
     /// Covariance of the centre, px², where sectors tell it; the cost is a log-likelihood.
     pub fn covariance(&self, outline: &Radii, centre: &Vector2<f64>) -> Option<Matrix2<f64>> {
-        let at = |x: f64, y: f64| self.cost_at(outline, &(centre - self.centre + Vector2::new(x, y)));
+        let at = |x: f64, y: f64| self.cost_at(outline, &(centre + Vector2::new(x, y)));
         let (h, here) = (CURVED_PX, at(0.0, 0.0));
         let second = |a: f64, b: f64| (a - 2.0 * here + b) / (h * h);
         let mixed = (at(h, h) - at(h, -h) - at(-h, h) + at(-h, -h)) / (4.0 * h * h);
         let c = Matrix2::new(second(at(h, 0.0), at(-h, 0.0)), mixed, mixed, second(at(0.0, h), at(0.0, -h))).try_inverse()?;
         (c[(0, 0)] > 0.0 && c[(1, 1)] > 0.0 && c.determinant() > 0.0).then_some(c)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::ball_shading::BallShading;
+    use super::*;
+    use crate::footage::GreyImage;
+
+    /// An ellipse of felt, bright above and hardly brighter than what is behind it below, with a dark line across, under a blur of 0.6 px.
+    fn picture(centre: Vector2<f64>, half: [f64; 2]) -> GreyImage {
+        let grey = |p: Vector2<f64>| {
+            let d = (p - centre).component_div(&Vector2::from(half));
+            if d.norm_squared() > 1.0 {
+                return 40.0;
+            }
+            let line = if (d.x - 0.4 * d.y).abs() < 0.06 { 0.4 } else { 1.0 };
+            line * (60.0 - 110.0 * d.y.min(0.0))
+        };
+        let mean = |i: usize| {
+            let (mut sum, mut weight) = (0.0, 0.0);
+            for k in 0..81 {
+                let o = Vector2::new((k % 9) as f64 - 4.0, (k / 9) as f64 - 4.0) * 0.4;
+                let w = (-0.5 * o.norm_squared() / 0.36).exp();
+                sum += w * grey(Vector2::new((i % 64) as f64, (i / 64) as f64) + o);
+                weight += w;
+            }
+            (sum / weight).round() as u8
+        };
+        GreyImage { width: 64, height: 64, pixels: (0..64 * 64).map(mean).collect() }
+    }
+
+    fn ellipse(half: [f64; 2]) -> Radii {
+        std::array::from_fn(|k| DIRECTIONS[k].component_div(&Vector2::from(half)).norm().recip())
+    }
+
+    #[test]
+    fn truth_the_right_ellipse_costs_least_and_lies_where_it_is_drawn() {
+        let (free, pressed) = (Vector2::new(31.2, 32.7), Vector2::new(32.6, 30.4));
+        let profile = LimbProfile::new(&BallShading { ambient: 0.5, light: nalgebra::Vector3::new(0.0, -1.0, -0.2).normalize() }, 8.0, 0.6);
+        let usual = levels(&GreyView::of(&picture(free, [8.0, 8.0])), &free, 8.0, &profile).expect("seen");
+        let image = picture(pressed, [9.0, 7.2]);
+        // Begun 1.3 px away.
+        let edges = BallEdges::of(&GreyView::of(&image), pressed + Vector2::new(-0.9, 0.9), 8.0, &profile, &usual).expect("seen");
+        let best = |half: [f64; 2]| {
+            let outline = ellipse(half);
+            downhill(edges.best_on_grid(&outline), 1.0, |c| edges.cost_at(&outline, c))
+        };
+        let [right, round, turned] = [[9.0, 7.2], [8.0, 8.0], [7.2, 9.0]].map(|half| best(half));
+        assert!(right.1 + 5.0 < round.1 && round.1 < turned.1, "{right:?} {round:?} {turned:?}");
+        assert!((right.0 - pressed).norm() < 0.25, "{right:?}");
+        let sd = edges.covariance(&ellipse([9.0, 7.2]), &right.0).expect("told").trace().sqrt();
+        assert!(sd > 0.005 && sd < 0.3, "{sd}");
+    }
+
+    #[test]
+    fn fails_quietly_where_the_picture_ends() {
+        let image = picture(Vector2::new(32.0, 32.0), [8.0, 8.0]);
+        let profile = LimbProfile::new(&BallShading::default(), 8.0, 0.6);
+        assert!(BallEdges::of(&GreyView::of(&image), Vector2::new(5.0, 32.0), 8.0, &profile, &[100.0; SECTORS]).is_none());
     }
 }

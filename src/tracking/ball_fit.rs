@@ -8,20 +8,13 @@
 //! (Tried and left: nine spherical harmonics for the whole disc, which drawn lines pulled by up to 1 px; free brightening
 //! in every sector, 0.25 px; a ring wider than 2 px inside, where the panels' borders are.)
 
+use super::ball_edges::DIRECTIONS;
 use super::ball_ring::{BallRing, RingModel, SectorSums};
 use super::ball_shading::{LimbProfile, SECTORS};
 use crate::footage::GreyView;
 use nalgebra::{Matrix2, Vector2};
 use std::cell::RefCell;
-use std::sync::LazyLock;
 
-/// The middle of every sector, seen from the centre.
-static DIRECTIONS: LazyLock<[Vector2<f64>; SECTORS]> = LazyLock::new(|| {
-    std::array::from_fn(|k| {
-        let a = std::f64::consts::TAU * (k as f64 + 0.5) / SECTORS as f64;
-        Vector2::new(a.cos(), a.sin())
-    })
-});
 const ROUNDS: usize = 10;
 /// From this round on sectors that disagree count less.
 const ROBUST_FROM: usize = 3;

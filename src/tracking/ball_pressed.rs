@@ -5,7 +5,7 @@
 //! cameras' outlines agree with best, over all frames of the contact together: ball and strings are a spring (physics.md E.2), so that the
 //! flattening rises and falls like half a sine, or nearly. (Thesis section 4.9.3 leaves these frames out.)
 
-use super::ball_edges::{BallEdges, OutlineCost, Radii, direction, levels};
+use super::ball_edges::{BallEdges, DIRECTIONS, Radii, downhill, levels};
 use super::ball_shading::SECTORS;
 use super::ball_track::{BallFrame, BallScene};
 use super::contact_length::{LONGEST_CONTACT_S, SHORTEST_CONTACT_S};
@@ -19,10 +19,13 @@ use crate::calibration::CameraId;
 use crate::footage::{FrameBuffer, FrameSource, GreyView};
 use nalgebra::{Matrix2x3, Matrix3, Point3, Vector2, Vector3};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 /// Flattenings tried in every frame: none to almost half, in steps of this.
 const STEP: f64 = 0.03;
 const STEPS: usize = 15;
+/// One in so many of them is looked for anywhere, those after it from where the last was.
+const LOOK_AGAIN: usize = 3;
 /// Steps of the curve's height, and how many lengths of contact are tried.
 const CURVE_STEP: f64 = 0.02;
 const LENGTHS: usize = 6;
@@ -35,14 +38,17 @@ const LEAST_GAIN: f64 = 4.5;
 /// A frame in which it is flattened by less, or by fewer deviations, is measured as a round ball's.
 const LEAST_SHARE: f64 = 0.03;
 const LEAST_DEVIATIONS: f64 = 2.0;
-/// What a pressed ball's true shape may differ from the spheroid's, as a share of what the flattening moves the outline by: it is flat on
-/// one side and round on the other.
+/// What a pressed ball's true shape may differ from the spheroid's, as a share of the flattening and of what it moves the outline by: it is
+/// flat on one side and round on the other.
 const SHAPE_SHARE: f64 = 0.15;
+/// Along a line of sight places are tried this far apart in the other picture, px, so many each way.
+const ALONG_PX: f64 = 0.5;
+const ALONG: i32 = 7;
 /// Frames on either side of the contact that tell how bright the ball is, at 1000 frames a second.
 const FREE_FRAMES: f64 = 6.0;
 
 /// How much the strings flatten the ball.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Flattening {
     /// Share by which the ball is shorter along the face's normal than a free one.
     pub share: f64,
@@ -50,27 +56,54 @@ pub struct Flattening {
     pub sd: f64,
 }
 
+/// The flattening in one frame.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct PressedFrame {
+    pub frame: u64,
+    #[serde(flatten)]
+    pub flattening: Flattening,
+}
+
+impl PressedFrame {
+    /// Where the ball of a shot was measured as pressed.
+    pub fn of(source: &impl FrameSource, ball: &[Option<BallFrame>]) -> Vec<PressedFrame> {
+        let frame = |(index, ball): (usize, &Option<BallFrame>)| Some(PressedFrame { frame: source.number(index), flattening: ball.as_ref()?.flattening? });
+        ball.iter().enumerate().filter_map(frame).collect()
+    }
+}
+
 /// One camera's picture of the ball, and how a body lies in it.
 struct Sight {
     camera: CameraId,
     radius_px: f64,
-    /// Change of the picture with the place, px per m.
+    /// Where the expected place lies in the picture, px, and how that changes with the place, px per m.
+    uv: Vector2<f64>,
     across: Matrix2x3<f64>,
     edges: BallEdges,
 }
 
 impl Sight {
-    /// Outline of a spheroid that is flattened by a share along `normal`. Seen from afar a body {x: xᵀ M⁻¹ x = 1} has the outline {u: uᵀ (J M Jᵀ)⁻¹ u = 1}.
     fn outline(&self, share: f64, normal: &Vector3<f64>) -> Option<Radii> {
-        let (along, across) = ((1.0 - share).powi(2), 1.0 / (1.0 - share));
-        let body = Matrix3::identity() * across + normal * normal.transpose() * (along - across);
-        let [flat, round] = [body, Matrix3::identity()].map(|m| (self.across * m * self.across.transpose()).try_inverse());
-        let (flat, round) = (flat?, round?);
-        Some(std::array::from_fn(|k| {
-            let u = direction(k);
-            self.radius_px * (u.dot(&(round * u)) / u.dot(&(flat * u))).sqrt()
-        }))
+        spheroid_outline(share, normal, self.radius_px, &self.across)
     }
+
+    /// Where a place beside the expected one lies in the picture.
+    fn at(&self, offset: &Vector3<f64>) -> Vector2<f64> {
+        self.uv + self.across * offset
+    }
+}
+
+/// Outline of a spheroid that is flattened by a share along `normal`; `across` is the change of the picture with the place, px per m, and `radius_px` the round
+/// ball's. Seen from afar a body {x: xᵀ M⁻¹ x = 1} has the outline {u: uᵀ (J M Jᵀ)⁻¹ u = 1}.
+fn spheroid_outline(share: f64, normal: &Vector3<f64>, radius_px: f64, across: &Matrix2x3<f64>) -> Option<Radii> {
+    let (short, long) = ((1.0 - share).powi(2), 1.0 / (1.0 - share));
+    let body = Matrix3::identity() * long + normal * normal.transpose() * (short - long);
+    let [flat, round] = [body, Matrix3::identity()].map(|m| (across * m * across.transpose()).try_inverse());
+    let (flat, round) = (flat?, round?);
+    Some(std::array::from_fn(|k| {
+        let u = DIRECTIONS[k];
+        radius_px * (u.dot(&(round * u)) / u.dot(&(flat * u))).sqrt()
+    }))
 }
 
 /// A frame of the contact: what its outlines say of every flattening tried.
@@ -85,6 +118,15 @@ struct Touch {
     costs: [f64; STEPS],
 }
 
+/// Where a ball with some flattening costs least.
+struct Placed {
+    cost: f64,
+    /// From the expected place, m, where two cameras tell it.
+    offset: Vector3<f64>,
+    /// In each sight.
+    centres: Vec<Vector2<f64>>,
+}
+
 impl Touch {
     /// Of a frame whose face has this normal and whose ball is, or should be, at `place`.
     fn of(
@@ -94,28 +136,57 @@ impl Touch {
         (index, time_s): (usize, f64),
         place: Point3<f64>,
         normal: Vector3<f64>,
-        seen: Option<&BallFrame>,
     ) -> Option<Self> {
-        let sight = |camera: CameraId| {
+        let sight = |camera: CameraId, centre: Vector2<f64>| {
             let c = camera.index();
             let (uv, across) = scene.view.project_with_jacobian(camera, &place)?;
-            let start = seen.and_then(|b| b.points[c]).map_or(uv, |p| p.uv);
             let (image, radius_px) = (images[c].as_ref()?, scene.radius_px(camera, &place)?);
-            let mut sight = Sight { camera, radius_px, across, edges: BallEdges::of(image, start, radius_px, &scene.limb[c], &usual[c])? };
-            // Once more from where the best of all outlines lies.
-            let costs = (0..STEPS).filter_map(|k| Some(sight.edges.cost(&sight.outline(STEP * k as f64, &normal)?)));
-            let best: OutlineCost = costs.min_by(|a, b| a.cost.total_cmp(&b.cost))?;
-            sight.edges = BallEdges::of(image, best.centre, radius_px, &scene.limb[c], &usual[c])?;
-            Some(sight)
+            Some(Sight { camera, radius_px, uv, across, edges: BallEdges::of(image, centre, radius_px, &scene.limb[c], &usual[c])? })
         };
-        let sights: Vec<Sight> = CameraId::BOTH.into_iter().filter_map(sight).collect();
-        let mut costs = [0.0; STEPS];
-        for (k, cost) in costs.iter_mut().enumerate() {
-            for sight in &sights {
-                *cost += sight.edges.cost(&sight.outline(STEP * k as f64, &normal)?).cost;
-            }
+        let first: Vec<Sight> = CameraId::BOTH.into_iter().filter_map(|c| sight(c, scene.view.project(c, &place)?)).collect();
+        let mut touch = Touch { index, time_s, place, normal, sights: first, costs: [0.0; STEPS] };
+        // Once more from where the best of some outlines lies.
+        let some = (0..STEPS).step_by(LOOK_AGAIN).filter_map(|k| touch.best(STEP * k as f64, None));
+        let seen = some.min_by(|a, b| a.cost.total_cmp(&b.cost))?.centres;
+        touch.sights = touch.sights.iter().zip(seen).filter_map(|(s, centre)| sight(s.camera, centre)).collect();
+        let mut last: Option<Placed> = None;
+        for k in 0..STEPS {
+            let near = last.filter(|_| k % LOOK_AGAIN > 0);
+            let placed = touch.best(STEP * k as f64, near.as_ref())?;
+            touch.costs[k] = placed.cost;
+            last = Some(placed);
         }
-        Some(Touch { index, time_s, place, normal, costs, sights })
+        Some(touch)
+    }
+
+    /// Where a ball flattened by a share costs least, from where one flattened nearly as much does or from anywhere. Two cameras are asked for
+    /// one place in space.
+    fn best(&self, share: f64, near: Option<&Placed>) -> Option<Placed> {
+        let outlines: Vec<Radii> = self.sights.iter().map(|s| s.outline(share, &self.normal)).collect::<Option<_>>()?;
+        let on_grid = |k: usize| self.sights[k].edges.best_on_grid(&outlines[k]);
+        let [one, two] = self.sights.as_slice() else {
+            let (sight, outline) = (self.sights.first()?, outlines.first()?);
+            let start = near.and_then(|p| p.centres.first().copied()).unwrap_or_else(|| on_grid(0));
+            let (centre, cost) = downhill(start, 1.0, |c| sight.edges.cost_at(outline, c));
+            return Some(Placed { cost, offset: Vector3::zeros(), centres: vec![centre] });
+        };
+        let cost = |offset: &Vector3<f64>| one.edges.cost_at(&outlines[0], &one.at(offset)) + two.edges.cost_at(&outlines[1], &two.at(offset));
+        let start = match near {
+            Some(placed) => placed.offset,
+            None => {
+                // From where either camera alone sees it best, along that camera's line of sight.
+                let mut starts: Vec<(f64, Vector3<f64>)> = Vec::new();
+                for (k, (seen, other)) in [(one, two), (two, one)].into_iter().enumerate() {
+                    let ray = seen.across.row(0).transpose().cross(&seen.across.row(1).transpose()).try_normalize(0.0)?;
+                    let beside = seen.across.transpose() * (seen.across * seen.across.transpose()).try_inverse()? * (on_grid(k) - seen.uv);
+                    let spacing = ALONG_PX / (other.across * ray).norm().max(1e-9);
+                    starts.extend((-ALONG..=ALONG).map(|k| beside + ray * (spacing * f64::from(k))).map(|offset| (cost(&offset), offset)));
+                }
+                starts.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))?.1
+            }
+        };
+        let (offset, cost) = downhill(start, 1.0 / one.across.row(0).norm(), cost);
+        Some(Placed { cost, offset, centres: vec![one.at(&offset), two.at(&offset)] })
     }
 
     /// Cost at a flattening, between those tried.
@@ -140,22 +211,24 @@ impl Touch {
         Flattening { share, sd: (square / sum - share * share).max(0.0).sqrt().max(STEP / FINER as f64) }
     }
 
-    /// The ball with this flattening; `None` where its pictures do not tell its place.
+    /// The ball with this flattening, whose deviation then tells what the shape may be as well; `None` where its pictures do not tell its
+    /// place.
     fn ball(&self, scene: &BallScene, flattening: Flattening, heat: f64) -> Option<BallFrame> {
+        let Flattening { share, sd } = flattening;
+        let placed = self.best(share, None)?;
+        let [less, more] = [(share - sd).max(0.0), share + sd].map(|share| self.best(share, Some(&placed)));
+        let (less, more) = (less?.centres, more?.centres);
         let mut points: [Option<ImagePoint>; 2] = [None, None];
-        for sight in &self.sights {
-            let centre = |share: f64| Some(sight.edges.cost(&sight.outline(share.max(0.0), &self.normal)?).centre);
-            let Flattening { share, sd } = flattening;
-            let uv = centre(share)?;
+        for (k, (sight, uv)) in self.sights.iter().zip(placed.centres).enumerate() {
+            let alone = sight.edges.covariance(&sight.outline(share, &self.normal)?, &uv)?;
             // How the centre goes with the flattening.
-            let by_share = 0.5 * (centre(share + sd)? - centre(share - sd)?);
-            let Some(alone) = sight.edges.covariance(&sight.outline(share, &self.normal)?, &uv) else { continue };
+            let by_share = 0.5 * (more[k] - less[k]);
             let shape = SHAPE_SHARE * share * sight.radius_px;
-            let deviation = |k: usize| (heat * alone[(k, k)] + by_share[k].powi(2) + shape * shape).sqrt();
+            let deviation = |i: usize| (heat * alone[(i, i)] + by_share[i].powi(2) + shape * shape).sqrt();
             points[sight.camera.index()] = Some(ImagePoint { uv, sd: Vector2::new(deviation(0), deviation(1)) });
         }
         let joined = scene.join(points, &self.place)?;
-        Some(BallFrame { flattening: Some(flattening), ..joined })
+        Some(BallFrame { flattening: Some(Flattening { share, sd: sd.hypot(SHAPE_SHARE * share) }), ..joined })
     }
 }
 
@@ -199,7 +272,7 @@ impl<S: FrameSource> Shot<'_, S> {
             let Some(place) = known[index].map(|b| b.position).or_else(|| Some(expected_ball(known, &numbers, index)?.0)) else { return Ok(None) };
             let images = self.read_rows(index, self.ball_rows(scene, &place, 4), buffers)?;
             let normal = racket.pose.global_from_racket.rotation * Vector3::z();
-            Ok(Touch::of(scene, &images, &usual, (index, time_s(index)), place, normal, known[index].as_ref()))
+            Ok(Touch::of(scene, &images, &usual, (index, time_s(index)), place, normal))
         };
         let indices: Vec<usize> = (0..ball.len()).filter(|i| (0.0..LONGEST_CONTACT_S).contains(&time_s(*i))).collect();
         let touches: Result<Vec<Option<Touch>>, TrackingError> = indices.into_par_iter().map_init(Default::default, touch).collect();
@@ -208,9 +281,6 @@ impl<S: FrameSource> Shot<'_, S> {
         // Half a unit is what a sector of a right outline adds.
         let sectors = touches.iter().map(|t| t.sights.len() * SECTORS).sum::<usize>();
         let heat = SECTORS_ALIKE * (2.0 * cost / sectors.max(1) as f64).max(1.0);
-        if std::env::var("PQ").is_ok() {
-            eprintln!("Q curve {cost:.1} {press:?} none {:.1} heat {heat:.2}", Press::NONE.cost(&touches));
-        }
         if Press::NONE.cost(&touches) - cost < heat * LEAST_GAIN {
             return Ok(());
         }
@@ -245,5 +315,30 @@ impl<S: FrameSource> Shot<'_, S> {
             *levels.select_nth_unstable_by(mid, f32::total_cmp).1
         };
         Ok(seen.iter().all(|s| !s.is_empty()).then(|| seen.each_ref().map(|s| std::array::from_fn(|k| median(s, k)))))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn truth_a_spheroid_is_wider_along_its_axis_and_shorter_across_it() {
+        let from_the_front = Matrix2x3::new(250.0, 0.0, 0.0, 0.0, 250.0, 0.0);
+        let wide = spheroid_outline(0.2, &Vector3::z(), 8.0, &from_the_front).expect("seen");
+        assert!(wide.iter().all(|r| (r - 8.0 / 0.8f64.sqrt()).abs() < 1e-9), "{wide:?}");
+        let aside = spheroid_outline(0.2, &Vector3::x(), 8.0, &from_the_front).expect("seen");
+        for (k, r) in aside.iter().enumerate() {
+            let u = DIRECTIONS[k];
+            let ellipse = 8.0 / ((u.x / 0.8).powi(2) + u.y * u.y * 0.8).sqrt();
+            assert!((r - ellipse).abs() < 1e-9, "{k}: {r} {ellipse}");
+        }
+        assert!(spheroid_outline(0.0, &Vector3::x(), 8.0, &from_the_front).expect("seen").iter().all(|r| (r - 8.0).abs() < 1e-12));
+    }
+
+    #[test]
+    fn law_the_press_rises_and_falls_within_the_contact() {
+        let press = Press { most: 0.2, length_s: 5e-3 };
+        assert!((press.at(2.5e-3) - 0.2).abs() < 1e-12 && press.at(-1e-6) == 0.0 && press.at(5.1e-3) == 0.0);
     }
 }

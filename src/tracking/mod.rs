@@ -61,6 +61,7 @@ mod throat_bend;
 mod track_file;
 mod tube_width;
 
+pub use ball_pressed::{Flattening, PressedFrame};
 pub use ball_track::BallFrame;
 pub use c3d::c3d_bytes;
 pub use dltdv::dltdv_tables;

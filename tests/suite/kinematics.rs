@@ -213,6 +213,7 @@ fn input_of<'a>(truth: &'a TrueShot, spin: &'a ShotSpin) -> ShotInput<'a> {
         ball: &truth.ball,
         spin,
         grip_torque_n_m: None,
+        ball_flattening: None,
         groups: &[],
         asked_points: &[],
     }

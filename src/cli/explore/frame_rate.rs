@@ -36,6 +36,7 @@ pub fn study_session(folder: &Path, only: &[String], shell: &Shell) -> Result<()
                     ball: &shot.ball,
                     spin: &ShotSpin::default(),
                     grip_torque_n_m: shot.grip_torque_n_m,
+                    ball_flattening: None,
                     groups: &shot.groups,
                     asked_points: &[],
                 };

@@ -3,7 +3,7 @@
 use crate::report::column::{ColumnWords, column_words};
 
 /// Name in shot.json, words, unit shown, factor from SI; in the order of reading.
-pub(super) const QUANTITIES: [(&str, &str, &str, f64); 33] = [
+pub(super) const QUANTITIES: [(&str, &str, &str, f64); 34] = [
     ("ball_in_speed", "ball speed before", "m/s", 1.0),
     ("ball_out_speed", "ball speed after", "m/s", 1.0),
     ("ball_in_spin_rpm", "ball spin before", "rpm", 1.0),
@@ -18,6 +18,7 @@ pub(super) const QUANTITIES: [(&str, &str, &str, f64); 33] = [
     ("impact_point_in_speed", "speed of the impact point before", "m/s", 1.0),
     ("impact_frame", "impact, in frames", "", 1.0),
     ("contact_time", "contact time", "ms", 1000.0),
+    ("ball_flattening", "ball flattened by the strings", "%", 100.0),
     ("impact_x", "impact from stringbed centre, x", "mm", 1000.0),
     ("impact_y", "impact from stringbed centre, y", "mm", 1000.0),
     ("impact_x_from_com", "impact from centre of mass, x", "mm", 1000.0),

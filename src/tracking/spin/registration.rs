@@ -318,7 +318,8 @@ impl<'a> Registrar<'a> {
     }
 
     fn markings(&self, d: &Design, map: &[f32]) -> Vec<f32> {
-        d.spots.iter().map(|s| inner(&self.map.values(s, map), &s.weights())).collect()
+        let cells = self.map.by_cell(map);
+        d.spots.iter().map(|s| inner(&cells[usize::from(s.cell)], &s.weights())).collect()
     }
 
     fn residuals(&self, markings: &[f32], state: &State) -> Vec<f32> {
@@ -440,12 +441,13 @@ impl<'a> Registrar<'a> {
                 std::array::from_fn(|i| std::array::from_fn(|j| m[(i, j)] as f32))
             })
             .collect();
+        let cells = self.map.by_cell(map);
         d.spots
             .iter()
             .zip(&d.body)
             .zip(self.marks)
             .map(|((s, b), m)| {
-                let g = s.gradient(self.map.values(s, map));
+                let g = s.gradient(cells[usize::from(s.cell)]);
                 turned(&turns[m.view], &[g[1] * b[2] - g[2] * b[1], g[2] * b[0] - g[0] * b[2], g[0] * b[1] - g[1] * b[0]])
             })
             .collect()
@@ -478,8 +480,9 @@ impl<'a> Registrar<'a> {
         let imitated = right.map(|r| {
             let mut x = vec![0.0; r.len()];
             self.conjugate_gradients(e, &r, &mut x, ROUNDS);
-            x
+            self.map.by_cell(&x)
         });
+        let cells = self.map.by_cell(&state.map);
         let mut information = Matrix3::identity() * 1e-6;
         let mut scores = vec![Vector3::zeros(); self.views.len()];
         // What the score gains when a picture's disc moves a pixel to the right, and down.
@@ -491,11 +494,11 @@ impl<'a> Registrar<'a> {
             .collect();
         for (((spot, slope), (&w, r)), m) in d.spots.iter().zip(slopes).zip(weights.iter().zip(&residuals)).zip(self.marks) {
             let k = spot.weights();
-            let own: Vector3<f64> = Vector3::from_fn(|i, _| f64::from(slope[i] - inner(&self.map.values(spot, &imitated[i]), &k)));
+            let own: Vector3<f64> = Vector3::from_fn(|i, _| f64::from(slope[i] - inner(&imitated[i][usize::from(spot.cell)], &k)));
             let whole = Vector3::from(*slope).map(f64::from);
             information += own * whole.transpose() * f64::from(w);
             scores[m.view] += own * f64::from(w * r);
-            let slope = to_body[m.view].tr_mul(&Vector3::from(spot.gradient(self.map.values(spot, &state.map))).map(f64::from)) / self.views[m.view].radius_px;
+            let slope = to_body[m.view].tr_mul(&Vector3::from(spot.gradient(cells[usize::from(spot.cell)])).map(f64::from)) / self.views[m.view].radius_px;
             for (moved, (along, at)) in moved[m.view].iter_mut().zip([(slope.x, m.disc.x), (slope.y, m.disc.y)]) {
                 *moved += own * (f64::from(w) * (along - slope.z * at / m.disc.z));
             }

@@ -111,9 +111,9 @@ struct OneCamera {
     /// The camera's right, down and toward at the middle of the flight.
     axes: Matrix3<f64>,
     /// Directions of the grid's places in those axes.
-    places: Vec<[f32; 3]>,
-    /// Number of the place at each cell of the square; one beyond the last where there is none.
-    number: [u8; SIDE * SIDE],
+    places: [Vec<f32>; 3],
+    /// Number of the place at each cell of the square, and of what lies on the ball's far side; one beyond the last where there is none.
+    number: [u8; SIDE * SIDE + 1],
     /// By frame: contrast and weight at every place.
     frames: BTreeMap<i64, Vec<[f32; 2]>>,
 }
@@ -155,16 +155,13 @@ impl<'a> Search<'a> {
             let camera = &self.cameras[t.camera];
             // Right, down and toward the camera are left-handed: there a turn goes the other way.
             let r = turn(&(camera.axes.tr_mul(omega) * (-(t.frames as f64) * self.frame_s)).map(|x| x as f32).into());
-            let width = camera.places.len() + 1;
-            let mut cells = [(0u8, false); SIDE * SIDE];
-            for (p, at) in camera.places.iter().zip(&mut cells) {
-                let q: [f32; 3] = std::array::from_fn(|i| r[i][0] * p[0] + r[i][1] * p[1] + r[i][2] * p[2]);
-                *at = (cell(q[0], q[1]), q[2] > 0.0);
-            }
-            for ((at, near), row) in cells.iter().zip(t.sums.chunks_exact(width)) {
-                let place = if *near { usize::from(camera.number[usize::from(*at)]) } else { width - 1 };
-                sum += row[place][0];
-                weight += row[place][1];
+            let width = camera.len() + 1;
+            let mut cells = [0u32; SIDE * SIDE];
+            pulp::Arch::new().dispatch(Turned { places: &camera.places, rows: &r, out: &mut cells });
+            for (at, row) in cells.iter().zip(t.sums.chunks_exact(width)) {
+                let [square, own] = row[usize::from(camera.number[*at as usize])];
+                sum += square;
+                weight += own;
             }
             most += t.weight;
         }
@@ -295,37 +292,65 @@ fn turn(phi: &[f32; 3]) -> [[f32; 3]; 3] {
 }
 
 /// Cell of a place on the disc in the square around it.
-#[inline]
-fn cell(x: f32, y: f32) -> u8 {
+#[inline(always)]
+fn cell(x: f32, y: f32) -> u32 {
     const SCALE: f32 = PLACES as f32 / USED_RADIUS as f32;
     let at = |v: f32| whole(v * SCALE + 0.5 * SIDE as f32) & (SIDE as u32 - 1);
-    (at(y) * SIDE as u32 + at(x)) as u8
+    at(y) * SIDE as u32 + at(x)
+}
+
+/// Cells of turned places; one beyond the last of those that have turned to the far side.
+struct Turned<'a> {
+    places: &'a [Vec<f32>; 3],
+    rows: &'a [[f32; 3]; 3],
+    out: &'a mut [u32; SIDE * SIDE],
+}
+
+impl pulp::NullaryFnOnce for Turned<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let [x, y, z] = self.places;
+        let n = x.len().min(y.len()).min(z.len()).min(SIDE * SIDE);
+        let (x, y, z, out, r) = (&x[..n], &y[..n], &z[..n], &mut self.out[..n], self.rows);
+        for i in 0..n {
+            let at = |k: usize| r[k][0] * x[i] + r[k][1] * y[i] + r[k][2] * z[i];
+            out[i] = if at(2) > 0.0 { cell(at(0), at(1)) } else { (SIDE * SIDE) as u32 };
+        }
+    }
 }
 
 impl OneCamera {
+    /// Places on the grid.
+    fn len(&self) -> usize {
+        self.places[0].len()
+    }
+
     fn new(camera: CameraId, views: &[ViewInfo], marks: &[Mark], frame_s: f64) -> Option<Self> {
         let own: Vec<&ViewInfo> = views.iter().filter(|v| v.camera == camera).collect();
         let axes = own.get(own.len() / 2)?.axes;
         let spacing = USED_RADIUS / PLACES as f64;
-        let mut places = Vec::new();
-        let mut number = [0; SIDE * SIDE];
-        for (i, number) in number.iter_mut().enumerate() {
+        let mut places: [Vec<f32>; 3] = Default::default();
+        let mut number = [u8::MAX; SIDE * SIDE + 1];
+        for (i, number) in number.iter_mut().take(SIDE * SIDE).enumerate() {
             let at = |k: usize| (k as f64 - 0.5 * SIDE as f64) * spacing;
             let (x, y) = (at(i % SIDE), at(i / SIDE));
             let q = x * x + y * y;
-            *number = u8::MAX;
             if q.sqrt() < USED_RADIUS {
-                *number = places.len() as u8;
-                places.push([x as f32, y as f32, (1.0 - q).sqrt() as f32]);
+                *number = places[0].len() as u8;
+                for (all, v) in places.iter_mut().zip([x, y, (1.0 - q).sqrt()]) {
+                    all.push(v as f32);
+                }
             }
         }
-        let none = places.len() as u8;
+        let none = places[0].len() as u8;
         number.iter_mut().for_each(|n| *n = (*n).min(none));
         let mut frames: BTreeMap<i64, Vec<[f32; 2]>> = BTreeMap::new();
         for m in marks.iter().filter(|m| views[m.view].camera == camera) {
             let frame = (views[m.view].time_s / frame_s).round() as i64;
             let d = axes.transpose() * m.normal;
-            let at = usize::from(number[usize::from(cell(d.x as f32, d.y as f32))]);
+            let at = usize::from(number[cell(d.x as f32, d.y as f32) as usize]);
             let places = frames.entry(frame).or_insert_with(|| vec![[0.0; 2]; usize::from(none) + 1]);
             places[at][0] += (m.weight * m.contrast) as f32;
             places[at][1] += m.weight as f32;
@@ -342,8 +367,8 @@ impl OneCamera {
 
 impl Apart {
     fn new(camera: &OneCamera, at: usize, frames: usize) -> Self {
-        let width = camera.places.len() + 1;
-        let mut sums = vec![[0.0f32; 2]; camera.places.len() * width];
+        let width = camera.len() + 1;
+        let mut sums = vec![[0.0f32; 2]; camera.len() * width];
         for (frame, early) in &camera.frames {
             let Some(late) = camera.frames.get(&(frame + frames as i64)) else { continue };
             for (a, row) in early.iter().zip(sums.chunks_exact_mut(width)) {
@@ -356,7 +381,7 @@ impl Apart {
             }
         }
         // As if every place were seen again.
-        let weight = sums.iter().map(|s| s[1]).sum::<f32>() / camera.places.len().max(1) as f32;
+        let weight = sums.iter().map(|s| s[1]).sum::<f32>() / camera.len().max(1) as f32;
         Apart { frames, camera: at, sums, weight }
     }
 }

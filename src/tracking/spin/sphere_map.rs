@@ -119,6 +119,11 @@ impl SphereMap {
     pub fn values(&self, spot: &Spot, map: &[f32]) -> [f32; 4] {
         self.corners[usize::from(spot.cell)].map(|k| map[usize::from(k)])
     }
+
+    /// The same of every cell, for many places.
+    pub fn by_cell(&self, map: &[f32]) -> Vec<[f32; 4]> {
+        self.corners.iter().map(|corners| corners.map(|k| map[usize::from(k)])).collect()
+    }
 }
 
 #[cfg(test)]

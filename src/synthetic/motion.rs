@@ -61,8 +61,9 @@ pub struct ShotMotion {
     pub hand: Vector3<f64>,
 }
 
-/// The ball's part of what ball and strings give together, and the power of time by which the flattening is skewed.
-const BALLS_PART: f64 = 0.6;
+/// The ball's part of what ball and strings give together: 33 kN/m and more as it is pressed against strings of 25 to 45 kN/m (physics.md C, E.2).
+const BALLS_PART: f64 = 0.45;
+/// Power of time by which the flattening is skewed.
 const PEAKS_EARLY: f64 = 0.9;
 /// A ball flattened by more has no shape known here.
 const MOST_FLATTENED: f64 = 0.4;

@@ -246,7 +246,7 @@ mod tests {
             let outline = ellipse(half);
             downhill(edges.best_on_grid(&outline), 1.0, |c| edges.cost_at(&outline, c))
         };
-        let [right, round, turned] = [[9.0, 7.2], [8.0, 8.0], [7.2, 9.0]].map(|half| best(half));
+        let [right, round, turned] = [[9.0, 7.2], [8.0, 8.0], [7.2, 9.0]].map(best);
         assert!(right.1 + 5.0 < round.1 && round.1 < turned.1, "{right:?} {round:?} {turned:?}");
         assert!((right.0 - pressed).norm() < 0.25, "{right:?}");
         let sd = edges.covariance(&ellipse([9.0, 7.2]), &right.0).expect("told").trace().sqrt();

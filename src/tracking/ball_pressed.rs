@@ -10,7 +10,6 @@ use super::ball_shading::SECTORS;
 use super::ball_track::{BallFrame, BallScene};
 use super::contact_length::{LONGEST_CONTACT_S, SHORTEST_CONTACT_S};
 use super::racket_track::RacketFrame;
-use super::shot_ball::expected_ball;
 use super::shot_frames::Shot;
 use super::shot_tracker::TrackingError;
 use super::space_points::first_contact;
@@ -44,6 +43,8 @@ const SHAPE_SHARE: f64 = 0.15;
 /// Along a line of sight places are tried this far apart in the other picture, px, so many each way.
 const ALONG_PX: f64 = 0.5;
 const ALONG: i32 = 7;
+/// A circle fitted to a pressed ball is no farther off than this, px: what lies farther from it is another thing.
+const CIRCLE_OFF_PX: f64 = 2.5;
 /// Frames on either side of the contact that tell how bright the ball is, at 1000 frames a second.
 const FREE_FRAMES: f64 = 6.0;
 
@@ -232,6 +233,12 @@ impl Touch {
     }
 }
 
+/// Whether a pressed ball lies in a picture where a circle was fitted to it, if one was.
+fn near(circle: Option<&BallFrame>, pressed: &BallFrame, camera: usize) -> bool {
+    let circle = circle.and_then(|c| c.points[camera]);
+    circle.zip(pressed.points[camera]).is_none_or(|(a, b)| (a.uv - b.uv).norm() < CIRCLE_OFF_PX)
+}
+
 /// Flattening over the contact: half a sine.
 #[derive(Debug, Clone, Copy)]
 struct Press {
@@ -268,8 +275,8 @@ impl<S: FrameSource> Shot<'_, S> {
         let known: &[Option<BallFrame>] = ball;
         let Some(usual) = self.usual_levels(scene, known, &time_s)? else { return Ok(()) };
         let touch = |buffers: &mut [FrameBuffer; 2], index: usize| -> Result<Option<Touch>, TrackingError> {
-            let Some(racket) = &racket[index] else { return Ok(None) };
-            let Some(place) = known[index].map(|b| b.position).or_else(|| Some(expected_ball(known, &numbers, index)?.0)) else { return Ok(None) };
+            let (Some(racket), Some(seen)) = (&racket[index], &known[index]) else { return Ok(None) };
+            let place = seen.position;
             let images = self.read_rows(index, self.ball_rows(scene, &place, 4), buffers)?;
             let normal = racket.pose.global_from_racket.rotation * Vector3::z();
             Ok(Touch::of(scene, &images, &usual, (index, time_s(index)), place, normal))
@@ -288,6 +295,7 @@ impl<S: FrameSource> Shot<'_, S> {
             let flattening = t.settle(press.at(t.time_s), heat);
             if flattening.share > LEAST_SHARE.max(LEAST_DEVIATIONS * flattening.sd)
                 && let Some(pressed) = t.ball(scene, flattening, heat)
+                && CameraId::BOTH.iter().all(|c| near(ball[t.index].as_ref(), &pressed, c.index()))
             {
                 ball[t.index] = Some(pressed);
             }

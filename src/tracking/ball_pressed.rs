@@ -2,8 +2,8 @@
 //!
 //! A circle of the free ball's size keeps to one side of the outline of a pressed ball and is up to 5 mm off. Here the outline is that of a
 //! spheroid of the ball's volume whose axis is the face's normal, which the racket's pose tells. How much it is flattened is what both
-//! cameras' outlines agree with best, over all frames of the contact together: ball and strings are a spring (physics.md E.2), so that the
-//! flattening rises and falls like half a sine, or nearly. (Thesis section 4.9.3 leaves these frames out.)
+//! cameras' outlines agree with best, over all frames of the contact together: it rises and falls like half a sine, or nearly (Brody 2000, thesis
+//! equation 2.21; physics.md B.6, whose k is the largest share).
 
 use super::ball_edges::{BallEdges, DIRECTIONS, Radii, downhill, levels};
 use super::ball_shading::SECTORS;
@@ -239,7 +239,7 @@ fn near(circle: Option<&BallFrame>, pressed: &BallFrame, camera: usize) -> bool 
     circle.zip(pressed.points[camera]).is_none_or(|(a, b)| (a.uv - b.uv).norm() < CIRCLE_OFF_PX)
 }
 
-/// Flattening over the contact: half a sine.
+/// Flattening over the contact, k sin(π t / T): thesis equation 2.21.
 #[derive(Debug, Clone, Copy)]
 struct Press {
     most: f64,

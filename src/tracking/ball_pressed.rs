@@ -45,6 +45,8 @@ const ALONG_PX: f64 = 0.5;
 const ALONG: i32 = 7;
 /// A circle fitted to a pressed ball is no farther off than this, px: what lies farther from it is another thing.
 const CIRCLE_OFF_PX: f64 = 2.5;
+/// Where a pressed ball could not be measured and the circle stays, that is off by this share of flattening and radius, one deviation.
+const CIRCLE_OFF_SHARE: f64 = 0.4;
 /// Frames on either side of the contact that tell how bright the ball is, at 1000 frames a second.
 const FREE_FRAMES: f64 = 6.0;
 
@@ -248,6 +250,8 @@ struct Press {
 
 impl Press {
     const NONE: Press = Press { most: 0.0, length_s: SHORTEST_CONTACT_S };
+    /// What is expected where the pictures do not tell: flattenings by a fifth or a quarter for 5 ms.
+    const USUAL: Press = Press { most: 0.22, length_s: 5e-3 };
 
     fn at(&self, time_s: f64) -> f64 {
         if (0.0..self.length_s).contains(&time_s) { self.most * (std::f64::consts::PI * time_s / self.length_s).sin() } else { 0.0 }
@@ -267,49 +271,69 @@ impl Press {
 }
 
 impl<S: FrameSource> Shot<'_, S> {
-    /// Measures the ball anew where the strings press it.
+    /// Measures the ball anew where the strings press it. Circles that stay state what they may be off by.
     pub(super) fn press_ball(&self, scene: &BallScene, racket: &[Option<RacketFrame>], ball: &mut [Option<BallFrame>]) -> Result<(), TrackingError> {
         let Some(contact) = first_contact(self.source, racket, ball, scene.radius_m) else { return Ok(()) };
-        let numbers: Vec<f64> = (0..ball.len()).map(|i| self.source.number(i) as f64).collect();
-        let time_s = |i: usize| (numbers[i] - contact) / self.setup.frame_rate_hz;
-        let known: &[Option<BallFrame>] = ball;
-        let Some(usual) = self.usual_levels(scene, known, &time_s)? else { return Ok(()) };
-        let touch = |buffers: &mut [FrameBuffer; 2], index: usize| -> Result<Option<Touch>, TrackingError> {
-            let (Some(racket), Some(seen)) = (&racket[index], &known[index]) else { return Ok(None) };
-            let place = seen.position;
-            let images = self.read_rows(index, self.ball_rows(scene, &place, 4), buffers)?;
-            let normal = racket.pose.global_from_racket.rotation * Vector3::z();
-            Ok(Touch::of(scene, &images, &usual, (index, time_s(index)), place, normal))
-        };
-        let indices: Vec<usize> = (0..ball.len()).filter(|i| (0.0..LONGEST_CONTACT_S).contains(&time_s(*i))).collect();
-        let touches: Result<Vec<Option<Touch>>, TrackingError> = indices.into_par_iter().map_init(Default::default, touch).collect();
-        let touches: Vec<Touch> = touches?.into_iter().flatten().collect();
-        let Some((press, cost)) = Press::of(&touches) else { return Ok(()) };
-        // Half a unit is what a sector of a right outline adds.
-        let sectors = touches.iter().map(|t| t.sights.len() * SECTORS).sum::<usize>();
-        let heat = SECTORS_ALIKE * (2.0 * cost / sectors.max(1) as f64).max(1.0);
-        if Press::NONE.cost(&touches) - cost < heat * LEAST_GAIN {
-            return Ok(());
-        }
-        for t in &touches {
-            let flattening = t.settle(press.at(t.time_s), heat);
-            if flattening.share > LEAST_SHARE.max(LEAST_DEVIATIONS * flattening.sd)
-                && let Some(pressed) = t.ball(scene, flattening, heat)
-                && CameraId::BOTH.iter().all(|c| near(ball[t.index].as_ref(), &pressed, c.index()))
-            {
-                ball[t.index] = Some(pressed);
+        let times_s: Vec<f64> = (0..ball.len()).map(|i| (self.source.number(i) as f64 - contact) / self.setup.frame_rate_hz).collect();
+        let (press, pressed) = self.pressed_balls(scene, racket, ball, &times_s)?.unwrap_or((Press::USUAL, Vec::new()));
+        for (b, time_s) in ball.iter_mut().zip(&times_s).filter_map(|(b, t)| Some((b.as_mut()?, *t))) {
+            let off = CIRCLE_OFF_SHARE * press.at(time_s);
+            for camera in CameraId::BOTH {
+                let radius_px = scene.radius_px(camera, &b.position).unwrap_or_default();
+                if let Some(point) = b.points[camera.index()].as_mut().filter(|_| off > 0.0) {
+                    point.sd = point.sd.map(|sd| sd.hypot(off * radius_px));
+                }
             }
+        }
+        for (index, b) in pressed {
+            ball[index] = Some(b);
         }
         Ok(())
     }
 
+    /// The balls that are pressed, by frame, and the curve of their flattening; `None` where the outlines do not tell it. `times_s` counts from
+    /// first contact.
+    fn pressed_balls(
+        &self,
+        scene: &BallScene,
+        racket: &[Option<RacketFrame>],
+        ball: &[Option<BallFrame>],
+        times_s: &[f64],
+    ) -> Result<Option<(Press, Vec<(usize, BallFrame)>)>, TrackingError> {
+        let Some(usual) = self.usual_levels(scene, ball, times_s)? else { return Ok(None) };
+        let touch = |buffers: &mut [FrameBuffer; 2], index: usize| -> Result<Option<Touch>, TrackingError> {
+            let (Some(racket), Some(seen)) = (&racket[index], &ball[index]) else { return Ok(None) };
+            let images = self.read_rows(index, self.ball_rows(scene, &seen.position, 4), buffers)?;
+            let normal = racket.pose.global_from_racket.rotation * Vector3::z();
+            Ok(Touch::of(scene, &images, &usual, (index, times_s[index]), seen.position, normal))
+        };
+        let indices: Vec<usize> = (0..ball.len()).filter(|i| (0.0..LONGEST_CONTACT_S).contains(&times_s[*i])).collect();
+        let touches: Result<Vec<Option<Touch>>, TrackingError> = indices.into_par_iter().map_init(Default::default, touch).collect();
+        let touches: Vec<Touch> = touches?.into_iter().flatten().collect();
+        let Some((press, cost)) = Press::of(&touches) else { return Ok(None) };
+        // Half a unit is what a sector of a right outline adds.
+        let sectors = touches.iter().map(|t| t.sights.len() * SECTORS).sum::<usize>();
+        let heat = SECTORS_ALIKE * (2.0 * cost / sectors.max(1) as f64).max(1.0);
+        if Press::NONE.cost(&touches) - cost < heat * LEAST_GAIN {
+            return Ok(None);
+        }
+        let pressed = |t: &Touch| {
+            let flattening = t.settle(press.at(t.time_s), heat);
+            let told = flattening.share > LEAST_SHARE.max(LEAST_DEVIATIONS * flattening.sd);
+            let found = if told { t.ball(scene, flattening, heat) } else { None };
+            let found = found.filter(|b| CameraId::BOTH.iter().all(|c| near(ball[t.index].as_ref(), b, c.index())));
+            Some((t.index, found?))
+        };
+        Ok(Some((press, touches.iter().filter_map(pressed).collect())))
+    }
+
     /// How bright every sector's ball is in free flight near the contact, by camera: the median, because lines pass.
-    fn usual_levels(&self, scene: &BallScene, ball: &[Option<BallFrame>], time_s: &dyn Fn(usize) -> f64) -> Result<Option<[[f32; SECTORS]; 2]>, TrackingError> {
+    fn usual_levels(&self, scene: &BallScene, ball: &[Option<BallFrame>], times_s: &[f64]) -> Result<Option<[[f32; SECTORS]; 2]>, TrackingError> {
         let near = FREE_FRAMES / 1000.0;
         let free = |t: f64| (-near..0.0).contains(&t) || (LONGEST_CONTACT_S..LONGEST_CONTACT_S + near).contains(&t);
         let mut seen: [Vec<[f32; SECTORS]>; 2] = Default::default();
         let mut buffers: [FrameBuffer; 2] = Default::default();
-        for (index, b) in ball.iter().enumerate().filter_map(|(i, b)| Some((i, b.as_ref()?))).filter(|(i, _)| free(time_s(*i))) {
+        for (index, b) in ball.iter().enumerate().filter_map(|(i, b)| Some((i, b.as_ref()?))).filter(|(i, _)| free(times_s[*i])) {
             let images = self.read_rows(index, self.ball_rows(scene, &b.position, 1), &mut buffers)?;
             for camera in CameraId::BOTH {
                 let c = camera.index();

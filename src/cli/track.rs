@@ -282,8 +282,7 @@ pub fn seen_throat(folder: &Path) -> Option<Throat> {
 
 /// The largest flattening of the ball that tracking saw in this shot, if the tracks are its own.
 pub fn seen_flattening(folder: &Path) -> Option<Flattening> {
-    let possible = |f: &Flattening| (0.0..1.0).contains(&f.share) && f.sd.is_finite() && f.sd > 0.0;
-    let all = earlier(folder)?.summary.flattening.into_iter().map(|f| f.flattening).filter(possible);
+    let all = earlier(folder)?.summary.flattening.into_iter().map(|f| f.flattening).filter(Flattening::is_possible);
     all.max_by(|a, b| a.share.total_cmp(&b.share))
 }
 

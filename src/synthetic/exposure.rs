@@ -24,8 +24,6 @@ pub struct Scene<'a> {
     pub motion: &'a ShotMotion,
     pub shape: &'a RacketShape,
     pub ball_radius_m: f64,
-    /// Whether the ball stays round whatever presses it.
-    pub ball_stays_round: bool,
     /// Ball axes to the axes of its drawn lines.
     pub ball_marking: UnitQuaternion<f64>,
     pub player: Option<&'a Player>,
@@ -77,7 +75,7 @@ pub fn expose(view: &View, scene: &Scene, look: &Look, t: f64, exposure_s: f64, 
     let side = (rackets[0].rotation * Vector3::z()).dot(&(balls[0].translation.vector - rackets[0].translation.vector)).signum();
     let pressed: Vec<Option<PressedBall>> = (0..INSTANTS)
         .map(|k| {
-            let share = if scene.ball_stays_round { 0.0 } else { scene.motion.flattening(times[k]) };
+            let share = scene.motion.flattening(times[k]);
             let toward_strings = to_camera.rotation * rackets[k].rotation * Vector3::z() * -side;
             (share > 0.0).then(|| PressedBall::new(&ball_centre[k], scene.ball_radius_m, &toward_strings, share))
         })

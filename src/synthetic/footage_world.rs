@@ -132,7 +132,10 @@ impl FootageWorld {
             let last = impact_frame.floor() as i64 + contact_frames + spec.frames_after as i64;
             let lead = (spec.frames_before as f64 + 3.0) / spec.frame_rate_hz;
             let tail = (spec.frames_after as f64 + 4.0) / spec.frame_rate_hz + hit.aftermath.contact_time_s;
-            let motion = ShotMotion::new(&hit, &racket, if court { Hold::Swung } else { Hold::Hung }, lead, tail);
+            let mut motion = ShotMotion::new(&hit, &racket, if court { Hold::Swung } else { Hold::Hung }, lead, tail);
+            if spec.round_ball {
+                motion.flattening = 0.0;
+            }
             let mut faults = ShotFaults::default();
             if spec.setting == Setting::Hard {
                 let gone = (0..3).map(|_| rng.random_range(first + 2..=last)).collect();
@@ -228,7 +231,6 @@ impl FootageWorld {
                         motion: &s.motion,
                         shape,
                         ball_radius_m: self.ball.radius_m(),
-                        ball_stays_round: self.spec.round_ball,
                         ball_marking: s.ball_marking,
                         player: self.player.as_ref(),
                         hidden_marker: hidden(n),
@@ -343,8 +345,7 @@ impl FootageWorld {
                         }
                         cameras.insert((*camera).to_owned(), Value::Object(seen));
                     }
-                    let flattening = if self.spec.round_ball { 0.0 } else { s.motion.flattening(t) };
-                    json!({"frame": n, "t": t, "points": points, "cameras": cameras, "flattening": flattening})
+                    json!({"frame": n, "t": t, "points": points, "cameras": cameras, "flattening": s.motion.flattening(t)})
                 })
                 .collect();
             shots.insert(s.id.clone(), self.shot_json(s, frames));

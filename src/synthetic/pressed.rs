@@ -55,11 +55,6 @@ mod tests {
     use super::super::sampling::hit_sphere;
     use super::*;
 
-    /// Depths at which rays through a square around the ball meet it, and its volume from them.
-    fn pierced(hit: impl Fn(&Vector3<f64>) -> Option<f64>) -> usize {
-        (0..200 * 200).filter(|i| hit(&Vector3::new((i % 200) as f64 / 2000.0 - 0.05, (i / 200) as f64 / 2000.0 - 0.05, 1.0)).is_some()).count()
-    }
-
     #[test]
     fn truth_a_ball_that_is_not_pressed_is_a_sphere() {
         let (centre, axis) = (Point3::new(0.004, -0.002, 1.0), Vector3::new(0.2, -0.3, 0.9).normalize());
@@ -79,7 +74,8 @@ mod tests {
         let far = Point3::new(0.0, 0.0, 1.0);
         let area = |axis: Vector3<f64>, share: f64| {
             let ball = PressedBall::new(&far, 0.033, &axis, share);
-            pierced(|d| ball.hit(d).map(|h| h.0)) as f64
+            let ray = |i: usize| Vector3::new((i % 200) as f64 / 2000.0 - 0.05, (i / 200) as f64 / 2000.0 - 0.05, 1.0);
+            (0..200 * 200).filter(|i| ball.hit(&ray(*i)).is_some()).count() as f64
         };
         let round = area(Vector3::z(), 0.0);
         // Along the axis π e², across it π e (a + b) / 2, e² = r² / (1 - s).

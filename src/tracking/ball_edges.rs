@@ -4,11 +4,10 @@
 //! all places first, and what they say is added up for any outline. A sector whose ball is as bright as it is in free flight is believed
 //! before one that needs another brightness (a line, a panel): the border between the lit and the dark side is no outline.
 
-use super::ball_ring::sector_of;
+use super::ball_ring::{DIRECTIONS, sector_of};
 use super::ball_shading::{LimbProfile, SECTORS};
 use crate::footage::GreyView;
 use nalgebra::{Matrix2, SVector, Vector2};
-use std::sync::LazyLock;
 
 /// Places of the outline that are tried, px from the free ball's, and how far apart.
 const FROM_PX: f64 = -2.0;
@@ -32,14 +31,6 @@ const CURVED_PX: f64 = 0.15;
 
 /// Distances of an outline from its centre in the middle of every sector, px.
 pub type Radii = [f64; SECTORS];
-
-/// The middle of every sector, seen from the centre.
-pub static DIRECTIONS: LazyLock<[Vector2<f64>; SECTORS]> = LazyLock::new(|| {
-    std::array::from_fn(|k| {
-        let a = std::f64::consts::TAU * (k as f64 + 0.5) / SECTORS as f64;
-        Vector2::new(a.cos(), a.sin())
-    })
-});
 
 /// The pixels of every sector around a place: distance, grey level.
 struct Around([Vec<[f32; 2]>; SECTORS]);

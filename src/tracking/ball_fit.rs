@@ -8,8 +8,7 @@
 //! (Tried and left: nine spherical harmonics for the whole disc, which drawn lines pulled by up to 1 px; free brightening
 //! in every sector, 0.25 px; a ring wider than 2 px inside, where the panels' borders are.)
 
-use super::ball_edges::DIRECTIONS;
-use super::ball_ring::{BallRing, RingModel, SectorSums};
+use super::ball_ring::{BallRing, DIRECTIONS, RingModel, SectorSums};
 use super::ball_shading::{LimbProfile, SECTORS};
 use crate::footage::GreyView;
 use nalgebra::{Matrix2, Vector2};

@@ -5,7 +5,8 @@
 //! cameras' outlines agree with best, over all frames of the contact together: it rises and falls like half a sine, or nearly (Brody 2000, thesis
 //! equation 2.21; physics.md B.6, whose k is the largest share).
 
-use super::ball_edges::{BallEdges, DIRECTIONS, Radii, downhill, levels};
+use super::ball_edges::{BallEdges, Radii, downhill, levels};
+use super::ball_ring::DIRECTIONS;
 use super::ball_shading::SECTORS;
 use super::ball_track::{BallFrame, BallScene};
 use super::contact_length::{LONGEST_CONTACT_S, SHORTEST_CONTACT_S};
@@ -59,6 +60,13 @@ pub struct Flattening {
     pub sd: f64,
 }
 
+impl Flattening {
+    /// Whether a ball may have it.
+    pub fn is_possible(&self) -> bool {
+        (0.0..1.0).contains(&self.share) && self.sd > 0.0 && self.sd.is_finite()
+    }
+}
+
 /// The flattening in one frame.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct PressedFrame {
@@ -79,7 +87,7 @@ impl PressedFrame {
 struct Sight {
     camera: CameraId,
     radius_px: f64,
-    /// Where the expected place lies in the picture, px, and how that changes with the place, px per m.
+    /// Where the circles put the ball, px, and how that changes with the place, px per m.
     uv: Vector2<f64>,
     across: Matrix2x3<f64>,
     edges: BallEdges,
@@ -90,7 +98,7 @@ impl Sight {
         spheroid_outline(share, normal, self.radius_px, &self.across)
     }
 
-    /// Where a place beside the expected one lies in the picture.
+    /// Where a place beside that of the circles lies in the picture.
     fn at(&self, offset: &Vector3<f64>) -> Vector2<f64> {
         self.uv + self.across * offset
     }
@@ -124,14 +132,14 @@ struct Touch {
 /// Where a ball with some flattening costs least.
 struct Placed {
     cost: f64,
-    /// From the expected place, m, where two cameras tell it.
+    /// From the place of the circles, m, where two cameras tell it.
     offset: Vector3<f64>,
     /// In each sight.
     centres: Vec<Vector2<f64>>,
 }
 
 impl Touch {
-    /// Of a frame whose face has this normal and whose ball is, or should be, at `place`.
+    /// Of a frame whose face has this normal and whose ball lies at `place` when it is taken for round.
     fn of(
         scene: &BallScene,
         images: &[Option<GreyView>; 2],

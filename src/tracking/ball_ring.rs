@@ -5,6 +5,7 @@
 use super::ball_shading::{LimbProfile, SECTORS};
 use crate::footage::GreyView;
 use nalgebra::Vector2;
+use std::sync::LazyLock;
 
 /// Ring looked at, px inside and outside the outline.
 const INSIDE_PX: f64 = 1.6;
@@ -194,6 +195,14 @@ fn round(ring: &BallRing, model: &RingModel, shift: &Vector2<f64>) -> [SectorSum
 
 /// Numbers in [`SectorSums`].
 const SUMS: usize = 11;
+
+/// The middle of every sector, seen from the centre.
+pub static DIRECTIONS: LazyLock<[Vector2<f64>; SECTORS]> = LazyLock::new(|| {
+    std::array::from_fn(|k| {
+        let a = std::f64::consts::TAU * (k as f64 + 0.5) / SECTORS as f64;
+        Vector2::new(a.cos(), a.sin())
+    })
+});
 
 /// Sector of a direction, counted from +x toward +y, without an arc tangent: the borders are lines of known slope.
 #[inline]

@@ -10,15 +10,14 @@ use sweetspot::session::Session;
 use sweetspot::synthetic::footage_spec::FootageSpec;
 use sweetspot::synthetic::footage_world::FootageWorld;
 use sweetspot::synthetic::look::Setting;
-use sweetspot::tracking::{ShotSetup, ShotTracks, Target, contact_frames, measure_spin, track_shot};
+use sweetspot::tracking::{PressedFrame, ShotSetup, ShotTracks, Target, contact_frames, measure_spin, track_shot};
 
-/// A tracked shot, its truth, and the frames in which it was found in contact.
+/// A tracked shot, its truth, and the frames in which it was found in contact and pressed.
 struct Tracked {
     truth: Value,
     shot: ShotTracks,
     contact: Vec<u64>,
-    /// Frame numbers, as the shot's frames stand.
-    numbers: Vec<u64>,
+    pressed: Vec<PressedFrame>,
 }
 
 fn tracked(setting: Setting, seed: u64, shots: usize) -> Vec<Tracked> {
@@ -40,8 +39,8 @@ fn tracked_as(spec: &FootageSpec) -> Vec<Tracked> {
         let clip = Clip::list(&shot.camera("left"), &shot.camera("right")).unwrap();
         let mut tracked = track_shot(&clip, &setup, &AtomicBool::new(false), &|_| ()).unwrap();
         measure_spin(&clip, &setup, &mut tracked).unwrap();
-        let numbers = clip.pairs.iter().map(|p| p.number).collect();
-        Tracked { truth: truth["shots"][&shot.id].clone(), contact: contact_frames(&clip, &setup, &tracked), shot: tracked, numbers }
+        let (contact, pressed) = (contact_frames(&clip, &setup, &tracked), PressedFrame::of(&clip, &tracked.ball));
+        Tracked { truth: truth["shots"][&shot.id].clone(), contact, pressed, shot: tracked }
     };
     session.shots.iter().map(one).collect()
 }
@@ -112,7 +111,7 @@ fn truth_deviations_are_what_the_errors_are_and_no_place_on_the_grid_is_preferre
 fn truth_the_ball_is_found_before_and_after_strings_that_hide_or_turn_it() {
     // In both it comes along the left camera's line of sight, hardly moving in its pictures, and leaves before strings and frame.
     for (setting, seed, least) in [(Setting::Court, 901, 0.98), (Setting::Hard, 903, 0.93)] {
-        // The ball stays round: what strings do to a pressed one is another matter.
+        // The ball stays round: pressed, court 901 finds 88 of 92 (docs/tracking.md, "The ball on the strings").
         for t in tracked_as(&FootageSpec { boards: 1, round_ball: true, ..FootageSpec::new(setting, 1, seed) }) {
             let (mut visible, mut found) = (0, 0);
             for (number, _, f) in frames(&t.truth) {
@@ -147,7 +146,7 @@ fn truth_a_ball_on_the_strings_is_where_it_is_stated_and_as_flat_and_a_round_one
                         normalised.push(miss / sd);
                     }
                 }
-                let pressed = t.shot.ball.iter().zip(&t.numbers).find(|(_, n)| **n == number).and_then(|(b, _)| b.as_ref()?.flattening);
+                let pressed = t.pressed.iter().find(|p| p.frame == number).map(|p| p.flattening);
                 shares.extend(pressed.map(|p| (p.share - f["flattening"].as_f64().unwrap()) / p.sd));
             }
         }
@@ -155,6 +154,6 @@ fn truth_a_ball_on_the_strings_is_where_it_is_stated_and_as_flat_and_a_round_one
         assert!(rms(&errors) < most_px && rms(&normalised) < 1.5, "{setting:?}: {} px, {} of the deviations", rms(&errors), rms(&normalised));
         assert!(rms(&shares) < 2.0, "{setting:?}: flattenings {shares:?}");
         let round = tracked_as(&FootageSpec { boards: 1, round_ball: true, ..FootageSpec::new(setting, 1, seed) });
-        assert!(round.iter().flat_map(|t| &t.shot.ball).flatten().all(|b| b.flattening.is_none()), "{setting:?}");
+        assert!(round.iter().all(|t| t.pressed.is_empty()), "{setting:?}");
     }
 }

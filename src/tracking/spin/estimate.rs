@@ -130,8 +130,8 @@ const LARGEST_SD: (f64, f64) = (17.0, 0.1);
 /// 0.03 to 0.5, in pictures twice as noisy as hard ones 0.66 to 1.0; wrong ones 0.9 and more, one 0.71. In clear pictures right ones leave
 /// 0.46 at most and wrong ones 0.55 to 0.69: the first where there is no noise, the second where it is as large as the markings.
 const MOST_UNEXPLAINED: (f64, f64) = (0.4, 0.85);
-/// The same by the noise of a pixel, contrast, straight between: where it is no larger than in hard pictures (0.043 to 0.05) right ones leave 0.47 at most, 1139 of
-/// them, and a wrong one 0.74; the pictures twice as noisy have 0.083.
+/// The same by the noise of a pixel, contrast, straight between: where it is no larger than in hard pictures (0.043 to 0.05) 1139 of 1140 leave 0.47 at most,
+/// and a wrong one 0.74; the pictures twice as noisy have 0.083.
 const MOST_BY_NOISE: [(f64, f64); 2] = [(0.055, 0.6), (0.08, 0.85)];
 /// The same where a rival follows by less than this share of what the markings explain: right ones leave 0.39 at most, the wrong one 0.71 to 0.74.
 const CLOSE_RIVAL: f64 = 0.02;

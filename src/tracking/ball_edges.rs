@@ -6,8 +6,10 @@
 
 use super::ball_ring::{DIRECTIONS, sector_of};
 use super::ball_shading::{LimbProfile, SECTORS};
+use super::cholesky::Cholesky;
 use crate::footage::GreyView;
-use nalgebra::{Matrix2, SVector, Vector2};
+use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
+use std::ops::Add;
 
 /// Places of the outline that are tried, px from the free ball's, and how far apart.
 const FROM_PX: f64 = -2.0;
@@ -17,17 +19,23 @@ const PLACES: usize = 21;
 const INSIDE_PX: f64 = 2.2;
 const BEYOND_PX: f64 = 1.5;
 /// A sector that disagrees adds no more than this (log-likelihood), and what it adds to need another brightness.
-const MOST: f64 = 4.5;
+const MOST: f32 = 4.5;
 const OTHER_BRIGHTNESS: f32 = 2.0;
 /// A picture's light against that of free flight.
 const GAINS: (f64, f64) = (0.7, 1.4);
 /// The centre is looked for on a grid of this spacing, px, so many places each way.
 const GRID_PX: f64 = 0.6;
 const GRID: i32 = 3;
-/// Steps downhill, px: the first and the last.
-const STEPS_PX: (f64, f64) = (0.3, 0.02);
-/// The cost's curvature is taken over this, px.
-const CURVED_PX: f64 = 0.15;
+/// Steps downhill: how many at most, the longest and the shortest, px.
+const STEPS: usize = 25;
+const LONGEST_STEP_PX: f64 = 0.6;
+const SHORTEST_STEP_PX: f64 = 0.01;
+/// A step that gains less is the last.
+const SETTLED: f64 = 3e-3;
+/// Where no shorter step helps either.
+const MOST_DAMPING: f64 = 1e4;
+/// Where nothing bends, per px².
+const LEAST_BEND: f64 = 0.1;
 
 /// Distances of an outline from its centre in the middle of every sector, px.
 pub type Radii = [f64; SECTORS];
@@ -77,24 +85,51 @@ impl Around {
     }
 }
 
-/// Goes downhill from a place in any number of dimensions, in steps halved from the first to the last, px; `px` is how long one is. Place and cost.
-pub fn downhill<const N: usize>(from: SVector<f64, N>, px: f64, cost: impl Fn(&SVector<f64, N>) -> f64) -> (SVector<f64, N>, f64) {
-    let (mut best, mut step) = ((from, cost(&from)), STEPS_PX.0);
-    while step > STEPS_PX.1 {
-        let here = best.0;
-        // All neighbours of a cube's middle: 3^N, itself among them.
-        for k in 0..3usize.pow(N as u32) {
-            let place = here + SVector::from_fn(|i, _| (k / 3usize.pow(i as u32) % 3) as f64 - 1.0) * (step * px);
-            let there = cost(&place);
-            if there < best.1 {
-                best = (place, there);
+/// A cost around a place in any number of dimensions: how high it is, how steep, and how it bends where it bends upward.
+#[derive(Debug, Clone, Copy)]
+pub struct Bowl<const N: usize> {
+    pub cost: f64,
+    pub slope: SVector<f64, N>,
+    pub bend: SMatrix<f64, N, N>,
+}
+
+impl Bowl<2> {
+    /// The same cost over the places that a picture shows `across` apart per unit.
+    pub fn seen<const N: usize>(&self, across: &SMatrix<f64, 2, N>) -> Bowl<N> {
+        Bowl { cost: self.cost, slope: across.transpose() * self.slope, bend: across.transpose() * self.bend * across }
+    }
+}
+
+impl<const N: usize> Add for Bowl<N> {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Bowl { cost: self.cost + other.cost, slope: self.slope + other.slope, bend: self.bend + other.bend }
+    }
+}
+
+/// Goes downhill from a place (Levenberg and Marquardt); `px` is how long a pixel is. Place and cost.
+pub fn downhill<const N: usize>(from: SVector<f64, N>, px: f64, bowl: impl Fn(&SVector<f64, N>) -> Bowl<N>) -> (SVector<f64, N>, f64) {
+    let (mut place, mut here, mut damping) = (from, bowl(&from), 1e-2);
+    for _ in 0..STEPS {
+        let flat = SMatrix::<f64, N, N>::from_diagonal(&here.bend.diagonal().map(|bend| damping * bend + LEAST_BEND / (px * px)));
+        let Some(normal) = Cholesky::of(&(here.bend + flat).data.0) else { break };
+        let step = -SVector::from(normal.solve(here.slope.data.0[0]));
+        let step = step * (LONGEST_STEP_PX * px / step.norm()).min(1.0);
+        let there = bowl(&(place + step));
+        if there.cost < here.cost {
+            let gain = here.cost - there.cost;
+            (place, here, damping) = (place + step, there, 0.2 * damping);
+            if gain < SETTLED {
+                break;
             }
-        }
-        if best.0 == here {
-            step *= 0.5;
+        } else if damping > MOST_DAMPING || step.norm() < SHORTEST_STEP_PX * px {
+            break;
+        } else {
+            damping *= 10.0;
         }
     }
-    best
+    (place, here.cost)
 }
 
 /// Normal equations of the two levels of a sector, surroundings (a) and ball (b), from its grey levels (g).
@@ -154,24 +189,37 @@ impl BallEdges {
                 as_usual.min(per_deviation * free[k][i] + OTHER_BRIGHTNESS)
             });
             let least = all.iter().copied().fold(f32::INFINITY, f32::min);
-            all.map(|c| c - least)
+            all.map(|c| (c - least).min(MOST))
         });
         Some(BallEdges { centre, radius_px, costs })
     }
 
+    /// Where the outlines of all sectors lie for a centre: between which costs, and what they say there.
+    #[inline]
+    fn sectors(&self, outline: &Radii, centre: &Vector2<f64>) -> impl Iterator<Item = (&Vector2<f64>, Spline)> {
+        let shift = (centre - self.centre).map(|v| v as f32);
+        let from = self.radius_px as f32 + FROM_PX as f32;
+        outline.iter().zip(&*DIRECTIONS).zip(&self.costs).map(move |((radius, u), costs)| {
+            let out = *radius as f32 + u.x as f32 * shift.x + u.y as f32 * shift.y - from;
+            (u, Spline::at(costs, out * (1.0 / SPACING_PX) as f32))
+        })
+    }
+
     /// The cost of an outline around a centre.
     pub fn cost_at(&self, outline: &Radii, centre: &Vector2<f64>) -> f64 {
-        let shift = centre - self.centre;
-        let mut sum = 0.0;
-        for ((radius, u), costs) in outline.iter().zip(&*DIRECTIONS).zip(&self.costs) {
-            let out = radius + u.x * shift.x + u.y * shift.y - self.radius_px;
-            let at = ((out - FROM_PX) * (1.0 / SPACING_PX)).clamp(0.0, (PLACES - 1) as f64 - 1e-3);
-            let place = at as usize;
-            let beyond = (at - place as f64) as f32;
-            let [a, b] = [costs[place], costs[place + 1]];
-            sum += f64::from(a + (b - a) * beyond).min(MOST);
+        self.sectors(outline, centre).map(|(_, s)| f64::from(s.value())).sum()
+    }
+
+    /// The same with how it changes with the centre, per px.
+    pub fn bowl_at(&self, outline: &Radii, centre: &Vector2<f64>) -> Bowl<2> {
+        let mut bowl = Bowl { cost: 0.0, slope: Vector2::zeros(), bend: Matrix2::zeros() };
+        for (u, spline) in self.sectors(outline, centre) {
+            let (slope, bend) = (f64::from(spline.slope()) / SPACING_PX, f64::from(spline.bend().max(0.0)) / (SPACING_PX * SPACING_PX));
+            bowl.cost += f64::from(spline.value());
+            bowl.slope += slope * u;
+            bowl.bend += bend * u * u.transpose();
         }
-        sum
+        bowl
     }
 
     /// Where on a grid around the place looked at an outline agrees best.
@@ -183,12 +231,51 @@ impl BallEdges {
 
     /// Covariance of the centre, px², where sectors tell it; the cost is a log-likelihood.
     pub fn covariance(&self, outline: &Radii, centre: &Vector2<f64>) -> Option<Matrix2<f64>> {
-        let at = |x: f64, y: f64| self.cost_at(outline, &(centre + Vector2::new(x, y)));
-        let (h, here) = (CURVED_PX, at(0.0, 0.0));
-        let second = |a: f64, b: f64| (a - 2.0 * here + b) / (h * h);
-        let mixed = (at(h, h) - at(h, -h) - at(-h, h) + at(-h, -h)) / (4.0 * h * h);
-        let c = Matrix2::new(second(at(h, 0.0), at(-h, 0.0)), mixed, mixed, second(at(0.0, h), at(0.0, -h))).try_inverse()?;
+        let mut bend = Matrix2::zeros();
+        for (u, spline) in self.sectors(outline, centre) {
+            bend += f64::from(spline.bend()) / (SPACING_PX * SPACING_PX) * u * u.transpose();
+        }
+        let c = bend.try_inverse()?;
         (c[(0, 0)] > 0.0 && c[(1, 1)] > 0.0 && c.determinant() > 0.0).then_some(c)
+    }
+}
+
+/// A sector's costs around a place, smoothed by a quadratic B-spline so that slopes do not jump.
+#[derive(Clone, Copy)]
+struct Spline {
+    costs: [f32; 3],
+    /// Between the middles before and after the second, 0 to 1.
+    beyond: f32,
+}
+
+impl Spline {
+    /// `at` counts places.
+    #[inline]
+    fn at(costs: &[f32; PLACES], at: f32) -> Self {
+        let at = (at + 0.5).clamp(1.0, PLACES as f32 - 1.001);
+        let middle = (at as usize).min(PLACES - 2);
+        Spline { costs: [costs[middle - 1], costs[middle], costs[middle + 1]], beyond: at - middle as f32 }
+    }
+
+    #[inline]
+    fn value(&self) -> f32 {
+        let ([a, b, c], t) = (self.costs, self.beyond);
+        let rest = 1.0 - t;
+        0.5 * (rest * rest * a + t * t * c) + (0.5 + t * rest) * b
+    }
+
+    /// Per place.
+    #[inline]
+    fn slope(&self) -> f32 {
+        let ([a, b, c], t) = (self.costs, self.beyond);
+        (b - a) * (1.0 - t) + (c - b) * t
+    }
+
+    /// Per place squared.
+    #[inline]
+    fn bend(&self) -> f32 {
+        let [a, b, c] = self.costs;
+        a - 2.0 * b + c
     }
 }
 
@@ -235,7 +322,7 @@ mod tests {
         let edges = BallEdges::of(&GreyView::of(&image), pressed + Vector2::new(-0.9, 0.9), 8.0, &profile, &usual).expect("seen");
         let best = |half: [f64; 2]| {
             let outline = ellipse(half);
-            downhill(edges.best_on_grid(&outline), 1.0, |c| edges.cost_at(&outline, c))
+            downhill(edges.best_on_grid(&outline), 1.0, |c| edges.bowl_at(&outline, c))
         };
         let [right, round, turned] = [[9.0, 7.2], [8.0, 8.0], [7.2, 9.0]].map(best);
         assert!(right.1 + 5.0 < round.1 && round.1 < turned.1, "{right:?} {round:?} {turned:?}");

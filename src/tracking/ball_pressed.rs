@@ -157,12 +157,14 @@ impl Touch {
         let first: Vec<Sight> = CameraId::BOTH.into_iter().filter_map(|c| sight(c, scene.view.project(c, &place)?)).collect();
         let mut touch = Touch { index, time_s, place, normal, sights: first, costs: [0.0; STEPS] };
         // Once more from where the best of some outlines lies.
-        let some = (0..STEPS).step_by(LOOK_AGAIN).filter_map(|k| touch.best(STEP * k as f64, None));
-        let seen = some.min_by(|a, b| a.cost.total_cmp(&b.cost))?.centres;
-        touch.sights = touch.sights.iter().zip(seen).filter_map(|(s, centre)| sight(s.camera, centre)).collect();
+        let mut some: Vec<Option<Placed>> = (0..STEPS).map(|k| if k % LOOK_AGAIN == 0 { touch.best(STEP * k as f64, None) } else { None }).collect();
+        let seen = some.iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost))?.centres.clone();
+        let sights: Vec<Sight> = touch.sights.iter().zip(seen).filter_map(|(s, centre)| sight(s.camera, centre)).collect();
+        let seen_by_as_many = sights.len() == touch.sights.len();
+        touch.sights = sights;
         let mut last: Option<Placed> = None;
         for k in 0..STEPS {
-            let near = last.filter(|_| k % LOOK_AGAIN > 0);
+            let near = some[k].take().or(last).filter(|_| seen_by_as_many);
             let placed = touch.best(STEP * k as f64, near.as_ref())?;
             touch.costs[k] = placed.cost;
             last = Some(placed);
@@ -178,7 +180,7 @@ impl Touch {
         let [one, two] = self.sights.as_slice() else {
             let (sight, outline) = (self.sights.first()?, outlines.first()?);
             let start = near.and_then(|p| p.centres.first().copied()).unwrap_or_else(|| on_grid(0));
-            let (centre, cost) = downhill(start, 1.0, |c| sight.edges.cost_at(outline, c));
+            let (centre, cost) = downhill(start, 1.0, |c| sight.edges.bowl_at(outline, c));
             return Some(Placed { cost, offset: Vector3::zeros(), centres: vec![centre] });
         };
         let cost = |offset: &Vector3<f64>| one.edges.cost_at(&outlines[0], &one.at(offset)) + two.edges.cost_at(&outlines[1], &two.at(offset));
@@ -196,7 +198,8 @@ impl Touch {
                 starts.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))?.1
             }
         };
-        let (offset, cost) = downhill(start, 1.0 / one.across.row(0).norm(), cost);
+        let bowl = |(k, sight): (usize, &Sight), offset: &Vector3<f64>| sight.edges.bowl_at(&outlines[k], &sight.at(offset)).seen(&sight.across);
+        let (offset, cost) = downhill(start, 1.0 / one.across.row(0).norm(), |offset| bowl((0, one), offset) + bowl((1, two), offset));
         Some(Placed { cost, offset, centres: vec![one.at(&offset), two.at(&offset)] })
     }
 

@@ -44,11 +44,15 @@ const LEAST_SHARE: f64 = 0.6;
 /// Flights of one camera that the other one is asked about.
 const MOST_CLEAR: usize = 3;
 /// Fewest faint outlines in the other camera, their share of the clear one's points, and how much more than on any other line.
-const FEWEST_FAINT: usize = 5;
+const FEWEST_FAINT: f64 = 5.0;
 const LEAST_FAINT_SHARE: f64 = 0.4;
 const MORE_THAN_ELSEWHERE: f64 = 1.5;
-/// Where a picture changes by less than so many times what the surroundings do, there is no ball.
+/// More are needed where the discs tell what the outlines alone do not.
+const FEWEST_DISCS: f64 = 6.0;
+const LEAST_DISC_SHARE: f64 = 0.5;
+/// Where a picture changes by less than so many times what still surroundings do, or by less than so many more than close around, there is no ball.
 const CHANGED: f64 = 2.0;
+const STANDS_OUT: f64 = 1.0;
 /// Outlines that mean one flight agree to this, px, along the epipolar line and across it; two that tell a flight are so many of the frames looked at apart.
 const AGREED_PX: f64 = 1.0;
 const LINE_APART: usize = 4;
@@ -66,8 +70,9 @@ struct Meant {
     depth: f64,
     /// Of the outline that is seen.
     share: f64,
-    /// Of the picture where it lies, grey levels.
+    /// Of the picture where it lies, and how much more that is than around it, grey levels.
     change: f64,
+    stands_out: f64,
     point: RayPoint,
 }
 
@@ -101,43 +106,64 @@ impl DepthLine {
         };
         meant.iter().filter_map(nearest)
     }
+
+    /// What is seen along it.
+    fn shown(&self, meant: &[Vec<Meant>], of: fn(&Meant) -> f64) -> f64 {
+        self.agreed(meant).map(of).sum()
+    }
 }
 
-/// Of the lines that may be the ball's, the one on which most of an outline is seen; by frames, the points in order of depth.
-fn straight_line(meant: &[Vec<Meant>], may_be: &dyn Fn(&DepthLine) -> bool, near_m: f64) -> Option<DepthLine> {
+/// Of the lines that may be the ball's, the one along which most is seen `of` what is asked for; by frames, the points in order of depth.
+fn straight_line(meant: &[Vec<Meant>], may_be: &dyn Fn(&DepthLine) -> bool, near_m: f64, of: fn(&Meant) -> f64) -> Option<DepthLine> {
     let mut best: Option<(f64, DepthLine)> = None;
     for (k, first) in meant.iter().enumerate() {
         let later = meant.iter().skip(k + LINE_APART.max(meant.len() / 3));
         for (a, b) in later.flat_map(|second| first.iter().flat_map(move |a| second.iter().map(move |b| (a, b)))) {
             let step = (b.depth - a.depth) / (b.point.number - a.point.number);
             let line = DepthLine { number: a.point.number, depth: a.depth, step, near_m };
-            let share: f64 = line.agreed(meant).map(|m| m.share).sum();
-            if best.is_none_or(|best| share > best.0) && may_be(&line) {
-                best = Some((share, line));
+            let shown = line.shown(meant, of);
+            if best.is_none_or(|best| shown > best.0) && may_be(&line) {
+                best = Some((shown, line));
             }
         }
     }
     best.map(|b| b.1)
 }
 
-/// The other camera's points of one flight, and how much of an outline they show in all; `None` where no line stands out. `clear` is how many
-/// points the clear camera has.
-fn of_one_flight(mut meant: Vec<Vec<Meant>>, may_be: &dyn Fn(&DepthLine) -> bool, near_m: f64, clear: usize) -> Option<(f64, Vec<RayPoint>)> {
+/// The points of the line along which most is seen, where no other line, whose points lie at least `apart_m` from it, shows nearly as much.
+fn clearest_line(
+    mut meant: Vec<Vec<Meant>>,
+    may_be: &dyn Fn(&DepthLine) -> bool,
+    [near_m, apart_m]: [f64; 2],
+    of: fn(&Meant) -> f64,
+    fewest: f64,
+) -> Option<Vec<Meant>> {
+    let line = straight_line(&meant, may_be, near_m, of)?;
+    let (shown, points) = (line.shown(&meant, of), line.agreed(&meant).copied().collect::<Vec<_>>());
+    meant.iter_mut().for_each(|frame| frame.retain(|m| line.misses(m) * near_m > apart_m));
+    let elsewhere = straight_line(&meant, may_be, near_m, of).map_or(0.0, |other| other.shown(&meant, of));
+    (points.len() as f64 >= fewest && shown >= MORE_THAN_ELSEWHERE * elsewhere).then_some(points)
+}
+
+/// The other camera's points of one flight, and how much of an outline they show in all; `None` where no line stands out. `radius_m` is the ball's
+/// in depth, `clear` how many points the clear camera has.
+fn of_one_flight(mut meant: Vec<Vec<Meant>>, may_be: &dyn Fn(&DepthLine) -> bool, [near_m, radius_m]: [f64; 2], clear: usize) -> Option<(f64, Vec<RayPoint>)> {
     // Most outlines are the surroundings', which do not change.
     let mut changes: Vec<f64> = meant.iter().flatten().map(|m| m.change).collect();
     changes.sort_by(f64::total_cmp);
-    let least = CHANGED * changes.get(changes.len() / 4)?;
+    let still = *changes.get(changes.len() / 4)?;
     for frame in &mut meant {
-        frame.retain(|m| m.change > least);
+        frame.retain(|m| m.change > CHANGED * still);
         frame.sort_by(|a, b| a.depth.total_cmp(&b.depth));
     }
-    let line = straight_line(&meant, may_be, near_m)?;
-    let shown = |line: &DepthLine, meant: &[Vec<Meant>]| line.agreed(meant).map(|m| m.share).sum::<f64>();
-    let (share, points): (f64, Vec<RayPoint>) = (shown(&line, &meant), line.agreed(&meant).map(|m| m.point).collect());
-    meant.iter_mut().for_each(|frame| frame.retain(|m| line.misses(m) > 2.0));
-    let elsewhere = straight_line(&meant, may_be, near_m).map_or(0.0, |other| shown(&other, &meant));
-    let enough = points.len() >= FEWEST_FAINT && points.len() as f64 >= LEAST_FAINT_SHARE * clear as f64;
-    (enough && share >= MORE_THAN_ELSEWHERE * elsewhere).then_some((share, points))
+    // Where strings and frame move there are outlines everywhere, but hardly one whose disc alone has changed; what lies within the ball is its own.
+    let disc = |frame: &Vec<Meant>| frame.iter().filter(|m| m.stands_out > STANDS_OUT * still).copied().collect::<Vec<_>>();
+    let discs: Vec<Vec<Meant>> = meant.iter().map(disc).collect();
+    let fewest = f64::max(FEWEST_FAINT, LEAST_FAINT_SHARE * clear as f64);
+    let fewest_discs = f64::max(FEWEST_DISCS, LEAST_DISC_SHARE * clear as f64);
+    let points = clearest_line(meant, may_be, [near_m, 2.0 * near_m], |m| m.share, fewest)
+        .or_else(|| clearest_line(discs, may_be, [near_m, radius_m], |m| m.share * m.stands_out, fewest_discs))?;
+    Some((points.iter().map(|m| m.share).sum(), points.iter().map(|m| m.point).collect()))
 }
 
 impl<S: FrameSource> Shot<'_, S> {
@@ -206,10 +232,10 @@ impl<S: FrameSource> Shot<'_, S> {
         let mut best: Option<(f64, RayFlight, Vec<RayPoint>)> = None;
         for camera in CameraId::BOTH {
             for clear in self.clear_flights(&outlines[camera.index()], origin, every, stage.racket, across) {
-                if let Some((share, whole)) = self.with_other_camera(&Stage { ball: faint, ..*stage }, &clear, origin)?
-                    && best.as_ref().is_none_or(|b| share > b.0)
+                if let Some((shown, whole)) = self.with_other_camera(&Stage { ball: faint, ..*stage }, &clear, origin)?
+                    && best.as_ref().is_none_or(|b| shown > b.0)
                 {
-                    best = Some((share, whole, clear));
+                    best = Some((shown, whole, clear));
                 }
             }
         }
@@ -346,8 +372,9 @@ impl<S: FrameSource> Shot<'_, S> {
                         && miss * radius / faint.radius_m < AGREED_PX
                         && out.iter().all(|known| (known.point.uv - point.uv).norm() > 0.5)
                         && let Some(change) = ball_presence::change(&image, &behind, &point.uv, radius)
+                        && let Some(stands_out) = ball_presence::stands_out(&image, &behind, &point.uv, radius)
                     {
-                        out.push(Meant { depth: (place - eye).dot(&axis), share: outline.outline, change, point });
+                        out.push(Meant { depth: (place - eye).dot(&axis), share: outline.outline, change, stands_out, point });
                     }
                 }
                 Ok(out)
@@ -365,9 +392,10 @@ impl<S: FrameSource> Shot<'_, S> {
         };
         let from_origin = |line: &DepthLine| (line.at(origin.number) - origin_depth).abs() < ORIGIN_LIMIT * origin.sd_m;
         let may_be = |line: &DepthLine| from_origin(line) && self.crosses_the_head(stage.racket, |number| place(line, number));
-        let Some((share, points)) = of_one_flight(meant?, &may_be, AGREED_PX / px_per_m, clear.len()) else { return Ok(None) };
+        let radius_px = faint.radius_px(other, &origin.place).unwrap_or_default();
+        let Some((shown, points)) = of_one_flight(meant?, &may_be, [AGREED_PX, radius_px].map(|px| px / px_per_m), clear.len()) else { return Ok(None) };
         let all: Vec<RayPoint> = clear.iter().copied().chain(points).collect();
-        Ok(RayFlight::fit(self.view, &all, origin).filter(|whole| self.may_be_a_ball(whole, origin, SPEEDS_M_S)).map(|whole| (share, whole)))
+        Ok(RayFlight::fit(self.view, &all, origin).filter(|whole| self.may_be_a_ball(whole, origin, SPEEDS_M_S)).map(|whole| (shown, whole)))
     }
 
     /// Sine of the angle between the two cameras' rays.
@@ -401,26 +429,31 @@ mod tests {
     fn truth_the_depth_of_a_straight_flight_stands_out_of_other_outlines() {
         let near_m = 0.007;
         // Twelve depths in every picture, most of them of nothing; the flight's in four of five.
-        let meant = |flight: bool| -> Vec<Vec<Meant>> {
+        let meant = |flight: Option<f64>, around: f64| -> Vec<Vec<Meant>> {
             let of = |k: usize| {
                 let at = |depth: f64, share: f64| {
                     let point = RayPoint { index: k, number: k as f64, camera: CameraId::Left, uv: Vector2::new(depth, 0.0) };
-                    Meant { depth, share, change: 20.0, point }
+                    Meant { depth, share, change: 20.0, stands_out: 15.0, point }
                 };
-                let clutter = (0..12).map(|j| at(9.2 + 1.6 * ((k * 7919 + j * 104_729) % 1009) as f64 / 1009.0, 0.2));
-                let flown = (flight && k % 5 != 2).then(|| at(10.02 + 0.021 * k as f64 + 0.002 * (k % 3) as f64, 0.3));
-                let still = Meant { change: 2.0, ..at(10.0, 0.9) };
+                let depth = |j: usize| 9.2 + 1.6 * ((k * 7919 + j * 104_729) % 1009) as f64 / 1009.0;
+                let clutter = (0..12).map(|j| Meant { stands_out: around, ..at(depth(j), 0.2) });
+                let flown = flight.filter(|_| k % 5 != 2).map(|share| at(10.02 + 0.021 * k as f64 + 0.002 * (k % 3) as f64, share));
+                let still = Meant { change: 2.0, stands_out: 0.0, ..at(10.0, 0.9) };
                 let mut all: Vec<Meant> = clutter.chain(flown).chain([still; 8]).collect();
                 all.sort_by(|a, b| a.depth.total_cmp(&b.depth));
                 all
             };
             (3..23).map(of).collect()
         };
-        let found = |flight: bool| of_one_flight(meant(flight), &|line| (line.at(0.0) - 10.0).abs() < 0.125, near_m, 20);
-        assert!(found(false).is_none());
-        let (share, points) = found(true).expect("a flight");
-        assert!(points.len() >= 16 && share > 4.5, "{} {share}", points.len());
+        let found =
+            |flight: Option<f64>, around: f64| of_one_flight(meant(flight, around), &|line| (line.at(0.0) - 10.0).abs() < 0.125, [near_m, 5.0 * near_m], 20);
+        assert!(found(None, 15.0).is_none());
+        let (shown, points) = found(Some(0.3), 15.0).expect("a flight");
+        assert!(points.len() >= 16 && shown > 4.5, "{} {shown}", points.len());
         let off = points.iter().map(|p| (p.uv.x - 10.02 - 0.021 * p.number).abs()).fold(0.0, f64::max);
         assert!(off < near_m, "{off}");
+        // An outline that is hardly seen, but whose disc alone has changed.
+        assert!(found(Some(0.06), 15.0).is_none());
+        assert!(found(Some(0.06), 0.0).is_some_and(|(_, points)| points.len() >= 16));
     }
 }

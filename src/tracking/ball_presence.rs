@@ -9,6 +9,8 @@ use nalgebra::Vector2;
 
 /// How far from the centre pixels are asked, in radii: well inside the outline.
 const INSIDE: f64 = 0.7;
+/// What is around a ball, in radii.
+const AROUND: [f64; 2] = [1.15, 1.5];
 /// A ball that changes the picture by less than this share of what it usually does is not there.
 const LEAST_SHARE: f64 = 0.25;
 /// Fewest pictures that tell what is usual.
@@ -16,24 +18,60 @@ const FEWEST: usize = 6;
 
 /// How much a disc differs from the same place of the median picture, grey levels in the mean; `None` where either is not known.
 pub fn change(image: &GreyView, still: &GreyView, centre: &Vector2<f64>, radius_px: f64) -> Option<f64> {
-    let reach = INSIDE * radius_px;
-    let (x0, x1) = ((centre.x - reach).ceil() as i64, (centre.x + reach).floor() as i64);
-    let (y0, y1) = ((centre.y - reach).ceil() as i64, (centre.y + reach).floor() as i64);
+    let inside = ring_change(image, still, centre, [0.0, INSIDE * radius_px])?;
+    inside.mean()
+}
+
+/// How much more a disc differs from the median picture than what is around it does, grey levels in the mean: a ball hides a disc and nothing
+/// else, while frame, arm and strings that move go on beyond it.
+pub fn stands_out(image: &GreyView, still: &GreyView, centre: &Vector2<f64>, radius_px: f64) -> Option<f64> {
+    let inside = ring_change(image, still, centre, [0.0, INSIDE * radius_px])?;
+    let around = ring_change(image, still, centre, AROUND.map(|radii| radii * radius_px))?;
+    Some(inside.mean()? - around.mean()?)
+}
+
+/// A sum over pixels.
+#[derive(Clone, Copy)]
+struct Change {
+    sum: u32,
+    count: u32,
+}
+
+impl Change {
+    fn mean(self) -> Option<f64> {
+        (self.count > 0).then(|| f64::from(self.sum) / f64::from(self.count))
+    }
+}
+
+/// The differences from the median picture between two distances from a place, px; `None` where a picture does not show all of that.
+fn ring_change(image: &GreyView, still: &GreyView, centre: &Vector2<f64>, [inner, outer]: [f64; 2]) -> Option<Change> {
+    let (x0, x1) = ((centre.x - outer).ceil() as i64, (centre.x + outer).floor() as i64);
+    let (y0, y1) = ((centre.y - outer).ceil() as i64, (centre.y + outer).floor() as i64);
     if x0 < 0 || y0 < 0 || x1 >= still.width as i64 || y1 >= still.height as i64 {
         return None;
     }
-    let (mut sum, mut count) = (0u32, 0u32);
+    let mut change = Change { sum: 0, count: 0 };
     for y in y0..=y1 {
-        let half = (reach * reach - (y as f64 - centre.y).powi(2)).max(0.0).sqrt();
+        let half_of = |radius: f64| (radius * radius - (y as f64 - centre.y).powi(2)).max(0.0).sqrt();
+        let (half, hole) = (half_of(outer), half_of(inner));
         let columns = (centre.x - half).ceil() as usize..=(centre.x + half).floor() as usize;
         let (first, row) = image.part_of_row(y as usize)?;
         let seen = row.get(columns.start().checked_sub(first)?..=columns.end().checked_sub(first)?)?;
         let (first, row) = still.part_of_row(y as usize)?;
         let behind = row.get(columns.start().checked_sub(first)?..=columns.end().checked_sub(first)?)?;
-        sum += seen.iter().zip(behind).map(|(a, b)| u32::from(a.abs_diff(*b))).sum::<u32>();
-        count += seen.len() as u32;
+        let sides = if hole > 0.0 {
+            let left = ((centre.x - hole).ceil() as usize).saturating_sub(*columns.start());
+            let right = ((centre.x + hole).floor() as usize + 1).saturating_sub(*columns.start());
+            [0..left.min(seen.len()), right.min(seen.len())..seen.len()]
+        } else {
+            [0..seen.len(), 0..0]
+        };
+        for side in sides {
+            change.sum += seen[side.clone()].iter().zip(&behind[side.clone()]).map(|(a, b)| u32::from(a.abs_diff(*b))).sum::<u32>();
+            change.count += side.len() as u32;
+        }
     }
-    (count > 0).then(|| f64::from(sum) / f64::from(count))
+    Some(change)
 }
 
 /// The points at which hardly anything has changed, by frame and camera, with what a ball should change; `changes` are [`change`] of each
@@ -75,6 +113,13 @@ mod tests {
         let view = GreyView::of(&picture);
         let empty = GreyView::of(&still);
         let at = |x: f64, y: f64| change(&view, &empty, &Vector2::new(x, y), 8.0);
+        // A bar that passes fills the disc and goes on beyond it.
+        let mut barred = still.clone();
+        (0..64 * 64).filter(|i| (i % 64) / 12 == 2).for_each(|i| barred.pixels[i] = 20);
+        let more = |picture: &GreyImage, x: f64| stands_out(&GreyView::of(picture), &GreyView::of(&still), &Vector2::new(x, 30.6), 8.0).expect("seen");
+        assert!(more(&picture, 20.3) > 15.0 && more(&picture, 44.0).abs() < 1.0);
+        let inside = change(&GreyView::of(&barred), &GreyView::of(&still), &Vector2::new(29.5, 30.6), 8.0).expect("seen");
+        assert!(inside > 60.0 && more(&barred, 29.5) < 0.6 * inside, "{inside} {}", more(&barred, 29.5));
         assert!(at(20.3, 30.6).is_some_and(|c| c > 15.0) && at(45.0, 30.0).is_some_and(|c| c < 2.0) && at(2.0, 30.0).is_none());
         // A ball that stayed until the clip's middle is in the median picture, and not in the pictures of later frames.
         let places: Vec<Option<Vector2<f64>>> = (0..20).map(|k| (k != 3).then(|| Vector2::new(20.3 + 6.0 * (f64::from(k) - 10.0).max(0.0), 30.6))).collect();

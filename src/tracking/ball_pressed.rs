@@ -8,6 +8,7 @@
 use super::ball_edges::{BallEdges, Radii, downhill, levels};
 use super::ball_ring::DIRECTIONS;
 use super::ball_shading::SECTORS;
+use super::ball_through::ThroughContact;
 use super::ball_track::{BallFrame, BallScene};
 use super::contact_length::{LONGEST_CONTACT_S, SHORTEST_CONTACT_S};
 use super::racket_track::RacketFrame;
@@ -46,6 +47,8 @@ const ALONG_PX: f64 = 0.5;
 const ALONG: i32 = 7;
 /// A circle fitted to a pressed ball is no farther off than this, px: what lies farther from it is another thing.
 const CIRCLE_OFF_PX: f64 = 2.5;
+/// Nor is the way that the flights foretell: on 180 rendered shots by 0.1 to 0.25 px, in one of a hundred frames by 0.9.
+const WAY_OFF_PX: f64 = 1.5;
 /// Where a pressed ball could not be measured and the circle stays, that is off by this share of flattening and radius, one deviation.
 const CIRCLE_OFF_SHARE: f64 = 0.4;
 /// Frames on either side of the contact that tell how bright the ball is, at 1000 frames a second.
@@ -87,7 +90,7 @@ impl PressedFrame {
 struct Sight {
     camera: CameraId,
     radius_px: f64,
-    /// Where the circles put the ball, px, and how that changes with the place, px per m.
+    /// Where the ball is looked for, px, and how that changes with the place, px per m.
     uv: Vector2<f64>,
     across: Matrix2x3<f64>,
     edges: BallEdges,
@@ -98,7 +101,7 @@ impl Sight {
         spheroid_outline(share, normal, self.radius_px, &self.across)
     }
 
-    /// Where a place beside that of the circles lies in the picture.
+    /// Where a place beside that lies in the picture.
     fn at(&self, offset: &Vector3<f64>) -> Vector2<f64> {
         self.uv + self.across * offset
     }
@@ -123,6 +126,8 @@ struct Touch {
     /// s after first contact.
     time_s: f64,
     place: Point3<f64>,
+    /// By the ball's free flights, to some tenths of a pixel; otherwise it is a circle's.
+    foretold: bool,
     normal: Vector3<f64>,
     sights: Vec<Sight>,
     /// By flattening tried.
@@ -132,20 +137,20 @@ struct Touch {
 /// Where a ball with some flattening costs least.
 struct Placed {
     cost: f64,
-    /// From the place of the circles, m, where two cameras tell it.
+    /// From where it was looked for, m, where two cameras tell it.
     offset: Vector3<f64>,
     /// In each sight.
     centres: Vec<Vector2<f64>>,
 }
 
 impl Touch {
-    /// Of a frame whose face has this normal and whose ball lies at `place` when it is taken for round.
+    /// Of a frame whose face has this normal and whose ball lies at `place`, which is foretold or that of a ball taken for round.
     fn of(
         scene: &BallScene,
         images: &[Option<GreyView>; 2],
         usual: &[[f32; SECTORS]; 2],
         (index, time_s): (usize, f64),
-        place: Point3<f64>,
+        (place, foretold): (Point3<f64>, bool),
         normal: Vector3<f64>,
     ) -> Option<Self> {
         let sight = |camera: CameraId, centre: Vector2<f64>| {
@@ -155,37 +160,44 @@ impl Touch {
             Some(Sight { camera, radius_px, uv, across, edges: BallEdges::of(image, centre, radius_px, &scene.limb[c], &usual[c])? })
         };
         let first: Vec<Sight> = CameraId::BOTH.into_iter().filter_map(|c| sight(c, scene.view.project(c, &place)?)).collect();
-        let mut touch = Touch { index, time_s, place, normal, sights: first, costs: [0.0; STEPS] };
-        // Once more from where the best of some outlines lies.
-        let mut some: Vec<Option<Placed>> = (0..STEPS).map(|k| if k % LOOK_AGAIN == 0 { touch.best(STEP * k as f64, None) } else { None }).collect();
-        let seen = some.iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost))?.centres.clone();
-        let sights: Vec<Sight> = touch.sights.iter().zip(seen).filter_map(|(s, centre)| sight(s.camera, centre)).collect();
-        let seen_by_as_many = sights.len() == touch.sights.len();
-        touch.sights = sights;
+        let mut touch = Touch { index, time_s, place, foretold, normal, sights: first, costs: [0.0; STEPS] };
+        let mut seen: [Option<Placed>; STEPS] = Default::default();
+        if !foretold {
+            // Once more from where the best of some outlines lies.
+            for k in (0..STEPS).step_by(LOOK_AGAIN) {
+                seen[k] = touch.best(STEP * k as f64, None);
+            }
+            let centres = seen.iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost))?.centres.clone();
+            let sights: Vec<Sight> = touch.sights.iter().zip(centres).filter_map(|(s, centre)| sight(s.camera, centre)).collect();
+            if sights.len() < touch.sights.len() {
+                seen = Default::default();
+            }
+            touch.sights = sights;
+        }
         let mut last: Option<Placed> = None;
         for k in 0..STEPS {
-            let near = some[k].take().or(last).filter(|_| seen_by_as_many);
-            let placed = touch.best(STEP * k as f64, near.as_ref())?;
+            let placed = touch.best(STEP * k as f64, seen[k].take().or(last).as_ref())?;
             touch.costs[k] = placed.cost;
             last = Some(placed);
         }
         Some(touch)
     }
 
-    /// Where a ball flattened by a share costs least, from where one flattened nearly as much does or from anywhere. Two cameras are asked for
-    /// one place in space.
+    /// Where a ball flattened by a share costs least, from where one flattened nearly as much does, where the ball is foretold, or from anywhere. Two
+    /// cameras are asked for one place in space.
     fn best(&self, share: f64, near: Option<&Placed>) -> Option<Placed> {
         let outlines: Vec<Radii> = self.sights.iter().map(|s| s.outline(share, &self.normal)).collect::<Option<_>>()?;
         let on_grid = |k: usize| self.sights[k].edges.best_on_grid(&outlines[k]);
         let [one, two] = self.sights.as_slice() else {
             let (sight, outline) = (self.sights.first()?, outlines.first()?);
-            let start = near.and_then(|p| p.centres.first().copied()).unwrap_or_else(|| on_grid(0));
+            let start = near.and_then(|p| p.centres.first().copied()).unwrap_or_else(|| if self.foretold { sight.uv } else { on_grid(0) });
             let (centre, cost) = downhill(start, 1.0, |c| sight.edges.bowl_at(outline, c));
             return Some(Placed { cost, offset: Vector3::zeros(), centres: vec![centre] });
         };
         let cost = |offset: &Vector3<f64>| one.edges.cost_at(&outlines[0], &one.at(offset)) + two.edges.cost_at(&outlines[1], &two.at(offset));
         let start = match near {
             Some(placed) => placed.offset,
+            None if self.foretold => Vector3::zeros(),
             None => {
                 // From where either camera alone sees it best, along that camera's line of sight.
                 let mut starts: Vec<(f64, Vector3<f64>)> = Vec::new();
@@ -201,6 +213,11 @@ impl Touch {
         let bowl = |(k, sight): (usize, &Sight), offset: &Vector3<f64>| sight.edges.bowl_at(&outlines[k], &sight.at(offset)).seen(&sight.across);
         let (offset, cost) = downhill(start, 1.0 / one.across.row(0).norm(), |offset| bowl((0, one), offset) + bowl((1, two), offset));
         Some(Placed { cost, offset, centres: vec![one.at(&offset), two.at(&offset)] })
+    }
+
+    /// Whether a ball lies near to where it was looked for.
+    fn near_its_place(&self, ball: &BallFrame) -> bool {
+        self.sights.iter().all(|s| ball.points[s.camera.index()].is_none_or(|p| (p.uv - s.uv).norm() < WAY_OFF_PX))
     }
 
     /// Cost at a flattening, between those tried.
@@ -246,10 +263,10 @@ impl Touch {
     }
 }
 
-/// Whether a pressed ball lies in a picture where a circle was fitted to it, if one was.
-fn near(circle: Option<&BallFrame>, pressed: &BallFrame, camera: usize) -> bool {
-    let circle = circle.and_then(|c| c.points[camera]);
-    circle.zip(pressed.points[camera]).is_none_or(|(a, b)| (a.uv - b.uv).norm() < CIRCLE_OFF_PX)
+/// Whether a pressed ball lies where a circle was fitted to it, if one was.
+fn near_circle(circle: Option<&BallFrame>, pressed: &BallFrame) -> bool {
+    let off = |camera: usize| Some((circle?.points[camera]?.uv - pressed.points[camera]?.uv).norm());
+    (0..2).all(|camera| off(camera).is_none_or(|off| off < CIRCLE_OFF_PX))
 }
 
 /// Flattening over the contact, k sin(π t / T): thesis equation 2.21.
@@ -286,7 +303,12 @@ impl<S: FrameSource> Shot<'_, S> {
     pub(super) fn press_ball(&self, scene: &BallScene, racket: &[Option<RacketFrame>], ball: &mut [Option<BallFrame>]) -> Result<(), TrackingError> {
         let Some(contact) = first_contact(self.source, racket, ball, scene.radius_m) else { return Ok(()) };
         let times_s: Vec<f64> = (0..ball.len()).map(|i| (self.source.number(i) as f64 - contact) / self.setup.frame_rate_hz).collect();
-        let (press, pressed) = self.pressed_balls(scene, racket, ball, &times_s)?.unwrap_or((Press::USUAL, Vec::new()));
+        let during: Vec<usize> = (0..ball.len()).filter(|i| (0.0..LONGEST_CONTACT_S).contains(&times_s[*i])).collect();
+        let way = self.through_contact(racket, ball, contact);
+        if let Some(way) = &way {
+            self.keep_to_the_way(scene, way, ball, &during);
+        }
+        let (press, pressed) = self.pressed_balls(scene, racket, ball, (way.as_ref(), &during), &times_s)?.unwrap_or((Press::USUAL, Vec::new()));
         for (b, time_s) in ball.iter_mut().zip(&times_s).filter_map(|(b, t)| Some((b.as_mut()?, *t))) {
             let off = CIRCLE_OFF_SHARE * press.at(time_s);
             for camera in CameraId::BOTH {
@@ -302,24 +324,25 @@ impl<S: FrameSource> Shot<'_, S> {
         Ok(())
     }
 
-    /// The balls that are pressed, by frame, and the curve of their flattening; `None` where the outlines do not tell it. `times_s` counts from
-    /// first contact.
+    /// The balls that are pressed, by frame, and the curve of their flattening; `None` where the outlines do not tell it. They are looked for in the
+    /// frames of the contact along the ball's `way`, or where it was found. `times_s` counts from first contact.
     fn pressed_balls(
         &self,
         scene: &BallScene,
         racket: &[Option<RacketFrame>],
         ball: &[Option<BallFrame>],
+        (way, during): (Option<&ThroughContact>, &[usize]),
         times_s: &[f64],
     ) -> Result<Option<(Press, Vec<(usize, BallFrame)>)>, TrackingError> {
         let Some(usual) = self.usual_levels(scene, ball, times_s)? else { return Ok(None) };
-        let touch = |buffers: &mut [FrameBuffer; 2], index: usize| -> Result<Option<Touch>, TrackingError> {
-            let (Some(racket), Some(seen)) = (&racket[index], &ball[index]) else { return Ok(None) };
-            let images = self.read_rows(index, self.ball_rows(scene, &seen.position, 4), buffers)?;
+        let touch = |buffers: &mut [FrameBuffer; 2], index: &usize| -> Result<Option<Touch>, TrackingError> {
+            let foretold = way.map(|way| way.at(self.source.number(*index) as f64));
+            let (Some(racket), Some(place)) = (&racket[*index], foretold.or(ball[*index].map(|b| b.position))) else { return Ok(None) };
+            let images = self.read_rows(*index, self.ball_rows(scene, &place, 4), buffers)?;
             let normal = racket.pose.global_from_racket.rotation * Vector3::z();
-            Ok(Touch::of(scene, &images, &usual, (index, times_s[index]), seen.position, normal))
+            Ok(Touch::of(scene, &images, &usual, (*index, times_s[*index]), (place, foretold.is_some()), normal))
         };
-        let indices: Vec<usize> = (0..ball.len()).filter(|i| (0.0..LONGEST_CONTACT_S).contains(&times_s[*i])).collect();
-        let touches: Result<Vec<Option<Touch>>, TrackingError> = indices.into_par_iter().map_init(Default::default, touch).collect();
+        let touches: Result<Vec<Option<Touch>>, TrackingError> = during.par_iter().map_init(Default::default, touch).collect();
         let touches: Vec<Touch> = touches?.into_iter().flatten().collect();
         let Some((press, cost)) = Press::of(&touches) else { return Ok(None) };
         // Half a unit is what a sector of a right outline adds.
@@ -332,7 +355,7 @@ impl<S: FrameSource> Shot<'_, S> {
             let flattening = t.settle(press.at(t.time_s), heat);
             let told = flattening.share > LEAST_SHARE.max(LEAST_DEVIATIONS * flattening.sd);
             let found = if told { t.ball(scene, flattening, heat) } else { None };
-            let found = found.filter(|b| CameraId::BOTH.iter().all(|c| near(ball[t.index].as_ref(), b, c.index())));
+            let found = found.filter(|b| if way.is_some() { t.near_its_place(b) } else { near_circle(ball[t.index].as_ref(), b) });
             Some((t.index, found?))
         };
         Ok(Some((press, touches.iter().filter_map(pressed).collect())))

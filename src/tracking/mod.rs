@@ -21,6 +21,7 @@ mod ball_search;
 mod ball_shading;
 mod ball_surroundings;
 mod ball_texture;
+mod ball_through;
 mod ball_track;
 mod band;
 mod band_beside;

@@ -183,17 +183,20 @@ impl<S: FrameSource> Shot<'_, S> {
             return self.remeasure_ball(&stage, flight);
         }
         let flies = self.stands_in(&claimed, racket) || self.longest_flight(&flight.frames, racket) >= FLIES;
-        if let Some(mut found) = if flies { None } else { self.flight_to_the_racket(&stage, false)? } {
-            self.mean_discs_again(&scene, &mut found)?;
-            return self.remeasure_ball(&stage, found);
-        }
         self.keep_free_flight(&scene, &mut flight, &claimed, racket)?;
         let followed = self.remeasure_ball(&stage, flight)?;
-        let Some(mut found) = (if flies { None } else { self.flight_to_the_racket(&stage, true)? }) else { return Ok(followed) };
+        if flies {
+            return Ok(followed);
+        }
+        let found = match self.flight_to_the_racket(&stage, false)? {
+            None => self.flight_to_the_racket(&stage, true)?,
+            found => found,
+        };
+        let Some(mut found) = found else { return Ok(followed) };
         self.mean_discs_again(&scene, &mut found)?;
-        let hovering = self.remeasure_ball(&stage, found)?;
-        let frames = [&followed, &hovering].map(|ball| self.frames_in_flight(ball, racket));
-        Ok(if frames[1] > frames[0] { hovering } else { followed })
+        let found = self.remeasure_ball(&stage, found)?;
+        let frames = [&followed, &found].map(|ball| self.frames_in_flight(ball, racket));
+        Ok(if frames[1] > frames[0] { found } else { followed })
     }
 
     /// Where both cameras saw a thing that was followed.

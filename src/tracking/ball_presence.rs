@@ -18,39 +18,22 @@ const FEWEST: usize = 6;
 
 /// How much a disc differs from the same place of the median picture, grey levels in the mean; `None` where either is not known.
 pub fn change(image: &GreyView, still: &GreyView, centre: &Vector2<f64>, radius_px: f64) -> Option<f64> {
-    let inside = ring_change(image, still, centre, [0.0, INSIDE * radius_px])?;
-    inside.mean()
+    change_between(image, still, centre, [0.0, INSIDE * radius_px])
 }
 
-/// How much more a disc differs from the median picture than what is around it does, grey levels in the mean: a ball hides a disc and nothing
-/// else, while frame, arm and strings that move go on beyond it.
-pub fn stands_out(image: &GreyView, still: &GreyView, centre: &Vector2<f64>, radius_px: f64) -> Option<f64> {
-    let inside = ring_change(image, still, centre, [0.0, INSIDE * radius_px])?;
-    let around = ring_change(image, still, centre, AROUND.map(|radii| radii * radius_px))?;
-    Some(inside.mean()? - around.mean()?)
+/// The same around a ball. A ball hides a disc and nothing else, while frame, arm and strings that move go on beyond it.
+pub fn change_around(image: &GreyView, still: &GreyView, centre: &Vector2<f64>, radius_px: f64) -> Option<f64> {
+    change_between(image, still, centre, AROUND.map(|radii| radii * radius_px))
 }
 
-/// A sum over pixels.
-#[derive(Clone, Copy)]
-struct Change {
-    sum: u32,
-    count: u32,
-}
-
-impl Change {
-    fn mean(self) -> Option<f64> {
-        (self.count > 0).then(|| f64::from(self.sum) / f64::from(self.count))
-    }
-}
-
-/// The differences from the median picture between two distances from a place, px; `None` where a picture does not show all of that.
-fn ring_change(image: &GreyView, still: &GreyView, centre: &Vector2<f64>, [inner, outer]: [f64; 2]) -> Option<Change> {
+/// The mean difference from the median picture between two distances from a place, px.
+fn change_between(image: &GreyView, still: &GreyView, centre: &Vector2<f64>, [inner, outer]: [f64; 2]) -> Option<f64> {
     let (x0, x1) = ((centre.x - outer).ceil() as i64, (centre.x + outer).floor() as i64);
     let (y0, y1) = ((centre.y - outer).ceil() as i64, (centre.y + outer).floor() as i64);
     if x0 < 0 || y0 < 0 || x1 >= still.width as i64 || y1 >= still.height as i64 {
         return None;
     }
-    let mut change = Change { sum: 0, count: 0 };
+    let (mut sum, mut count) = (0u32, 0u32);
     for y in y0..=y1 {
         let half_of = |radius: f64| (radius * radius - (y as f64 - centre.y).powi(2)).max(0.0).sqrt();
         let (half, hole) = (half_of(outer), half_of(inner));
@@ -67,11 +50,11 @@ fn ring_change(image: &GreyView, still: &GreyView, centre: &Vector2<f64>, [inner
             [0..seen.len(), 0..0]
         };
         for side in sides {
-            change.sum += seen[side.clone()].iter().zip(&behind[side.clone()]).map(|(a, b)| u32::from(a.abs_diff(*b))).sum::<u32>();
-            change.count += side.len() as u32;
+            sum += seen[side.clone()].iter().zip(&behind[side.clone()]).map(|(a, b)| u32::from(a.abs_diff(*b))).sum::<u32>();
+            count += side.len() as u32;
         }
     }
-    Some(change)
+    (count > 0).then(|| f64::from(sum) / f64::from(count))
 }
 
 /// The points at which hardly anything has changed, by frame and camera, with what a ball should change; `changes` are [`change`] of each
@@ -116,10 +99,12 @@ mod tests {
         // A bar that passes fills the disc and goes on beyond it.
         let mut barred = still.clone();
         (0..64 * 64).filter(|i| (i % 64) / 16 == 2).for_each(|i| barred.pixels[i] = 20);
-        let more = |picture: &GreyImage, x: f64| stands_out(&GreyView::of(picture), &GreyView::of(&still), &Vector2::new(x, 30.6), 8.0).expect("seen");
-        assert!(more(&picture, 20.3) > 15.0 && more(&picture, 44.0).abs() < 1.0);
-        let inside = change(&GreyView::of(&barred), &GreyView::of(&still), &Vector2::new(39.5, 30.6), 8.0).expect("seen");
-        assert!(inside > 60.0 && more(&barred, 39.5) < 0.6 * inside, "{inside} {}", more(&barred, 39.5));
+        let seen = |picture: &GreyImage, x: f64| {
+            let (picture, still, place) = (GreyView::of(picture), GreyView::of(&still), Vector2::new(x, 30.6));
+            [change, change_around].map(|of| of(&picture, &still, &place, 8.0).expect("seen"))
+        };
+        let [ball, bar, nothing] = [seen(&picture, 20.3), seen(&barred, 39.5), seen(&picture, 44.0)];
+        assert!(ball[0] > 15.0 && ball[1] < 2.0 && nothing[0] < 2.0 && bar[0] > 60.0 && bar[1] > 0.4 * bar[0], "{ball:?} {bar:?} {nothing:?}");
         assert!(at(20.3, 30.6).is_some_and(|c| c > 15.0) && at(45.0, 30.0).is_some_and(|c| c < 2.0) && at(2.0, 30.0).is_none());
         // A ball that stayed until the clip's middle is in the median picture, and not in the pictures of later frames.
         let places: Vec<Option<Vector2<f64>>> = (0..20).map(|k| (k != 3).then(|| Vector2::new(20.3 + 6.0 * (f64::from(k) - 10.0).max(0.0), 30.6))).collect();

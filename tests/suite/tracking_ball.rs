@@ -10,12 +10,13 @@ use sweetspot::synthetic::footage_world::FootageWorld;
 use sweetspot::synthetic::look::Setting;
 use sweetspot::tracking::{ShotSetup, Target, track_shot};
 
-/// Of one rendered shot: points of the ball within 2 px of the truth, all points, and all places of the ball, both cameras. The ball stays round: these
-/// scenes are about its flight, and with a ball that the strings press they are others (docs/tracking.md, "The ball on the strings").
+/// [`followed_as_rendered`] of a ball that stays round: most scenes are about its flight, and with a ball that the strings press they are
+/// others (docs/tracking.md, "The ball on the strings").
 fn followed(spec: &FootageSpec, shot: usize) -> (usize, usize, usize) {
     followed_as_rendered(&FootageSpec { round_ball: true, ..spec.clone() }, shot)
 }
 
+/// Of one rendered shot: points of the ball within 2 px of the truth, all points, and all places of the ball, both cameras.
 fn followed_as_rendered(spec: &FootageSpec, shot: usize) -> (usize, usize, usize) {
     let folder = tempfile::tempdir().unwrap();
     let sink = |name: &str, bytes: &[u8]| {

@@ -483,23 +483,27 @@ pub fn stood_still(frames: &[Option<RacketFrame>]) -> Vec<[bool; 2]> {
         (moved.len() >= least).then(|| moved[moved.len() / 2])
     };
     let motion = |from, to, camera| motion_of(2, from, to, camera);
+    // The last frames before one, of which some may be missing, with how many frames earlier they are.
+    let earlier = |i: usize| (1..=MOST_MISSING).filter_map(move |frames| Some((frames, i.checked_sub(frames)?)));
+    // px per frame up to a frame.
+    let pace = |i: usize, camera: usize| earlier(i).find_map(|(frames, a)| Some(motion(a, i, camera)? / frames as f64));
     // The two pictures of such a frame do not fit together, so that either camera's bands may be left out in it.
-    let sees_it_move = |i: usize, camera: usize| match motion(i - 1, i, camera) {
-        Some(m) => m > STILL_PX.1,
-        None => motion(i - 1, i + 1, camera).is_some_and(|m| m > 2.0 * STILL_PX.1),
+    let sees_it_move = |i: usize, camera: usize| {
+        let around = |(frames, a): (usize, usize)| (0..2).find_map(|more| Some(motion(a, i + more, camera)? / (frames + more) as f64));
+        earlier(i).find_map(around).is_some_and(|pace| pace > STILL_PX.1)
     };
     let still = |i: usize, camera: usize| {
         i > 0
             && motion(i - 1, i, camera).is_some_and(|m| m < STILL_PX.0)
             && sees_it_move(i, 1 - camera)
-            && (motion(i, i + 1, camera).is_some_and(|m| m > STILL_PX.1) || i > 1 && motion(i - 2, i - 1, camera).is_some_and(|m| m > STILL_PX.1))
+            && (motion(i, i + 1, camera).is_some_and(|m| m > STILL_PX.1) || pace(i - 1, camera).is_some_and(|m| m > STILL_PX.1))
     };
     // A racket that moves fast before and after does not stop for one frame, whatever the other camera sees of it. One band is enough: in
     // a frame whose pictures do not fit together most are left out.
     let stopped = |i: usize, camera: usize| {
         let fast = |from: usize, to: usize| motion(from, to, camera).is_some_and(|m| m > STOPPED_PX);
         let after = fast(i, i + 1) || motion_of(1, i, i + 1, camera).is_some_and(|m| m > STOPPED_PX);
-        i > 1 && motion_of(1, i - 1, i, camera).is_some_and(|m| m < STILL_PX.0) && fast(i - 2, i - 1) && after
+        i > 1 && motion_of(1, i - 1, i, camera).is_some_and(|m| m < STILL_PX.0) && pace(i - 1, camera).is_some_and(|m| m > STOPPED_PX) && after
     };
     // Where the picture before is missing, it may be that one which stands here: the bands are a frame's way behind the line from the last
     // picture to the next, and the other camera's are not.
@@ -572,6 +576,13 @@ mod tests {
         let found = stood_still(&seen(&repeated));
         assert_eq!(found.iter().position(|s| s[1]), Some(5));
         assert!(found.iter().all(|s| !s[0]));
+        // The other camera's picture of the frame before is missing.
+        repeated[4] = [None, Some(4.0)];
+        assert_eq!(stood_still(&seen(&repeated))[5], [false, true]);
+        // The other camera hardly sees it move, and the picture before the repeated one is missing.
+        let mut slow: Vec<[Option<f64>; 2]> = (0..10).map(|k| [Some(0.2 * f64::from(k)), Some(1.5 * f64::from(k))]).collect();
+        (slow[5][1], slow[3][1]) = (Some(6.0), None);
+        assert_eq!(stood_still(&seen(&slow))[5], [false, true]);
         // A missing picture alone is no repeat, and neither is a racket that was stopped on the way: both cameras see that.
         let mut missing = even.clone();
         missing[4][1] = None;

@@ -22,7 +22,7 @@ const STRIPE: usize = 64;
 /// A place is the highest of its surroundings, so many pixels in every direction.
 const AROUND: usize = 2;
 /// Nine-pixel sums: less than 4 grey levels of contrast is noise in any camera.
-const LEAST: i32 = 9 * 4;
+const LEAST: u16 = 9 * 4;
 
 /// Candidates, strongest first and at most so many. `px_per_m` is the scale of the picture at the racket; `white_half_m` the expected
 /// half length of the white tape.
@@ -48,29 +48,52 @@ pub fn candidates(image: &GreyView, px_per_m: f64, white_half_m: f64, most: usiz
     if w <= 2 * margin || h <= 2 * margin {
         return Vec::new();
     }
-    let mut stripe = Stripe::default();
-    let mut found: Vec<(u16, usize, usize, Vector2<f64>)> = Vec::new();
-    for top in (margin..h - margin).step_by(STRIPE) {
-        let end = (top + STRIPE).min(h - margin);
-        // The rows next to those asked for are scored as well, and what these look at lies farther out.
-        let scored = (top - AROUND).max(margin)..(end + AROUND).min(h - margin);
-        if stripe.smooth(image, scored.start - reach..scored.end + reach).is_none() {
-            return Vec::new();
-        }
-        stripe.score(w, top - AROUND..end + AROUND, scored, (margin, reach), &offsets);
-        for y in top..end {
-            stripe.highest(w, margin, y, &mut found);
-        }
-    }
+    let mut found = pulp::Arch::new().dispatch(Look { image, reach, margin, offsets: &offsets }).unwrap_or_default();
     found.sort_by(|a, b| b.0.cmp(&a.0).then((a.2, a.1).cmp(&(b.2, b.1))));
     found.truncate(most);
     let first_row = Vector2::new(0.0, image.first_row as f64);
     found.into_iter().map(|(s, _, _, at)| BandCandidate { uv: at + first_row, contrast: f64::from(s) / 9.0 }).collect()
 }
 
+/// A place that is the highest of its surroundings: its score, column and row, and the scores' centroid.
+type Highest = (u16, usize, usize, Vector2<f64>);
+
+/// A look through a whole picture.
+struct Look<'a> {
+    image: &'a GreyView<'a>,
+    reach: usize,
+    margin: usize,
+    offsets: &'a [Vec<isize>],
+}
+
+impl pulp::NullaryFnOnce for Look<'_> {
+    type Output = Option<Vec<Highest>>;
+
+    #[inline(always)]
+    fn call(self) -> Self::Output {
+        let Look { image, reach, margin, offsets } = self;
+        let (w, h) = (image.width, image.rows);
+        let mut stripe = Stripe::default();
+        let mut found = Vec::new();
+        for top in (margin..h - margin).step_by(STRIPE) {
+            let end = (top + STRIPE).min(h - margin);
+            // The rows next to those asked for are scored as well, and what these look at lies farther out.
+            let scored = (top - AROUND).max(margin)..(end + AROUND).min(h - margin);
+            stripe.smooth(image, scored.start - reach..scored.end + reach)?;
+            stripe.score(w, top - AROUND..end + AROUND, scored, (margin, reach), offsets);
+            for y in top..end {
+                stripe.highest(w, margin, y, &mut found);
+            }
+        }
+        Some(found)
+    }
+}
+
 /// What belongs to some rows of a picture; its memory is used again.
 #[derive(Default)]
 struct Stripe {
+    /// Sums of three rows, by column.
+    columns: Vec<u16>,
     /// 3x3 sums from `smooth_from` on.
     smooth: Vec<u16>,
     smooth_from: usize,
@@ -82,16 +105,21 @@ struct Stripe {
 
 impl Stripe {
     /// 3x3 sums of some rows; the border keeps its nearest inner value.
+    #[inline(always)]
     fn smooth(&mut self, image: &GreyView, rows: Range<usize>) -> Option<()> {
         let (w, h) = (image.width, image.rows);
         self.smooth.resize(w * rows.len(), 0);
+        self.columns.resize(w, 0);
         self.smooth_from = rows.start;
         for (y, line) in rows.zip(self.smooth.chunks_exact_mut(w)) {
             let [a, b, c] = [y.saturating_sub(1), y, (y + 1).min(h - 1)].map(|r| image.row(image.first_row + r));
             let (a, b, c) = (a?, b?, c?);
-            for x in 1..w - 1 {
-                let column = |i: usize| u16::from(a[i]) + u16::from(b[i]) + u16::from(c[i]);
-                line[x] = column(x - 1) + column(x) + column(x + 1);
+            for (sum, ((a, b), c)) in self.columns.iter_mut().zip(a.iter().zip(b).zip(c)) {
+                *sum = u16::from(*a) + u16::from(*b) + u16::from(*c);
+            }
+            let columns = self.columns.iter().zip(&self.columns[1..]).zip(&self.columns[2..]);
+            for (sum, ((a, b), c)) in line[1..w - 1].iter_mut().zip(columns) {
+                *sum = a + b + c;
             }
             line[0] = line[1];
             line[w - 1] = line[w - 2];
@@ -100,6 +128,7 @@ impl Stripe {
     }
 
     /// Bright with dark on two opposite sides: by how much, for the rows `scored` of `rows`; zero in the others and beside the margin.
+    #[inline(always)]
     fn score(&mut self, w: usize, rows: Range<usize>, scored: Range<usize>, (margin, reach): (usize, usize), offsets: &[Vec<isize>]) {
         // Nothing within reach is darker than the darkest of a box around: most places need no look at all.
         let darkest = self.darkest.around(&self.smooth, w, reach);
@@ -109,47 +138,95 @@ impl Stripe {
         self.score_from = rows.start;
         for y in scored {
             let (from, to) = ((y - self.smooth_from) * w, (y - rows.start) * w);
-            for x in margin..w - margin {
-                let at = from + x;
-                let here = i32::from(smooth[at]);
-                if here - i32::from(darkest[at]) <= LEAST {
-                    continue;
-                }
-                let mut best = LEAST;
-                for along in offsets {
-                    let dark = |sign: isize| along.iter().map(|o| i32::from(smooth[(at as isize + sign * o) as usize])).min().unwrap_or(here);
-                    let first = here - dark(1);
-                    if first > best {
-                        best = best.max(first.min(here - dark(-1)));
-                    }
-                }
-                if best > LEAST {
-                    self.score[to + x] = best as u16;
-                }
-            }
+            Row { smooth, darkest, from: from + margin, offsets }.score(&mut self.score[to..][margin..w - margin]);
         }
     }
 
     /// Appends the places of a row that are the highest of their surroundings, with the scores' centroid there. Ties go to the first
     /// in reading order.
-    fn highest(&self, w: usize, margin: usize, y: usize, found: &mut Vec<(u16, usize, usize, Vector2<f64>)>) {
-        let line = |j: usize| &self.score[(j - self.score_from) * w..][..w];
-        for (x, s) in line(y).iter().enumerate().take(w - margin).skip(margin).filter(|(_, s)| **s > 0) {
-            let around = || (y - AROUND..=y + AROUND).flat_map(|j| (x - AROUND..=x + AROUND).map(move |i| (j, i)));
-            let below = |(j, i): (usize, usize)| {
-                let other = line(j)[i];
-                other < *s || (other == *s && (j, i) >= (y, x))
-            };
-            if around().all(below) {
+    #[inline(always)]
+    fn highest(&self, w: usize, margin: usize, y: usize, found: &mut Vec<Highest>) {
+        const SIDE: usize = 2 * AROUND + 1;
+        let rows: [&[u16]; SIDE] = std::array::from_fn(|j| &self.score[(y + j - AROUND - self.score_from) * w..][..w]);
+        let row = rows[AROUND];
+        for x in margin..w - margin {
+            // Most places have a higher neighbour in their own row.
+            let s = row[x];
+            if s == 0 || row[x - 1] >= s || row[x + 1] > s {
+                continue;
+            }
+            let (before, after) = (&rows[..AROUND], &rows[AROUND + 1..]);
+            let highest =
+                |rows: &[&[u16]], from: usize, to: usize| rows.iter().flat_map(|row| &row[x + from - AROUND..=x + to - AROUND]).copied().fold(0, u16::max);
+            let first = s > highest(before, 0, 2 * AROUND) && s > highest(&[row], 0, AROUND - 1);
+            if first && s >= highest(after, 0, 2 * AROUND) && s >= highest(&[row], AROUND + 1, 2 * AROUND) {
                 let (mut sum, mut at) = (0.0, Vector2::zeros());
-                for (j, i) in around() {
-                    let s = f64::from(line(j)[i]);
-                    sum += s;
-                    at += Vector2::new(i as f64, j as f64) * s;
+                for (j, row) in rows.iter().enumerate() {
+                    for (i, score) in row[x - AROUND..][..SIDE].iter().enumerate() {
+                        let s = f64::from(*score);
+                        sum += s;
+                        at += Vector2::new((x + i - AROUND) as f64, (y + j - AROUND) as f64) * s;
+                    }
                 }
-                found.push((*s, x, y, at / sum));
+                found.push((s, x, y, at / sum));
             }
         }
+    }
+}
+
+/// Scores of a row's places, the first of them at `from`.
+struct Row<'a> {
+    smooth: &'a [u16],
+    darkest: &'a [u16],
+    from: usize,
+    offsets: &'a [Vec<isize>],
+}
+
+impl Row<'_> {
+    #[inline(always)]
+    fn score(&self, out: &mut [u16]) {
+        const WIDE: usize = 32;
+        let n = out.len();
+        if n < WIDE {
+            for x in 0..n {
+                self.places::<1>(x).into_iter().for_each(|s| out[x..][..1].copy_from_slice(&s));
+            }
+            return;
+        }
+        // The last ones are looked at together with some before them once more.
+        for x in (0..n / WIDE).map(|k| k * WIDE).chain([n - WIDE]) {
+            if let Some(scores) = self.places::<WIDE>(x) {
+                out[x..][..WIDE].copy_from_slice(&scores);
+            }
+        }
+    }
+
+    /// How much brighter `N` places are than the brighter of two darks on opposite sides, in the direction where that is most; zero below
+    /// [`LEAST`], `None` where all are.
+    #[inline(always)]
+    fn places<const N: usize>(&self, x: usize) -> Option<[u16; N]> {
+        let at = self.from + x;
+        let many = |values: &[u16], at: usize| -> [u16; N] { std::array::from_fn(|i| values[at..][..N][i]) };
+        let (here, darkest) = (many(self.smooth, at), many(self.darkest, at));
+        if (0..N).all(|i| here[i] - darkest[i] <= LEAST) {
+            return None;
+        }
+        let mut dark = [u16::MAX; N];
+        for along in self.offsets {
+            let mut sides = [[u16::MAX; N]; 2];
+            for o in along {
+                for (side, offset) in sides.iter_mut().zip([*o, -o]) {
+                    let there = many(self.smooth, at.wrapping_add_signed(offset));
+                    for i in 0..N {
+                        side[i] = side[i].min(there[i]);
+                    }
+                }
+            }
+            for i in 0..N {
+                dark[i] = dark[i].min(sides[0][i].max(sides[1][i]));
+            }
+        }
+        Some(std::array::from_fn(|i| if here[i] > dark[i] + LEAST { here[i] - dark[i] } else { 0 }))
     }
 }
 
@@ -164,6 +241,7 @@ struct Darkest {
 impl Darkest {
     /// Smallest value within `reach` rows and columns of each place; near the border, of places the box does not wholly cover,
     /// only something not smaller than that.
+    #[inline(always)]
     fn around(&mut self, values: &[u16], w: usize, reach: usize) -> &[u16] {
         // Minima over 2, 4, 8, ... neighbours by doubling, then two overlapping runs make the box; rows first, then columns.
         let span = 2 * reach + 1;

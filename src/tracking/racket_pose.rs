@@ -295,6 +295,44 @@ pub fn rigid_from_points(local: &[Point3<f64>], global: &[Point3<f64>]) -> Optio
     Some(Isometry3::from_parts(Translation3::from(t), rotation))
 }
 
+/// Three points seen as a flat figure: where it lies, how it is turned, and the points in its own plane.
+#[derive(Debug, Clone, Copy)]
+pub struct Triangle {
+    centre: Vector3<f64>,
+    /// Its first side, across it in the plane, and the plane's normal.
+    axes: Matrix3<f64>,
+    flat: [Vector2<f64>; 3],
+}
+
+impl Triangle {
+    /// `None` for points in line.
+    pub fn of(points: [&Point3<f64>; 3]) -> Option<Triangle> {
+        let [a, b, c] = points.map(|p| p.coords);
+        let (side, other) = (b - a, c - a);
+        let normal = side.cross(&other);
+        if normal.norm_squared() <= 1e-12 * side.norm_squared() * other.norm_squared() {
+            return None;
+        }
+        let (x, z) = (side.normalize(), normal.normalize());
+        let (centre, y) = ((a + b + c) / 3.0, z.cross(&x));
+        Some(Triangle { centre, axes: Matrix3::from_columns(&[x, y, z]), flat: [a, b, c].map(|p| Vector2::new((p - centre).dot(&x), (p - centre).dot(&y))) })
+    }
+
+    /// The rotation and shift that bring this triangle nearest to another, corner by corner: [`rigid_from_points`] without a search for
+    /// singular values. Planes come to lie in each other, and one angle within is left.
+    pub fn onto(&self, other: &Triangle) -> Isometry3<f64> {
+        let (mut along, mut across) = (0.0, 0.0);
+        for (p, q) in self.flat.iter().zip(&other.flat) {
+            along += p.dot(q);
+            across += p.perp(q);
+        }
+        let (sin, cos) = across.atan2(along).sin_cos();
+        let within = Matrix3::new(cos, -sin, 0.0, sin, cos, 0.0, 0.0, 0.0, 1.0);
+        let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(other.axes * within * self.axes.transpose()));
+        Isometry3::from_parts(Translation3::from(other.centre - rotation * self.centre), rotation)
+    }
+}
+
 #[cfg(test)]
 pub(crate) mod tests {
     use super::super::racket_figure::tests::figure;

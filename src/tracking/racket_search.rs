@@ -7,7 +7,7 @@
 
 use super::band_search::BandCandidate;
 use super::racket_figure::RacketFigure;
-use super::racket_pose::{MarkerObservation, RacketPose, View, fit_pose_in, rigid_from_points};
+use super::racket_pose::{MarkerObservation, RacketPose, Triangle, View, fit_pose_in};
 use super::track_file::ImagePoint;
 use crate::calibration::CameraId;
 use nalgebra::{Isometry3, Point3, Vector2};
@@ -46,12 +46,11 @@ pub fn search_all(view: &View, figure: &RacketFigure, candidates: &[Vec<BandCand
 
 /// The best poses with the number of image points that agree on each, best first.
 fn search_among(view: &View, figure: &RacketFigure, candidates: &[Vec<BandCandidate>; 2]) -> Vec<(usize, RacketPose)> {
-    let points = space_candidates(view, candidates);
+    let points = SpacePoints::of(figure, space_candidates(view, candidates));
     let neighbours = CameraId::BOTH.map(|c| Neighbours::of(view.rig.image_size, &candidates[c.index()]));
     // Markers 2-3 or 1-4, ... : each pair of markers may be the one that is seen well.
-    let pairs: Vec<(usize, usize)> = (0..5).flat_map(|i| (i + 1..5).map(move |j| (i, j))).collect();
     let mut hypotheses: Vec<(usize, f64, Isometry3<f64>)> =
-        pairs.into_par_iter().flat_map_iter(|pair| hypotheses(view, figure, &points, &neighbours, pair)).collect();
+        PAIRS.into_par_iter().flat_map_iter(|pair| hypotheses(view, figure, &points, &neighbours, pair)).collect();
     hypotheses.sort_by(|a, b| b.0.cmp(&a.0).then(a.1.total_cmp(&b.1)));
     let mut tried: Vec<Isometry3<f64>> = Vec::new();
     for (_, _, pose) in hypotheses {
@@ -69,29 +68,73 @@ fn search_among(view: &View, figure: &RacketFigure, candidates: &[Vec<BandCandid
 
 /// The poses that put three markers, two of them given, on space points; with the image points that agree and how far these
 /// are off, px.
-fn hypotheses(view: &View, figure: &RacketFigure, points: &[Point3<f64>], near: &[Neighbours; 2], (i, j): (usize, usize)) -> Vec<(usize, f64, Isometry3<f64>)> {
-    let apart = |p: &Point3<f64>, q: &Point3<f64>, m: usize, n: usize| ((p - q).norm() - figure.distance_m(m, n)).abs() < DISTANCE_TOLERANCE_M;
+fn hypotheses(view: &View, figure: &RacketFigure, points: &SpacePoints, near: &[Neighbours; 2], (i, j): (usize, usize)) -> Vec<(usize, f64, Isometry3<f64>)> {
     let mut out = Vec::new();
-    for (a, pa) in points.iter().enumerate() {
-        for (b, pb) in points.iter().enumerate().filter(|(b, pb)| a != *b && apart(pa, pb, i, j)) {
-            for k in j + 1..5 {
-                for (c, pc) in points.iter().enumerate() {
-                    if c == a || c == b || !apart(pa, pc, i, k) || !apart(pb, pc, j, k) {
-                        continue;
-                    }
-                    let local = [figure.points[i], figure.points[j], figure.points[k]];
-                    if let Some(pose) = rigid_from_points(&local, &[*pa, *pb, *pc]) {
-                        let seen = associate(view, figure, &pose, near, GATE_PX);
-                        let miss: f64 = seen.iter().map(|(_, miss, _)| miss).sum();
-                        if seen.len() >= LEAST_POINTS {
-                            out.push((seen.len(), miss / seen.len() as f64, pose));
-                        }
+    for k in j + 1..5 {
+        let Some(local) = Triangle::of([i, j, k].map(|m| &figure.points[m])) else { continue };
+        for a in 0..points.places.len() {
+            let third = points.apart(a, i, k);
+            for b in bits(points.apart(a, i, j).iter().copied()) {
+                let both = third.iter().zip(points.apart(b, j, k)).map(|(c, d)| c & d);
+                for c in bits(both) {
+                    let Some(global) = Triangle::of([a, b, c].map(|p| &points.places[p])) else { continue };
+                    let pose = local.onto(&global);
+                    let seen = associate(view, figure, &pose, near, GATE_PX);
+                    let miss: f64 = seen.iter().map(|(_, miss, _)| miss).sum();
+                    if seen.len() >= LEAST_POINTS {
+                        out.push((seen.len(), miss / seen.len() as f64, pose));
                     }
                 }
             }
         }
     }
     out
+}
+
+/// Space points, and which of them are as far apart as two markers are.
+struct SpacePoints {
+    places: Vec<Point3<f64>>,
+    /// By point and pair of markers, so many words each: a bit for every other point.
+    apart: Vec<u64>,
+    words: usize,
+}
+
+/// Pairs of markers: 0-1, 0-2, 0-3, 0-4, 1-2, ...
+const PAIRS: [(usize, usize); 10] = [(0, 1), (0, 2), (0, 3), (0, 4), (1, 2), (1, 3), (1, 4), (2, 3), (2, 4), (3, 4)];
+
+impl SpacePoints {
+    fn of(figure: &RacketFigure, places: Vec<Point3<f64>>) -> Self {
+        let words = places.len().div_ceil(64);
+        let distances = PAIRS.map(|(i, j)| figure.distance_m(i, j));
+        let mut apart = vec![0; places.len() * PAIRS.len() * words];
+        for (a, p) in places.iter().enumerate() {
+            for (b, q) in places[..a].iter().enumerate() {
+                let d = (p - q).norm();
+                for (pair, known) in distances.iter().enumerate() {
+                    if (d - known).abs() < DISTANCE_TOLERANCE_M {
+                        apart[(a * PAIRS.len() + pair) * words + b / 64] |= 1 << (b % 64);
+                        apart[(b * PAIRS.len() + pair) * words + a / 64] |= 1 << (a % 64);
+                    }
+                }
+            }
+        }
+        SpacePoints { places, apart, words }
+    }
+
+    /// The points as far from this one as marker `j` is from marker `i`, which comes before it.
+    fn apart(&self, point: usize, i: usize, j: usize) -> &[u64] {
+        let pair = i * (7 - i) / 2 + j - 1;
+        &self.apart[(point * PAIRS.len() + pair) * self.words..][..self.words]
+    }
+}
+
+/// The numbers of the bits that are set.
+fn bits(words: impl Iterator<Item = u64>) -> impl Iterator<Item = usize> {
+    words.enumerate().flat_map(|(k, word)| {
+        std::iter::successors(Some(word), |left| Some(left & left.wrapping_sub(1)))
+            .take_while(|left| *left != 0)
+            .map(move |left| 64 * k + left.trailing_zeros() as usize)
+    })
 }
 
 /// Refines a rough pose on the candidates; scores it by the tape it explains and counts the points that agree.

@@ -45,6 +45,10 @@ const MOST_BEFORE_STILL_ONES_GO: usize = 400;
 const STILL_PX: f64 = 1.5;
 /// in so large a share of the frames.
 const STILL_SHARE: f64 = 0.6;
+/// Frames without the racket before it is looked for in whole pictures,
+const FIRST_LOOK: usize = 2;
+/// and most frames between two such looks: it crosses the volume in sixty.
+const FARTHEST_LOOKS: usize = 12;
 
 /// The racket in the frames of one direction, and every picture's fingerprint.
 pub type OneWay = (Vec<(usize, RacketFrame)>, Vec<(usize, [Option<Fingerprint>; 2])>);
@@ -367,6 +371,12 @@ impl<S: FrameSource> Shot<'_, S> {
     }
 
     fn follow_racket_one_way(&self, start: &RacketStart, indices: impl Iterator<Item = usize>) -> Result<OneWay, TrackingError> {
+        self.follow_racket_through(start, indices, true)
+    }
+
+    /// Once lost it is looked for in whole pictures, ever farther apart, and from where it is found followed back into the frames between; or
+    /// not looked for at all.
+    fn follow_racket_through(&self, start: &RacketStart, indices: impl Iterator<Item = usize>, look_for: bool) -> Result<OneWay, TrackingError> {
         let scene = self.scene();
         let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
         let mut out: Vec<(usize, RacketFrame)> = Vec::new();
@@ -376,7 +386,12 @@ impl<S: FrameSource> Shot<'_, S> {
         // What the bands looked like, as long as all of them are seen where they are expected.
         let mut known: Option<KnownBands> = None;
         let mut lost = 0;
+        let mut look_next = FIRST_LOOK;
+        let mut without: Vec<usize> = Vec::new();
         for index in indices {
+            if !look_for && lost > PATIENCE {
+                break;
+            }
             let now = self.source.number(index) as f64;
             let mut found = None;
             let predicted = racket_track::predict(previous.as_ref().map(|p| &p.1), &last.1, previous.map_or(1.0, |p| last.0 - p.0), now - last.0);
@@ -403,7 +418,8 @@ impl<S: FrameSource> Shot<'_, S> {
                 }
             }
             if found.is_none()
-                && lost >= 2
+                && look_for
+                && lost >= look_next
                 && let images = self.read(index, &mut buffers)?
                 && let [Some(l), Some(r)] = &images
             {
@@ -413,6 +429,11 @@ impl<S: FrameSource> Shot<'_, S> {
                     .and_then(|p| racket_track::measure(&scene, &images, &p.global_from_racket, 2, &start.least_contrast))
                     .filter(|f| f.count() >= 6)
                     .map(|f| face::nearest_twin(f, &last.1));
+                look_next = lost + 1 + (lost / 3).min(FARTHEST_LOOKS);
+                if let Some(frame) = &found {
+                    let found = RacketStart { index, frame: frame.clone(), least_contrast: start.least_contrast };
+                    out.append(&mut self.follow_racket_through(&found, without.iter().rev().copied(), false)?.0);
+                }
             }
             match found {
                 Some(frame) => {
@@ -427,10 +448,14 @@ impl<S: FrameSource> Shot<'_, S> {
                     }
                     previous = if lost <= PATIENCE { Some(last) } else { None };
                     last = (now, pose);
-                    lost = 0;
+                    (lost, look_next) = (0, FIRST_LOOK);
+                    without.clear();
                     out.push((index, frame));
                 }
-                None => lost += 1,
+                None => {
+                    lost += 1;
+                    without.push(index);
+                }
             }
         }
         Ok((out, prints))

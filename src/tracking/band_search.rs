@@ -24,13 +24,22 @@ const AROUND: usize = 2;
 /// Nine-pixel sums: less than 4 grey levels of contrast is noise in any camera.
 const LEAST: u16 = 9 * 4;
 
+/// Pixels from a place, along its tape, to the least and the farthest that should be dark: from a foreshortened band (0.7 of its length) to the
+/// far end of the black.
+fn dark_px(px_per_m: f64, white_half_m: f64) -> (f64, f64) {
+    (0.75 * white_half_m * px_per_m + 0.8, 2.0 * white_half_m * px_per_m + 1.5)
+}
+
+/// Rows and columns beyond a place that are looked at for it, px.
+pub fn reach_px(px_per_m: f64, white_half_m: f64) -> f64 {
+    dark_px(px_per_m, white_half_m).1.ceil() + 2.0
+}
+
 /// Candidates, strongest first and at most so many. `px_per_m` is the scale of the picture at the racket; `white_half_m` the expected
 /// half length of the white tape.
 pub fn candidates(image: &GreyView, px_per_m: f64, white_half_m: f64, most: usize) -> Vec<BandCandidate> {
     let (w, h) = (image.width, image.rows);
-    // From a foreshortened band (0.7 of its length) to the far end of the black.
-    let near = 0.75 * white_half_m * px_per_m + 0.8;
-    let far = 2.0 * white_half_m * px_per_m + 1.5;
+    let (near, far) = dark_px(px_per_m, white_half_m);
     let steps = ((far - near).round() as usize).clamp(2, 6);
     let mut offsets = Vec::with_capacity(DIRECTIONS);
     for k in 0..DIRECTIONS {

@@ -7,12 +7,18 @@
 use super::ball_track::BallFrame;
 use super::racket_figure::RacketFigure;
 use super::racket_track::RacketFrame;
-use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 
 /// Partner of each marker under the half turn.
 const TWIN: [usize; 5] = [0, 2, 1, 4, 3];
 /// A figure counts as symmetric when the half turn moves no marker by more than this, m: less than tape can be placed to.
 const SYMMETRY_M: f64 = 0.004;
+/// Frames that tell from which side the ball comes.
+const SIDE_FRAMES: usize = 7;
+/// A ball whose centre is farther from the string plane does not touch it, m.
+const CLEAR_M: f64 = 0.05;
+/// Half of a racket's head, m, about.
+const HEAD_M: f64 = 0.17;
 
 /// Whether the figure equals itself after half a turn about its long axis.
 pub fn symmetric(figure: &RacketFigure) -> bool {
@@ -52,22 +58,7 @@ pub fn settle(racket: &mut [Option<RacketFrame>], ball: &[Option<BallFrame>], fi
     if !symmetric(figure) {
         return;
     }
-    // The side of the face on which the ball is while it comes nearer, over its first frames with a racket. The depth of what one camera alone
-    // sees is foretold, beyond the impact from the wrong flight: it is asked only when the two never see the ball at once.
-    let heights_of = |stereo: bool| -> Vec<f64> {
-        let height = |(r, b): (&Option<RacketFrame>, &Option<BallFrame>)| {
-            let (pose, ball) = (r.as_ref()?.pose.global_from_racket, b.as_ref().filter(|b| b.stereo == stereo)?);
-            Some((pose.inverse() * ball.position).z)
-        };
-        racket.iter().zip(ball).filter_map(height).collect()
-    };
-    let heights = Some(heights_of(true)).filter(|h| !h.is_empty()).unwrap_or_else(|| heights_of(false));
-    let mut first: Vec<f64> = heights.iter().take(7).copied().collect();
-    first.sort_by(f64::total_cmp);
-    let side = match first.get(first.len() / 2) {
-        Some(h) => *h,
-        None => racket.iter().flatten().map(|r| r.pose.normal().x).sum(),
-    };
+    let side = side_of_approach(racket, ball).unwrap_or_else(|| racket.iter().flatten().map(|r| r.pose.normal().x).sum());
     if side < 0.0 {
         for r in racket.iter_mut().flatten() {
             *r = twin(r);
@@ -75,11 +66,41 @@ pub fn settle(racket: &mut [Option<RacketFrame>], ball: &[Option<BallFrame>], fi
     }
 }
 
+/// The side of the string plane from which the ball comes to the racket, as a height over it, m: in the last frames before the two are nearest,
+/// or the first after it, for it goes back to where it came from. A tenth of a second earlier a swung racket's plane lies anywhere.
+pub fn side_of_approach(racket: &[Option<RacketFrame>], ball: &[Option<BallFrame>]) -> Option<f64> {
+    // The depth of what one camera alone sees is foretold, beyond the impact from the wrong flight: it is asked only when the two never see the
+    // ball at once.
+    side_seen(racket, ball, true).or_else(|| side_seen(racket, ball, false))
+}
+
+/// Distance of a place in the racket's axes from a disc as wide as a racket's head, m.
+pub fn off_the_face_m(local: &Point3<f64>) -> f64 {
+    local.z.hypot((local.x.hypot(local.y) - HEAD_M).max(0.0))
+}
+
+fn side_seen(racket: &[Option<RacketFrame>], ball: &[Option<BallFrame>], stereo: bool) -> Option<f64> {
+    let local = |(r, b): (&Option<RacketFrame>, &Option<BallFrame>)| {
+        let (pose, ball) = (r.as_ref()?.pose.global_from_racket, b.as_ref().filter(|b| b.stereo == stereo)?);
+        Some(pose.inverse() * ball.position)
+    };
+    let seen: Vec<Point3<f64>> = racket.iter().zip(ball).filter_map(local).collect();
+    let nearest = (0..seen.len()).min_by(|a, b| off_the_face_m(&seen[*a]).total_cmp(&off_the_face_m(&seen[*b])))?;
+    let heights = |clear_m: f64| -> Vec<f64> {
+        let clear = |p: &&Point3<f64>| p.z.abs() > clear_m;
+        let before: Vec<f64> = seen[..=nearest].iter().rev().filter(clear).take(SIDE_FRAMES).map(|p| p.z).collect();
+        if before.is_empty() { seen[nearest..].iter().filter(clear).take(SIDE_FRAMES).map(|p| p.z).collect() } else { before }
+    };
+    let mut side = Some(heights(CLEAR_M)).filter(|h| !h.is_empty()).unwrap_or_else(|| heights(0.0));
+    side.sort_by(f64::total_cmp);
+    side.get(side.len() / 2).copied()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::tracking::racket_pose::RacketPose;
-    use nalgebra::{Matrix6, Point3, Unit};
+    use nalgebra::{Matrix6, Unit};
 
     fn figure() -> RacketFigure {
         let points = [(0.17, 0.0), (0.0, 0.13), (0.0, -0.13), (-0.2, 0.05), (-0.2, -0.05)].map(|(x, y)| Point3::new(x, y, 0.0));
@@ -109,5 +130,22 @@ mod tests {
         // Never both: what one camera guesses is all there is.
         let one_eyed: Vec<Option<BallFrame>> = (0..20).map(|_| ball(false, -0.3)).collect();
         assert!(!up(&one_eyed));
+    }
+
+    #[test]
+    fn law_the_face_is_told_where_the_ball_meets_it() {
+        // A swing through half a turn about the long axis while the ball flies along z, bounces off at frame 60 and goes back.
+        let pose = |i: usize| Isometry3::from_parts(Vector3::zeros().into(), UnitQuaternion::from_axis_angle(&Vector3::x_axis(), 0.05 * (i as f64 - 60.0)));
+        let frame = |i: usize| {
+            let pose = RacketPose { global_from_racket: pose(i), covariance: Matrix6::identity(), chi2: 0.0, dof: 1 };
+            Some(RacketFrame { pose, points: [[None; 5]; 2] })
+        };
+        let mut racket: Vec<_> = (0..120).map(frame).collect();
+        assert!(racket[0].as_ref().is_some_and(|r| r.pose.normal().z < 0.0), "the ball seems to come from behind at first");
+        let height = |i: usize| 0.03 + 0.03 * (i as f64 - 60.0).abs();
+        let ball: Vec<_> =
+            (0..120).map(|i| Some(BallFrame { points: [None; 2], position: Point3::new(0.1, 0.0, height(i)), stereo: true, flattening: None })).collect();
+        settle(&mut racket, &ball, &figure());
+        assert!(racket[60].as_ref().is_some_and(|r| r.pose.normal().z > 0.9));
     }
 }

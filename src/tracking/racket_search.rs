@@ -10,7 +10,7 @@ use super::racket_figure::RacketFigure;
 use super::racket_pose::{MarkerObservation, RacketPose, Triangle, View, fit_pose_in};
 use super::track_file::ImagePoint;
 use crate::calibration::CameraId;
-use nalgebra::{Isometry3, Point3, Vector2};
+use nalgebra::{Isometry3, Point3, Vector2, Vector3};
 use rayon::prelude::*;
 
 /// Two rays of one marker may miss each other by this, m: two pixels at 12 m, and the two cameras see different sides of
@@ -22,6 +22,8 @@ const DISTANCE_TOLERANCE_M: f64 = 0.020;
 const GATE_PX: f64 = 6.0;
 /// Least number of image points that must agree before a racket is believed: three markers seen by both cameras.
 const LEAST_POINTS: usize = 6;
+/// No racket moves faster than this, m/s: the tip of one that serves at 250 km/h does 50.
+const FASTEST_M_S: f64 = 60.0;
 /// Most hypotheses followed up.
 const FOLLOWED: usize = 12;
 
@@ -31,22 +33,47 @@ const STRONGEST: usize = 24;
 /// Image points that must agree before the strongest candidates decide alone: four markers seen by both cameras.
 const CLEAR_POINTS: usize = 8;
 
-/// The racket's pose, or `None` when the pictures hold no figure like it. Candidates come strongest first.
-pub fn search(view: &View, figure: &RacketFigure, candidates: &[Vec<BandCandidate>; 2]) -> Option<RacketPose> {
+/// Where a racket may have got to.
+#[derive(Debug, Clone, Copy)]
+pub struct Reach {
+    centre: Point3<f64>,
+    radius_m: f64,
+}
+
+impl Reach {
+    /// Its markers so many seconds after or before a pose.
+    pub fn of(figure: &RacketFigure, last: &Isometry3<f64>, seconds: f64) -> Self {
+        let mean = Point3::from(figure.points.iter().map(|p| p.coords).sum::<Vector3<f64>>() / figure.points.len() as f64);
+        let figure_m = figure.points.iter().map(|p| (p - mean).norm()).fold(0.0, f64::max);
+        Reach { centre: last * mean, radius_m: figure_m + FASTEST_M_S * seconds.abs() + DISTANCE_TOLERANCE_M }
+    }
+
+    /// Its circle in a picture: centre and radius, px.
+    pub fn circle(&self, view: &View, camera: CameraId) -> Option<(Vector2<f64>, f64)> {
+        let distance = (self.centre - view.eye(camera)).norm();
+        let near = (distance - self.radius_m).max(0.1 * distance);
+        Some((view.project(camera, &self.centre)?, view.rig.camera(camera).fx.max(view.rig.camera(camera).fy) * self.radius_m / near))
+    }
+}
+
+/// The racket's pose within reach, or `None` when the pictures hold no figure like it. Candidates come strongest first.
+pub fn search(view: &View, figure: &RacketFigure, candidates: &[Vec<BandCandidate>; 2], reach: Option<&Reach>) -> Option<RacketPose> {
     let strongest = candidates.each_ref().map(|c| c.iter().take(STRONGEST).copied().collect::<Vec<_>>());
-    let likeliest = |candidates| search_among(view, figure, candidates).into_iter().next();
+    let likeliest = |candidates| search_among(view, figure, candidates, reach).into_iter().next();
     likeliest(&strongest).filter(|(seen, _)| *seen >= CLEAR_POINTS).or_else(|| likeliest(candidates)).map(|(_, pose)| pose)
 }
 
 /// All poses that put the racket on figures like it, likeliest first. Lettering makes figures too, and may look more like tape than tape in the
 /// shade does.
 pub fn search_all(view: &View, figure: &RacketFigure, candidates: &[Vec<BandCandidate>; 2]) -> impl Iterator<Item = RacketPose> {
-    search_among(view, figure, candidates).into_iter().map(|(_, pose)| pose)
+    search_among(view, figure, candidates, None).into_iter().map(|(_, pose)| pose)
 }
 
 /// The best poses with the number of image points that agree on each, best first.
-fn search_among(view: &View, figure: &RacketFigure, candidates: &[Vec<BandCandidate>; 2]) -> Vec<(usize, RacketPose)> {
-    let points = SpacePoints::of(figure, space_candidates(view, candidates));
+fn search_among(view: &View, figure: &RacketFigure, candidates: &[Vec<BandCandidate>; 2], reach: Option<&Reach>) -> Vec<(usize, RacketPose)> {
+    let mut places = space_candidates(view, candidates);
+    places.retain(|p| reach.is_none_or(|r| (p - r.centre).norm() < r.radius_m));
+    let points = SpacePoints::of(figure, places);
     let neighbours = CameraId::BOTH.map(|c| Neighbours::of(view.rig.image_size, &candidates[c.index()]));
     // Markers 2-3 or 1-4, ... : each pair of markers may be the one that is seen well.
     let mut hypotheses: Vec<(usize, f64, Isometry3<f64>)> =

@@ -4,7 +4,7 @@ use super::band::{BandView, USUAL_BLUR_PX};
 use super::band_search::{self, BandCandidate, MOST};
 use super::face;
 use super::racket_figure::RacketFigure;
-use super::racket_search;
+use super::racket_search::{self, Reach};
 use super::racket_track::{self, ALL_BANDS, KnownBands, LEAST_CONTRAST, RacketFrame};
 use super::recording::{Fingerprint, Fingerprints};
 use super::shot_frames::{PATIENCE, Shot, spread};
@@ -39,8 +39,8 @@ const CLEAR_STRENGTH: f64 = 0.6;
 const CLEAR_BANDS: usize = 8;
 /// Unclear rackets looked at before other likely figures of as many frames are asked, and the best of them is taken.
 const DOUBTFUL_STARTS: usize = 16;
-/// Places of a picture that look like tape before those that keep their place are left out.
-const MOST_BEFORE_STILL_ONES_GO: usize = 400;
+/// Places of a picture that look like tape before those that keep their place, or cannot be the racket's, are left out.
+const MOST_BEFORE_SOME_GO: usize = 400;
 /// What keeps its place moves by less than this, px,
 const STILL_PX: f64 = 1.5;
 /// in so large a share of the frames.
@@ -118,7 +118,7 @@ impl<S: FrameSource> Shot<'_, S> {
             for c in 0..2 {
                 most[c] = most[c].max(candidates[c].len());
             }
-            let Some(pose) = racket_search::search(self.view, &self.figure, &candidates) else { continue };
+            let Some(pose) = racket_search::search(self.view, &self.figure, &candidates, None) else { continue };
             let Some(start) = self.confirm(index, &pose.global_from_racket)? else { continue };
             let strength = start.strength(&candidates);
             if start.is_clear(strength) {
@@ -143,7 +143,7 @@ impl<S: FrameSource> Shot<'_, S> {
     fn racket_among_figures(&self) -> Result<Option<RacketStart>, TrackingError> {
         let mut frames = Vec::new();
         for index in spread(self.source.len()).into_iter().take(DOUBTFUL_STARTS) {
-            if let Some(candidates) = self.candidates_in(index, MOST_BEFORE_STILL_ONES_GO)? {
+            if let Some(candidates) = self.candidates_in(index, MOST_BEFORE_SOME_GO)? {
                 frames.push((index, candidates));
             }
         }
@@ -370,6 +370,34 @@ impl<S: FrameSource> Shot<'_, S> {
         Ok(())
     }
 
+    /// The racket anywhere it may have got to since it was last seen, in pictures that are read for it.
+    fn look_for_racket(
+        &self,
+        index: usize,
+        (then, last): &(f64, Isometry3<f64>),
+        least_contrast: &[f64; 2],
+        buffers: &mut [FrameBuffer; 2],
+    ) -> Result<Option<RacketFrame>, TrackingError> {
+        let reach = Reach::of(&self.figure, last, (self.source.number(index) as f64 - then) / self.setup.frame_rate_hz);
+        let circles = CameraId::BOTH.map(|c| reach.circle(self.view, c));
+        let rows = CameraId::BOTH.map(|c| {
+            circles[c.index()].map_or(Rows::ALL, |(at, radius)| {
+                let radius = radius + band_search::reach_px(self.px_per_m(c), self.shape.white_half_m);
+                let (first, end) = ((at.y - radius).max(0.0) as usize, (at.y + radius + 1.0).max(0.0) as usize);
+                Rows::span(first, end - first)
+            })
+        });
+        let images = self.read_rows(index, rows, buffers)?;
+        let [Some(l), Some(r)] = &images else { return Ok(None) };
+        let mut candidates = self.band_candidates(l, r, MOST_BEFORE_SOME_GO);
+        for (candidates, circle) in candidates.iter_mut().zip(circles) {
+            candidates.retain(|c| circle.is_none_or(|(at, radius)| (c.uv - at).norm() < radius));
+            candidates.truncate(MOST);
+        }
+        let found = racket_search::search(self.view, &self.figure, &candidates, Some(&reach));
+        Ok(found.and_then(|p| racket_track::measure(&self.scene(), &images, &p.global_from_racket, 2, least_contrast)).filter(|f| f.count() >= 6))
+    }
+
     fn follow_racket_one_way(&self, start: &RacketStart, indices: impl Iterator<Item = usize>) -> Result<OneWay, TrackingError> {
         self.follow_racket_through(start, indices, true)
     }
@@ -417,18 +445,8 @@ impl<S: FrameSource> Shot<'_, S> {
                     found = look(&scene, &images, &predicted, reach, &start.least_contrast);
                 }
             }
-            if found.is_none()
-                && look_for
-                && lost >= look_next
-                && let images = self.read(index, &mut buffers)?
-                && let [Some(l), Some(r)] = &images
-            {
-                // Lost: search the whole pictures again.
-                let candidates = self.band_candidates(l, r, MOST);
-                found = racket_search::search(self.view, &self.figure, &candidates)
-                    .and_then(|p| racket_track::measure(&scene, &images, &p.global_from_racket, 2, &start.least_contrast))
-                    .filter(|f| f.count() >= 6)
-                    .map(|f| face::nearest_twin(f, &last.1));
+            if found.is_none() && look_for && lost >= look_next {
+                found = self.look_for_racket(index, &last, &start.least_contrast, &mut buffers)?.map(|f| face::nearest_twin(f, &last.1));
                 look_next = lost + 1 + (lost / 3).min(FARTHEST_LOOKS);
                 if let Some(frame) = &found {
                     let found = RacketStart { index, frame: frame.clone(), least_contrast: start.least_contrast };

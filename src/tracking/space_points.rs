@@ -1,6 +1,7 @@
 //! Tracks in space: the five markers from the fitted pose, the ball from both rays, and the instant of first contact.
 
 use super::ball_track::BallFrame;
+use super::face;
 use super::racket_figure::RacketFigure;
 use super::racket_pose::View;
 use super::racket_track::RacketFrame;
@@ -20,21 +21,27 @@ pub const BALL_ERRORS_ALIKE: f64 = 0.25;
 
 /// First contact as a fractional frame number: the ball's centre, still in free flight, one radius from the string plane.
 ///
-/// A straight line through the last distances before contact; kinematics refines it. `None` when the ball never comes
-/// that near while both are seen.
+/// A straight line through the last distances before contact; kinematics refines it. `None` when the ball never comes that near while both are
+/// seen. It is looked for back from where the ball is nearest to the head: the plane beyond it is crossed at other times too.
 pub fn first_contact(source: &impl FrameSource, racket: &[Option<RacketFrame>], ball: &[Option<BallFrame>], radius_m: f64) -> Option<f64> {
-    let heights: Vec<(f64, f64)> = (0..source.len())
+    let side = face::side_of_approach(racket, ball)?.signum();
+    // Frame number, height over the string plane on that side, distance from the head.
+    let seen: Vec<(f64, f64, f64)> = (0..source.len())
         .filter_map(|i| {
             let pose = racket[i].as_ref()?.pose.global_from_racket;
             let local = pose.inverse() * ball[i].as_ref()?.position;
-            Some((source.number(i) as f64, local.z))
+            Some((source.number(i) as f64, side * local.z, face::off_the_face_m(&local)))
         })
         .collect();
-    let side = heights.first()?.1.signum();
-    let touching = heights.iter().position(|(_, z)| z * side <= radius_m)?;
+    let nearest = (0..seen.len()).min_by(|a, b| seen[*a].2.total_cmp(&seen[*b].2))?;
+    let touches = |i: &usize| seen[*i].1 <= radius_m;
+    if !touches(&nearest) {
+        return None;
+    }
+    let touching = (0..=nearest).rev().take_while(touches).last()?;
     // Six frames in which the ball is clear of the strings.
-    let before = &heights[touching.saturating_sub(6)..touching];
-    line_at(before, side * radius_m)
+    let before: Vec<(f64, f64)> = seen[touching.saturating_sub(6)..touching].iter().map(|s| (s.0, s.1)).collect();
+    line_at(&before, radius_m)
 }
 
 /// Numbers of the frames in which the ball is in contact: its centre, measured by both cameras, is nearer to the string plane

@@ -232,7 +232,9 @@ impl<S: FrameSource> Shot<'_, S> {
         let again = |buffers: &mut [FrameBuffer; 2], index: usize| {
             let expected = match &rough[index] {
                 Some(b) if b.stereo => Some((b.position, true)),
-                ball => expected_ball(&rough, &numbers, index).or(ball.map(|b| (b.position, true))),
+                // What one camera saw is looked for again with the depth that both knew before or after.
+                Some(b) => Some((expected_ball(&rough, &numbers, index).map_or(b.position, |(p, _)| p), true)),
+                None => expected_ball(&rough, &numbers, index),
             };
             let Some((p, within)) = expected else { return Ok((None, [None; 2])) };
             let close = kept[index].as_ref().and_then(|kept| {

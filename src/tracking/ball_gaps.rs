@@ -97,10 +97,10 @@ impl<S: FrameSource> Shot<'_, S> {
         (known, piece)
     }
 
-    /// Whether the ball before and after the strings stands in what was followed.
-    pub(super) fn stands_in(&self, ways: &[Vec<Option<BallFrame>>], racket: &[Option<RacketFrame>]) -> bool {
+    /// Whether the ball before and after the strings stands in what was followed, both flights at least so many frames long.
+    pub(super) fn stands_in(&self, ways: &[Vec<Option<BallFrame>>], racket: &[Option<RacketFrame>], shortest: usize) -> bool {
         let pieces: Vec<Piece> = ways.iter().flat_map(|frames| straight_pieces(&self.sightings(frames, racket), self.setup.frame_rate_hz)).collect();
-        met_at_strings(&pieces, self.setup.frame_rate_hz).is_some()
+        met_at_strings(&pieces, self.setup.frame_rate_hz).is_some_and(|pair| pair.iter().all(|k| pieces[*k].len() >= shortest))
     }
 
     /// Frames of the longest straight piece of what was followed that moves as a ball does.
@@ -232,12 +232,16 @@ impl<S: FrameSource> Shot<'_, S> {
         let met = |piece: &Piece| {
             last_piece.as_ref().is_some_and(|known| meet(known, piece, rate)) || next_piece.as_ref().is_some_and(|known| meet(piece, known, rate))
         };
+        let mut tried: Vec<Vec<Option<BallFrame>>> = Vec::new();
         for start in STARTS {
             let from_before = gap.start.checked_add(start).filter(|first| first + 2 < gap.end && self.may_be_seen(scene, &before, *first));
             let from_after = gap.end.checked_sub(start + 3).filter(|first| *first >= gap.start && self.may_be_seen(scene, &after, *first));
             for first in [from_before, from_after].into_iter().flatten() {
                 let flights = [self.flights_from(first, scene, still)?, self.flights_against_another(first, scene)?];
                 for three in flights.into_iter().flatten() {
+                    if tried.iter().any(|t| stands_at(t, first + 1, &three[1])) {
+                        continue;
+                    }
                     let forth = || self.follow_ball_one_way(scene, (first + 1, three[1]), (first + 2, three[2]), first + 3..gap.end);
                     let back = || self.follow_ball_one_way(scene, (first + 1, three[1]), (first, three[0]), (gap.start..first).rev());
                     let (back, forth) = rayon::join(back, forth);
@@ -254,6 +258,7 @@ impl<S: FrameSource> Shot<'_, S> {
                     if seen.len() >= SHORTEST && 2 * straight >= seen.len() && meets.contains(&true) && !meets.contains(&false) {
                         return Ok(Some(found));
                     }
+                    tried.push(found.frames);
                 }
             }
         }
@@ -273,6 +278,11 @@ impl<S: FrameSource> Shot<'_, S> {
         let inside = |uv: Vector2<f64>, radius: f64| uv.x > radius && uv.y > radius && uv.x < width - radius && uv.y < height - radius;
         CameraId::BOTH.into_iter().all(|c| scene.view.project(c, &there).zip(scene.radius_px(c, &there)).is_some_and(|(uv, radius)| inside(uv, radius)))
     }
+}
+
+/// Whether what was followed stands in a frame where another thing is.
+pub(super) fn stands_at(frames: &[Option<BallFrame>], index: usize, thing: &BallFrame) -> bool {
+    frames[index].is_some_and(|b| (b.position - thing.position).norm() < SAME_BALL_M)
 }
 
 /// Whether a flight, its nearest frames first, comes to where the ball is known; `None` where its end is too far away to tell.

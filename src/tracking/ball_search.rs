@@ -178,10 +178,15 @@ impl Scratch {
                 if g < LEAST {
                     continue;
                 }
-                let weight = g.min(CAP).round() as u16;
+                // Casts round what is not negative down.
+                let weight = (g.min(CAP) + 0.5) as u16;
                 let (dx, dy) = (gx / g * radius, gy / g * radius);
                 for sign in [1.0, -1.0] {
-                    let (cx, cy) = ((i as f32 + sign * dx).round() as i64, (y as f32 + sign * dy).round() as i64);
+                    let (x, y) = (i as f32 + sign * dx + 0.5, y as f32 + sign * dy + 0.5);
+                    if x < 0.0 || y < 0.0 {
+                        continue;
+                    }
+                    let (cx, cy) = (x as i64, y as i64);
                     if cx >= centres.x0 && cy >= centres.y0 && cx <= centres.x1 && cy <= centres.y1 {
                         let place = &mut raw[(cy - centres.y0) as usize * w + (cx - centres.x0) as usize];
                         *place = place.saturating_add(weight);

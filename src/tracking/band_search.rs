@@ -20,7 +20,7 @@ pub const MOST: usize = 70;
 /// Rows scored at once: what belongs to so many stays in the near cache and is the same memory from one stripe to the next.
 const STRIPE: usize = 64;
 /// A place is the highest of its surroundings, so many pixels in every direction.
-const AROUND: usize = 2;
+pub const AROUND: usize = 2;
 /// Nine-pixel sums: less than 4 grey levels of contrast is noise in any camera.
 const LEAST: u16 = 9 * 4;
 
@@ -35,9 +35,9 @@ pub fn reach_px(px_per_m: f64, white_half_m: f64) -> f64 {
     dark_px(px_per_m, white_half_m).1.ceil() + 2.0
 }
 
-/// Candidates, strongest first and at most so many. `px_per_m` is the scale of the picture at the racket; `white_half_m` the expected
+/// Candidates in some columns, strongest first and at most so many. `px_per_m` is the scale of the picture at the racket; `white_half_m` the expected
 /// half length of the white tape.
-pub fn candidates(image: &GreyView, px_per_m: f64, white_half_m: f64, most: usize) -> Vec<BandCandidate> {
+pub fn candidates(image: &GreyView, columns: Range<usize>, px_per_m: f64, white_half_m: f64, most: usize) -> Vec<BandCandidate> {
     let (w, h) = (image.width, image.rows);
     let (near, far) = dark_px(px_per_m, white_half_m);
     let steps = ((far - near).round() as usize).clamp(2, 6);
@@ -54,10 +54,11 @@ pub fn candidates(image: &GreyView, px_per_m: f64, white_half_m: f64, most: usiz
     }
     let reach = far.ceil() as usize + 1;
     let margin = reach + 1;
-    if w <= 2 * margin || h <= 2 * margin {
+    let columns = columns.start.max(margin)..columns.end.min(w.saturating_sub(margin));
+    if columns.is_empty() || h <= 2 * margin {
         return Vec::new();
     }
-    let mut found = pulp::Arch::new().dispatch(Look { image, reach, margin, offsets: &offsets }).unwrap_or_default();
+    let mut found = pulp::Arch::new().dispatch(Look { image, columns, reach, margin, offsets: &offsets }).unwrap_or_default();
     found.sort_by(|a, b| b.0.cmp(&a.0).then((a.2, a.1).cmp(&(b.2, b.1))));
     found.truncate(most);
     let first_row = Vector2::new(0.0, image.first_row as f64);
@@ -70,6 +71,7 @@ type Highest = (u16, usize, usize, Vector2<f64>);
 /// A look through a whole picture.
 struct Look<'a> {
     image: &'a GreyView<'a>,
+    columns: Range<usize>,
     reach: usize,
     margin: usize,
     offsets: &'a [Vec<isize>],
@@ -80,7 +82,7 @@ impl pulp::NullaryFnOnce for Look<'_> {
 
     #[inline(always)]
     fn call(self) -> Self::Output {
-        let Look { image, reach, margin, offsets } = self;
+        let Look { image, columns, reach, margin, offsets } = self;
         let (w, h) = (image.width, image.rows);
         let mut stripe = Stripe::default();
         let mut found = Vec::new();
@@ -89,9 +91,9 @@ impl pulp::NullaryFnOnce for Look<'_> {
             // The rows next to those asked for are scored as well, and what these look at lies farther out.
             let scored = (top - AROUND).max(margin)..(end + AROUND).min(h - margin);
             stripe.smooth(image, scored.start - reach..scored.end + reach)?;
-            stripe.score(w, top - AROUND..end + AROUND, scored, (margin, reach), offsets);
+            stripe.score(w, top - AROUND..end + AROUND, scored, (&columns, reach), offsets);
             for y in top..end {
-                stripe.highest(w, margin, y, &mut found);
+                stripe.highest(w, &columns, y, &mut found);
             }
         }
         Some(found)
@@ -136,9 +138,9 @@ impl Stripe {
         Some(())
     }
 
-    /// Bright with dark on two opposite sides: by how much, for the rows `scored` of `rows`; zero in the others and beside the margin.
+    /// Bright with dark on two opposite sides: by how much, for the rows `scored` of `rows`; zero in the others and beside the columns.
     #[inline(always)]
-    fn score(&mut self, w: usize, rows: Range<usize>, scored: Range<usize>, (margin, reach): (usize, usize), offsets: &[Vec<isize>]) {
+    fn score(&mut self, w: usize, rows: Range<usize>, scored: Range<usize>, (columns, reach): (&Range<usize>, usize), offsets: &[Vec<isize>]) {
         // Nothing within reach is darker than the darkest of a box around: most places need no look at all.
         let darkest = self.darkest.around(&self.smooth, w, reach);
         let smooth = &self.smooth;
@@ -147,18 +149,18 @@ impl Stripe {
         self.score_from = rows.start;
         for y in scored {
             let (from, to) = ((y - self.smooth_from) * w, (y - rows.start) * w);
-            Row { smooth, darkest, from: from + margin, offsets }.score(&mut self.score[to..][margin..w - margin]);
+            Row { smooth, darkest, from: from + columns.start, offsets }.score(&mut self.score[to..][columns.clone()]);
         }
     }
 
     /// Appends the places of a row that are the highest of their surroundings, with the scores' centroid there. Ties go to the first
     /// in reading order.
     #[inline(always)]
-    fn highest(&self, w: usize, margin: usize, y: usize, found: &mut Vec<Highest>) {
+    fn highest(&self, w: usize, columns: &Range<usize>, y: usize, found: &mut Vec<Highest>) {
         const SIDE: usize = 2 * AROUND + 1;
         let rows: [&[u16]; SIDE] = std::array::from_fn(|j| &self.score[(y + j - AROUND - self.score_from) * w..][..w]);
         let row = rows[AROUND];
-        for x in margin..w - margin {
+        for x in columns.clone() {
             // Most places have a higher neighbour in their own row.
             let s = row[x];
             if s == 0 || row[x - 1] >= s || row[x + 1] > s {

@@ -2,6 +2,7 @@
 
 use super::ball_choice::{self, Sighting};
 use super::ball_fit::OutlineLevels;
+use super::ball_gaps::stands_at;
 use super::ball_presence;
 use super::ball_search;
 use super::ball_shading::{BallShading, LimbProfile};
@@ -24,6 +25,8 @@ const ELSEWHERE_RADII: f64 = 2.2;
 /// Longest gap in the ball's track that is looked into again, frames.
 const FILLED: f64 = 6.0;
 
+/// Two flights, each in as many frames, that meet at the strings are the ball: no other is looked for.
+const LONG_FLIGHT: usize = 30;
 /// A thing that flew straight in as many frames may be the ball.
 const FLIES: usize = 8;
 
@@ -134,7 +137,7 @@ impl<S: FrameSource> Shot<'_, S> {
         let mut claimed: Vec<Vec<Option<BallFrame>>> = Vec::new();
         let mut of_the_racket: Vec<Vec<Option<BallFrame>>> = Vec::new();
         for against_another in [false, true] {
-            if clear || against_another && self.stands_in(&claimed, racket) {
+            if clear || against_another && self.stands_in(&claimed, racket, 0) {
                 break;
             }
             for first in self.looked_into() {
@@ -144,8 +147,7 @@ impl<S: FrameSource> Shot<'_, S> {
                     None => self.flights_from(first, &scene, still)?,
                 };
                 for flight in flights {
-                    let known = |t: &Vec<Option<BallFrame>>| t[first + 1].is_some_and(|b| (b.position - flight[1].position).norm() < 0.03);
-                    if claimed.iter().chain(&of_the_racket).any(known) {
+                    if claimed.iter().chain(&of_the_racket).any(|t| stands_at(t, first + 1, &flight[1])) {
                         continue;
                     }
                     let track = match followed.take() {
@@ -171,8 +173,12 @@ impl<S: FrameSource> Shot<'_, S> {
                     } else {
                         claimed.push(track.frames);
                     }
+                    if clear {
+                        break;
+                    }
                 }
-                if clear {
+                // In a long clip nothing else flies to the strings and away for so long.
+                if clear || self.stands_in(&claimed, racket, LONG_FLIGHT) {
                     break;
                 }
             }
@@ -182,7 +188,7 @@ impl<S: FrameSource> Shot<'_, S> {
         if clear {
             return self.remeasure_ball(&stage, flight);
         }
-        let flies = self.stands_in(&claimed, racket) || self.longest_flight(&flight.frames, racket) >= FLIES;
+        let flies = self.stands_in(&claimed, racket, 0) || self.longest_flight(&flight.frames, racket) >= FLIES;
         self.keep_free_flight(&scene, &mut flight, &claimed, racket)?;
         let followed = self.remeasure_ball(&stage, flight)?;
         if flies {

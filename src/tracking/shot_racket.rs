@@ -19,6 +19,7 @@ use crate::calibration::CameraId;
 use crate::footage::{FrameBuffer, FrameSource, GreyView, Rows};
 use nalgebra::Isometry3;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Frames whose pictures are asked for the direction of the throat.
 const THROAT_FRAMES: usize = 8;
@@ -48,7 +49,7 @@ const STILL_SHARE: f64 = 0.6;
 /// Frames without the racket before it is looked for in whole pictures,
 const FIRST_LOOK: usize = 2;
 /// and most frames between two such looks: it crosses the volume in sixty.
-const FARTHEST_LOOKS: usize = 12;
+const FARTHEST_LOOKS: usize = 20;
 
 /// The racket in the frames of one direction, and every picture's fingerprint.
 pub type OneWay = (Vec<(usize, RacketFrame)>, Vec<(usize, [Option<Fingerprint>; 2])>);
@@ -166,14 +167,17 @@ impl<S: FrameSource> Shot<'_, S> {
     fn candidates_in(&self, index: usize, most: usize) -> Result<Option<[Vec<BandCandidate>; 2]>, TrackingError> {
         self.with_buffers(|buffers| {
             let [Some(l), Some(r)] = &self.read(index, buffers)? else { return Ok(None) };
-            Ok(Some(self.band_candidates(l, r, most)))
+            Ok(Some(self.band_candidates([l, r], [0..usize::MAX, 0..usize::MAX], most)))
         })
     }
 
-    /// What may be tape in either picture.
-    fn band_candidates(&self, left: &GreyView, right: &GreyView, most: usize) -> [Vec<BandCandidate>; 2] {
-        let of = |view: &GreyView, camera: CameraId| band_search::candidates(view, self.px_per_m(camera), self.shape.white_half_m, most);
-        let (left, right) = rayon::join(|| of(left, CameraId::Left), || of(right, CameraId::Right));
+    /// What may be tape in some columns of either picture.
+    fn band_candidates(&self, images: [&GreyView; 2], columns: [Range<usize>; 2], most: usize) -> [Vec<BandCandidate>; 2] {
+        let of = |camera: CameraId| {
+            let (image, columns) = (images[camera.index()], columns[camera.index()].clone());
+            band_search::candidates(image, columns, self.px_per_m(camera), self.shape.white_half_m, most)
+        };
+        let (left, right) = rayon::join(|| of(CameraId::Left), || of(CameraId::Right));
         [left, right]
     }
 
@@ -380,16 +384,18 @@ impl<S: FrameSource> Shot<'_, S> {
     ) -> Result<Option<RacketFrame>, TrackingError> {
         let reach = Reach::of(&self.figure, last, (self.source.number(index) as f64 - then) / self.setup.frame_rate_hz);
         let circles = CameraId::BOTH.map(|c| reach.circle(self.view, c));
+        let around = |at: f64, by: f64| (at - by).max(0.0) as usize..(at + by + 1.0).max(0.0) as usize;
         let rows = CameraId::BOTH.map(|c| {
             circles[c.index()].map_or(Rows::ALL, |(at, radius)| {
-                let radius = radius + band_search::reach_px(self.px_per_m(c), self.shape.white_half_m);
-                let (first, end) = ((at.y - radius).max(0.0) as usize, (at.y + radius + 1.0).max(0.0) as usize);
-                Rows::span(first, end - first)
+                let rows = around(at.y, radius + band_search::reach_px(self.px_per_m(c), self.shape.white_half_m));
+                Rows::span(rows.start, rows.len())
             })
         });
         let images = self.read_rows(index, rows, buffers)?;
         let [Some(l), Some(r)] = &images else { return Ok(None) };
-        let mut candidates = self.band_candidates(l, r, MOST_BEFORE_SOME_GO);
+        // What lies next to the border of what is looked through is no peak.
+        let columns = circles.map(|circle| circle.map_or(0..usize::MAX, |(at, radius)| around(at.x, radius + band_search::AROUND as f64)));
+        let mut candidates = self.band_candidates([l, r], columns, MOST_BEFORE_SOME_GO);
         for (candidates, circle) in candidates.iter_mut().zip(circles) {
             candidates.retain(|c| circle.is_none_or(|(at, radius)| (c.uv - at).norm() < radius));
             candidates.truncate(MOST);
@@ -447,7 +453,7 @@ impl<S: FrameSource> Shot<'_, S> {
             }
             if found.is_none() && look_for && lost >= look_next {
                 found = self.look_for_racket(index, &last, &start.least_contrast, &mut buffers)?.map(|f| face::nearest_twin(f, &last.1));
-                look_next = lost + 1 + (lost / 3).min(FARTHEST_LOOKS);
+                look_next = lost + 1 + (lost / 2).min(FARTHEST_LOOKS);
                 if let Some(frame) = &found {
                     let found = RacketStart { index, frame: frame.clone(), least_contrast: start.least_contrast };
                     out.append(&mut self.follow_racket_through(&found, without.iter().rev().copied(), false)?.0);

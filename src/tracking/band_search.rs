@@ -319,4 +319,40 @@ mod tests {
             }
         }
     }
+
+    #[test]
+    fn agrees_places_side_by_side_have_the_scores_they_have_alone() {
+        let (w, h) = (100, 40);
+        let smooth: Vec<u16> = (0..w * h).map(|i| (i * 7919 % 2003) as u16).collect();
+        let offsets: Vec<Vec<isize>> =
+            [(3, 0), (2, 2), (0, 3), (-2, 2)].map(|(x, y): (isize, isize)| vec![x + y * w as isize, 2 * x + 2 * y * w as isize]).to_vec();
+        let (from, darkest) = (20 * w + 8, vec![0; w * h]);
+        let row = Row { smooth: &smooth, darkest: &darkest, from, offsets: &offsets };
+        let mut together = vec![0; 84];
+        row.score(&mut together);
+        for (x, score) in together.iter().enumerate() {
+            let dark = |o: &isize, sign: isize| smooth[from.strict_add_signed(x as isize + sign * o)];
+            let darker = |along: &Vec<isize>| [1, -1].map(|sign| along.iter().map(|o| dark(o, sign)).min().unwrap_or(0)).into_iter().max();
+            let least = offsets.iter().filter_map(darker).min().unwrap_or(0);
+            let alone = smooth[from + x].saturating_sub(least);
+            assert_eq!(*score, if alone > LEAST { alone } else { 0 }, "{x}");
+        }
+        assert!(together.iter().any(|s| *s > 0) && together.contains(&0));
+    }
+
+    #[test]
+    fn truth_columns_that_are_left_out_hold_no_candidate_and_change_no_other() {
+        let grey = |x: usize, y: usize| -> u8 {
+            let bands = [(60.3, 50.0), (150.0, 80.4)];
+            let near = bands.iter().any(|(u, v): &(f64, f64)| (x as f64 - u).abs() < 2.5 && (y as f64 - v).abs() < 3.0);
+            if near { 200 } else { 20 + ((x * 31 + y * 17) % 3) as u8 }
+        };
+        let image = crate::footage::GreyImage { width: 220, height: 120, pixels: (0..220 * 120).map(|i| grey(i % 220, i / 220)).collect() };
+        let view = GreyView::of(&image);
+        let all = candidates(&view, 0..usize::MAX, 240.0, 0.0125, MOST);
+        let some = candidates(&view, 100..200, 240.0, 0.0125, MOST);
+        assert_eq!((all.len(), some.len()), (2, 1), "{all:?} {some:?}");
+        // Anywhere on the band: all of it is as bright.
+        assert!((some[0].uv - Vector2::new(150.0, 80.4)).norm() < 2.0 && all.iter().any(|c| c.uv == some[0].uv && c.contrast == some[0].contrast));
+    }
 }

@@ -464,6 +464,26 @@ pub(crate) mod tests {
     }
 
     #[test]
+    fn agrees_three_corners_are_laid_on_each_other_as_by_singular_values() {
+        let f = figure();
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(3);
+        for corners in [[0, 1, 2], [0, 3, 4], [1, 2, 4]] {
+            let local = corners.map(|m| f.points[m]);
+            for _ in 0..20 {
+                let rotation = UnitQuaternion::from_scaled_axis(Vector3::from_fn(|_, _| rng.random_range(-3.0..3.0)));
+                let moved = Isometry3::from_parts(Translation3::new(0.3, 1.0, -0.2), rotation);
+                let global = local.map(|p| moved * p + Vector3::from_fn(|_, _| rng.random_range(-0.02..0.02)));
+                let expected = rigid_from_points(&local, &global).expect("a triangle");
+                let [from, onto] = [&local, &global].map(|t| Triangle::of([&t[0], &t[1], &t[2]]).expect("a triangle"));
+                let found = from.onto(&onto);
+                assert!((found.translation.vector - expected.translation.vector).norm() < 1e-9);
+                assert!(found.rotation.angle_to(&expected.rotation) < 1e-7);
+            }
+        }
+        assert!(Triangle::of([&Point3::origin(), &Point3::new(0.1, 0.0, 0.0), &Point3::new(0.3, 0.0, 0.0)]).is_none());
+    }
+
+    #[test]
     fn fails_two_markers_and_three_in_line() {
         let (rig, mut f) = (rig(), figure());
         let view = View::new(&rig);

@@ -260,3 +260,61 @@ fn space_candidates(view: &View, candidates: &[Vec<BandCandidate>; 2]) -> Vec<Po
     }
     out
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::racket_figure::tests::figure;
+    use super::super::racket_pose::tests::rig;
+    use super::*;
+    use nalgebra::{Translation3, UnitQuaternion};
+
+    /// Bands of a racket in both pictures.
+    fn bands(view: &View, figure: &RacketFigure, pose: &Isometry3<f64>, contrast: f64) -> [Vec<BandCandidate>; 2] {
+        CameraId::BOTH.map(|c| {
+            let uv = |m: usize| view.project(c, &figure.patch_in_global(m, pose, view.eye(c)).0).expect("seen");
+            (0..5).map(|m| BandCandidate { uv: uv(m), contrast }).collect()
+        })
+    }
+
+    #[test]
+    fn truth_a_racket_is_found_where_it_can_have_got_to_and_no_clearer_one_elsewhere() {
+        let (rig, figure) = (rig(), figure());
+        let view = View::new(&rig);
+        let turned = UnitQuaternion::from_euler_angles(0.3, 0.4, -0.5);
+        let [here, elsewhere] = [(0.0, 0.9, -0.1), (0.1, 1.1, 0.7)].map(|(x, y, z)| Isometry3::from_parts(Translation3::new(x, y, z), turned));
+        let mut seen = bands(&view, &figure, &elsewhere, 90.0);
+        for (seen, more) in seen.iter_mut().zip(bands(&view, &figure, &here, 40.0)) {
+            seen.extend(more);
+        }
+        let found = |reach: Option<Reach>| search(&view, &figure, &seen, reach.as_ref()).expect("a racket").global_from_racket.translation.vector;
+        assert!((found(None) - elsewhere.translation.vector).norm() < 0.01);
+        // Three frames after it was 0.1 m away.
+        let last = Isometry3::from_parts(Translation3::new(0.05, 0.85, -0.15), turned);
+        let reach = Reach::of(&figure, &last, 0.003);
+        assert!((found(Some(reach)) - here.translation.vector).norm() < 0.01);
+        // Its circle holds it in both pictures, and not the other one.
+        for camera in CameraId::BOTH {
+            let (centre, radius) = reach.circle(&view, camera).expect("seen");
+            let farthest = |pose| bands(&view, &figure, pose, 1.0)[camera.index()].iter().map(|b| (b.uv - centre).norm()).fold(0.0, f64::max);
+            assert!(farthest(&here) < radius && farthest(&elsewhere) > radius);
+        }
+    }
+
+    #[test]
+    fn truth_bits_are_counted_across_words() {
+        assert_eq!(bits([0b1001, 0, 1 << 63].into_iter()).collect::<Vec<_>>(), [0, 3, 191]);
+    }
+
+    #[test]
+    fn truth_pairs_of_points_as_far_apart_as_two_markers_are_marked() {
+        let figure = figure();
+        let places: Vec<Point3<f64>> = (0..80).map(|k| figure.points[k % 5] + Vector3::x() * 10.0 * (k / 5) as f64).collect();
+        let points = SpacePoints::of(&figure, places);
+        for (i, j) in PAIRS {
+            for group in [0, 15] {
+                let found: Vec<usize> = bits(points.apart(5 * group + i, i, j).iter().copied()).collect();
+                assert!(found.contains(&(5 * group + j)) && found.iter().all(|k| k / 5 == group), "{i} {j}: {found:?}");
+            }
+        }
+    }
+}

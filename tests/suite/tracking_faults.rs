@@ -221,6 +221,41 @@ fn real_a_racket_that_shows_in_a_sixth_of_the_clip_is_found() {
     assert_eq!(invented, 0, "points in the empty room");
 }
 
+/// Somebody walks through before the racket: a grey box over all of it in both cameras for six frames. It is looked for in few of the frames
+/// after, and from where it is found followed back to the first of them.
+#[test]
+fn real_a_racket_hidden_for_a_while_is_found_again_and_followed_back() {
+    for kind in ["lab-11", "court-12"] {
+        let Some(r) = Recording::of(kind) else { return };
+        let frames = r.frames();
+        let hidden: Vec<u64> = frames[30..36].to_vec();
+        for camera in CameraId::BOTH {
+            for n in &hidden {
+                let markers = Target::MARKERS.map(|m| r.place(camera, *n, m));
+                let over = |of: fn(&(f64, f64)) -> f64| {
+                    (markers.iter().map(of).fold(f64::INFINITY, f64::min) - 20.0, markers.iter().map(of).fold(0.0, f64::max) + 20.0)
+                };
+                let ((left, right), (top, bottom)) = (over(|p| p.0), over(|p| p.1));
+                r.paint(camera, *n, |p| {
+                    for (x, y, pixel) in p.enumerate_pixels_mut() {
+                        if (left..right).contains(&f64::from(x)) && (top..bottom).contains(&f64::from(y)) {
+                            pixel.0[0] = 90 + ((x * 7 + y * 13 + *n as u32) % 3) as u8;
+                        }
+                    }
+                });
+            }
+        }
+        let made = r.track(SyncMode::Report).unwrap();
+        let markers = |frame: u64| {
+            CameraId::BOTH.into_iter().flat_map(|c| Target::MARKERS.map(|m| (c, m))).filter(|(c, m)| made.tracked.tracks.get(frame, *c, *m).is_some()).count()
+        };
+        assert!(hidden.iter().all(|n| markers(*n) == 0), "{kind}: markers seen through a box");
+        let (_, wrong) = r.score(&made, 0, &hidden);
+        let others: Vec<usize> = frames.iter().filter(|n| !hidden.contains(n)).map(|n| markers(*n)).collect();
+        assert!(wrong == 0 && others.iter().all(|n| *n >= 9), "{kind}: {wrong} {others:?}");
+    }
+}
+
 #[test]
 fn real_a_bright_thing_that_the_ball_touches_does_not_pull_it() {
     let Some(r) = Recording::of("lab-11") else { return };

@@ -5,6 +5,7 @@
 //! frames on the strings it flies freely.
 
 use nalgebra::Point3;
+use std::ops::Range;
 
 /// A ball in play comes this much nearer to the racket (or goes away by it) while it is seen, m: 10 m/s over six frames.
 const LEAST_APPROACH_M: f64 = 0.06;
@@ -16,6 +17,8 @@ const MOST_APPROACH_M: f64 = 0.5;
 const APPROACH: f64 = 0.1;
 const FREE_FRAME_M: f64 = 0.004;
 const MOST_FREE: usize = 25;
+/// Of a long clip these count as well, for what comes as much nearer as counts: nothing but a ball flies so far for so long.
+const LONG_FREE: Range<usize> = 50..100;
 /// In free flight a place lies this near to the line through its neighbours, m: outlines found without the light are good to half a pixel.
 pub const ON_LINE_M: f64 = 0.0075;
 /// Neighbours on a line are at most so many frames apart.
@@ -83,7 +86,8 @@ pub fn likeness(seen: &[Sighting], frames: usize, frame_rate_hz: f64) -> Likenes
     }
     // The nearest counts, then who came from farther away, then the longer flight.
     let met = near.max(AT_THE_STRINGS_M) - APPROACH * (far - near).min(MOST_APPROACH_M);
-    Likeness { score: met - FREE_FRAME_M * free.min(MOST_FREE) as f64, clear: met < CLEAR_M && free as f64 >= CLEAR_SHARE * frames as f64 }
+    let long = if far - near < MOST_APPROACH_M { 0 } else { free.clamp(LONG_FREE.start, LONG_FREE.end) - LONG_FREE.start };
+    Likeness { score: met - FREE_FRAME_M * (free.min(MOST_FREE) + long) as f64, clear: met < CLEAR_M && free as f64 >= CLEAR_SHARE * frames as f64 }
 }
 
 /// Whether a thing moves in the racket's axes as a ball does; without a racket nothing speaks against it.
@@ -132,6 +136,11 @@ mod tests {
         assert!(ball_is.clear && throat_is.score.is_infinite(), "{ball_is:?} {throat_is:?}");
         assert!(ball_is.score < leaping_is.score - 0.05 && !leaping_is.clear, "{ball_is:?} {leaping_is:?}");
         assert!(moves_in_racket(&ball, 1000.0) && !moves_in_racket(&throat, 1000.0));
+        // A tenth of a second of free flight, lost 0.3 m before the strings, is more like it than some frames near them.
+        let at = |number: f64, x: f64| Sighting { index: number as usize, number, place: Point3::new(x, 0.0, 0.0), in_racket: Some(Point3::new(x, 0.0, 0.0)) };
+        let long: Vec<Sighting> = (0..100).map(|k| at(f64::from(k), 2.3 - 0.02 * f64::from(k))).collect();
+        let brief: Vec<Sighting> = (0..30).map(|k| at(f64::from(k), 0.7 - 0.02 * f64::from(k))).collect();
+        assert!(likeness(&long, 100, 1000.0).score < likeness(&brief, 100, 1000.0).score);
         // Six frames show that it leaves the strings.
         assert!(moves_in_racket(&ball[22..28], 1000.0) && !moves_in_racket(&throat[22..28], 1000.0));
     }

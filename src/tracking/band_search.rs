@@ -219,6 +219,7 @@ impl Row<'_> {
         let at = self.from + x;
         let many = |values: &[u16], at: usize| -> [u16; N] { std::array::from_fn(|i| values[at..][..N][i]) };
         let (here, darkest) = (many(self.smooth, at), many(self.darkest, at));
+        // A box holds its own middle: what is darkest in it is not brighter.
         if (0..N).all(|i| here[i] - darkest[i] <= LEAST) {
             return None;
         }

@@ -24,7 +24,6 @@ const PATCHES: usize = 2000;
 const ELSEWHERE_RADII: f64 = 2.2;
 /// Longest gap in the ball's track that is looked into again, frames.
 const FILLED: f64 = 6.0;
-
 /// Two flights, each in as many frames, that meet at the strings are the ball: no other is looked for.
 const LONG_FLIGHT: usize = 30;
 /// A thing that flew straight in as many frames may be the ball.

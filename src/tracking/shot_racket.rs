@@ -46,7 +46,7 @@ const MOST_BEFORE_SOME_GO: usize = 400;
 const STILL_PX: f64 = 1.5;
 /// in so large a share of the frames.
 const STILL_SHARE: f64 = 0.6;
-/// Frames without the racket before it is looked for in whole pictures,
+/// Frames without the racket before it is looked for where it can have got to,
 const FIRST_LOOK: usize = 2;
 /// and most frames between two such looks: it crosses the volume in sixty.
 const FARTHEST_LOOKS: usize = 20;
@@ -408,8 +408,8 @@ impl<S: FrameSource> Shot<'_, S> {
         self.follow_racket_through(start, indices, true)
     }
 
-    /// Once lost it is looked for in whole pictures, ever farther apart, and from where it is found followed back into the frames between; or
-    /// not looked for at all.
+    /// Once lost it is looked for where it can have got to, in frames ever farther apart, and from where it is found followed back into those
+    /// between; or, without `look_for`, given up after [`PATIENCE`] frames.
     fn follow_racket_through(&self, start: &RacketStart, indices: impl Iterator<Item = usize>, look_for: bool) -> Result<OneWay, TrackingError> {
         let scene = self.scene();
         let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];

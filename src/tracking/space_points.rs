@@ -34,11 +34,7 @@ pub fn first_contact(source: &impl FrameSource, racket: &[Option<RacketFrame>], 
         })
         .collect();
     let nearest = (0..seen.len()).min_by(|a, b| seen[*a].2.total_cmp(&seen[*b].2))?;
-    let touches = |i: &usize| seen[*i].1 <= radius_m;
-    if !touches(&nearest) {
-        return None;
-    }
-    let touching = (0..=nearest).rev().take_while(touches).last()?;
+    let touching = (0..=nearest).rev().take_while(|i| seen[*i].1 <= radius_m).last()?;
     // Six frames in which the ball is clear of the strings.
     let before: Vec<(f64, f64)> = seen[touching.saturating_sub(6)..touching].iter().map(|s| (s.0, s.1)).collect();
     line_at(&before, radius_m)

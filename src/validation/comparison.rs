@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 
 /// Level of the structure test alone, as `compare` uses it: that of `diagnose`, so that a model in which the latter finds
 /// nothing more is not called inadequate here.
-pub const COMPARE_LEVEL: f64 = super::diagnose::STRUCTURE_LEVEL;
+pub const COMPARE_LEVEL: f64 = super::structure::STRUCTURE_LEVEL;
 /// Times the noise floor beyond which the error on held-out impacts alone says that the model fails: with few impacts the
 /// structure test has hardly any power against something large.
 const CLEARLY: f64 = 1.5;

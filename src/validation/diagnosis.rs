@@ -1,7 +1,7 @@
 //! What a diagnosis says (diagnosis.json, contract section 9; more keys than the contract's stand after them).
 
 use super::comparison::{Outlier, OutputSummary, ParameterValue, SessionOffset};
-use super::diagnose::STRUCTURE_LEVEL;
+use super::structure::STRUCTURE_LEVEL;
 use super::structure::StructureTest;
 use crate::provenance::Provenance;
 use serde::{Deserialize, Serialize};

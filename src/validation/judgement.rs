@@ -3,20 +3,18 @@
 //! The catalogue's best effect or pair is a first verdict; then chance, the held-out impacts, what shots of one calibration share
 //! and a formula found from the residuals may each take it back.
 
+use super::case::{Case, less_likely_than_nothing};
 use super::comparison::{note_noise, outliers, varied_inputs};
-use super::diagnose::{Case, STRUCTURE_LEVEL, less_likely_than_nothing};
 use super::diagnosis::{CandidateReport, Diagnosis, Together, Verdict};
 use super::error::ValidationError;
 use super::expression::{Found, find_expression};
 use super::heldout::{error_of, is_noise_alone, is_shared_error, is_worth, log_evidence_of};
 use super::place::places;
 use super::rank::{Reference, Refit, added_parameters, form_overdispersion, gain_over};
-use super::refits::{FIRST_LEVEL, LARGEST_NOISE_SCALE, LOG_ODDS, Refits, estimates, excess_at, share_removed};
-use super::structure::{StructureTest, p_text};
+use super::refits::{FIRST_LEVEL, LARGEST_NOISE_SCALE, LOG_ODDS, Refits, SHARE, estimates, excess_at, share_removed};
+use super::structure::{STRUCTURE_LEVEL, StructureTest, p_text};
 use super::verdict_words::verdict_words;
 
-/// Share of the excess that a catalogue effect must take away to be called missing.
-pub const SHARE: f64 = 0.75;
 /// Log evidence of a formula, or of an effect, that the error on held-out impacts alone does not show.
 const CONVINCING: f64 = 10.0;
 /// Chi-square by which a formula must beat the named effect, its search paid for, to put the name in doubt.

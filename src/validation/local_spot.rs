@@ -11,6 +11,9 @@ use super::structure::chi2_tail;
 use nalgebra::{DMatrix, DVector, RowDVector};
 use rayon::prelude::*;
 
+/// Corrected level of the test for one place on the face.
+pub const SPOT_LEVEL: f64 = 0.002;
+
 /// Half widths looked for, m.
 const HALF_WIDTHS_M: [f64; 3] = [0.02, 0.03, 0.045];
 /// Distance between places of the grid, m, and the share of the face's half axes that it covers.

@@ -10,7 +10,6 @@ use super::error::ValidationError;
 use super::experiments::{Rival, next_experiment};
 use super::forward::Library;
 use super::heldout::{error_of, log_evidence_of};
-use super::judgement::SHARE;
 use super::linearise::Linearised;
 use super::rank::{Reference, Refit, added_parameters};
 use super::screen::{Screened, Screening, screen_pairs};
@@ -32,6 +31,8 @@ const SECOND_LEVEL: f64 = 0.01;
 const SECOND_SHARE: f64 = 0.1;
 /// Share of the whole excess that a second effect must take: few catalogue formulae fit nature's to better than this.
 const SMALLEST_SHARE: f64 = 0.01;
+/// Share of the excess that a catalogue effect must take away to be called missing.
+pub const SHARE: f64 = 0.75;
 /// Of two effects that imitate each other, one that takes this share of the excess alone stands alone.
 pub const ALONE_SHARE: f64 = 0.9;
 /// Candidates refitted alone, and pairs.

@@ -15,6 +15,9 @@ use super::structure::{chi2_tail, normal_tail};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
+/// Corrected level of the library test.
+pub const LIBRARY_LEVEL: f64 = 0.01;
+
 /// Step of the signature, as a share of the typical strength.
 const STEP: f64 = 0.2;
 /// A typical effect below this many deviations cannot be seen.

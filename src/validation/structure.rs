@@ -18,6 +18,9 @@ use nalgebra::{DMatrix, DVector, Vector3};
 use rand::{Rng, SeedableRng};
 use serde::{Deserialize, Serialize};
 
+/// Level of the structure test.
+pub const STRUCTURE_LEVEL: f64 = 0.003;
+
 /// Draws of the wild bootstrap.
 const DRAWS: usize = 400;
 /// The noise scale is not believed below this: deviations overstated more than twofold are a matter for the table.

@@ -11,7 +11,7 @@ use sweetspot::synthetic::look::Setting;
 use sweetspot::tracking::{ShotSetup, Target, track_shot};
 
 /// [`followed_as_rendered`] of a ball that stays round: most scenes are about its flight, and with a ball that the strings press they are
-/// others (docs/tracking.md, "The ball on the strings").
+/// others (docs/tracking-experiments.md, "The ball on the strings").
 fn followed(spec: &FootageSpec, shot: usize) -> (usize, usize, usize) {
     followed_as_rendered(&FootageSpec { round_ball: true, ..spec.clone() }, shot)
 }

@@ -111,7 +111,7 @@ fn truth_deviations_are_what_the_errors_are_and_no_place_on_the_grid_is_preferre
 fn truth_the_ball_is_found_before_and_after_strings_that_hide_or_turn_it() {
     // In both it comes along the left camera's line of sight, hardly moving in its pictures, and leaves before strings and frame.
     for (setting, seed, least) in [(Setting::Court, 901, 0.98), (Setting::Hard, 903, 0.93)] {
-        // The ball stays round: pressed, court 901 finds 88 of 92 (docs/tracking.md, "The ball on the strings").
+        // The ball stays round: pressed, court 901 finds 88 of 92 (docs/tracking-experiments.md, "The ball on the strings").
         for t in tracked_as(&FootageSpec { boards: 1, round_ball: true, ..FootageSpec::new(setting, 1, seed) }) {
             let (mut visible, mut found) = (0, 0);
             for (number, _, f) in frames(&t.truth) {

@@ -1,0 +1,132 @@
+//! The current model on a table, before any effect is tried: its best fit, three tests of it, and the held-out impacts.
+
+use super::comparison::{outliers, parameter_values, session_offsets, summarise};
+use super::diagnosis::{CandidateReport, Diagnosis, NotVisible, Verdict};
+use super::error::ValidationError;
+use super::expression::local_spot;
+use super::fit::{Fit, FitOptions, fit};
+use super::forward::Library;
+use super::heldout::{error_of, linearise_held_out};
+use super::linearise::Linearised;
+use super::local_spot::SPOT_LEVEL;
+use super::observation::{Observation, Observations};
+use super::present::Present;
+use super::project::Nuisance;
+use super::rank::{Reference, flexible_nuisance};
+use super::screen::{LIBRARY_LEVEL, Screening, screen_beyond};
+use super::structure::{STRUCTURE_LEVEL, StructureTest, structure_test};
+
+/// The three tests together: how often nothing-missing is called missing, at most.
+const FALSE_ALARM_RATE: f64 = LIBRARY_LEVEL + STRUCTURE_LEVEL + SPOT_LEVEL;
+
+/// When nothing is missing, all candidates together are no more likely than that.
+const ALL_CANDIDATES: f64 = 0.5;
+
+/// The current model at its best, and the three tests of it.
+pub(super) struct Case<'a> {
+    pub library: &'a dyn Library,
+    pub observations: &'a Observations,
+    pub seen: Vec<&'a Observation>,
+    pub held: Vec<&'a Observation>,
+    pub base: Fit,
+    pub structure: StructureTest,
+    pub screening: Screening,
+    pub spot_p_value: f64,
+    /// Catalogue effects in the model already.
+    pub present: Present,
+    /// The impacts that no fit sees, at the base fit, and their error.
+    pub held_out: Vec<Linearised>,
+    pub error: f64,
+    pub seed: u64,
+}
+
+impl<'a> Case<'a> {
+    pub fn new(library: &'a dyn Library, observations: &'a Observations, seed: u64) -> Result<Self, ValidationError> {
+        let (seen, held) = (observations.side(false), observations.side(true));
+        let base = fit(library.current(), observations, &seen, &FitOptions::default(), None)?;
+        let structure = structure_test(&base, observations, &seen, seed);
+        // Effects that are in the model already may have another form than the catalogue's; what that leaves is no new effect.
+        let present = Present::of(library);
+        let c_screen = structure.noise_scale_for_screening();
+        let nuisance =
+            if present.is_empty() { Nuisance::of(&base) } else { flexible_nuisance(library.current(), &base, observations, &seen, &present.strengths)? };
+        let screening = screen_beyond(library, &base, &seen, c_screen, &nuisance, None)?;
+        let spot = local_spot(&Reference { library, observations, impacts: &seen, base: &base, c: c_screen, seed }, &nuisance);
+        let held_out = linearise_held_out(library.current(), &base, observations, &held)?;
+        let (error, spot_p_value) = (error_of(&held_out), spot.map_or(1.0, |s| s.p_value));
+        Ok(Case { library, observations, seen, held, base, structure, screening, spot_p_value, present, held_out, error, seed })
+    }
+
+    pub fn one_place(&self) -> bool {
+        self.spot_p_value < SPOT_LEVEL
+    }
+
+    /// Whether generic corrections find structure.
+    pub fn smooth(&self) -> bool {
+        self.structure.p_value < STRUCTURE_LEVEL
+    }
+
+    /// Whether an effect of the catalogue finds itself.
+    pub fn in_library(&self) -> bool {
+        self.screening.library_p_value < LIBRARY_LEVEL
+    }
+
+    /// Whether any of the three tests says that something is missing.
+    pub fn alarm(&self) -> bool {
+        self.in_library() || self.smooth() || self.one_place()
+    }
+
+    pub fn reference(&self, c: f64) -> Reference<'_> {
+        Reference { library: self.library, observations: self.observations, impacts: &self.seen, base: &self.base, c, seed: self.seed }
+    }
+
+    /// What is known before any effect is tried: an adequate model.
+    pub fn report(&self, model: &str) -> Diagnosis {
+        let c = self.structure.noise_scale;
+        Diagnosis {
+            verdict: Verdict::Adequate,
+            outputs: summarise(&self.base.impacts, &self.held_out),
+            places: Vec::new(),
+            candidates: Vec::new(),
+            suggested_expression: None,
+            next_experiments: Vec::new(),
+            noise_floor: c.sqrt(),
+            recommended: Vec::new(),
+            together: None,
+            other_form: None,
+            heldout_error: self.error,
+            n_impacts: self.observations.impacts.len(),
+            n_held_out: self.held.len(),
+            structure_after: None,
+            library_p_value: self.screening.library_p_value,
+            n_tested: self.screening.tested,
+            spot_p_value: self.spot_p_value,
+            false_alarm_rate: FALSE_ALARM_RATE,
+            not_visible: not_visible(self.library, &self.screening),
+            parameters: parameter_values(self.library.current(), &self.base, c),
+            outliers: outliers(&self.seen, &self.base.impacts, &self.held, &self.held_out),
+            session_offsets: session_offsets(self.observations, &self.base, c),
+            words: Vec::new(),
+            notes: self.observations.notes.clone(),
+            model: model.to_owned(),
+            seed: self.seed,
+            provenance: None,
+            structure: self.structure.clone(),
+        }
+    }
+}
+
+/// An adequate model is the likeliest: its candidates share what probability that leaves.
+pub(super) fn less_likely_than_nothing(candidates: &mut [CandidateReport]) {
+    let sum: f64 = candidates.iter().map(|c| c.probability).sum();
+    if sum > ALL_CANDIDATES {
+        candidates.iter_mut().for_each(|c| c.probability *= ALL_CANDIDATES / sum);
+    }
+}
+
+fn not_visible(library: &dyn Library, screening: &Screening) -> Vec<NotVisible> {
+    let unseen =
+        screening.effects.iter().filter_map(|s| s.hidden_because.clone().map(|reason| NotVisible { effect: library.effects()[s.effect].name.clone(), reason }));
+    let excluded = library.effects().iter().filter_map(|o| o.excluded.clone().map(|reason| NotVisible { effect: o.name.clone(), reason }));
+    unseen.chain(excluded).collect()
+}

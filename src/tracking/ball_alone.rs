@@ -15,7 +15,7 @@ use super::racket_track::RacketFrame;
 use super::ray_flight::{Origin, RayFlight, RayPoint};
 use super::shot_ball::{Flight, Stage};
 use super::shot_frames::Shot;
-use super::shot_tracker::TrackingError;
+use super::shot_tracks::TrackingError;
 use crate::calibration::CameraId;
 use crate::footage::{FrameBuffer, FrameSource, GreyView};
 use nalgebra::Point3;

@@ -10,7 +10,7 @@ use super::ball_track::{BallFrame, BallScene};
 use super::racket_track::RacketFrame;
 use super::shot_ball::{Flight, Stage};
 use super::shot_frames::{PATIENCE, Shot};
-use super::shot_tracker::TrackingError;
+use super::shot_tracks::TrackingError;
 use crate::calibration::CameraId;
 use crate::footage::{FrameBuffer, FrameSource};
 use nalgebra::Vector2;

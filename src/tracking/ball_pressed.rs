@@ -13,7 +13,7 @@ use super::ball_track::{BallFrame, BallScene};
 use super::contact_length::{LONGEST_CONTACT_S, SHORTEST_CONTACT_S};
 use super::racket_track::RacketFrame;
 use super::shot_frames::Shot;
-use super::shot_tracker::TrackingError;
+use super::shot_tracks::TrackingError;
 use super::space_points::first_contact;
 use super::track_file::ImagePoint;
 use crate::calibration::CameraId;

@@ -10,7 +10,7 @@ use super::ball_model::{BallFace, BallPicture, MARGIN_PX, ModelFit};
 use super::ball_track::{BallFrame, outline_radius_px};
 use super::contact_length::{LONGEST_CONTACT_S, SHORTEST_CONTACT_S};
 use super::racket_pose::View;
-use super::shot_tracker::{ShotSetup, ShotTracks, TrackingError};
+use super::shot_tracks::{ShotSetup, ShotTracks, TrackingError};
 use super::space_points;
 use super::spin::{BallSpin, SpinEstimate};
 use super::stray_ball;

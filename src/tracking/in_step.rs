@@ -5,7 +5,8 @@
 //! that stays: a straight-line fit of the miss against the motion tells both apart and gives the offset in frames.
 
 use super::racket_pose::View;
-use super::shot_tracker::{ShotSetup, ShotTracks, TrackingError, track_shot};
+use super::shot_tracker::track_shot;
+use super::shot_tracks::{ShotSetup, ShotTracks, TrackingError};
 use crate::calibration::CameraId;
 use crate::footage::{Clip, FrameSource};
 use nalgebra::{SMatrix, SVector, Vector2, Vector3};

@@ -9,7 +9,7 @@ use super::ball_shading::{BallShading, LimbProfile};
 use super::ball_track::{BallFrame, BallScene, MeanDisc};
 use super::racket_track::RacketFrame;
 use super::shot_frames::{PATIENCE, Shot, spread};
-use super::shot_tracker::TrackingError;
+use super::shot_tracks::TrackingError;
 use super::tape_blur::out_of_focus;
 use crate::calibration::CameraId;
 use crate::footage::{FrameBuffer, FrameSource, GreyImage, GreyPatch, GreyView, Rows};

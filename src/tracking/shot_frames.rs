@@ -5,7 +5,7 @@ use super::racket_figure::RacketFigure;
 use super::racket_pose::View;
 use super::racket_track::RacketScene;
 use super::recording::Fingerprint;
-use super::shot_tracker::{ShotSetup, TrackingError};
+use super::shot_tracks::{ShotSetup, TrackingError};
 use crate::calibration::CameraId;
 use crate::footage::{FrameBuffer, FrameSource, GreyView, Rows};
 use nalgebra::Point3;

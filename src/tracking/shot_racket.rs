@@ -8,7 +8,7 @@ use super::racket_search::{self, Reach};
 use super::racket_track::{self, ALL_BANDS, KnownBands, LEAST_CONTRAST, RacketFrame};
 use super::recording::{Fingerprint, Fingerprints};
 use super::shot_frames::{PATIENCE, Shot, spread};
-use super::shot_tracker::TrackingError;
+use super::shot_tracks::TrackingError;
 use super::tape_blur::{BlurEvidence, out_of_focus};
 use super::tape_length;
 use super::tape_light::TapeLight;

@@ -2,7 +2,7 @@
 
 use super::ball_refine::{SHARED_VARIANCE, refine_ball};
 use super::contact_length::LONGEST_CONTACT_S;
-use super::shot_tracker::{ShotSetup, ShotTracks, TrackingError};
+use super::shot_tracks::{ShotSetup, ShotTracks, TrackingError};
 use super::spin::{BLUR_PX, BallSpin, BallView, FoundSpin, GreyPatch, SpinEstimate, SpinSettings};
 use super::tape_blur::out_of_focus;
 use super::track_file::{SpacePoint, Target, Tracks};

@@ -8,7 +8,7 @@ use super::background::background;
 use super::shot_ball::{FirstLook, HalfFlight};
 use super::shot_frames::Shot;
 use super::shot_racket::{OneWay, RacketStart};
-use super::shot_tracker::TrackingError;
+use super::shot_tracks::TrackingError;
 use crate::footage::{FrameSource, GreyImage};
 use std::sync::{Mutex, OnceLock};
 

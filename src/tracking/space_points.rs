@@ -5,7 +5,7 @@ use super::face;
 use super::racket_figure::RacketFigure;
 use super::racket_pose::View;
 use super::racket_track::RacketFrame;
-use super::shot_tracker::{ShotSetup, ShotTracks};
+use super::shot_tracks::{ShotSetup, ShotTracks};
 use super::track_file::{SpacePoint, Target};
 use crate::calibration::{CalibrationSpread, CameraId};
 use crate::footage::FrameSource;

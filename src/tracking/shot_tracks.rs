@@ -1,0 +1,64 @@
+//! What a shot is tracked with, what tracking knows of it in the end, and why it may know nothing.
+
+use super::ball_track::BallFrame;
+use super::racket_figure::RacketFigure;
+use super::racket_track::RacketFrame;
+use super::track_file::{SpacePoint, Tracks};
+use crate::calibration::StereoRig;
+use crate::equipment::{Ball, Racket};
+use crate::footage::{FootageError, GreyImage};
+
+/// Why a shot cannot be tracked.
+#[derive(Debug, thiserror::Error)]
+pub enum TrackingError {
+    #[error("no frames in left/ and right/; put the recording there, numbered file names, both cameras")]
+    NoFrames,
+    #[error("the racket file has no [markers]; add m1 to m5 (middle of each tape band, m, from the stringbed centre)")]
+    NoMarkers,
+    #[error(
+        "no racket found in {searched} frame pairs; most tape-like places in one picture: left {left}, right {right}; check that five white bands between black ones are on the frame, that racket.toml matches and that the calibration belongs to this recording"
+    )]
+    NoRacket { searched: usize, left: usize, right: usize },
+    #[error(
+        "frame {frame}: the picture is {width}x{height} px, the calibration is for {calibrated_width}x{calibrated_height} px; calibrate with pictures of the same size"
+    )]
+    Size { frame: u64, width: usize, height: usize, calibrated_width: usize, calibrated_height: usize },
+    #[error("the cameras' viewing directions do not meet in front of them; check calibration.json")]
+    NoVolume,
+    #[error("{found}; run `sweetspot track --sync auto` to pair them anew")]
+    OutOfStep { found: String },
+    #[error("interrupted")]
+    Cancelled,
+    #[error(transparent)]
+    Footage(#[from] FootageError),
+}
+
+/// Everything tracking knows about a shot.
+#[derive(Debug, Clone)]
+pub struct ShotTracks {
+    /// The racket's figure, with the tubes' direction in the throat as seen.
+    pub figure: RacketFigure,
+    pub tracks: Tracks,
+    /// By frame index of the clip.
+    pub racket: Vec<Option<RacketFrame>>,
+    pub ball: Vec<Option<BallFrame>>,
+    pub points: Vec<SpacePoint>,
+    /// First contact, in frames (fractional frame number): ball's centre one radius from the string plane.
+    pub contact_frame: Option<f64>,
+    /// Things the user should know, in order.
+    pub notes: Vec<String>,
+    /// Pictures that are there and cannot be read, with the reason; they count as missing.
+    pub unreadable: Vec<String>,
+    /// What either camera sees when nothing moves.
+    pub(super) still: [Option<GreyImage>; 2],
+    /// Blur of either camera's pictures as the tape shows it, px.
+    pub(super) blur_px: [f64; 2],
+}
+
+/// What a shot is tracked with.
+pub struct ShotSetup<'a> {
+    pub rig: &'a StereoRig,
+    pub racket: &'a Racket,
+    pub ball: &'a Ball,
+    pub frame_rate_hz: f64,
+}

@@ -17,6 +17,8 @@ const SYMMETRY_M: f64 = 0.004;
 const SIDE_FRAMES: usize = 7;
 /// A ball whose centre is farther from the string plane does not touch it, m.
 const CLEAR_M: f64 = 0.05;
+/// Twins whose attitudes are as far from the expected one to within this cannot be told apart, rad.
+const TOLD_APART_RAD: f64 = 0.5;
 /// Half of a racket's head, m, about.
 const HEAD_M: f64 = 0.17;
 
@@ -41,16 +43,22 @@ pub fn twin(frame: &RacketFrame) -> RacketFrame {
     out
 }
 
-fn turned(pose: &Isometry3<f64>) -> Isometry3<f64> {
-    let half_turn = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
-    Isometry3::from_parts(pose.translation, pose.rotation * half_turn)
+/// About the long axis, in the racket's axes.
+pub fn half_turn() -> UnitQuaternion<f64> {
+    UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI)
 }
 
-/// Of a frame and its twin, the one whose attitude is nearer to `last`.
-pub fn nearest_twin(frame: RacketFrame, last: &Isometry3<f64>) -> RacketFrame {
-    let own = frame.pose.global_from_racket.rotation.angle_to(&last.rotation);
-    let other = turned(&frame.pose.global_from_racket).rotation.angle_to(&last.rotation);
-    if own <= other { frame } else { twin(&frame) }
+fn turned(pose: &Isometry3<f64>) -> Isometry3<f64> {
+    Isometry3::from_parts(pose.translation, pose.rotation * half_turn())
+}
+
+/// Of a frame and its twin, the one whose attitude is nearer to the expected one; `None` where both are about as near, for a racket that has turned by a
+/// quarter since it was seen shows neither face.
+pub fn nearest_twin(frame: RacketFrame, expected: &Isometry3<f64>) -> Option<RacketFrame> {
+    let own = frame.pose.global_from_racket.rotation.angle_to(&expected.rotation);
+    let other = turned(&frame.pose.global_from_racket).rotation.angle_to(&expected.rotation);
+    let nearer = if own <= other { frame } else { twin(&frame) };
+    ((own - other).abs() > TOLD_APART_RAD).then_some(nearer)
 }
 
 /// Turns the whole shot, if need be, so that z points to the side the ball comes from. Without a ball: z toward +U.

@@ -6,11 +6,12 @@
 //! (and m4 and m5) exchanged: [`super::face`] decides that once for the whole shot.
 
 use super::band_search::BandCandidate;
+use super::face;
 use super::racket_figure::RacketFigure;
 use super::racket_pose::{MarkerObservation, RacketPose, Triangle, View, fit_pose_in};
 use super::track_file::ImagePoint;
 use crate::calibration::CameraId;
-use nalgebra::{Isometry3, Point3, Vector2, Vector3};
+use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector2, Vector3};
 use rayon::prelude::*;
 
 /// Two rays of one marker may miss each other by this, m: two pixels at 12 m, and the two cameras see different sides of
@@ -24,20 +25,31 @@ const GATE_PX: f64 = 6.0;
 const LEAST_POINTS: usize = 6;
 /// No racket moves faster than this, m/s: the tip of one that serves at 250 km/h does 50.
 const FASTEST_M_S: f64 = 60.0;
-/// Most hypotheses followed up.
-const FOLLOWED: usize = 12;
+/// And none turns faster than this, rad/s: one that is hit far off its axis turns at half of it. Beside that attitudes of three markers are good to so
+/// much, rad.
+const FASTEST_RAD_S: f64 = 150.0;
+const ATTITUDE_TOLERANCE_RAD: f64 = 0.3;
+/// Most hypotheses followed up: of those on which most image points agree, and of those that explain most contrast. Three clear tapes before
+/// a dark curtain are fewer than what its folds bring together by chance.
+const FOLLOWED: [usize; 2] = [12, 12];
 
 /// Candidates per picture, strongest first, that are tried before all of them: on a decent recording the tape is among
 /// them, and chance triples grow with the sixth power of their number.
 const STRONGEST: usize = 24;
 /// Image points that must agree before the strongest candidates decide alone: four markers seen by both cameras.
 const CLEAR_POINTS: usize = 8;
+/// Otherwise what explains this share of the likeliest pose's tape is asked about too.
+const ALIKE: f64 = 0.85;
 
 /// Where a racket may have got to.
 #[derive(Debug, Clone, Copy)]
 pub struct Reach {
     centre: Point3<f64>,
     radius_m: f64,
+    attitude: UnitQuaternion<f64>,
+    turn_rad: f64,
+    /// Whether half a turn about the long axis is no turn.
+    symmetric: bool,
 }
 
 impl Reach {
@@ -45,7 +57,19 @@ impl Reach {
     pub fn of(figure: &RacketFigure, last: &Isometry3<f64>, seconds: f64) -> Self {
         let mean = Point3::from(figure.points.iter().map(|p| p.coords).sum::<Vector3<f64>>() / figure.points.len() as f64);
         let figure_m = figure.points.iter().map(|p| (p - mean).norm()).fold(0.0, f64::max);
-        Reach { centre: last * mean, radius_m: figure_m + FASTEST_M_S * seconds.abs() + DISTANCE_TOLERANCE_M }
+        Reach {
+            centre: last * mean,
+            radius_m: figure_m + FASTEST_M_S * seconds.abs() + DISTANCE_TOLERANCE_M,
+            attitude: last.rotation,
+            turn_rad: FASTEST_RAD_S * seconds.abs() + ATTITUDE_TOLERANCE_RAD,
+            symmetric: face::symmetric(figure),
+        }
+    }
+
+    /// Whether it can have turned to this attitude.
+    fn turns_to(&self, attitude: &UnitQuaternion<f64>) -> bool {
+        let from = |a: &UnitQuaternion<f64>| self.attitude.angle_to(a) < self.turn_rad;
+        from(attitude) || self.symmetric && from(&(attitude * face::half_turn()))
     }
 
     /// Its circle in a picture: centre and radius, px.
@@ -56,46 +80,83 @@ impl Reach {
     }
 }
 
-/// The racket's pose within reach, or `None` when the pictures hold no figure like it. Candidates come strongest first.
-pub fn search(view: &View, figure: &RacketFigure, candidates: &[Vec<BandCandidate>; 2], reach: Option<&Reach>) -> Option<RacketPose> {
+/// The racket's poses within reach that explain about as much tape as the likeliest does, likeliest first. One, where four markers decide it; of
+/// three the figure may hold another triangle that differs by millimetres only, which the bands themselves tell from it. Candidates come strongest
+/// first.
+pub fn search(view: &View, figure: &RacketFigure, candidates: &[Vec<BandCandidate>; 2], reach: Option<&Reach>) -> Vec<RacketPose> {
     let strongest = candidates.each_ref().map(|c| c.iter().take(STRONGEST).copied().collect::<Vec<_>>());
-    let likeliest = |candidates| search_among(view, figure, candidates, reach).into_iter().next();
-    likeliest(&strongest).filter(|(seen, _)| *seen >= CLEAR_POINTS).or_else(|| likeliest(candidates)).map(|(_, pose)| pose)
+    let clear = |found: &Followed| found.seen >= CLEAR_POINTS;
+    let mut found = search_among(view, figure, &strongest, reach);
+    if !found.first().is_some_and(clear) {
+        found = search_among(view, figure, candidates, reach);
+    }
+    let Some(best) = found.first() else { return Vec::new() };
+    let (least, most) = (ALIKE * best.score, if clear(best) { 1 } else { found.len() });
+    found.into_iter().take(most).filter(|f| f.score >= least).map(|f| f.pose).collect()
 }
 
 /// All poses that put the racket on figures like it, likeliest first. Lettering makes figures too, and may look more like tape than tape in the
 /// shade does.
 pub fn search_all(view: &View, figure: &RacketFigure, candidates: &[Vec<BandCandidate>; 2]) -> impl Iterator<Item = RacketPose> {
-    search_among(view, figure, candidates, None).into_iter().map(|(_, pose)| pose)
+    search_among(view, figure, candidates, None).into_iter().map(|f| f.pose)
 }
 
-/// The best poses with the number of image points that agree on each, best first.
-fn search_among(view: &View, figure: &RacketFigure, candidates: &[Vec<BandCandidate>; 2], reach: Option<&Reach>) -> Vec<(usize, RacketPose)> {
+/// A pose refined on the candidates.
+struct Followed {
+    pose: RacketPose,
+    /// Image points that agree.
+    seen: usize,
+    /// Their contrast, less where they agree badly.
+    score: f64,
+}
+
+/// The best poses, best first.
+fn search_among(view: &View, figure: &RacketFigure, candidates: &[Vec<BandCandidate>; 2], reach: Option<&Reach>) -> Vec<Followed> {
     let mut places = space_candidates(view, candidates);
     places.retain(|p| reach.is_none_or(|r| (p - r.centre).norm() < r.radius_m));
     let points = SpacePoints::of(figure, places);
     let neighbours = CameraId::BOTH.map(|c| Neighbours::of(view.rig.image_size, &candidates[c.index()]));
     // Markers 2-3 or 1-4, ... : each pair of markers may be the one that is seen well.
-    let mut hypotheses: Vec<(usize, f64, Isometry3<f64>)> =
-        PAIRS.into_par_iter().flat_map_iter(|pair| hypotheses(view, figure, &points, &neighbours, pair)).collect();
-    hypotheses.sort_by(|a, b| b.0.cmp(&a.0).then(a.1.total_cmp(&b.1)));
+    let mut hypotheses: Vec<Hypothesis> = PAIRS.into_par_iter().flat_map_iter(|pair| hypotheses(view, figure, &points, &neighbours, reach, pair)).collect();
     let mut tried: Vec<Isometry3<f64>> = Vec::new();
-    for (_, _, pose) in hypotheses {
-        let near = |q: &Isometry3<f64>| (q.translation.vector - pose.translation.vector).norm() < 0.02 && q.rotation.angle_to(&pose.rotation) < 0.15;
-        if tried.len() < FOLLOWED && !tried.iter().any(near) {
-            tried.push(pose);
+    let mut take = |hypotheses: &[Hypothesis], most: usize| {
+        let most = tried.len() + most;
+        for Hypothesis { pose, .. } in hypotheses {
+            let near = |q: &Isometry3<f64>| (q.translation.vector - pose.translation.vector).norm() < 0.02 && q.rotation.angle_to(&pose.rotation) < 0.15;
+            if tried.len() < most && !tried.iter().any(near) {
+                tried.push(*pose);
+            }
         }
-    }
+    };
+    hypotheses.sort_by(|a, b| b.seen.cmp(&a.seen).then(a.miss_px.total_cmp(&b.miss_px)));
+    take(&hypotheses, FOLLOWED[0]);
+    hypotheses.sort_by(|a, b| b.contrast.total_cmp(&a.contrast));
+    take(&hypotheses, FOLLOWED[1]);
     let followed: Vec<_> = tried.par_iter().map(|pose| follow(view, figure, &neighbours, pose)).collect();
-    let mut found: Vec<_> = followed.into_iter().flatten().collect();
+    let mut found: Vec<Followed> = followed.into_iter().flatten().collect();
     // The first of equals stays first.
-    found.sort_by(|a, b| b.0.total_cmp(&a.0));
-    found.into_iter().map(|(_, seen, pose)| (seen, pose)).collect()
+    found.sort_by(|a, b| b.score.total_cmp(&a.score));
+    found
 }
 
-/// The poses that put three markers, two of them given, on space points; with the image points that agree and how far these
-/// are off, px.
-fn hypotheses(view: &View, figure: &RacketFigure, points: &SpacePoints, near: &[Neighbours; 2], (i, j): (usize, usize)) -> Vec<(usize, f64, Isometry3<f64>)> {
+/// A pose that puts three markers on space points.
+struct Hypothesis {
+    pose: Isometry3<f64>,
+    /// Image points that agree, how far they are off in the mean, and the contrast of all of them.
+    seen: usize,
+    miss_px: f64,
+    contrast: f64,
+}
+
+/// The poses that put three markers, two of them given, on space points.
+fn hypotheses(
+    view: &View,
+    figure: &RacketFigure,
+    points: &SpacePoints,
+    near: &[Neighbours; 2],
+    reach: Option<&Reach>,
+    (i, j): (usize, usize),
+) -> Vec<Hypothesis> {
     let mut out = Vec::new();
     for k in j + 1..5 {
         let Some(local) = Triangle::of([i, j, k].map(|m| &figure.points[m])) else { continue };
@@ -106,10 +167,13 @@ fn hypotheses(view: &View, figure: &RacketFigure, points: &SpacePoints, near: &[
                 for c in bits(both) {
                     let Some(global) = Triangle::of([a, b, c].map(|p| &points.places[p])) else { continue };
                     let pose = local.onto(&global);
+                    if reach.is_some_and(|r| !r.turns_to(&pose.rotation)) {
+                        continue;
+                    }
                     let seen = associate(view, figure, &pose, near, GATE_PX);
-                    let miss: f64 = seen.iter().map(|(_, miss, _)| miss).sum();
                     if seen.len() >= LEAST_POINTS {
-                        out.push((seen.len(), miss / seen.len() as f64, pose));
+                        let (miss, contrast) = seen.iter().fold((0.0, 0.0), |(m, c), (_, miss, contrast)| (m + miss, c + contrast));
+                        out.push(Hypothesis { pose, seen: seen.len(), miss_px: miss / seen.len() as f64, contrast });
                     }
                 }
             }
@@ -165,7 +229,7 @@ fn bits(words: impl Iterator<Item = u64>) -> impl Iterator<Item = usize> {
 }
 
 /// Refines a rough pose on the candidates; scores it by the tape it explains and counts the points that agree.
-fn follow(view: &View, figure: &RacketFigure, near: &[Neighbours; 2], rough: &Isometry3<f64>) -> Option<(f64, usize, RacketPose)> {
+fn follow(view: &View, figure: &RacketFigure, near: &[Neighbours; 2], rough: &Isometry3<f64>) -> Option<Followed> {
     let mut pose = *rough;
     let mut fitted = None;
     for gate in [GATE_PX, 4.0, 2.5] {
@@ -177,11 +241,11 @@ fn follow(view: &View, figure: &RacketFigure, near: &[Neighbours; 2], rough: &Is
     }
     let (seen, fit) = fitted?;
     // A candidate is good to about 0.7 px; more than three times that is another thing.
-    if seen.len() < LEAST_POINTS || fit.chi2 > 6.0 * fit.dof.max(1) as f64 {
+    if seen.len() < LEAST_POINTS || fit.misfit() > 6.0 {
         return None;
     }
     let strength: f64 = seen.iter().map(|s| s.2).sum();
-    Some((strength * (1.0 - 0.1 * (fit.chi2 / fit.dof.max(1) as f64).sqrt()), seen.len(), fit))
+    Some(Followed { score: strength * (1.0 - 0.1 * fit.misfit().sqrt()), seen: seen.len(), pose: fit })
 }
 
 /// The candidates near any place of a picture, without looking through all of them.
@@ -266,7 +330,7 @@ mod tests {
     use super::super::racket_figure::tests::figure;
     use super::super::racket_pose::tests::rig;
     use super::*;
-    use nalgebra::{Translation3, UnitQuaternion};
+    use nalgebra::{Translation3, Unit};
 
     /// Bands of a racket in both pictures.
     fn bands(view: &View, figure: &RacketFigure, pose: &Isometry3<f64>, contrast: f64) -> [Vec<BandCandidate>; 2] {
@@ -286,12 +350,16 @@ mod tests {
         for (seen, more) in seen.iter_mut().zip(bands(&view, &figure, &here, 40.0)) {
             seen.extend(more);
         }
-        let found = |reach: Option<Reach>| search(&view, &figure, &seen, reach.as_ref()).expect("a racket").global_from_racket.translation.vector;
+        let found = |reach: Option<Reach>| search(&view, &figure, &seen, reach.as_ref())[0].global_from_racket.translation.vector;
         assert!((found(None) - elsewhere.translation.vector).norm() < 0.01);
         // Three frames after it was 0.1 m away.
         let last = Isometry3::from_parts(Translation3::new(0.05, 0.85, -0.15), turned);
         let reach = Reach::of(&figure, &last, 0.003);
         assert!((found(Some(reach)) - here.translation.vector).norm() < 0.01);
+        // In three frames it does not turn by a radian; the half turn about its long axis nobody sees.
+        let tilted = |angle: f64, axis: Vector3<f64>| turned * UnitQuaternion::from_axis_angle(&Unit::new_normalize(axis), angle);
+        assert!(reach.turns_to(&tilted(0.5, Vector3::y())) && !reach.turns_to(&tilted(1.0, Vector3::y())));
+        assert!(reach.turns_to(&tilted(3.0, Vector3::x())) && !reach.turns_to(&tilted(3.0, Vector3::z())));
         // Its circle holds it in both pictures, and not the other one.
         for camera in CameraId::BOTH {
             let (centre, radius) = reach.circle(&view, camera).expect("seen");

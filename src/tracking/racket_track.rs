@@ -47,6 +47,13 @@ impl RacketFrame {
         self.points.iter().flatten().flatten().count()
     }
 
+    /// How far the bands miss the pose they share, px. (In units of what they state it says less: on a wrong figure bands are looked for
+    /// with the wrong direction, and state more.)
+    pub fn miss_px(&self) -> f64 {
+        let variances = self.points.iter().flatten().flatten().map(|p| 0.5 * p.sd.norm_squared());
+        (self.pose.misfit() * variances.sum::<f64>() / self.count().max(1) as f64).sqrt()
+    }
+
     /// Whether both cameras have a part in the pose.
     pub fn stereo(&self) -> bool {
         self.points.iter().all(|c| c.iter().any(Option::is_some))

@@ -38,6 +38,9 @@ const STRONG: usize = 9;
 const CLEAR_STRENGTH: f64 = 0.6;
 /// And when both cameras together show so many of its ten bands (one marker may be hidden): figures of letters have six or seven.
 const CLEAR_BANDS: usize = 8;
+/// Bands of a racket miss the pose they share by less than this, px: 0.03 to 0.13 of three tapes alone, a triangle of other markers that differs by
+/// 4 mm from theirs, with or without a seventh band by chance, by 0.2 to 0.7.
+const AGREEING_PX: f64 = 0.15;
 /// Unclear rackets looked at before other likely figures of as many frames are asked, and the best of them is taken.
 const DOUBTFUL_STARTS: usize = 16;
 /// Places of a picture that look like tape before those that keep their place, or cannot be the racket's, are left out.
@@ -119,8 +122,9 @@ impl<S: FrameSource> Shot<'_, S> {
             for c in 0..2 {
                 most[c] = most[c].max(candidates[c].len());
             }
-            let Some(pose) = racket_search::search(self.view, &self.figure, &candidates, None) else { continue };
-            let Some(start) = self.confirm(index, &pose.global_from_racket)? else { continue };
+            let poses = racket_search::search(self.view, &self.figure, &candidates, None);
+            let starts: Result<Vec<_>, _> = poses.iter().map(|pose| self.confirm(index, &pose.global_from_racket)).collect();
+            let Some(start) = starts?.into_iter().flatten().min_by(|a, b| a.frame.miss_px().total_cmp(&b.frame.miss_px())) else { continue };
             let strength = start.strength(&candidates);
             if start.is_clear(strength) {
                 return Ok(start);
@@ -133,9 +137,12 @@ impl<S: FrameSource> Shot<'_, S> {
         if let Some(start) = self.racket_among_figures()? {
             return Ok(start);
         }
-        let best = found
-            .into_iter()
-            .max_by(|a, b| (a.0 > CLEAR_STRENGTH).cmp(&(b.0 > CLEAR_STRENGTH)).then(a.1.frame.count().cmp(&b.1.frame.count())).then(a.0.total_cmp(&b.0)));
+        // Bands as strong as tape that agree on one pose, as many as can be; of as many the strongest, or of strong ones those that agree best.
+        let likeness = |(strength, start): &(f64, RacketStart)| {
+            let (strong, miss_px) = (*strength > CLEAR_STRENGTH, start.frame.miss_px());
+            (strong, strong && miss_px < AGREEING_PX, start.frame.count(), if strong { -miss_px } else { *strength })
+        };
+        let best = found.into_iter().max_by(|a, b| likeness(a).partial_cmp(&likeness(b)).unwrap_or(std::cmp::Ordering::Equal));
         best.map(|(_, start)| start).ok_or(TrackingError::NoRacket { searched, left: most[0], right: most[1] })
     }
 
@@ -195,7 +202,7 @@ impl<S: FrameSource> Shot<'_, S> {
     fn confirm_in(&self, index: usize, images: &[Option<GreyView>; 2], pose: &Isometry3<f64>) -> Option<RacketStart> {
         let scene = self.scene();
         let frame = racket_track::measure(&scene, images, pose, START_REACH_PX, &[4.0, 4.0])?;
-        if frame.count() < 6 || frame.pose.chi2 > 40.0 * frame.pose.dof as f64 {
+        if frame.count() < 6 || frame.pose.misfit() > 40.0 {
             return None;
         }
         let mut least_contrast = [0.0; 2];
@@ -400,8 +407,9 @@ impl<S: FrameSource> Shot<'_, S> {
             candidates.retain(|c| circle.is_none_or(|(at, radius)| (c.uv - at).norm() < radius));
             candidates.truncate(MOST);
         }
-        let found = racket_search::search(self.view, &self.figure, &candidates, Some(&reach));
-        Ok(found.and_then(|p| racket_track::measure(&self.scene(), &images, &p.global_from_racket, 2, least_contrast)).filter(|f| f.count() >= 6))
+        let poses = racket_search::search(self.view, &self.figure, &candidates, Some(&reach));
+        let measured = poses.iter().filter_map(|p| racket_track::measure(&self.scene(), &images, &p.global_from_racket, START_REACH_PX, least_contrast));
+        Ok(measured.filter(|f| f.count() >= 6).min_by(|a, b| a.miss_px().total_cmp(&b.miss_px())))
     }
 
     fn follow_racket_one_way(&self, start: &RacketStart, indices: impl Iterator<Item = usize>) -> Result<OneWay, TrackingError> {
@@ -452,7 +460,9 @@ impl<S: FrameSource> Shot<'_, S> {
                 }
             }
             if found.is_none() && look_for && lost >= look_next {
-                found = self.look_for_racket(index, &last, &start.least_contrast, &mut buffers)?.map(|f| face::nearest_twin(f, &last.1));
+                found = self
+                    .look_for_racket(index, &last, &start.least_contrast, &mut buffers)?
+                    .and_then(|f| if face::symmetric(&self.figure) { face::nearest_twin(f, &predicted) } else { Some(f) });
                 look_next = lost + 1 + (lost / 2).min(FARTHEST_LOOKS);
                 if let Some(frame) = &found {
                     let found = RacketStart { index, frame: frame.clone(), least_contrast: start.least_contrast };

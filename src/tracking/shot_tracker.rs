@@ -57,10 +57,21 @@ pub fn track_shot(source: &impl FrameSource, setup: &ShotSetup, cancel: &AtomicB
     let contact_frame = space_points::first_contact(source, &racket, &ball, setup.ball.radius_m());
     let points = space_points::space_points(source, setup, &view, &figure, &racket, &ball, contact_frame);
     let tracks = named(source, &racket, &ball);
+    notes.extend(unseen(&tracks));
     let mut broken = shot.broken.into_inner().unwrap_or_default();
     broken.append(&mut watched.broken.into_inner().unwrap_or_default());
     let unreadable = broken.into_values().collect();
     Ok(ShotTracks { figure, tracks, racket, ball, points, contact_frame, notes, unreadable, still, blur_px: shot.blur_px })
+}
+
+/// Targets that no picture shows.
+fn unseen(tracks: &Tracks) -> Vec<String> {
+    let seen = |target: &Target| tracks.points.iter().any(|p| p.target == *target && p.point.is_some());
+    let words = |target: Target| match target {
+        Target::Ball => "no ball was found; is it in the clip, and of the size in ball.toml?".to_owned(),
+        marker => format!("{} was seen in no picture; is its tape on, and where racket.toml says?", marker.name()),
+    };
+    Target::ALL.into_iter().filter(|target| !seen(target)).map(words).collect()
 }
 
 /// All points of a shot: every target in every picture that exists, measured or occluded.

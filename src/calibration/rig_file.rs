@@ -1,6 +1,7 @@
 //! `calibration.json` and `calibration.yml` (contract, section 3): reading, checking and writing a rig.
 
 use super::{CalibrationError, Camera, RigidTransform, StereoRig};
+use crate::footage::MAX_PIXELS;
 use crate::provenance::write_atomically;
 use nalgebra::Matrix3;
 use serde::Deserialize;
@@ -58,6 +59,9 @@ impl StereoRig {
         let bad = |key: &str, seen: String, allowed: &'static str| CalibrationError::Value { path: path.into(), key: key.into(), seen, allowed };
         if self.image_size.iter().any(|s| !(1..=65_536).contains(s)) {
             return Err(bad("image_size", format!("{:?}", self.image_size), "1 to 65536 px a side"));
+        }
+        if self.image_size.iter().map(|s| *s as u64).product::<u64>() > MAX_PIXELS {
+            return Err(bad("image_size", format!("{:?}", self.image_size), "67108864 px in all"));
         }
         for (name, c) in [("left", &self.left), ("right", &self.right)] {
             if !(c.fx > 0.0 && c.fy > 0.0 && c.fx < 1e9 && c.fy < 1e9) {

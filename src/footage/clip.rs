@@ -2,7 +2,7 @@
 
 use super::bitmap::Known;
 use super::decoded_pictures::DecodedPictures;
-use super::{FootageError, numbered_images};
+use super::{FootageError, LARGEST_FRAME_NUMBER, numbered_images};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
@@ -28,6 +28,10 @@ impl Clip {
     pub fn list(left: &Path, right: &Path) -> Result<Self, FootageError> {
         let (left, right) = rayon::join(|| numbered_images(left), || numbered_images(right));
         let (left, right) = (left?, right?);
+        // In each folder the last one has the largest number.
+        if let Some((number, path)) = [left.last(), right.last()].into_iter().flatten().find(|(number, _)| *number > LARGEST_FRAME_NUMBER) {
+            return Err(FootageError::NoFrameNumber { path: path.clone(), number: *number });
+        }
         let (mut l, mut r) = (left.into_iter().peekable(), right.into_iter().peekable());
         let mut pairs = Vec::new();
         loop {

@@ -7,7 +7,9 @@ use std::path::{Path, PathBuf};
 /// Largest side of a picture, px. High-speed cameras stay below 4096, photographs below 16384.
 const MAX_SIDE_PX: u32 = 16_384;
 /// Largest number of pixels; 64 Mpx leaves room for any camera of today.
-const MAX_PIXELS: u64 = 1 << 26;
+pub const MAX_PIXELS: u64 = 1 << 26;
+/// Frame numbers become times: beyond this a double does not tell neighbours apart.
+pub const LARGEST_FRAME_NUMBER: u64 = 1 << 53;
 /// Largest file, bytes: four bytes a pixel at the largest size, plus a header.
 const MAX_BYTES: u64 = (MAX_PIXELS << 2) + (1 << 20);
 /// Most pictures in one folder (a million frames is over 16 minutes at 1000 frames a second).
@@ -34,6 +36,8 @@ pub enum FootageError {
     NoNumber { path: PathBuf },
     #[error("{path}: the number in the file name is too long; allowed: up to {}", u64::MAX, path = .path.display())]
     NumberTooLarge { path: PathBuf },
+    #[error("{path}: {number} is no frame number; allowed: up to {LARGEST_FRAME_NUMBER}; number frames from 0 or 1", path = .path.display())]
+    NoFrameNumber { path: PathBuf, number: u64 },
     #[error("{first} and {second} both have the number {number}; keep one of them in this folder", first = .first.display(), second = .second.display())]
     DuplicateNumber { number: u64, first: PathBuf, second: PathBuf },
     #[error("{path}: more than {MAX_PICTURES} pictures in one folder", path = .path.display())]

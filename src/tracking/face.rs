@@ -141,6 +141,22 @@ mod tests {
     }
 
     #[test]
+    fn law_the_face_of_a_racket_found_again_is_the_one_expected_or_unknown() {
+        let about_x = |angle: f64| Isometry3::rotation(Vector3::x() * angle);
+        let frame = |angle: f64| {
+            let pose = RacketPose { global_from_racket: about_x(angle), covariance: Matrix6::identity(), chi2: 0.0, dof: 1 };
+            RacketFrame { pose, points: [[None; 5]; 2] }
+        };
+        let angle_of = |found: RacketFrame| found.pose.global_from_racket.rotation.scaled_axis().x;
+        // Read with either face.
+        for read in [0.4, 0.4 - std::f64::consts::PI] {
+            assert!((nearest_twin(frame(read), &about_x(0.1)).map(angle_of).expect("told") - 0.4).abs() < 1e-9);
+        }
+        // A quarter of a turn from where it should be.
+        assert!(nearest_twin(frame(1.5), &about_x(0.0)).is_none());
+    }
+
+    #[test]
     fn law_the_face_is_told_where_the_ball_meets_it() {
         // A swing through half a turn about the long axis while the ball flies along z, bounces off at frame 60 and goes back.
         let pose = |i: usize| Isometry3::from_parts(Vector3::zeros().into(), UnitQuaternion::from_axis_angle(&Vector3::x_axis(), 0.05 * (i as f64 - 60.0)));

@@ -1,6 +1,7 @@
 //! Tracks and points as files (contract, section 3): `tracks.csv` in pixels, `points.csv` in global metres.
 
 use crate::calibration::CameraId;
+use crate::footage::LARGEST_FRAME_NUMBER;
 use nalgebra::{Point3, Vector2, Vector3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -13,6 +14,8 @@ pub enum TrackFileError {
     Unreadable { path: PathBuf, source: csv::Error },
     #[error("{path}, line {line}: {what}", path = .path.display())]
     Row { path: PathBuf, line: u64, what: String },
+    #[error("{path}: frame {frame} has two rows of {camera} {target}; keep one of them", path = .path.display())]
+    Twice { path: PathBuf, frame: u64, camera: &'static str, target: &'static str },
 }
 
 /// What is tracked: the five tape markers and the ball.
@@ -94,6 +97,9 @@ impl Tracks {
             let row = row.map_err(unreadable)?;
             let line = i as u64 + 2;
             let bad = |what: &str| TrackFileError::Row { path: path.into(), line, what: what.to_owned() };
+            if row.frame > LARGEST_FRAME_NUMBER {
+                return Err(bad(&format!("frame {}; allowed: up to {LARGEST_FRAME_NUMBER}", row.frame)));
+            }
             let point = match (row.state, row.u, row.v) {
                 (PointState::Occluded, None, None) => None,
                 (PointState::Occluded, _, _) => return Err(bad("an occluded point has u, v; leave them empty, or write `manual`")),
@@ -109,7 +115,12 @@ impl Tracks {
             };
             points.push(TrackPoint { frame: row.frame, camera: row.camera, target: row.target, point, state: row.state });
         }
-        points.sort_by_key(|p| (p.frame, p.camera, p.target));
+        let key = |p: &TrackPoint| (p.frame, p.camera, p.target);
+        points.sort_by_key(key);
+        if let Some(twice) = points.windows(2).find(|two| key(&two[0]) == key(&two[1])) {
+            let (frame, camera, target) = (twice[0].frame, twice[0].camera.name(), twice[0].target.name());
+            return Err(TrackFileError::Twice { path: path.into(), frame, camera, target });
+        }
         Ok(Tracks { points })
     }
 
@@ -235,12 +246,31 @@ pub fn read_points(path: &Path) -> Result<Vec<SpacePoint>, TrackFileError> {
         }
         points.push(SpacePoint { frame, t, target, position: Point3::new(x, y, z), sd: Vector3::new(x_sd, y_sd, z_sd), residual_px });
     }
+    points.sort_by_key(|p| (p.frame, p.target));
     Ok(points)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn law_a_table_with_a_point_twice_or_an_impossible_frame_is_refused_and_points_come_in_order() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("t.csv");
+        let read = |rows: &str| {
+            std::fs::write(&path, format!("frame,camera,target,u,v,u_sd,v_sd,state\n{rows}")).expect("written");
+            Tracks::read(&path).map(|t| t.points.len()).map_err(|e| e.to_string())
+        };
+        let row = |frame: u64| format!("{frame},left,m1,1.0,2.0,0.1,0.1,measured\n");
+        assert_eq!(read(&(row(8) + &row(7))), Ok(2));
+        assert!(read(&(row(7) + &row(7))).is_err_and(|e| e.contains("frame 7 has two rows of left m1")));
+        assert!(read(&row(u64::MAX)).is_err_and(|e| e.contains("line 2: frame 18446744073709551615; allowed: up to 9007199254740992")));
+        std::fs::write(&path, "frame,t,target,x,y,z,x_sd,y_sd,z_sd,residual_px\n9,0,m2,0,0,0,1,1,1,0\n8,0,ball,0,0,0,1,1,1,0\n8,0,m1,0,0,0,1,1,1,0\n")
+            .expect("written");
+        let order: Vec<(u64, Target)> = read_points(&path).expect("read").iter().map(|p| (p.frame, p.target)).collect();
+        assert_eq!(order, [(8, Target::M1), (8, Target::Ball), (9, Target::M2)]);
+    }
 
     #[test]
     fn agrees_with_exact_decimals() {

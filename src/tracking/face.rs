@@ -53,8 +53,11 @@ fn turned(pose: &Isometry3<f64>) -> Isometry3<f64> {
 }
 
 /// Of a frame and its twin, the one whose attitude is nearer to the expected one; `None` where both are about as near, for a racket that has turned by a
-/// quarter since it was seen shows neither face.
-pub fn nearest_twin(frame: RacketFrame, expected: &Isometry3<f64>) -> Option<RacketFrame> {
+/// quarter since it was seen shows neither face. A figure that is not symmetric has no twin.
+pub fn nearest_twin(frame: RacketFrame, figure: &RacketFigure, expected: &Isometry3<f64>) -> Option<RacketFrame> {
+    if !symmetric(figure) {
+        return Some(frame);
+    }
     let own = frame.pose.global_from_racket.rotation.angle_to(&expected.rotation);
     let other = turned(&frame.pose.global_from_racket).rotation.angle_to(&expected.rotation);
     let nearer = if own <= other { frame } else { twin(&frame) };
@@ -150,10 +153,10 @@ mod tests {
         let angle_of = |found: RacketFrame| found.pose.global_from_racket.rotation.scaled_axis().x;
         // Read with either face.
         for read in [0.4, 0.4 - std::f64::consts::PI] {
-            assert!((nearest_twin(frame(read), &about_x(0.1)).map(angle_of).expect("told") - 0.4).abs() < 1e-9);
+            assert!((nearest_twin(frame(read), &figure(), &about_x(0.1)).map(angle_of).expect("told") - 0.4).abs() < 1e-9);
         }
         // A quarter of a turn from where it should be.
-        assert!(nearest_twin(frame(1.5), &about_x(0.0)).is_none());
+        assert!(nearest_twin(frame(1.5), &figure(), &about_x(0.0)).is_none());
     }
 
     #[test]

@@ -54,6 +54,7 @@ mod shot_tracks;
 mod side_by_side;
 mod space_points;
 pub mod spin;
+mod stood_still;
 mod stray_ball;
 mod tape_blur;
 mod tape_length;

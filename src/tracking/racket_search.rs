@@ -25,9 +25,9 @@ const GATE_PX: f64 = 6.0;
 const LEAST_POINTS: usize = 6;
 /// No racket moves faster than this, m/s: the tip of one that serves at 250 km/h does 50.
 const FASTEST_M_S: f64 = 60.0;
-/// And none turns faster than this, rad/s: one that is hit far off its axis turns at half of it. Beside that attitudes of three markers are good to so
-/// much, rad.
+/// And none turns faster than this, rad/s: one that is hit far off its axis turns at half of it.
 const FASTEST_RAD_S: f64 = 150.0;
+/// The attitude that three markers tell may be wrong by this, rad.
 const ATTITUDE_TOLERANCE_RAD: f64 = 0.3;
 /// Most hypotheses followed up: of those on which most image points agree, and of those that explain most contrast. Three clear tapes before
 /// a dark curtain are fewer than what its folds bring together by chance.

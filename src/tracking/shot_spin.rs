@@ -3,7 +3,7 @@
 use super::ball_refine::{SHARED_VARIANCE, refine_ball};
 use super::contact_length::LONGEST_CONTACT_S;
 use super::shot_tracks::{ShotSetup, ShotTracks, TrackingError};
-use super::spin::{BLUR_PX, BallSpin, BallView, FoundSpin, GreyPatch, SpinEstimate, SpinSettings};
+use super::spin::{BLUR_PX, BallSpin, BallView, FoundSpin, GreyPatch, SpinEstimate, SpinRefusal, SpinSettings};
 use super::tape_blur::out_of_focus;
 use super::track_file::{SpacePoint, Target, Tracks};
 use crate::calibration::CameraId;
@@ -31,10 +31,15 @@ struct Crop {
     position: Point3<f64>,
 }
 
-/// Measures the ball's spin before and after the contact and, with it, the ball's centres and space points.
+/// Measures the ball's spin before and after the contact and, with it, the ball's centres and space points. Without a known contact both are
+/// refused: a flight of which nobody knows whether it comes or leaves has no side.
 ///
 /// # Errors  a picture that cannot be read
 pub fn measure_spin(source: &impl FrameSource, setup: &ShotSetup, shot: &mut ShotTracks) -> Result<BallSpin, TrackingError> {
+    if shot.contact_frame.is_none() {
+        let refused = SpinEstimate::Refused { reason: SpinRefusal::NoContact };
+        return Ok(BallSpin { before: refused.clone(), after: refused });
+    }
     let mut found = FoundSpins::find(source, setup, shot)?;
     refine_ball(source, setup, shot, &found.rough())?;
     if !found.complete() {

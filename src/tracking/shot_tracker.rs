@@ -10,6 +10,7 @@ use super::shot_frames::Shot;
 use super::shot_tracks::{ShotSetup, ShotTracks, TrackingError};
 use super::side_by_side::{SideBySide, side_by_side};
 use super::space_points;
+use super::stood_still::stood_still;
 use super::stray_ball;
 use super::throat::ThroatEvidence;
 use super::track_file::{PointState, Target, TrackPoint, Tracks};
@@ -31,7 +32,7 @@ pub fn track_shot(source: &impl FrameSource, setup: &ShotSetup, cancel: &AtomicB
     let SideBySide { start, racket, still, look } = side_by_side(&mut shot, &watched)?;
     let (mut racket, prints) = shot.both_ways(&start, racket)?;
     shot.stale = recording::repeated(&prints);
-    for (stale, still) in shot.stale.iter_mut().zip(racket_track::stood_still(&racket)) {
+    for (stale, still) in shot.stale.iter_mut().zip(stood_still(&racket)) {
         *stale = [stale[0] || still[0], stale[1] || still[1]];
     }
     let mut notes = recording::notes(source, &shot.stale);

@@ -11,7 +11,7 @@ use std::sync::atomic::AtomicBool;
 use sweetspot::calibration::{CameraId, StereoRig};
 use sweetspot::footage::{Clip, read_grey};
 use sweetspot::session::{Session, ShotFolder};
-use sweetspot::tracking::spin::SpinEstimate;
+use sweetspot::tracking::spin::{SpinEstimate, SpinRefusal};
 use sweetspot::tracking::{InStep, ShotSetup, SyncMode, Target, TrackingError, measure_spin, track_in_step};
 
 /// A practice shot copied where it may be spoilt.
@@ -154,6 +154,22 @@ fn real_any_three_tapes_are_enough() {
         for marker in painted_out {
             assert!(made.tracked.notes.iter().any(|n| n.starts_with(&format!("{} was seen in no picture", marker.name()))), "{:?}", made.tracked.notes);
         }
+    }
+}
+
+/// The spin of a ball that comes was once written as that of one that leaves, to 2 rad/s.
+#[test]
+fn real_in_a_clip_that_ends_before_the_contact_no_spin_has_a_side() {
+    let Some(r) = Recording::of("court-12") else { return };
+    for f in r.truth["frames"].as_array().unwrap().iter().filter(|f| f["t"].as_f64().unwrap() > -0.002) {
+        CameraId::BOTH.into_iter().for_each(|c| std::fs::remove_file(r.file(c, f["frame"].as_u64().unwrap())).unwrap());
+    }
+    let mut made = r.track(SyncMode::Report).unwrap();
+    assert!(made.tracked.contact_frame.is_none() && made.tracked.points.iter().any(|p| p.target == Target::Ball));
+    let setup = ShotSetup { rig: &r.rig, racket: &r.shot.racket, ball: &r.shot.ball, frame_rate_hz: r.frame_rate_hz };
+    let spin = measure_spin(&made.clip, &setup, &mut made.tracked).unwrap();
+    for estimate in [&spin.before, &spin.after] {
+        assert!(matches!(estimate, SpinEstimate::Refused { reason: SpinRefusal::NoContact }), "{estimate:?}");
     }
 }
 

@@ -35,6 +35,8 @@ impl SpinSettings {
 pub enum SpinRefusal {
     #[error("only {seen} usable frames show the ball; {needed} are needed")]
     TooFewFrames { seen: usize, needed: usize },
+    #[error("the contact is not known (no impact in the clip, or no racket around it), so that no flight is before or after it")]
+    NoContact,
     #[error("the ball shows no markings (contrast {contrast:.3}, noise {noise:.3}); draw dark lines on it")]
     NoMarkings { contrast: f64, noise: f64 },
     #[error("two spins fit almost equally well ({first:.0?} and {second:.0?} rad/s); draw markings without symmetry")]

@@ -2,7 +2,7 @@
 //!
 //! `before`, `after`: each an object with `kind`:
 //! - `vector`: `omega_rad_s` [3] in global axes, `covariance` 3×3 (symmetric) in (rad/s)², `frames_used`, `quality`
-//!   (`views`, `pixels`, `noise`, `markings`, `outliers`, `margin`: see [`SpinQuality`](super::SpinQuality));
+//!   (`views`, `pixels`, `noise`, `markings`, `outliers`, `unexplained`, `margin`: see [`SpinQuality`](super::SpinQuality));
 //! - `one_axis`: `axis` [3] (unit, global), `rate_rad_s`, `sd_rad_s`, `frames_used`, `reason`;
 //! - `refused`: `reason` with `cause` and its numbers.
 

@@ -18,6 +18,8 @@ const NEXT_M: f64 = 2.0 * ON_LINE_M;
 /// what the racket moves meanwhile.
 const MEET_M: f64 = 0.06;
 const AT_THE_BED_M: f64 = 0.25;
+/// Strings that a ball meets turn it: by less than this, m/s, it went straight on, and a frame of it was missed.
+const LEAST_TURN_M_S: f64 = 3.0;
 /// Longest time between the two flights, s, contact included.
 const LONGEST_BETWEEN_S: f64 = 0.025;
 
@@ -60,12 +62,23 @@ pub fn foretold(piece: &[Sighting], number: f64) -> Point3<f64> {
 
 /// Where the straight line through sightings puts the ball in a frame.
 fn at(seen: &[Sighting], number: f64) -> Point3<f64> {
+    let (mean_number, mean, step) = line(seen);
+    Point3::from(mean + step * (number - mean_number))
+}
+
+/// The straight line through sightings: mean frame and place, way per frame.
+fn line(seen: &[Sighting]) -> (f64, Vector3<f64>, Vector3<f64>) {
     let n = seen.len() as f64;
     let mean_number = seen.iter().map(|s| s.number).sum::<f64>() / n;
     let mean = seen.iter().map(|s| s.place.coords).sum::<Vector3<f64>>() / n;
     let square: f64 = seen.iter().map(|s| (s.number - mean_number).powi(2)).sum();
     let step = seen.iter().map(|s| s.place.coords * (s.number - mean_number)).sum::<Vector3<f64>>() / square.max(1e-9);
-    Point3::from(mean + step * (number - mean_number))
+    (mean_number, mean, step)
+}
+
+/// Whether the strings turned what was followed.
+pub fn turned(seen: &[Sighting], frame_rate_hz: f64) -> bool {
+    met_at_strings(&straight_pieces(seen, frame_rate_hz), frame_rate_hz).is_some()
 }
 
 /// Which two pieces most likely are the ball before and after the strings: they meet there, and together they are the longest.
@@ -83,7 +96,7 @@ pub fn met_at_strings(pieces: &[Piece], frame_rate_hz: f64) -> Option<[usize; 2]
     best.map(|b| b.1)
 }
 
-/// Whether two flights come together at the stringbed in between.
+/// Whether two flights come together at the stringbed in between, and part.
 pub fn meet(before: &[Sighting], after: &[Sighting], frame_rate_hz: f64) -> bool {
     let (Some(last), Some(first)) = (before.last(), after.first()) else { return false };
     let between = first.number - last.number;
@@ -91,6 +104,9 @@ pub fn meet(before: &[Sighting], after: &[Sighting], frame_rate_hz: f64) -> bool
         return false;
     }
     let (a, b) = (&before[before.len().saturating_sub(OF_LINE)..], &after[..after.len().min(OF_LINE)]);
+    if (line(b).2 - line(a).2).norm() * frame_rate_hz < LEAST_TURN_M_S {
+        return false;
+    }
     let together = (0..=20).map(|k| last.number + between * f64::from(k) / 20.0).map(|t| (at(a, t), at(b, t)));
     let Some((p, q)) = together.min_by(|x, y| (x.0 - x.1).norm().total_cmp(&(y.0 - y.1).norm())) else { return false };
     // The racket stands where the sightings nearest to the meeting have it.

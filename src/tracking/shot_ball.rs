@@ -3,6 +3,7 @@
 use super::ball_choice::{self, Sighting};
 use super::ball_fit::OutlineLevels;
 use super::ball_gaps::stands_at;
+use super::ball_pieces;
 use super::ball_presence;
 use super::ball_search;
 use super::ball_shading::{BallShading, LimbProfile};
@@ -26,6 +27,8 @@ const ELSEWHERE_RADII: f64 = 2.2;
 const FILLED: f64 = 6.0;
 /// Two flights, each in as many frames, that meet at the strings are the ball: no other is looked for.
 const LONG_FLIGHT: usize = 30;
+/// What the strings turned is the ball, however near others come to them, m.
+const TURNED_M: f64 = 1.0;
 /// A thing that flew straight in as many frames may be the ball.
 const FLIES: usize = 8;
 
@@ -132,7 +135,7 @@ impl<S: FrameSource> Shot<'_, S> {
         let n = self.source.len();
         let (mut flights_ahead, mut followed) = ahead.map_or((None, None), |ahead| (Some(ahead.flights), ahead.followed));
         let mut best = (f64::INFINITY, Flight { frames: vec![None; n], means: Default::default(), kept: vec![None; n] });
-        let mut clear = false;
+        let (mut clear, mut turned) = (false, false);
         let mut claimed: Vec<Vec<Option<BallFrame>>> = Vec::new();
         let mut of_the_racket: Vec<Vec<Option<BallFrame>>> = Vec::new();
         for against_another in [false, true] {
@@ -163,21 +166,25 @@ impl<S: FrameSource> Shot<'_, S> {
                     }
                     let count = track.frames.iter().flatten().count();
                     if count >= 6 {
-                        let likeness = ball_choice::likeness(&self.sightings(&track.frames, racket), count, self.setup.frame_rate_hz);
+                        let seen = self.sightings(&track.frames, racket);
+                        let likeness = ball_choice::likeness(&seen, count, self.setup.frame_rate_hz);
+                        let met = ball_pieces::turned(&seen, self.setup.frame_rate_hz);
+                        let score = likeness.score - if met { TURNED_M } else { 0.0 };
                         claimed.push(track.frames.clone());
-                        if likeness.score < best.0 {
-                            best = (likeness.score, track);
+                        if score < best.0 {
+                            best = (score, track);
                             clear = likeness.clear;
+                            turned = met;
                         }
                     } else {
                         claimed.push(track.frames);
                     }
-                    if clear {
+                    if clear && turned {
                         break;
                     }
                 }
                 // In a long clip nothing else flies to the strings and away for so long.
-                if clear || self.stands_in(&claimed, racket, LONG_FLIGHT) {
+                if clear && turned || self.stands_in(&claimed, racket, LONG_FLIGHT) {
                     break;
                 }
             }

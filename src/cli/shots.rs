@@ -2,7 +2,7 @@
 
 use super::Shell;
 use super::error::CliError;
-use super::track::seen_flattening;
+use super::track::{doubt, seen_flattening};
 use super::tracked_session::TrackedSession;
 use crate::impact_table::ImpactTable;
 use crate::kinematics::{
@@ -74,6 +74,11 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
         }
     }
     failed.sort();
+    for folder in &session.shots {
+        if let Some(doubt) = doubt(&tracked.place(folder)) {
+            shell.say(format_args!("{}: {doubt}", folder.id));
+        }
+    }
     let impacts = results.join("impacts.csv");
     if !shots.is_empty() {
         let table = ImpactTable { rows: shots.iter().enumerate().map(|(k, r)| r.shot.impact_row(k as f64)).collect() };

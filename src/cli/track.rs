@@ -75,6 +75,9 @@ struct ShotSummary {
     /// Whether the cameras were found out of step and left so.
     #[serde(default)]
     out_of_step: bool,
+    /// Why the points should not be believed.
+    #[serde(default)]
+    doubt: Option<String>,
     /// As the pictures show it; `null` when they did not.
     #[serde(default)]
     throat: Option<Throat>,
@@ -256,7 +259,7 @@ fn by_hand(id: &str, record: Option<TrackRecord>, folder: &Path) -> Option<ShotS
     let count = |state: PointState| tracks.points.iter().filter(|p| p.state == state).count();
     let (manual, measured, occluded) = (count(PointState::Manual), count(PointState::Measured), count(PointState::Occluded));
     let note = format!("tracks.csv holds {manual} points corrected by hand and is kept (--force tracks again and overwrites them)");
-    let ShotSummary { right_shift, out_of_step, .. } = record.map(|r| r.summary).unwrap_or_default();
+    let ShotSummary { right_shift, out_of_step, doubt, .. } = record.map(|r| r.summary).unwrap_or_default();
     let frames = tracks.frames().len();
     (manual > 0).then(|| ShotSummary {
         id: id.to_owned(),
@@ -265,6 +268,7 @@ fn by_hand(id: &str, record: Option<TrackRecord>, folder: &Path) -> Option<ShotS
         occluded,
         right_shift,
         out_of_step,
+        doubt,
         notes: vec![note],
         ..ShotSummary::default()
     })
@@ -278,6 +282,11 @@ fn earlier(folder: &Path) -> Option<TrackRecord> {
 /// What tracking saw of the throat in this shot, if the tracks are its own.
 pub fn seen_throat(folder: &Path) -> Option<Throat> {
     earlier(folder)?.summary.throat.filter(Throat::is_possible)
+}
+
+/// Why the points of this shot should not be believed, if tracking found so.
+pub fn doubt(folder: &Path) -> Option<String> {
+    earlier(folder)?.summary.doubt
 }
 
 /// The largest flattening of the ball that tracking saw in this shot, if the tracks are its own.
@@ -310,6 +319,7 @@ fn summary(id: &str, setup: &ShotSetup, made: &InStep, gaps: Vec<String>) -> Sho
         flattening: PressedFrame::of(&made.clip, &tracked.ball),
         right_shift: made.right_shift,
         out_of_step: made.out_of_step,
+        doubt: made.doubt.clone(),
         throat: tracked.figure.throat().filter(|t| as_written != Some(*t)),
         notes: gaps.into_iter().chain(tracked.notes.iter().cloned()).collect(),
         unreadable: tracked.unreadable.clone(),

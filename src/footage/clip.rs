@@ -61,6 +61,13 @@ impl Clip {
         Clip::of(files.into_iter().map(|(number, files)| FramePair { number, files }).collect(), self.decoded.clone())
     }
 
+    /// So many successive pairs of it, those around the frame of that number.
+    pub fn around(&self, number: u64, frames: usize) -> Clip {
+        let middle = self.pairs.partition_point(|p| p.number < number);
+        let first = middle.saturating_sub(frames / 2).min(self.pairs.len().saturating_sub(frames));
+        Clip::of(self.pairs.iter().skip(first).take(frames).cloned().collect(), self.decoded.clone())
+    }
+
     fn of(pairs: Vec<FramePair>, decoded: Arc<DecodedPictures>) -> Self {
         let known = Arc::new(pairs.iter().map(|_| Default::default()).collect());
         Clip { pairs, decoded, known }

@@ -145,7 +145,15 @@ mod tests {
         let elsewhere = seen(24..40, |t| after(t) + Vector3::new(0.0, 0.3, 0.0));
         let pieces: Vec<Piece> = [&lost, &elsewhere].into_iter().flat_map(|w| straight_pieces(w, 1000.0)).collect();
         assert!(met_at_strings(&pieces, 1000.0).is_none());
+        // One that goes straight on past the strings, six of its frames missed there, was not turned.
+        let mut past = seen(0..40, before);
+        past.drain(19..25);
+        assert!(straight_pieces(&past, 1000.0).len() == 2 && !turned(&past, 1000.0));
+        let mut back = seen(0..40, |t| if t < 20.0 { before(t) } else { after(t) });
+        back.drain(19..22);
+        assert!(turned(&back, 1000.0));
     }
+
     #[test]
     fn truth_a_piece_foretells_where_the_ball_goes_on_and_nothing_else_does() {
         let flight = |t: f64| Point3::new(0.03 * t, 0.02, -5e-6 * t * t);

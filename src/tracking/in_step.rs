@@ -4,6 +4,7 @@
 //! its motion across that plane. Over a whole shot that miss follows the motion, while calibration and lens leave a miss
 //! that stays: a straight-line fit of the miss against the motion tells both apart and gives the offset in frames.
 
+use super::agreement::Agreement;
 use super::racket_pose::View;
 use super::shot_tracker::track_shot;
 use super::shot_tracks::{ShotSetup, ShotTracks, TrackingError};
@@ -38,6 +39,10 @@ const STILL_SD_PX: [f64; 6] = [0.3, 0.3, 0.3, 0.3, 0.3, 0.15];
 const FLOOR_PX: f64 = 0.1;
 /// An offset is told when its deviation is below this, frames.
 const TOLD_SD: f64 = 0.2;
+/// Cameras started by one trigger are hardly farther out of step, frames.
+const MOST_APART: i64 = 3;
+/// Frames in which another pairing is tried first.
+const EXCERPT: usize = 16;
 /// Fewer frames with the ball in both pictures make the pairing itself doubtful.
 const LEAST_BALL_FRAMES: usize = 6;
 /// One intercept per target, then the offset.
@@ -52,71 +57,141 @@ pub struct InStep {
     pub right_shift: i64,
     /// Whether the cameras were found out of step and left so.
     pub out_of_step: bool,
+    /// Why points of this shot should not be believed; the first of its notes.
+    pub doubt: Option<String>,
 }
 
 /// Tracks a clip and checks that its cameras are in step.
 pub fn track_in_step(clip: &Clip, setup: &ShotSetup, mode: SyncMode, cancel: &AtomicBool, progress: &(dyn Fn(usize) + Sync)) -> Result<InStep, TrackingError> {
+    let view = View::new(setup.rig);
+    let as_paired = |clip: &Clip, tracked: ShotTracks| Paired {
+        agreement: Agreement::of(clip, &view, &tracked),
+        offset: offset(clip, setup, &tracked).filter(|o| o.sd < TOLD_SD),
+        tracked,
+    };
     let first = match track_shot(clip, setup, cancel, progress) {
-        Err(e) if !matches!(e, TrackingError::NoRacket { .. }) => return Err(e),
-        other => other,
+        Ok(tracked) => Ok(as_paired(clip, tracked)),
+        Err(e) if matches!(e, TrackingError::NoRacket { .. }) => Err(e),
+        Err(e) => return Err(e),
     };
-    let offset = first.as_ref().ok().and_then(|t| offset(clip, setup, t));
-    let told = offset.filter(|o| o.sd < TOLD_SD);
-    let candidates: Vec<i64> = match (&first, told) {
-        (Ok(_), Some(o)) if o.frames.abs() < 0.5 || o.frames.abs() < 3.0 * o.sd => Vec::new(),
-        (Ok(_), Some(o)) => vec![-o.frames.round() as i64],
-        // The tracks do not tell: only when hardly anything fits as it is paired, its neighbours are tried.
-        (Ok(t), None) if points_in_both(t) >= LEAST_BALL_FRAMES => Vec::new(),
-        _ => vec![-1, 1],
+    let tracked_as = |clip: &Clip| match track_shot(clip, setup, cancel, &|_| ()) {
+        Ok(again) => Ok(Some(as_paired(clip, again))),
+        Err(TrackingError::Cancelled) => Err(TrackingError::Cancelled),
+        Err(_) => Ok(None),
     };
-    // Several may look better than what fits hardly at all: the one that shows the ball to both cameras most often.
-    let mut best: Option<(usize, i64, Clip, ShotTracks)> = None;
-    for shift in candidates {
+    let around = first.as_ref().ok().and_then(|f| middle_of_the_ball(clip, &f.tracked)).unwrap_or_else(|| clip.number(clip.len() / 2));
+    let mut best: Option<(i64, Clip, Paired)> = None;
+    for shift in shifts_to_try(first.as_ref().ok()) {
         let shifted = clip.shifted(shift);
-        let Ok(again) = track_shot(&shifted, setup, cancel, &|_| ()) else { continue };
-        let in_both = points_in_both(&again);
-        let better = match (&first, offset_of(&shifted, setup, &again), told) {
-            // What was told must be gone.
-            (Ok(_), Some(o), Some(_)) => o.frames.abs() < 0.5,
-            (Ok(_), None, Some(_)) => false,
-            (one, now, None) => {
-                let before = one.as_ref().map_or(0, points_in_both);
-                in_both >= LEAST_BALL_FRAMES.max(2 * before) && now.is_none_or(|o| o.frames.abs() < 0.5)
+        // Pictures that do not belong together take long to follow: a few of them show it.
+        if tracked_as(&shifted.around(around, EXCERPT))?.is_none_or(|part| part.agreement.doubtful()) {
+            continue;
+        }
+        let Some(again) = tracked_as(&shifted)?.filter(|again| again.fits_better_than(first.as_ref().ok())) else { continue };
+        if best.as_ref().is_none_or(|b| b.2.agreement.both < again.agreement.both) {
+            let settled = !again.agreement.doubtful();
+            best = Some((shift, shifted, again));
+            if settled {
+                break;
             }
-            (Err(_), _, Some(_)) => false,
-        };
-        if better && best.as_ref().is_none_or(|b| in_both > b.0) {
-            best = Some((in_both, shift, shifted, again));
         }
     }
-    if let Some((_, shift, shifted, mut again)) = best {
-        let found = words(shift, told);
+    if let Some((shift, shifted, Paired { tracked: mut again, agreement, .. })) = best {
+        let found = words(shift, first.as_ref().ok(), &agreement);
         match (mode, first) {
             (SyncMode::Auto, _) => {
                 again.notes.insert(0, format!("{found}; corrected: frame n pairs the left picture n with the right picture n {shift:+}"));
-                return Ok(InStep { tracked: again, clip: shifted, right_shift: shift, out_of_step: false });
+                return Ok(InStep { tracked: again, clip: shifted, right_shift: shift, out_of_step: false, doubt: None });
             }
-            (SyncMode::Report, Ok(mut tracked)) => {
-                tracked.notes.insert(0, format!("{found}; `--sync auto` corrects it"));
-                return Ok(InStep { tracked, clip: clip.clone(), right_shift: 0, out_of_step: true });
+            (SyncMode::Report, Ok(Paired { mut tracked, .. })) => {
+                let doubt = format!("{found}; `--sync auto` corrects it");
+                tracked.notes.insert(0, doubt.clone());
+                return Ok(InStep { tracked, clip: clip.clone(), right_shift: 0, out_of_step: true, doubt: Some(doubt) });
             }
             (SyncMode::Report, Err(_)) => return Err(TrackingError::OutOfStep { found }),
         }
     }
-    Ok(InStep { tracked: first?, clip: clip.clone(), right_shift: 0, out_of_step: false })
+    let first = first?;
+    let Paired { agreement, .. } = first;
+    if agreement.contradicts() {
+        return Err(TrackingError::Contradiction { found: agreement.words() });
+    }
+    let doubt = match first.out_of_step() {
+        Some(o) => Some(format!(
+            "the right camera seems {:.2} +- {:.2} frames {} ({}), and pairing by whole frames does not mend it: is a picture lost in one camera from some frame on?",
+            o.frames.abs(),
+            1.96 * o.sd,
+            if o.frames > 0.0 { "late" } else { "early" },
+            agreement.words()
+        )),
+        None if agreement.doubtful() => {
+            Some(format!("the two cameras do not agree ({}): was a camera moved since calibration, or a picture lost in one of them?", agreement.words()))
+        }
+        None => None,
+    };
+    let mut tracked = first.tracked;
+    doubt.iter().for_each(|doubt| tracked.notes.insert(0, doubt.clone()));
+    Ok(InStep { tracked, clip: clip.clone(), right_shift: 0, out_of_step: false, doubt })
 }
 
-fn words(shift: i64, told: Option<Offset>) -> String {
+/// What was tracked with pictures paired in one way.
+struct Paired {
+    tracked: ShotTracks,
+    agreement: Agreement,
+    /// When it is told.
+    offset: Option<Offset>,
+}
+
+impl Paired {
+    /// An offset that is one of whole frames rather than none.
+    fn out_of_step(&self) -> Option<Offset> {
+        self.offset.filter(|o| o.frames.abs() >= 0.5 && o.frames.abs() >= 3.0 * o.sd)
+    }
+
+    /// Whether this pairing is right where the other, the recording's own, is not.
+    fn fits_better_than(&self, other: Option<&Paired>) -> bool {
+        if self.offset.is_some_and(|o| o.frames.abs() >= 0.5) {
+            return false;
+        }
+        match other {
+            // What was told must be gone.
+            Some(other) if other.out_of_step().is_some() => self.offset.is_some() && self.agreement.both >= other.agreement.both,
+            Some(other) if other.agreement.doubtful() => !self.agreement.doubtful() && self.agreement.both > other.agreement.both,
+            _ => {
+                let before = other.map_or(0, |o| points_in_both(&o.tracked));
+                !self.agreement.doubtful() && points_in_both(&self.tracked) >= LEAST_BALL_FRAMES.max(2 * before)
+            }
+        }
+    }
+}
+
+/// Other pairings worth a try, the likeliest first; none when nothing speaks against the recording's own.
+fn shifts_to_try(first: Option<&Paired>) -> Vec<i64> {
+    let told = first.and_then(|f| Some(-f.out_of_step()?.frames.round() as i64));
+    let doubted = first.is_none_or(|f| f.agreement.doubtful() || f.offset.is_none() && points_in_both(&f.tracked) < LEAST_BALL_FRAMES);
+    let near = (1..=MOST_APART).flat_map(|n| [-n, n]).filter(|n| doubted && Some(*n) != told);
+    told.into_iter().chain(near).collect()
+}
+
+/// Number of the frame amid those that show the ball or, without one, the racket.
+fn middle_of_the_ball(clip: &Clip, tracked: &ShotTracks) -> Option<u64> {
+    let shown = |frames: Vec<usize>| frames.get(frames.len() / 2).map(|index| clip.number(*index));
+    let ball = (0..clip.len()).filter(|i| tracked.ball[*i].is_some()).collect();
+    shown(ball).or_else(|| shown((0..clip.len()).filter(|i| tracked.racket[*i].is_some()).collect()))
+}
+
+fn words(shift: i64, first: Option<&Paired>, now: &Agreement) -> String {
     let (n, side) = (shift.abs(), if shift < 0 { "late" } else { "early" });
     let frames = if n == 1 { "one frame".to_owned() } else { format!("{n} frames") };
-    let why = match told {
-        Some(o) => format!(
+    let why = match first.map(|f| (f, f.out_of_step().filter(|o| o.frames.round() as i64 == -shift))) {
+        Some((_, Some(o))) => format!(
             "by the epipolar misses of the moving points {:.2} +- {:.2} frames, root mean square {:.2} px as paired",
             o.frames.abs(),
             1.96 * o.sd,
             o.miss_px
         ),
-        None => "as paired hardly any point fits both views, so paired it does".to_owned(),
+        Some((f, None)) => format!("both views agree on {} points as paired, and on {} so", f.agreement.both, now.both),
+        None => format!("as paired no racket is found in both views, and so they agree on {} points", now.both),
     };
     format!("the right camera's pictures are {frames} {side} ({why})")
 }
@@ -124,10 +199,6 @@ fn words(shift: i64, told: Option<Offset>) -> String {
 /// Frames in which both cameras measured the ball.
 fn points_in_both(tracked: &ShotTracks) -> usize {
     tracked.ball.iter().flatten().filter(|b| b.stereo).count()
-}
-
-fn offset_of(clip: &Clip, setup: &ShotSetup, tracked: &ShotTracks) -> Option<Offset> {
-    offset(clip, setup, tracked).filter(|o| o.sd < TOLD_SD)
 }
 
 /// By how many frames the right camera's pictures are late, from the ball and the tape in both views.

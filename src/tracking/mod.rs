@@ -2,6 +2,7 @@
 //!
 //! Comes in: frames, a stereo rig, the racket's marker figure. Goes out: [`Tracks`] with an uncertainty per point.
 
+mod agreement;
 mod background;
 mod ball_alone;
 mod ball_choice;

@@ -27,6 +27,10 @@ pub enum TrackingError {
     NoVolume,
     #[error("{found}; run `sweetspot track --sync auto` to pair them anew")]
     OutOfStep { found: String },
+    #[error(
+        "the two cameras contradict each other ({found}): left/, right/ and calibration.json do not belong together, or a camera was moved; were the folders exchanged, the pictures turned or cut? Otherwise run `sweetspot calibrate` on boards of this session"
+    )]
+    Contradiction { found: String },
     #[error("interrupted")]
     Cancelled,
     #[error(transparent)]

@@ -401,3 +401,77 @@ fn cli_track_prints_gaps_and_writes_exports_and_sheets() {
         assert!(drawn > 500, "{name}: {drawn} coloured pixels in {}x{}", sheet.width(), sheet.height());
     }
 }
+
+/// A ball with the real one's velocity flies past the strings, 12 cm above it: as near to them, as fast, as straight. Only the real one is turned.
+#[test]
+fn real_of_two_balls_that_fly_side_by_side_the_one_that_the_strings_turn_is_tracked() {
+    for kind in ["lab-11", "court-12"] {
+        let Some(r) = Recording::of(kind) else { return };
+        let alone = r.track(SyncMode::Report).unwrap();
+        let place = |frame: u64| alone.tracked.points.iter().find(|p| p.target == Target::Ball && p.frame == frame).unwrap().position;
+        let frames = r.frames();
+        let (from, step) = (place(frames[1]), (place(frames[5]) - place(frames[1])) / 4.0);
+        for camera in CameraId::BOTH {
+            // The real ball of the second frame, moved.
+            let grey = read_grey(&r.file(camera, frames[1])).unwrap();
+            let (u, v) = r.place(camera, frames[1], Target::Ball);
+            for (k, frame) in frames.iter().enumerate() {
+                let there = r.rig.project(camera, &(from + step * (k as f64 - 1.0) + Vector3::y() * 0.12)).unwrap();
+                r.paint(camera, *frame, |picture| {
+                    for (x, y, pixel) in picture.enumerate_pixels_mut() {
+                        let off = nalgebra::Vector2::new(f64::from(x) - there.x, f64::from(y) - there.y);
+                        let share = (8.5 - off.norm()).clamp(0.0, 1.0);
+                        if share > 0.0 {
+                            let (at_u, at_v) = ((u + off.x).clamp(0.0, 510.0), (v + off.y).clamp(0.0, 510.0));
+                            let (x0, y0) = (at_u.floor(), at_v.floor());
+                            let grey = |dx: f64, dy: f64| f64::from(grey.pixels[(y0 + dy) as usize * grey.width + (x0 + dx) as usize]);
+                            let (fx, fy) = (at_u - x0, at_v - y0);
+                            let ball =
+                                (grey(0.0, 0.0) * (1.0 - fx) + grey(1.0, 0.0) * fx) * (1.0 - fy) + (grey(0.0, 1.0) * (1.0 - fx) + grey(1.0, 1.0) * fx) * fy;
+                            pixel.0[0] = (f64::from(pixel.0[0]) * (1.0 - share) + ball * share).round() as u8;
+                        }
+                    }
+                });
+            }
+        }
+        let (found, wrong) = r.score(&r.track(SyncMode::Report).unwrap(), 0, &[]);
+        assert!(found > 0.95 && wrong == 0, "{kind}: {found} {wrong}");
+    }
+}
+
+#[test]
+fn real_cameras_three_frames_out_of_step_are_told_and_paired_anew() {
+    for kind in ["lab-11", "court-12"] {
+        let Some(r) = Recording::of(kind) else { return };
+        for n in r.frames().into_iter().rev() {
+            std::fs::rename(r.file(CameraId::Right, n), r.file(CameraId::Right, n + 3)).unwrap();
+        }
+        match r.track(SyncMode::Report) {
+            Ok(made) => assert!(made.doubt.as_ref().is_some_and(|n| n.contains("3 frames early") && n.contains("--sync auto")), "{kind}: {:?}", made.doubt),
+            Err(e) => assert!(matches!(e, TrackingError::OutOfStep { .. }), "{kind}: {e}"),
+        }
+        let made = r.track(SyncMode::Auto).unwrap();
+        let (found, wrong) = r.score(&made, 0, &[]);
+        assert!(made.right_shift == 3 && made.doubt.is_none() && found > 0.97 && wrong == 0, "{kind}: {} {found} {wrong}", made.right_shift);
+    }
+}
+
+#[test]
+fn fails_clearly_when_a_camera_was_moved_or_the_folders_were_exchanged() {
+    for moved in [true, false] {
+        let Some(r) = Recording::of("lab-11") else { return };
+        for n in r.frames() {
+            if moved {
+                // Tilted by 0.03 degrees: two pixels down.
+                r.paint(CameraId::Right, n, |p| *p = GrayImage::from_fn(p.width(), p.height(), |x, y| *p.get_pixel(x, y.saturating_sub(2))));
+            } else {
+                let aside = r.folder.path().join("aside.png");
+                std::fs::rename(r.file(CameraId::Left, n), &aside).unwrap();
+                std::fs::rename(r.file(CameraId::Right, n), r.file(CameraId::Left, n)).unwrap();
+                std::fs::rename(&aside, r.file(CameraId::Right, n)).unwrap();
+            }
+        }
+        let told = r.track(SyncMode::Report).unwrap_err();
+        assert!(matches!(&told, TrackingError::Contradiction { found } if found.contains("one camera only")), "{moved}: {told}");
+    }
+}

@@ -145,6 +145,10 @@ mod tests {
         assert_eq!(both, [8, 9]);
         assert!(shifted.pairs[0].files[1].as_ref().expect("paired").ends_with("right_9.bmp"));
         assert_eq!(shifted.shifted(-1).pairs, clip.pairs);
+        let part = clip.around(clip.pairs[1].number, 2);
+        assert_eq!(part.pairs, clip.pairs[..2]);
+        assert_eq!(clip.around(u64::MAX, 2).pairs, clip.pairs[clip.pairs.len() - 2..]);
+        assert_eq!(clip.around(0, 99).pairs, clip.pairs);
         assert_eq!(ranges(&[3, 5, 6, 7, 8, 10]).expect("some"), "3, 5-8, 10");
     }
 }

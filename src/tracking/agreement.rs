@@ -9,6 +9,7 @@ use super::shot_tracks::ShotTracks;
 use super::track_file::Target;
 use crate::calibration::CameraId;
 use crate::footage::Clip;
+use nalgebra::Point3;
 
 /// Half of a good recording's balls lie nearer than 0.05 px (pressed ones do not), and three quarters of its tape nearer than 0.17 px; beyond these
 /// the pairing of the pictures is doubted.
@@ -38,7 +39,7 @@ pub struct Agreement {
 impl Agreement {
     /// Of what was tracked in a clip.
     pub fn of(clip: &Clip, view: &View, tracked: &ShotTracks) -> Self {
-        let inside = |camera: CameraId, at: &nalgebra::Point3<f64>| {
+        let inside = |camera: CameraId, at: &Point3<f64>| {
             let [width, height] = view.rig.image_size.map(|n| n as f64 - INSIDE_PX);
             view.project(camera, at).is_some_and(|uv| uv.x > INSIDE_PX && uv.y > INSIDE_PX && uv.x < width && uv.y < height)
         };

@@ -103,35 +103,26 @@ pub fn track_in_step(clip: &Clip, setup: &ShotSetup, mode: SyncMode, cancel: &At
                 again.notes.insert(0, format!("{found}; corrected: frame n pairs the left picture n with the right picture n {shift:+}"));
                 return Ok(InStep { tracked: again, clip: shifted, right_shift: shift, out_of_step: false, doubt: None });
             }
-            (SyncMode::Report, Ok(Paired { mut tracked, .. })) => {
-                let doubt = format!("{found}; `--sync auto` corrects it");
-                tracked.notes.insert(0, doubt.clone());
-                return Ok(InStep { tracked, clip: clip.clone(), right_shift: 0, out_of_step: true, doubt: Some(doubt) });
+            (SyncMode::Report, Ok(Paired { tracked, .. })) => {
+                return Ok(InStep::as_recorded(clip, tracked, true, Some(format!("{found}; `--sync auto` corrects it"))));
             }
             (SyncMode::Report, Err(_)) => return Err(TrackingError::OutOfStep { found }),
         }
     }
     let first = first?;
-    let Paired { agreement, .. } = first;
-    if agreement.contradicts() {
-        return Err(TrackingError::Contradiction { found: agreement.words() });
+    if first.agreement.contradicts() {
+        return Err(TrackingError::Contradiction { found: first.agreement.words() });
     }
-    let doubt = match first.out_of_step() {
-        Some(o) => Some(format!(
-            "the right camera seems {:.2} +- {:.2} frames {} ({}), and pairing by whole frames does not mend it: is a picture lost in one camera from some frame on?",
-            o.frames.abs(),
-            1.96 * o.sd,
-            if o.frames > 0.0 { "late" } else { "early" },
-            agreement.words()
-        )),
-        None if agreement.doubtful() => {
-            Some(format!("the two cameras do not agree ({}): was a camera moved since calibration, or a picture lost in one of them?", agreement.words()))
-        }
-        None => None,
-    };
-    let mut tracked = first.tracked;
-    doubt.iter().for_each(|doubt| tracked.notes.insert(0, doubt.clone()));
-    Ok(InStep { tracked, clip: clip.clone(), right_shift: 0, out_of_step: false, doubt })
+    let doubt = first.doubt();
+    Ok(InStep::as_recorded(clip, first.tracked, false, doubt))
+}
+
+impl InStep {
+    /// Pictures stay paired by their numbers.
+    fn as_recorded(clip: &Clip, mut tracked: ShotTracks, out_of_step: bool, doubt: Option<String>) -> Self {
+        tracked.notes.splice(0..0, doubt.clone());
+        InStep { tracked, clip: clip.clone(), right_shift: 0, out_of_step, doubt }
+    }
 }
 
 /// What was tracked with pictures paired in one way.
@@ -146,6 +137,19 @@ impl Paired {
     /// An offset that is one of whole frames rather than none.
     fn out_of_step(&self) -> Option<Offset> {
         self.offset.filter(|o| o.frames.abs() >= 0.5 && o.frames.abs() >= 3.0 * o.sd)
+    }
+
+    /// What speaks against it though no other pairing is better.
+    fn doubt(&self) -> Option<String> {
+        let found = self.agreement.words();
+        if let Some(o) = self.out_of_step() {
+            let (frames, range, side) = (o.frames.abs(), 1.96 * o.sd, if o.frames > 0.0 { "late" } else { "early" });
+            return Some(format!(
+                "the right camera seems {frames:.2} +- {range:.2} frames {side} ({found}), and pairing by whole frames does not mend it: is a picture lost in one camera from some frame on?"
+            ));
+        }
+        let words = || format!("the two cameras do not agree ({found}): was a camera moved since calibration, or a picture lost in one of them?");
+        self.agreement.doubtful().then(words)
     }
 
     /// Whether this pairing is right where the other, the recording's own, is not.

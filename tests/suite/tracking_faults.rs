@@ -6,7 +6,7 @@ use crate::tracking::true_rig;
 use image::GrayImage;
 use nalgebra::Vector3;
 use serde_json::Value;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 use sweetspot::calibration::{CameraId, StereoRig};
 use sweetspot::footage::{Clip, read_grey};
@@ -70,6 +70,26 @@ impl Recording {
         let clip = Clip::list(&self.folder.path().join("left"), &self.folder.path().join("right")).unwrap();
         let setup = ShotSetup { rig: &self.rig, racket: &self.shot.racket, ball: &self.shot.ball, frame_rate_hz: self.frame_rate_hz };
         track_in_step(&clip, &setup, mode, &AtomicBool::new(false), &|_| ())
+    }
+
+    /// A session of this shot alone, calibrated.
+    fn session(&self, practice: &Path) -> tempfile::TempDir {
+        let session = tempfile::tempdir().unwrap();
+        for name in ["session.toml", "racket.toml", "ball.toml"] {
+            std::fs::copy(practice.join(name), session.path().join(name)).unwrap();
+        }
+        let shot = session.path().join("shots/s01");
+        for camera in CameraId::BOTH {
+            std::fs::create_dir_all(shot.join(camera.name())).unwrap();
+            for entry in std::fs::read_dir(self.folder.path().join(camera.name())).unwrap() {
+                let from = entry.unwrap().path();
+                std::fs::copy(&from, shot.join(camera.name()).join(from.file_name().unwrap())).unwrap();
+            }
+        }
+        let results = session.path().join("results");
+        std::fs::create_dir_all(&results).unwrap();
+        std::fs::write(results.join("calibration.json"), serde_json::to_string(&self.rig).unwrap()).unwrap();
+        session
     }
 
     /// Share of the visible targets found, and points farther than 4 px from their target; `left_out` frames do not count.
@@ -363,23 +383,10 @@ fn real_of_two_balls_the_one_that_meets_the_racket_is_tracked() {
 fn cli_track_prints_gaps_and_writes_exports_and_sheets() {
     let Some(r) = Recording::of("lab-11") else { return };
     let Some(practice) = shared("practice/footage/lab-11") else { return };
-    let session = tempfile::tempdir().unwrap();
-    for name in ["session.toml", "racket.toml", "ball.toml"] {
-        std::fs::copy(practice.join(name), session.path().join(name)).unwrap();
-    }
     let frame = r.frames()[3];
     std::fs::remove_file(r.file(CameraId::Left, frame)).unwrap();
-    let shot = session.path().join("shots/s01");
-    for camera in CameraId::BOTH {
-        std::fs::create_dir_all(shot.join(camera.name())).unwrap();
-        for entry in std::fs::read_dir(r.folder.path().join(camera.name())).unwrap() {
-            let from = entry.unwrap().path();
-            std::fs::copy(&from, shot.join(camera.name()).join(from.file_name().unwrap())).unwrap();
-        }
-    }
+    let session = r.session(&practice);
     let results = session.path().join("results");
-    std::fs::create_dir_all(&results).unwrap();
-    std::fs::write(results.join("calibration.json"), serde_json::to_string(&r.rig).unwrap()).unwrap();
     let track = |words: &[&str]| {
         let out = std::process::Command::new(env!("CARGO_BIN_EXE_sweetspot")).arg("track").arg(session.path()).args(words).output().unwrap();
         assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
@@ -473,5 +480,20 @@ fn fails_clearly_when_a_camera_was_moved_or_the_folders_were_exchanged() {
         }
         let told = r.track(SyncMode::Report).unwrap_err();
         assert!(matches!(&told, TrackingError::Contradiction { found } if found.contains("one camera only")), "{moved}: {told}");
+    }
+}
+
+#[test]
+fn cli_shots_repeats_what_tracking_doubts() {
+    let Some(r) = Recording::of("lab-11") else { return };
+    let Some(practice) = shared("practice/footage/lab-11") else { return };
+    for n in r.frames().into_iter().rev() {
+        std::fs::rename(r.file(CameraId::Right, n), r.file(CameraId::Right, n + 2)).unwrap();
+    }
+    let session = r.session(&practice);
+    for words in [["track", "--no-spin"].as_slice(), &["shots"]] {
+        let out = std::process::Command::new(env!("CARGO_BIN_EXE_sweetspot")).args(words).arg(session.path()).output().unwrap();
+        let said = String::from_utf8_lossy(&out.stderr);
+        assert!(said.contains("s01: the right camera's pictures are 2 frames early"), "{words:?}: {said}");
     }
 }

@@ -6,7 +6,7 @@ use super::track::{doubt, seen_flattening};
 use super::tracked_session::TrackedSession;
 use crate::impact_table::ImpactTable;
 use crate::kinematics::{
-    BalanceSeen, GroupStatistic, RiseInterval, SHOT_FILE, Shot, ShotInput, ShotRecord, ShotSpin, SpinComponent, SpinVector, measure_shot, rise_table,
+    BalanceSeen, GroupStatistic, RiseInterval, SHOT_FILE, Shot, ShotInput, ShotRecord, ShotSpin, SpinComponent, SpinVector, measure_shot, mismatch_remark, rise_table,
     season_statistics, season_to_csv,
 };
 use crate::provenance::Provenance;
@@ -77,6 +77,11 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     for folder in &session.shots {
         if let Some(doubt) = doubt(&tracked.place(folder)) {
             shell.say(format_args!("{}: {doubt}", folder.id));
+        }
+    }
+    for ShotRecord { shot, .. } in &shots {
+        if let Some(remark) = mismatch_remark(&shot.marker_distances) {
+            shell.say(format_args!("{}: {remark}", shot.id));
         }
     }
     let impacts = results.join("impacts.csv");

@@ -38,7 +38,7 @@ pub use ball_flight::{FlightEstimate, FlightLaw};
 pub use contact::{BodyMotion, PointMotion, ball_in_racket, crossing};
 pub use frame_rate::{FrameRateStudy, SlowerCamera, TipPath, frame_rate_study};
 pub use grid_photograph::{GridError, GridPhotograph};
-pub use marker_distance::{MarkerDistance, marker_distances};
+pub use marker_distance::{MarkerDistance, marker_distances, mismatch_remark};
 pub use motion_law::{Fade, MotionLaw, Pace};
 pub use motion_state::MotionState;
 pub use racket_bench::{

@@ -73,6 +73,11 @@ impl Agreement {
         self.alone > DOUBTFUL_ALONE || self.ball_px.is_some_and(|px| px > DOUBTFUL_BALL_PX) || self.tape_px.is_some_and(|px| px > DOUBTFUL_TAPE_PX)
     }
 
+    /// Whether the tape alone speaks against it, and not the ball: where the markers are is in question, not where the cameras stand.
+    pub fn tape_alone(&self) -> bool {
+        self.alone <= DOUBTFUL_ALONE && self.ball_px.is_some_and(|px| px <= DOUBTFUL_BALL_PX)
+    }
+
     /// Whether the two cameras hardly confirm each other anywhere.
     pub fn contradicts(&self) -> bool {
         self.alone > CONTRADICTED || self.doubtful() && self.both < FEWEST_CONFIRMED
@@ -99,6 +104,7 @@ mod tests {
         for bad in [Agreement { ball_px: Some(0.5), ..good }, Agreement { tape_px: Some(0.4), ..good }, Agreement { alone: 0.6, ..good }] {
             assert!(bad.doubtful() && !bad.contradicts(), "{bad:?}");
         }
+        assert!(Agreement { tape_px: Some(0.4), ..good }.tape_alone() && !Agreement { tape_px: Some(0.4), ball_px: Some(0.5), ..good }.tape_alone());
         assert!(Agreement { both: 9, tape_px: Some(0.5), ..good }.contradicts() && !Agreement { both: 9, ..good }.contradicts());
         let one_sided = Agreement { both: 3, alone: 0.97, ..good };
         assert!(one_sided.contradicts());

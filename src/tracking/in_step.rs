@@ -148,8 +148,12 @@ impl Paired {
                 "the right camera seems {frames:.2} +- {range:.2} frames {side} ({found}), and pairing by whole frames does not mend it: is a picture lost in one camera from some frame on?"
             ));
         }
-        let words = || format!("the two cameras do not agree ({found}): was a camera moved since calibration, or a picture lost in one of them?");
-        self.agreement.doubtful().then(words)
+        let why = if self.agreement.tape_alone() {
+            "does racket.toml say where the markers are? Or was a camera moved since calibration?"
+        } else {
+            "was a camera moved since calibration, or a picture lost in one of them?"
+        };
+        self.agreement.doubtful().then(|| format!("the two cameras do not agree ({found}): {why}"))
     }
 
     /// Whether this pairing is right where the other, the recording's own, is not.

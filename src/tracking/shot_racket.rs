@@ -460,7 +460,9 @@ impl<S: FrameSource> Shot<'_, S> {
                 }
             }
             if found.is_none() && look_for && lost >= look_next {
-                found = self.look_for_racket(index, &last, &start.least_contrast, &mut buffers)?.and_then(|f| face::nearest_twin(f, &self.figure, &predicted));
+                found = self
+                    .look_for_racket(index, &last, &start.least_contrast, &mut buffers)?
+                    .and_then(|f| face::nearest_twin(self.view, &self.figure, f, &predicted));
                 look_next = lost + 1 + (lost / 2).min(FARTHEST_LOOKS);
                 if let Some(frame) = &found {
                     let found = RacketStart { index, frame: frame.clone(), least_contrast: start.least_contrast };

@@ -52,7 +52,7 @@ pub fn track_shot(source: &impl FrameSource, setup: &ShotSetup, cancel: &AtomicB
     // With stale pictures left out the ball is another.
     let any_stale = shot.stale.iter().flatten().any(|stale| *stale);
     let mut ball = shot.find_and_follow_ball(shot.unlit_ball(), &racket, &still, Some(look).filter(|_| !any_stale))?;
-    face::settle(&mut racket, &ball, &figure);
+    face::settle(&view, &figure, &mut racket, &ball);
     let contact_frame = space_points::first_contact(source, &racket, &ball, setup.ball.radius_m());
     stray_ball::drop_strays(source, &mut ball, contact_frame, setup.frame_rate_hz, stray_ball::OUTLINE_PX);
     let contact_frame = space_points::first_contact(source, &racket, &ball, setup.ball.radius_m());

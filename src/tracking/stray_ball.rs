@@ -34,6 +34,16 @@ const BEND_PX: f64 = 0.015;
 const PARABOLA_PX: f64 = 0.03;
 /// Huber's limit, deviations.
 const HUBER: f64 = 1.5;
+/// Stretches of a flight over which one parabola holds it to a pixel, frames.
+const STRETCH: usize = 30;
+/// Most balls in a row that are compared with the rest of their stretch: more of them may be a flight of their own, after a bounce.
+const LONGEST_RUN: usize = 10;
+/// They are farther off than the first, px, and five of their deviations, where half of the stretch is nearer than the last to one parabola
+const RUN_PX: f64 = 2.5;
+/// that bends by no more than this, deviations of a flight's bend,
+const MOST_BENT: f64 = 3.0;
+/// px.
+const HELD_PX: f64 = 1.2;
 
 /// Takes away single sightings, and the points of balls in free flight that the flight itself rules out by more than `least_px`. Without a
 /// contact nothing is known to fly freely.
@@ -55,6 +65,10 @@ pub fn drop_strays(source: &impl FrameSource, ball: &mut [Option<BallFrame>], co
                 .filter_map(|(i, b)| Some((i, source.number(i) as f64 - contact, b.as_ref()?.points[camera.index()]?)))
                 .filter(|(_, frames, _)| free(frames / frame_rate_hz))
                 .collect();
+            let runs = strayed_together(&flight.iter().map(|f| (f.1, f.2)).collect::<Vec<_>>(), bend_px);
+            for k in runs.into_iter().rev() {
+                BallFrame::forget(&mut ball[flight.remove(k).0], camera.index());
+            }
             // Worst first: a stray spoils what its neighbours are compared with.
             for _ in 0..flight.len() / 4 {
                 let points: Vec<(f64, ImagePoint)> = flight.iter().map(|f| (f.1, f.2)).collect();
@@ -84,6 +98,60 @@ fn drop_lonely(source: &impl FrameSource, ball: &mut [Option<BallFrame>]) {
     }
 }
 
+/// Points of a flight that follow another thing for some frames, such as the edge of what hides the ball: neighbours that agree among themselves, and not
+/// with the parabola through most of the stretch. In order.
+fn strayed_together(points: &[(f64, ImagePoint)], bend_px: f64) -> Vec<usize> {
+    let mut strays = Vec::new();
+    for first in (0..points.len()).step_by(STRETCH) {
+        // The last stretch reaches back, so that none is short.
+        let first = first.min(points.len().saturating_sub(STRETCH));
+        let stretch = &points[first..points.len().min(first + STRETCH)];
+        let off = |k: &usize, curve: &Matrix3x2<f64>| {
+            let (time, point) = &stretch[*k];
+            (point.uv - curve.tr_mul(&powers(time - stretch[0].0))).norm()
+        };
+        let through = |chosen: &[usize]| {
+            let (mut h, mut g) = (Matrix3::zeros(), Matrix3x2::zeros());
+            for (time, point) in chosen.iter().map(|k| &stretch[*k]) {
+                let row = powers(time - stretch[0].0);
+                h += row * row.transpose();
+                g += row * point.uv.transpose();
+            }
+            let curve = h.try_inverse()? * g;
+            (curve.row(2).norm() < MOST_BENT * bend_px).then_some(curve)
+        };
+        let all: Vec<usize> = (0..stretch.len()).collect();
+        if stretch.len() < FEWEST || through(&all).is_some_and(|curve| all.iter().all(|k| off(k, &curve) < HELD_PX)) {
+            continue;
+        }
+        // Of the parabolas through three points far apart, the one that is nearest to most: a bent one may just hold some of either.
+        let apart = (stretch.len() / 4).max(2);
+        let triples = all.iter().flat_map(|i| (i + apart..stretch.len()).flat_map(move |j| (j + apart..stretch.len()).map(move |k| [*i, j, k])));
+        let missed = |curve: &Matrix3x2<f64>| (0..stretch.len()).map(|k| off(&k, curve).min(HELD_PX)).sum::<f64>();
+        let found = triples.filter_map(|three| through(&three)).map(|curve| (missed(&curve), curve));
+        let Some((_, best)) = found.min_by(|a, b| a.0.total_cmp(&b.0)) else { continue };
+        let near: Vec<usize> = all.iter().copied().filter(|k| off(k, &best) < HELD_PX).collect();
+        let Some(curve) = through(&near).filter(|_| near.len() >= FEWEST && 2 * near.len() >= stretch.len()) else { continue };
+        let far = |k: &usize| off(k, &curve) > RUN_PX.max(LIMIT * stretch[*k].1.sd.max());
+        for run in all.chunk_by(|a, b| far(a) == far(b)).filter(|run| far(&run[0]) && run.len() <= LONGEST_RUN) {
+            // Between what is far off and what is right, it has left the flight already.
+            let leaving = |k: &usize| off(k, &curve) > HELD_PX;
+            let (start, end) = (run[0], run[run.len() - 1] + 1);
+            let before = (0..start).rev().take_while(leaving).last().unwrap_or(start);
+            let after = (end..stretch.len()).take_while(leaving).last().map_or(end, |k| k + 1);
+            strays.extend((before..after).map(|k| first + k));
+        }
+    }
+    strays.sort_unstable();
+    strays.dedup();
+    strays
+}
+
+/// 1, t, t².
+fn powers(t: f64) -> Vector3<f64> {
+    Vector3::new(1.0, t, t * t)
+}
+
 /// How many deviations a point is from where its neighbours put it; `None` where they are too few, or it is near enough in px.
 fn strayed(points: &[(f64, ImagePoint)], at: usize, least_px: f64, bend_px: f64) -> Option<f64> {
     let (time, point) = &points[at];
@@ -93,7 +161,7 @@ fn strayed(points: &[(f64, ImagePoint)], at: usize, least_px: f64, bend_px: f64)
     if near.len() < FEWEST {
         return None;
     }
-    let row = |t: f64| Vector3::new(1.0, t - time, (t - time).powi(2));
+    let row = |t: f64| powers(t - time);
     let sd = |p: &ImagePoint| p.sd.max().hypot(PARABOLA_PX);
     let mut weights = vec![1.0; near.len()];
     let mut found: Option<(Vector2<f64>, f64)> = None;
@@ -148,6 +216,27 @@ mod tests {
         let mut points = flight(20);
         points[19].1 = ImagePoint { uv: points[19].1.uv + Vector2::new(0.6, 0.0), sd: Vector2::repeat(0.4) };
         assert!(strayed(&points, 19, FINAL_PX, BEND_PX).is_none_or(|z| z < LIMIT));
+    }
+
+    #[test]
+    fn truth_a_run_that_follows_another_thing_goes_and_a_flight_of_its_own_stays() {
+        for n in [16, 24, 75] {
+            assert!(strayed_together(&flight(n), BEND_PX).is_empty());
+            // The edge of what hides the ball, at its beginning, amid the flight, at its end.
+            for first in [0, 5, n - 7] {
+                let mut points = flight(n);
+                for k in 0..7 {
+                    points[first + k].1.uv += Vector2::new(1.0, -0.7) * (3.0 + (k as f64 - 3.0).abs());
+                }
+                assert_eq!(strayed_together(&points, BEND_PX), (first..first + 7).collect::<Vec<_>>(), "{n} {first}");
+            }
+        }
+        // A bounce: from frame 12 on it rises.
+        let mut points = flight(26);
+        for (k, p) in points.iter_mut().enumerate().skip(12) {
+            p.1.uv.y -= 4.0 * (k - 12) as f64;
+        }
+        assert!(strayed_together(&points, BEND_PX).is_empty(), "{:?}", strayed_together(&points, BEND_PX));
     }
 
     #[test]

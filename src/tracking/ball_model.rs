@@ -31,6 +31,8 @@ const TUKEY: f32 = 4.685;
 /// How far the light of one picture may differ from one side of the disc to the other from the light of all.
 const TILT: f64 = 0.03;
 const ROUNDS: usize = 8;
+/// Of a fit: centre and gain.
+const UNKNOWNS: usize = 3;
 /// The first of them weigh pixels by Huber's rule.
 const HUBER_ROUNDS: usize = 2;
 /// A step below this ends a fit, px.
@@ -197,7 +199,7 @@ impl BallPicture {
         let mut straight = Straight::new(self, face, model);
         let start = self.centre - self.origin;
         straight.predict(&start, shown)?;
-        self.settle::<3>(&mut straight, (start, self.gain), 0)
+        self.settle(&mut straight, (start, self.gain))
     }
 
     /// What the pixels astride the outline say about the blur, with centre and gain free: pull (weighted misses times the slope by the
@@ -232,19 +234,25 @@ impl BallPicture {
         (pull.is_finite() && weight > 0.0 && weight.is_finite()).then_some((pull, weight))
     }
 
-    /// [`Self::fit`], and once more with the light free to be a little brighter on one side.
-    pub fn fit_twice(&self, face: &BallFace, model: &BallModel) -> Option<(ModelFit, ModelFit)> {
+    /// [`Self::fit`], and by how much the centre would be another with the light free to be a little brighter on one side.
+    pub fn fit_tilted(&self, face: &BallFace, model: &BallModel) -> Option<(ModelFit, Vector2<f64>)> {
         let mut straight = Straight::new(self, face, model);
-        let fit = self.settle::<3>(&mut straight, (self.centre - self.origin, self.gain), 0)?;
-        // Where the centre without the tilt is known there is nothing to be careful about.
-        let tilted = self.settle::<5>(&mut straight, (fit.centre - self.origin, fit.gain), HUBER_ROUNDS)?;
-        Some((fit, tilted))
+        let fit = self.settle(&mut straight, (self.centre - self.origin, self.gain))?;
+        let moved = fit.centre - self.origin - straight.centre;
+        straight.miss(&moved, fit.gain as f32);
+        let scale = straight.scale();
+        let (mut h, g) = straight.weigh::<5>(scale, false);
+        for k in 3..5 {
+            h[(k, k)] += 1.0 / (TILT * fit.gain).powi(2);
+        }
+        // Where the centre without the tilt is known there is nothing to be careful about: one step.
+        let step = h.cholesky()?.solve(&g);
+        Some((fit, Vector2::new(step[0].clamp(-0.5, 0.5), step[1].clamp(-0.5, 0.5))))
     }
 
-    /// Unknowns: centre and gain, then the light's tilt.
-    fn settle<const N: usize>(&self, straight: &mut Straight, start: (Vector2<f64>, f64), first_round: usize) -> Option<ModelFit> {
+    fn settle(&self, straight: &mut Straight, start: (Vector2<f64>, f64)) -> Option<ModelFit> {
         let ((mut centre, mut gain), mut scale) = (start, 1.0);
-        for round in first_round..ROUNDS {
+        for round in 0..ROUNDS {
             straight.follow(&centre)?;
             straight.miss(&(centre - straight.centre), gain as f32);
             // What is usual no longer changes when the centre is nearly right.
@@ -253,10 +261,7 @@ impl BallPicture {
             }
             // Huber first, so that a start half a pixel off is not taken for an outlier all around.
             let huber = round < HUBER_ROUNDS;
-            let (mut h, g) = straight.weigh::<N>(scale, huber);
-            for k in 3..N {
-                h[(k, k)] += 1.0 / (TILT * gain).powi(2);
-            }
+            let (h, g) = straight.weigh::<UNKNOWNS>(scale, huber);
             let inverse = h.try_inverse()?;
             let step = inverse * g;
             let moved = Vector2::new(step[0].clamp(-0.5, 0.5), step[1].clamp(-0.5, 0.5));
@@ -266,8 +271,8 @@ impl BallPicture {
                 return None;
             }
             if round > HUBER_ROUNDS && moved.norm() < SETTLED_PX || round + 1 == ROUNDS {
-                let (scatter, agreeing) = straight.pulls::<N>(scale, huber);
-                let freedom = SECTORS as f64 / (SECTORS - N) as f64;
+                let (scatter, agreeing) = straight.pulls(scale, huber);
+                let freedom = SECTORS as f64 / (SECTORS - UNKNOWNS) as f64;
                 let covariance = (inverse * scatter * inverse).fixed_view::<2, 2>(0, 0) * freedom + inverse.fixed_view::<2, 2>(0, 0);
                 let fit = ModelFit { centre: centre + self.origin, covariance, gain, agreeing };
                 return (covariance[(0, 0)] > 0.0 && covariance[(1, 1)] > 0.0 && covariance.norm().is_finite()).then_some(fit);
@@ -408,17 +413,17 @@ impl<'a> Straight<'a> {
     }
 
     /// Scatter of the sectors' pulls, and the share of the pixels that agree.
-    fn pulls<const N: usize>(&self, scale: f32, huber: bool) -> (SMatrix<f64, N, N>, f64) {
-        let mut pulls = [SVector::<f64, N>::zeros(); SECTORS];
+    fn pulls(&self, scale: f32, huber: bool) -> (Matrix3<f64>, f64) {
+        let mut pulls = [Vector3::zeros(); SECTORS];
         let mut agreeing = 0;
         for i in 0..self.count {
             let (e, l) = (&self.eights[i / LANES], i % LANES);
             let z = e.miss[l].abs() / (e.variance[l].sqrt() * scale);
             agreeing += usize::from(z < 2.5);
             let pull = e.miss[l] * weight(z, huber) / e.variance[l];
-            pulls[sector_of(e.from_centre[0][l], e.from_centre[1][l])] += SVector::from_fn(|k, _| f64::from(e.slopes[k][l] * pull));
+            pulls[sector_of(e.from_centre[0][l], e.from_centre[1][l])] += Vector3::from_fn(|k, _| f64::from(e.slopes[k][l] * pull));
         }
-        (pulls.iter().map(|p| p * p.transpose()).sum(), agreeing as f64 / self.count.max(N) as f64)
+        (pulls.iter().map(|p| p * p.transpose()).sum(), agreeing as f64 / self.count.max(UNKNOWNS) as f64)
     }
 }
 

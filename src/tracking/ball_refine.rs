@@ -39,6 +39,13 @@ const COMMON_BLUR_PX: f64 = 0.62;
 pub(super) const SHARED_VARIANCE: f64 = 0.3;
 /// Frames next to the contact from which the ball is learnt: as many as the spin is measured from; more teach little.
 const MOST_TEACHING: f64 = 24.0;
+/// Parts into which they are divided, every third frame each: one is enough where pictures are clear (court, laboratory: a centre 0.5 to
+/// 2 % worse than from all three), in hard light two thirds of them are 2 to 5 % worse than all.
+const PARTS: usize = 3;
+/// A part has at least so many pictures of one camera and stretch, as far as there are as many.
+const PART: usize = 8;
+/// Noise of a pixel, as a share of the ball's brightness, for which one part is enough: by its square more are needed.
+const CLEAR_NOISE: f64 = 0.025;
 /// Fewest pictures of one camera from which a ball is learnt.
 const FEWEST: usize = 4;
 
@@ -46,7 +53,7 @@ struct Sight {
     index: usize,
     camera: CameraId,
     picture: BallPicture,
-    fit: Option<(ModelFit, ModelFit)>,
+    fit: Option<(ModelFit, Vector2<f64>)>,
 }
 
 /// Measures the ball's centres of a tracked shot again and renews its points. Where the spin is not known the ball is taken for bare: its
@@ -186,9 +193,25 @@ fn local_axes(setup: &ShotSetup, view: &View, camera: CameraId, ball: &BallFrame
     Matrix3::from_rows(&[right.transpose(), away.cross(&right).transpose(), away.transpose()])
 }
 
+/// The pictures to learn from, in parts each of which is spread over the whole time.
+fn parts(sights: &mut [Sight]) -> [Vec<&mut BallPicture>; PARTS] {
+    let group = |picture: &BallPicture| 2 * picture.stretch.min(1) + picture.camera.index();
+    let (mut all, mut seen) = ([0usize; 4], [0usize; 4]);
+    sights.iter().filter(|s| s.picture.teaches).for_each(|s| all[group(&s.picture)] += 1);
+    let mut parts: [Vec<&mut BallPicture>; PARTS] = Default::default();
+    for picture in sights.iter_mut().map(|s| &mut s.picture).filter(|p| p.teaches) {
+        let group = group(picture);
+        parts[seen[group] % (all[group] / PART).clamp(1, PARTS)].push(picture);
+        seen[group] += 1;
+    }
+    parts
+}
+
 /// Learns the ball from both cameras' pictures and fits every centre, in turns.
 fn measure(sights: &mut [Sight], textured: &[bool; 2], blur_px: [f64; 2]) {
-    let mut lessons: Vec<Lesson> = sights.iter_mut().filter(|s| s.picture.teaches).map(|s| Lesson::new(&mut s.picture, blur_px)).collect();
+    let mut parts = parts(sights).into_iter();
+    let lessons_of = |pictures: Vec<_>, blur_px: [f64; 2]| -> Vec<Lesson> { pictures.into_par_iter().map(|p| Lesson::new(p, blur_px)).collect() };
+    let mut lessons = lessons_of(parts.next().unwrap_or_default(), blur_px);
     if lessons.len() < FEWEST {
         return;
     }
@@ -201,6 +224,13 @@ fn measure(sights: &mut [Sight], textured: &[bool; 2], blur_px: [f64; 2]) {
         }
         // In the end every picture is measured, not only those that teach.
         if pass + 1 < ROUNDS.len() {
+            if pass == 0 {
+                // Now the noise is known, and with it how many pictures are needed.
+                let needed = (learnt.noise / (learnt.light.usual() * CLEAR_NOISE)).powi(2).ceil() as usize;
+                for part in parts.by_ref().take(needed.saturating_sub(1)) {
+                    lessons.append(&mut lessons_of(part, learnt.blur_px));
+                }
+            }
             lessons.par_iter_mut().for_each(|lesson| {
                 let model = learnt.model(lesson.picture);
                 if let Some(f) = lesson.picture.fit(&lesson.face, &model, &lesson.shown)
@@ -213,17 +243,16 @@ fn measure(sights: &mut [Sight], textured: &[bool; 2], blur_px: [f64; 2]) {
             learnt.sharpen(&mut lessons);
         }
     }
-    drop(lessons);
+    drop((lessons, parts));
     sights.par_iter_mut().for_each(|sight| {
         let model = learnt.model(&sight.picture);
-        sight.fit = sight.picture.fit_twice(&BallFace::new(&sight.picture), &model);
+        sight.fit = sight.picture.fit_tilted(&BallFace::new(&sight.picture), &model);
     });
 }
 
 /// The fitted centre, if it may be believed.
 fn believed(sight: &Sight, blur_px: f64) -> Option<ImagePoint> {
-    let (f, tilted) = sight.fit?;
-    let other = tilted.centre - f.centre;
+    let (f, other) = sight.fit?;
     let sd = Vector2::new(f.covariance[(0, 0)], f.covariance[(1, 1)]) + other.component_mul(&other);
     let common_px = COMMON_PX * (blur_px / COMMON_BLUR_PX).powi(2).max(1.0);
     let sd = sd.map(|variance| (COMMON_VARIANCE * variance + common_px * common_px).sqrt());

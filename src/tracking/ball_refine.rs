@@ -45,7 +45,7 @@ const PARTS: usize = 3;
 /// A part has at least so many pictures of one camera and stretch, as far as there are as many.
 const PART: usize = 8;
 /// Noise of a pixel, as a share of the ball's brightness, for which one part is enough: by its square more are needed.
-const CLEAR_NOISE: f64 = 0.025;
+const CLEAR_NOISE: f64 = 0.03;
 /// Fewest pictures of one camera from which a ball is learnt.
 const FEWEST: usize = 4;
 
@@ -226,7 +226,7 @@ fn measure(sights: &mut [Sight], textured: &[bool; 2], blur_px: [f64; 2]) {
         if pass + 1 < ROUNDS.len() {
             if pass == 0 {
                 // Now the noise is known, and with it how many pictures are needed.
-                let needed = (learnt.noise / (learnt.light.usual() * CLEAR_NOISE)).powi(2).ceil() as usize;
+                let needed = (learnt.noise / (learnt.light.usual() * CLEAR_NOISE)).powi(2).round() as usize;
                 for part in parts.by_ref().take(needed.saturating_sub(1)) {
                     lessons.append(&mut lessons_of(part, learnt.blur_px));
                 }

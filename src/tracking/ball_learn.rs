@@ -65,6 +65,16 @@ impl<'a> Lesson<'a> {
         self.shown = shown;
     }
 
+    /// How far clear pixels lie from the mean of their neighbours in the row (second differences), and the grey levels.
+    fn roughness(&self) -> impl Iterator<Item = (f32, f32)> {
+        let pixels = self.clear.iter().map(|(at, _)| self.shown[*at].pixel);
+        let in_a_row = pixels.clone().zip(pixels.clone().skip(1)).zip(pixels.skip(2)).filter(|((a, b), c)| b - a == 1 && c - b == 1);
+        in_a_row.map(|((a, b), c)| {
+            let [a, b, c] = [a, b, c].map(|i| self.picture.pixels[i]);
+            ((a - 2.0 * b + c).abs(), b)
+        })
+    }
+
     /// Normal of a pixel in the camera's axes, if it is on the ball.
     fn normal(&self, pixel: usize) -> Vector3<f64> {
         let p = &self.picture;
@@ -143,6 +153,21 @@ impl<'a> Lesson<'a> {
         }
         f64::from(usual)
     }
+}
+
+/// Noise of a pixel as a share of the ball's brightness, before anything is known of the ball. The quarter of the second differences that
+/// are smallest is asked, which lines do not touch.
+pub fn noise_share(lessons: &[Lesson]) -> Option<f64> {
+    // A quarter of all normal values are below 0.3186 deviations; a second difference has the sum of the squares of 1, 2 and 1.
+    const QUARTER: f64 = 0.318_6;
+    let (mut differences, mut greys): (Vec<f32>, Vec<f32>) = lessons.iter().flat_map(Lesson::roughness).unzip();
+    let (low, high) = (differences.len() / 4, greys.len() / 4 * 3);
+    if differences.is_empty() {
+        return None;
+    }
+    let difference = f64::from(*differences.select_nth_unstable_by(low, f32::total_cmp).1);
+    let bright = f64::from(*greys.select_nth_unstable_by(high, f32::total_cmp).1);
+    Some(difference / QUARTER / 6.0f64.sqrt() / bright.max(1.0))
 }
 
 #[derive(Default)]
@@ -279,6 +304,47 @@ mod tests {
             .collect()
     }
 
+    fn picture(pixels: Vec<f32>, centre: Vector2<f64>, turned: &Rotation3<f64>) -> BallPicture {
+        BallPicture {
+            pixels,
+            behind: None,
+            side: 27,
+            origin: Vector2::zeros(),
+            centre,
+            radius_px: RADIUS_PX,
+            camera_from_global: Matrix3::identity(),
+            ball_from_camera: *turned.matrix(),
+            gain: 1.0,
+            teaches: true,
+            camera: CameraId::Left,
+            stretch: 0,
+        }
+    }
+
+    #[test]
+    fn truth_noise_is_told_beside_lines_and_shading() {
+        let share = |noise: f64| {
+            let mut pictures: Vec<BallPicture> = (0..8)
+                .map(|k| {
+                    let mut pixels = drawn(Vector2::new(13.1, 12.9), &Rotation3::from_scaled_axis(Vector3::new(0.0, 0.4, 0.1) * f64::from(k)));
+                    for (i, grey) in pixels.iter_mut().enumerate() {
+                        // Normal values from a low-discrepancy sequence, two of them at a time (Box and Muller).
+                        let n = (27 * 27 * k as usize + i) as f64;
+                        let (a, b) = ((0.5 + n * 0.754_877_666).fract(), (0.5 + n * 0.569_840_291).fract());
+                        *grey = (f64::from(*grey) + noise * (-2.0 * a.max(1e-9).ln()).sqrt() * (std::f64::consts::TAU * b).cos()).round() as f32;
+                    }
+                    picture(pixels, Vector2::new(13.1, 12.9), &Rotation3::identity())
+                })
+                .collect();
+            let lessons: Vec<Lesson> = pictures.iter_mut().map(|p| Lesson::new(p, BLUR_PX)).collect();
+            noise_share(&lessons).expect("clear pixels")
+        };
+        // The lit side has 110 to 130 grey levels.
+        for noise in [3.0, 6.0, 9.0] {
+            assert!((share(noise) * 120.0 / noise - 1.0).abs() < 0.25, "{noise}: {}", share(noise) * 120.0);
+        }
+    }
+
     #[test]
     fn truth_lines_even_one_that_stays_on_the_outline_and_uneven_surroundings_do_not_pull_the_centre() {
         let mut pictures: Vec<BallPicture> = Vec::new();
@@ -288,20 +354,7 @@ mod tests {
             // Turning about the picture's vertical keeps the upper line where it is.
             let turned = Rotation3::from_scaled_axis(Vector3::new(0.0, 0.2, 0.0) * k as f64);
             let start = centre + Vector2::new(0.15 * (k as f64 * 0.9).cos(), 0.1 + 0.15 * (k as f64 * 1.3).sin());
-            pictures.push(BallPicture {
-                pixels: drawn(centre, &turned),
-                behind: None,
-                side: 27,
-                origin: Vector2::zeros(),
-                centre: start,
-                radius_px: RADIUS_PX,
-                camera_from_global: Matrix3::identity(),
-                ball_from_camera: *turned.matrix(),
-                gain: 1.0,
-                teaches: true,
-                camera: CameraId::Left,
-                stretch: 0,
-            });
+            pictures.push(picture(drawn(centre, &turned), start, &turned));
             truth.push(centre);
         }
         let mut lessons: Vec<Lesson> = pictures.iter_mut().map(|p| Lesson::new(p, BLUR_PX)).collect();

@@ -5,7 +5,7 @@
 //! picture can be predicted ([`super::ball_model`]). Each centre is still measured in its own picture: nothing is smoothed
 //! along the flight. Pictures of the contact keep the centre of their outline.
 
-use super::ball_learn::{Learnt, Lesson};
+use super::ball_learn::{Learnt, Lesson, noise_share};
 use super::ball_model::{BallFace, BallPicture, MARGIN_PX, ModelFit};
 use super::ball_track::{BallFrame, outline_radius_px};
 use super::contact_length::{LONGEST_CONTACT_S, SHORTEST_CONTACT_S};
@@ -44,7 +44,8 @@ const MOST_TEACHING: f64 = 24.0;
 const PARTS: usize = 3;
 /// A part has at least so many pictures of one camera and stretch, as far as there are as many.
 const PART: usize = 8;
-/// Noise of a pixel, as a share of the ball's brightness, for which one part is enough: by its square more are needed.
+/// Noise of a pixel, as a share of the ball's brightness, for which one part is enough; by its square more are needed. Court and laboratory have
+/// 0.021 to 0.034, hard light 0.045 to 0.069.
 const CLEAR_NOISE: f64 = 0.03;
 /// Fewest pictures of one camera from which a ball is learnt.
 const FEWEST: usize = 4;
@@ -210,10 +211,14 @@ fn parts(sights: &mut [Sight]) -> [Vec<&mut BallPicture>; PARTS] {
 /// Learns the ball from both cameras' pictures and fits every centre, in turns.
 fn measure(sights: &mut [Sight], textured: &[bool; 2], blur_px: [f64; 2]) {
     let mut parts = parts(sights).into_iter();
-    let lessons_of = |pictures: Vec<_>, blur_px: [f64; 2]| -> Vec<Lesson> { pictures.into_par_iter().map(|p| Lesson::new(p, blur_px)).collect() };
-    let mut lessons = lessons_of(parts.next().unwrap_or_default(), blur_px);
+    let lessons_of = |pictures: Vec<_>| -> Vec<Lesson> { pictures.into_par_iter().map(|p| Lesson::new(p, blur_px)).collect() };
+    let mut lessons = lessons_of(parts.next().unwrap_or_default());
     if lessons.len() < FEWEST {
         return;
+    }
+    let needed = noise_share(&lessons).map_or(PARTS, |noise| (noise / CLEAR_NOISE).powi(2).round() as usize);
+    for part in parts.take(needed.saturating_sub(1)) {
+        lessons.append(&mut lessons_of(part));
     }
     let Some(mut learnt) = Learnt::start(&lessons, blur_px) else { return };
     for (pass, rounds) in ROUNDS.into_iter().enumerate() {
@@ -224,13 +229,6 @@ fn measure(sights: &mut [Sight], textured: &[bool; 2], blur_px: [f64; 2]) {
         }
         // In the end every picture is measured, not only those that teach.
         if pass + 1 < ROUNDS.len() {
-            if pass == 0 {
-                // Now the noise is known, and with it how many pictures are needed.
-                let needed = (learnt.noise / (learnt.light.usual() * CLEAR_NOISE)).powi(2).round() as usize;
-                for part in parts.by_ref().take(needed.saturating_sub(1)) {
-                    lessons.append(&mut lessons_of(part, learnt.blur_px));
-                }
-            }
             lessons.par_iter_mut().for_each(|lesson| {
                 let model = learnt.model(lesson.picture);
                 if let Some(f) = lesson.picture.fit(&lesson.face, &model, &lesson.shown)
@@ -243,7 +241,7 @@ fn measure(sights: &mut [Sight], textured: &[bool; 2], blur_px: [f64; 2]) {
             learnt.sharpen(&mut lessons);
         }
     }
-    drop((lessons, parts));
+    drop(lessons);
     sights.par_iter_mut().for_each(|sight| {
         let model = learnt.model(&sight.picture);
         sight.fit = sight.picture.fit_tilted(&BallFace::new(&sight.picture), &model);

@@ -8,7 +8,7 @@
 use super::ball_disc::{BallDisc, PlacesOnBall};
 use super::ball_light::{BallLight, SeenLight};
 use super::ball_surroundings::Surroundings;
-use super::ball_texture::{BallTexture, Spot};
+use super::ball_texture::{BallTexture, Spots};
 use super::octet::LANES;
 use crate::calibration::CameraId;
 use nalgebra::{Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3};
@@ -77,7 +77,7 @@ pub struct BallFace {
     pub disc: BallDisc,
     /// Directions of its places in the ball's axes.
     pub on_ball: [Vec<f32>; 3],
-    spots: Vec<Spot>,
+    spots: Spots,
 }
 
 /// What all pictures of a stretch share.
@@ -118,7 +118,7 @@ impl BallFace {
     pub fn new(picture: &BallPicture) -> Self {
         let disc = BallDisc::new(picture.radius_px);
         let on_ball = pulp::Arch::new().dispatch(Turn { by: &picture.ball_from_camera.map(|x| x as f32), directions: &disc.on_ball.normals });
-        let spots = Spot::of(&on_ball);
+        let spots = Spots::of(&on_ball);
         BallFace { disc, on_ball, spots }
     }
 
@@ -129,7 +129,7 @@ impl BallFace {
 
     /// The disc with light (from [`Self::lit`]) and cover.
     pub fn painted(&self, lit: &[f32], texture: &BallTexture) -> Vec<f32> {
-        self.disc.painted(lit.iter().zip(&self.spots).map(|(lit, spot)| lit * texture.at(spot)))
+        self.disc.painted(lit.iter().enumerate().map(|(i, lit)| lit * texture.at(&self.spots, i)))
     }
 }
 

@@ -122,60 +122,59 @@ impl BallTexture {
         self.corners = lattice.corners.iter().map(corner).collect();
     }
 
-    /// Relative brightness at a place.
+    /// Relative brightness at the `i`-th of some places.
     #[inline]
-    pub fn at(&self, spot: &Spot) -> f32 {
-        let at = spot.corner as usize;
+    pub fn at(&self, spots: &Spots, i: usize) -> f32 {
+        let at = spots.corner[i] as usize;
         let Some(c) = self.corners.get(at..at + CORNERS + 2) else { return 1.0 };
-        let [p, q] = spot.shares;
+        let [p, q] = [spots.shares[0][i], spots.shares[1][i]];
         (c[0] * (1.0 - q) + c[1] * q) * (1.0 - p) + (c[CORNERS] * (1.0 - q) + c[CORNERS + 1] * q) * p
     }
 }
 
-/// A place on the ball, as the table of the cover is looked up: first of four corners, and how far from it toward the others.
-#[derive(Debug, Clone, Copy)]
-pub struct Spot {
-    corner: u32,
-    shares: [f32; 2],
+/// Places on the ball, as the table of the cover is looked up: the first of four corners, and how far from it toward the others.
+pub struct Spots {
+    corner: Vec<u32>,
+    shares: [Vec<f32>; 2],
 }
 
-impl Spot {
+impl Spots {
     /// In directions in the ball's axes, of any length, whose coordinates stand in three rows.
-    pub fn of(directions: &[Vec<f32>; 3]) -> Vec<Self> {
-        pulp::Arch::new().dispatch(Spots { directions })
+    pub fn of(directions: &[Vec<f32>; 3]) -> Self {
+        pulp::Arch::new().dispatch(LookUp { directions })
     }
 }
 
-struct Spots<'a> {
+struct LookUp<'a> {
     directions: &'a [Vec<f32>; 3],
 }
 
-impl pulp::NullaryFnOnce for Spots<'_> {
-    type Output = Vec<Spot>;
+impl pulp::NullaryFnOnce for LookUp<'_> {
+    type Output = Spots;
 
     #[inline(always)]
-    fn call(self) -> Vec<Spot> {
+    fn call(self) -> Spots {
         let [x, y, z] = self.directions;
         let n = x.len().min(y.len()).min(z.len());
         let (x, y, z) = (&x[..n], &y[..n], &z[..n]);
-        let mut out = vec![Spot { corner: 0, shares: [0.0; 2] }; n];
+        let (mut corner, mut p, mut q) = (vec![0u32; n], vec![0.0f32; n], vec![0.0f32; n]);
         for i in 0..n {
             let (x, y, z) = (x[i], y[i], z[i]);
-            let (first, second) = (x.abs() >= y.abs() && x.abs() >= z.abs(), y.abs() >= z.abs());
-            let (axis, main, one, two) = if first {
-                (0, x, y, z)
-            } else if second {
-                (1, y, z, x)
-            } else {
-                (2, z, x, y)
+            let (first, second) = ((x.abs() >= y.abs()) & (x.abs() >= z.abs()), y.abs() >= z.abs());
+            let choose = |a: f32, b: f32, c: f32| {
+                let b_or_c = if second { b } else { c };
+                if first { a } else { b_or_c }
             };
+            let (main, one, two, axis) = (choose(x, y, z), choose(y, z, x), choose(z, x, y), choose(0.0, 1.0, 2.0));
             let scale = 0.5 * EDGE as f32 / main.abs().max(1e-12);
             let (u, v) = (one * scale + 0.5 * EDGE as f32, two * scale + 0.5 * EDGE as f32);
-            let (j, k) = (u.clamp(0.0, EDGE as f32 - 1.0) as i32, v.clamp(0.0, EDGE as f32 - 1.0) as i32);
-            let face = 2 * axis + i32::from(main < 0.0);
-            out[i] = Spot { corner: ((face * CORNERS as i32 + j) * CORNERS as i32 + k) as u32, shares: [u - j as f32, v - k as f32] };
+            let (j, k) = (u.clamp(0.0, EDGE as f32 - 1.0).floor(), v.clamp(0.0, EDGE as f32 - 1.0).floor());
+            let face = 2.0 * axis + if main < 0.0 { 1.0 } else { 0.0 };
+            // Whole numbers far below 2^24.
+            corner[i] = ((face * CORNERS as f32 + j) * CORNERS as f32 + k) as i32 as u32;
+            (p[i], q[i]) = (u - j, v - k);
         }
-        out
+        Spots { corner, shares: [p, q] }
     }
 }
 
@@ -306,7 +305,7 @@ mod tests {
         many.for_each(|(n, value, weight)| sums.add(cells_of(&[vec![n.x], vec![n.y], vec![n.z]])[0], weight * (value - 1.0), weight));
         let mut texture = BallTexture::bare();
         texture.correct(&sums);
-        let at = |texture: &BallTexture, n: Vector3<f32>| texture.at(&Spot::of(&[vec![n.x], vec![n.y], vec![n.z]])[0]);
+        let at = |texture: &BallTexture, n: Vector3<f32>| texture.at(&Spots::of(&[vec![n.x], vec![n.y], vec![n.z]]), 0);
         for n in [Vector3::new(0.8, 0.0, -0.6), Vector3::y(), -Vector3::y()] {
             assert!(at(&texture, n) < 0.45, "{n}: {}", at(&texture, n));
         }

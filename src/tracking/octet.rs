@@ -1,10 +1,10 @@
-//! Eight sums side by side, held in one register where the processor has such wide ones.
+//! Sixteen sums side by side, held in one register where the processor has such wide ones, in two or four elsewhere.
 
 /// How many.
-pub const LANES: usize = 8;
+pub const LANES: usize = 16;
 
 #[derive(Clone, Copy)]
-#[repr(align(32))]
+#[repr(align(64))]
 pub struct Octet(pub [f32; LANES]);
 
 impl Octet {

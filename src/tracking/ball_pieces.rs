@@ -161,6 +161,22 @@ mod tests {
     }
 
     #[test]
+    fn truth_a_ball_is_turned_at_any_frame_rate() {
+        // Comes at 30 m/s, lies on the strings for 5 ms, leaves at 40.
+        let way = |ms: f64| match ms {
+            ms if ms < 20.0 => 0.03 * (20.0 - ms),
+            ms if ms < 25.0 => -0.03 * (ms - 20.0) + 0.007 * (ms - 20.0).powi(2),
+            ms => 0.025 + 0.04 * (ms - 25.0),
+        };
+        for per_ms in [1, 2, 4, 10] {
+            let whole = seen(0..45 * per_ms, |t| Point3::new(0.05, 0.02, way(t / f64::from(per_ms))));
+            assert!(turned(&whole, 1000.0 * f64::from(per_ms)), "{per_ms}");
+        }
+        let straight = seen(0..180, |t| Point3::new(0.05, 0.02, 0.6 - 0.0075 * t));
+        assert!(!turned(&straight, 4000.0));
+    }
+
+    #[test]
     fn truth_a_piece_foretells_where_the_ball_goes_on_and_nothing_else_does() {
         let flight = |t: f64| Point3::new(0.03 * t, 0.02, -5e-6 * t * t);
         let piece = seen(0..20, flight);

@@ -15,7 +15,7 @@ use std::sync::LazyLock;
 /// Least deviation of the ball's centre, px.
 const FLOOR_SD_PX: f64 = 0.02;
 /// Last step of a fit, px: the final one, and while the ball is first followed.
-const SETTLED_PX: f64 = 0.01;
+const SETTLED_PX: f64 = 0.004;
 const ROUGH_PX: f64 = 0.04;
 /// Share of the outline that must stand out from the surroundings.
 const LEAST_OUTLINE: f64 = 0.3;

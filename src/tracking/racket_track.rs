@@ -125,7 +125,7 @@ struct Known {
 }
 
 impl KnownBands {
-    /// Of a frame just measured; `None` where they are too few to tell that the racket goes on as it went.
+    /// Of a frame just measured; `None` where they are too few.
     pub fn of(scene: &RacketScene, images: &[Option<GreyView>; 2], frame: &RacketFrame, least_contrast: &[f64; 2]) -> Option<Self> {
         let bands = scene.expected(&frame.pose.global_from_racket)?;
         let mut known = KnownBands::default();
@@ -135,7 +135,12 @@ impl KnownBands {
                 known.0[c][marker].seen = frame.points[c][marker].is_some() && stands_out(scene, image, band, least_contrast[c]);
             }
         }
-        known.0.iter().all(|c| c.iter().filter(|k| k.seen).count() >= FEW_BANDS).then_some(known)
+        known.tell().then_some(known)
+    }
+
+    /// Whether they are enough to tell that the racket goes on as it went.
+    fn tell(&self) -> bool {
+        self.0.iter().all(|c| c.iter().filter(|k| k.seen).count() >= FEW_BANDS)
     }
 
     fn count(&self) -> usize {
@@ -185,6 +190,9 @@ pub fn confirm(
     known: &mut KnownBands,
 ) -> Option<RacketFrame> {
     let mut fits = Vec::with_capacity(ALL_BANDS);
+    if !known.tell() {
+        return None;
+    }
     let enough = known.count() - 1;
     // A glance at all of them before any is measured.
     let mut at_hand: Vec<(CameraId, usize, &GreyView, &BandView)> = Vec::with_capacity(ALL_BANDS);

@@ -5,7 +5,7 @@
 //! before one that needs another brightness (a line, a panel): the border between the lit and the dark side is no outline.
 
 use super::ball_ring::{DIRECTIONS, sector_of};
-use super::ball_shading::{LimbProfile, SECTORS};
+use super::ball_shading::{Limb, LimbProfile, SECTORS};
 use super::cholesky::Cholesky;
 use crate::footage::GreyView;
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
@@ -66,6 +66,39 @@ impl Around {
         Some(Around(pixels))
     }
 
+    /// [`Self::sums`] with the outline at each of the places, side by side.
+    #[inline(always)]
+    fn sums_by_place(&self, sector: usize, first: f64, profile: &LimbProfile) -> [Levels; PLACES] {
+        let limbs = profile.sector(sector);
+        let zero = [0.0f32; PLACES];
+        let mut sums = [zero; 6];
+        let mut places = zero;
+        for i in 0..PLACES {
+            places[i] = (first + SPACING_PX * i as f64) as f32;
+        }
+        for [rho, grey] in &self.0[sector] {
+            let (mut beyond, mut steps, mut entries) = (zero, [0u32; PLACES], [Limb::NONE; PLACES]);
+            for i in 0..PLACES {
+                (steps[i], beyond[i]) = LimbProfile::step(rho - places[i]);
+            }
+            for i in 0..PLACES {
+                entries[i] = limbs[(steps[i] as usize).min(limbs.len() - 1)];
+            }
+            for i in 0..PLACES {
+                let limb = entries[i];
+                let (around, ball) = (1.0 - limb.disc - beyond[i] * limb.disc_slope, limb.ball + beyond[i] * limb.ball_slope);
+                sums[0][i] += around * around;
+                sums[1][i] += around * ball;
+                sums[2][i] += ball * ball;
+                sums[3][i] += around * grey;
+                sums[4][i] += ball * grey;
+                sums[5][i] += grey * grey;
+            }
+        }
+        let [aa, ab, bb, ag, bg, gg] = &sums;
+        std::array::from_fn(|i| Levels { aa: aa[i] + 1e-3, ab: ab[i], bb: bb[i] + 1e-3, ag: ag[i], bg: bg[i], gg: gg[i] })
+    }
+
     /// Sums over a sector whose outline lies at a distance.
     fn sums(&self, sector: usize, outline: f64, profile: &LimbProfile) -> Levels {
         let limbs = profile.sector(sector);
@@ -82,6 +115,26 @@ impl Around {
             s.gg += grey * grey;
         }
         s
+    }
+}
+
+struct AllSums<'a> {
+    around: &'a Around,
+    /// The first place tried.
+    first: f64,
+    profile: &'a LimbProfile,
+}
+
+impl pulp::NullaryFnOnce for AllSums<'_> {
+    type Output = [[Levels; PLACES]; SECTORS];
+
+    #[inline(always)]
+    fn call(self) -> Self::Output {
+        let mut out = [[Levels::default(); PLACES]; SECTORS];
+        for (sector, sums) in out.iter_mut().enumerate() {
+            *sums = self.around.sums_by_place(sector, self.first, self.profile);
+        }
+        out
     }
 }
 
@@ -173,8 +226,7 @@ impl BallEdges {
     /// `usual` is the ball's level in free flight. `None` where the picture does not show all around the ball.
     pub fn of(image: &GreyView, centre: Vector2<f64>, radius_px: f64, profile: &LimbProfile, usual: &[f32; SECTORS]) -> Option<Self> {
         let around = Around::of(image, &centre, radius_px)?;
-        let place = |i: usize| radius_px + FROM_PX + SPACING_PX * i as f64;
-        let sums: [[Levels; PLACES]; SECTORS] = std::array::from_fn(|k| std::array::from_fn(|i| around.sums(k, place(i), profile)));
+        let sums = pulp::Arch::new().dispatch(AllSums { around: &around, first: radius_px + FROM_PX, profile });
         let free = sums.map(|s| s.map(|s| s.misses(s.ball())));
         let best = free.map(|m| (0..PLACES).min_by(|a, b| m[*a].total_cmp(&m[*b])).unwrap_or_default());
         let mut gains: [f32; SECTORS] = std::array::from_fn(|k| sums[k][best[k]].ball() / usual[k].max(1.0));

@@ -8,11 +8,12 @@
 //! (Tried and left: nine spherical harmonics for the whole disc, which drawn lines pulled by up to 1 px; free brightening
 //! in every sector, 0.25 px; a ring wider than 2 px inside, where the panels' borders are.)
 
-use super::ball_ring::{BallRing, DIRECTIONS, RingModel, SectorSums};
+use super::ball_ring::{BallRing, DIRECTIONS, RingModel, SectorFits};
 use super::ball_shading::{LimbProfile, SECTORS};
 use crate::footage::GreyView;
 use nalgebra::{Matrix2, Vector2};
 use std::cell::RefCell;
+use std::sync::LazyLock;
 
 const ROUNDS: usize = 10;
 /// From this round on sectors that disagree count less.
@@ -48,35 +49,6 @@ pub struct OutlineLevels {
     scale: f32,
 }
 
-impl SectorSums {
-    /// Inverse of the normal matrix of the two levels.
-    fn inverse(&self) -> [f64; 3] {
-        let (a, b, c) = (self.aa[0] + 1e-3, self.aa[1], self.aa[2] + 1e-3);
-        let d = (a * c - b * b).max(1e-9);
-        [c / d, -b / d, a / d]
-    }
-
-    /// Information on the outline's place and its shift, px, with the levels free.
-    fn outline(&self) -> (f64, f64) {
-        let [p, q, s] = self.inverse();
-        let v = [p * self.aj[0] + q * self.aj[1], q * self.aj[0] + s * self.aj[1]];
-        let h = (self.jj - v[0] * self.aj[0] - v[1] * self.aj[1]).max(1e-6);
-        let g = self.jr - v[0] * self.ar[0] - v[1] * self.ar[1];
-        (h, (g / h).clamp(-1.5, 1.5))
-    }
-
-    /// How the two levels change when the outline moves outward by `shift`, px.
-    fn change_of_levels(&self, shift: f64) -> [f64; 2] {
-        let [p, q, s] = self.inverse();
-        let g = [self.ar[0] - self.aj[0] * shift, self.ar[1] - self.aj[1] * shift];
-        [p * g[0] + q * g[1], q * g[0] + s * g[1]]
-    }
-
-    fn variance(&self) -> f64 {
-        self.chi / (self.weight - 2.0).max(1.0)
-    }
-}
-
 /// Fits the centre, starting at `start` and with the levels of an earlier fit there if there was one, until a step is below `settled_px`. `None` when the ball leaves the picture, the fit runs away, or the picture does
 /// not determine the centre.
 pub fn fit(image: &GreyView, start: Vector2<f64>, radius_px: f64, profile: &LimbProfile, settled_px: f64, before: Option<&OutlineLevels>) -> Option<BallFit> {
@@ -105,25 +77,22 @@ fn fit_in(
     let mut scale = before.map_or(f64::INFINITY, |b| f64::from(b.scale));
     // The first rounds find levels and place roughly: both are known where the picture has been measured before.
     for round in if before.is_some() { ROBUST_FROM } else { 0 }..ROUNDS {
-        let sectors = ring.sums(image, &RingModel { centre, profile, levels: &levels, scale })?;
+        let sectors = ring.round(image, &RingModel { centre, profile, levels: &levels, scale })?;
         let mut settle = |step: &Vector2<f64>| {
-            for ((levels, sector), u) in levels.iter_mut().zip(&sectors).zip(directions) {
-                let change = sector.change_of_levels(u.dot(step));
-                *levels = [levels[0] + change[0], levels[1] + change[1]];
+            for (k, (levels, u)) in levels.iter_mut().zip(directions).enumerate() {
+                let outward = u.dot(step);
+                for (i, level) in levels.iter_mut().enumerate() {
+                    *level += sectors.change[i][k] - sectors.less_per_px[i][k] * outward;
+                }
             }
         };
         if round == 0 {
             settle(&Vector2::zeros());
             continue;
         }
-        let mut variances = sectors.map(|s| s.variance());
+        let mut variances = sectors.variance;
         let usual = variances.select_nth_unstable_by(SECTORS / 2, f64::total_cmp).1.max(0.25);
-        let seen: [(f64, f64); SECTORS] = std::array::from_fn(|k| {
-            let (h, d) = sectors[k].outline();
-            // The noise is the same everywhere: no sector is trusted beyond what half of them show.
-            (d, sectors[k].variance().max(usual) / h + SECTOR_SD_PX * SECTOR_SD_PX)
-        });
-        let agreed = agree(directions, &seen, if round < ROBUST_FROM { f64::INFINITY } else { TUKEY })?;
+        let agreed = pulp::Arch::new().dispatch(Agreement { sectors: &sectors, usual, tukey: if round < ROBUST_FROM { f64::INFINITY } else { TUKEY } })?;
         let step = agreed.shift.map(|v| v.clamp(-1.0, 1.0));
         centre += step;
         if (centre - start).norm() > 0.8 * radius_px || !centre.norm().is_finite() {
@@ -147,32 +116,61 @@ struct Agreed {
     share: f64,
 }
 
-/// The shift most sectors agree on, from each sector's shift outward and its variance.
-fn agree(directions: &[Vector2<f64>; SECTORS], seen: &[(f64, f64); SECTORS], tukey: f64) -> Option<Agreed> {
-    let precision = seen.map(|(_, variance)| 1.0 / variance);
-    let per_sd = precision.map(f64::sqrt);
-    let mut shift = Vector2::zeros();
+struct Agreement<'a> {
+    sectors: &'a SectorFits,
+    /// Mean square of the residuals in half of the sectors.
+    usual: f64,
+    tukey: f64,
+}
+
+impl pulp::NullaryFnOnce for Agreement<'_> {
+    type Output = Option<Agreed>;
+
+    #[inline(always)]
+    fn call(self) -> Option<Agreed> {
+        agree(self.sectors, self.usual, self.tukey)
+    }
+}
+
+/// The shift most sectors agree on.
+#[inline(always)]
+fn agree(sectors: &SectorFits, usual: f64, tukey: f64) -> Option<Agreed> {
+    let (across, down) = &*DIRECTIONS_APART;
+    let (mut precision, mut per_sd, mut sure) = ([0.0; SECTORS], [0.0; SECTORS], [0.0; SECTORS]);
+    for k in 0..SECTORS {
+        // The noise is the same everywhere: no sector is trusted beyond what half of them show.
+        let variance = sectors.variance[k].max(usual) / sectors.information[k] + SECTOR_SD_PX * SECTOR_SD_PX;
+        precision[k] = 1.0 / variance;
+        per_sd[k] = precision[k].sqrt();
+        sure[k] = if variance < 0.16 { 1.0 } else { 0.0 };
+    }
+    let mut shift = Vector2::<f64>::zeros();
     let mut out: Option<Agreed> = None;
     // Without a limit all count the same, and the first round is the answer.
     for round in 0..if tukey.is_infinite() { 1 } else { 5 } {
-        let (mut h, mut g) = ([0.0; 3], [0.0; 2]);
-        let (mut chi, mut weight, mut good) = (0.0, 0.0, 0);
-        for (k, u) in directions.iter().enumerate() {
-            let (d, variance) = seen[k];
-            let z = (d - u.dot(&shift)) * per_sd[k];
-            let w = if round == 0 { 1.0 } else { (1.0 - (z / tukey).powi(2)).max(0.0).powi(2) };
+        let mut terms = [[0.0; SECTORS]; 8];
+        for k in 0..SECTORS {
+            let (d, x, y) = (sectors.outward[k], across[k], down[k]);
+            let z = (d - (x * shift.x + y * shift.y)) * per_sd[k];
+            let kept = (1.0 - (z / tukey) * (z / tukey)).max(0.0);
+            let w = if round == 0 { 1.0 } else { kept * kept };
             let p = w * precision[k];
-            h = [h[0] + p * u.x * u.x, h[1] + p * u.x * u.y, h[2] + p * u.y * u.y];
-            g = [g[0] + p * d * u.x, g[1] + p * d * u.y];
-            chi += w * z * z;
-            weight += w;
-            good += usize::from(z.abs() < 2.5 && variance < 0.16);
+            let good = if z.abs() < 2.5 { sure[k] } else { 0.0 };
+            let of_sector = [p * x * x, p * x * y, p * y * y, p * d * x, p * d * y, w * z * z, w, good];
+            for i in 0..8 {
+                terms[i][k] = of_sector[i];
+            }
         }
-        let inverse = Matrix2::new(h[0], h[1], h[1], h[2]).try_inverse()?;
-        let next = inverse * Vector2::from(g);
+        let mut sums = [0.0; 8];
+        for i in 0..8 {
+            sums[i] = total(&terms[i]);
+        }
+        let [xx, xy, yy, gx, gy, chi, weight, good] = sums;
+        let inverse = Matrix2::new(xx, xy, xy, yy).try_inverse()?;
+        let next = inverse * Vector2::new(gx, gy);
         // The scatter of the sectors corrects their stated deviations, upward only.
         let scatter = (chi / (weight - 2.0).max(1.0)).max(1.0);
-        out = Some(Agreed { shift: next, covariance: inverse * scatter, share: good as f64 / SECTORS as f64 });
+        out = Some(Agreed { shift: next, covariance: inverse * scatter, share: good / SECTORS as f64 });
         if round > 0 && (next - shift).amax() < AGREED_PX {
             break;
         }
@@ -180,3 +178,19 @@ fn agree(directions: &[Vector2<f64>; SECTORS], seen: &[(f64, f64); SECTORS], tuk
     }
     out.filter(|o| o.covariance[(0, 0)] > 0.0 && o.covariance[(1, 1)] > 0.0 && o.covariance.norm().is_finite())
 }
+
+/// The sum over all sectors, in an order that suits wide registers.
+#[inline(always)]
+fn total(terms: &[f64; SECTORS]) -> f64 {
+    let (mut eight, mut four) = ([0.0; 8], [0.0; 4]);
+    for l in 0..8 {
+        eight[l] = terms[l] + terms[l + 8] + terms[l + 16];
+    }
+    for l in 0..4 {
+        four[l] = eight[l] + eight[l + 4];
+    }
+    (four[0] + four[2]) + (four[1] + four[3])
+}
+
+/// [`DIRECTIONS`], across and down.
+static DIRECTIONS_APART: LazyLock<([f64; SECTORS], [f64; SECTORS])> = LazyLock::new(|| (DIRECTIONS.map(|u| u.x), DIRECTIONS.map(|u| u.y)));

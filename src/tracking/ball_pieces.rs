@@ -20,6 +20,8 @@ const MEET_M: f64 = 0.06;
 const AT_THE_BED_M: f64 = 0.25;
 /// Strings that a ball meets turn it: by less than this, m/s, it went straight on, and a frame of it was missed.
 const LEAST_TURN_M_S: f64 = 3.0;
+/// Frames a second of which a turn is asked at most.
+const TURN_HZ: f64 = 1000.0;
 /// Longest time between the two flights, s, contact included.
 const LONGEST_BETWEEN_S: f64 = 0.025;
 
@@ -76,9 +78,13 @@ fn line(seen: &[Sighting]) -> (f64, Vector3<f64>, Vector3<f64>) {
     (mean_number, mean, step)
 }
 
-/// Whether the strings turned what was followed.
+/// Whether the strings turned what was followed. Frames closer in time than [`TURN_HZ`] are thinned: a line through a dozen of them is so short
+/// that it goes on through the contact as if nothing turned there.
 pub fn turned(seen: &[Sighting], frame_rate_hz: f64) -> bool {
-    met_at_strings(&straight_pieces(seen, frame_rate_hz), frame_rate_hz).is_some()
+    let every = (frame_rate_hz / TURN_HZ).round().max(1.0);
+    let thinned = seen.iter().filter(|s| s.number % every == 0.0).map(|s| Sighting { number: s.number / every, ..*s });
+    let rate_hz = frame_rate_hz / every;
+    met_at_strings(&straight_pieces(&thinned.collect::<Vec<_>>(), rate_hz), rate_hz).is_some()
 }
 
 /// Which two pieces most likely are the ball before and after the strings: they meet there, and together they are the longest.
@@ -152,6 +158,22 @@ mod tests {
         let mut back = seen(0..40, |t| if t < 20.0 { before(t) } else { after(t) });
         back.drain(19..22);
         assert!(turned(&back, 1000.0));
+    }
+
+    #[test]
+    fn truth_a_ball_is_turned_at_any_frame_rate() {
+        // Comes at 30 m/s, lies on the strings for 5 ms, leaves at 40.
+        let way = |ms: f64| match ms {
+            ms if ms < 20.0 => 0.03 * (20.0 - ms),
+            ms if ms < 25.0 => -0.03 * (ms - 20.0) + 0.007 * (ms - 20.0).powi(2),
+            ms => 0.025 + 0.04 * (ms - 25.0),
+        };
+        for per_ms in [1, 2, 4, 10] {
+            let whole = seen(0..45 * per_ms, |t| Point3::new(0.05, 0.02, way(t / f64::from(per_ms))));
+            assert!(turned(&whole, 1000.0 * f64::from(per_ms)), "{per_ms}");
+        }
+        let straight = seen(0..180, |t| Point3::new(0.05, 0.02, 0.6 - 0.0075 * t));
+        assert!(!turned(&straight, 4000.0));
     }
 
     #[test]

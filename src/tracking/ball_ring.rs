@@ -2,7 +2,7 @@
 //! processor has and in single precision: a picture has eight bits. One pixel of every sector is taken at a time, so that the sums of
 //! all sectors stand side by side; their order is fixed, and every processor gives the same bits.
 
-use super::ball_shading::{LimbProfile, SECTORS};
+use super::ball_shading::{Limb, LimbProfile, SECTORS};
 use crate::footage::GreyView;
 use nalgebra::Vector2;
 use std::sync::LazyLock;
@@ -17,16 +17,16 @@ pub const REACH_PX: f64 = OUTSIDE_PX + SLACK_PX;
 /// One value of every sector.
 type Sectors = [f32; SECTORS];
 
-/// Weighted sums over a sector's pixels: a = (surroundings' share, ball's share), j = slope outward of the model, r = residual.
-#[derive(Clone, Copy, Default)]
-pub struct SectorSums {
-    pub aa: [f64; 3],
-    pub aj: [f64; 2],
-    pub ar: [f64; 2],
-    pub jj: f64,
-    pub jr: f64,
-    pub weight: f64,
-    pub chi: f64,
+/// What one round finds in every sector.
+pub struct SectorFits {
+    /// How far outside the outline lies, px, with the levels free, and the information on it, 1/px² at a noise of one grey level.
+    pub outward: [f64; SECTORS],
+    pub information: [f64; SECTORS],
+    /// Mean square of the residuals.
+    pub variance: [f64; SECTORS],
+    /// How surroundings and ball change where the outline stays, and by how much less for each px that it moves outward.
+    pub change: [[f64; SECTORS]; 2],
+    pub less_per_px: [[f64; SECTORS]; 2],
 }
 
 /// What one round looks for.
@@ -67,8 +67,8 @@ impl BallRing {
         self.radius_px = radius_px;
     }
 
-    /// The sums of every sector; `None` when the ring leaves the picture.
-    pub fn sums(&mut self, image: &GreyView, model: &RingModel) -> Option<[SectorSums; SECTORS]> {
+    /// What every sector says; `None` when the ring leaves the picture.
+    pub fn round(&mut self, image: &GreyView, model: &RingModel) -> Option<SectorFits> {
         let (centre, outer) = (model.centre, self.radius_px + OUTSIDE_PX);
         let (x0, x1) = ((centre.x - outer).ceil() as i64, (centre.x + outer).floor() as i64);
         let (y0, y1) = ((centre.y - outer).ceil() as i64, (centre.y + outer).floor() as i64);
@@ -128,7 +128,7 @@ struct Round<'a> {
 }
 
 impl pulp::NullaryFnOnce for Round<'_> {
-    type Output = [SectorSums; SECTORS];
+    type Output = SectorFits;
 
     #[inline(always)]
     fn call(self) -> Self::Output {
@@ -139,7 +139,7 @@ impl pulp::NullaryFnOnce for Round<'_> {
 // Plain loops over whole arrays throughout: what is called through closures of the standard library would not be compiled for the
 // wide registers.
 #[inline(always)]
-fn round(ring: &BallRing, model: &RingModel, shift: &Vector2<f64>) -> [SectorSums; SECTORS] {
+fn round(ring: &BallRing, model: &RingModel, shift: &Vector2<f64>) -> SectorFits {
     let zero: Sectors = [0.0; SECTORS];
     let (radius, scale) = (ring.radius_px as f32, model.scale as f32);
     let (inner, outer) = (radius - INSIDE_PX as f32, radius + OUTSIDE_PX as f32);
@@ -157,10 +157,15 @@ fn round(ring: &BallRing, model: &RingModel, shift: &Vector2<f64>) -> [SectorSum
             weight[k] = if (rho >= inner) & (rho <= outer) { slot.real[k] } else { 0.0 };
             (steps[k], beyond[k]) = LimbProfile::step(rho - radius);
         }
+        // Whole entries first: one load each, where picking number by number takes four.
+        let mut limbs = [Limb::NONE; SECTORS];
+        for k in 0..SECTORS {
+            let sector = model.profile.sector(k);
+            limbs[k] = sector[(steps[k] as usize).min(sector.len() - 1)];
+        }
         let (mut around, mut around_slope, mut ball, mut ball_slope) = (zero, zero, zero, zero);
         for k in 0..SECTORS {
-            let limbs = model.profile.sector(k);
-            let limb = limbs[(steps[k] as usize).min(limbs.len() - 1)];
+            let limb = limbs[k];
             (around[k], around_slope[k], ball[k], ball_slope[k]) = (limb.disc, limb.disc_slope, limb.ball, limb.ball_slope);
         }
         let (mut residual, mut slope) = (zero, zero);
@@ -187,13 +192,40 @@ fn round(ring: &BallRing, model: &RingModel, shift: &Vector2<f64>) -> [SectorSum
             sums[10][k] += w * r * r;
         }
     }
-    std::array::from_fn(|k| {
-        let [aa, ab, bb, aj, bj, ar, br, jj, jr, weight, chi] = sums.map(|sum| f64::from(sum[k]));
-        SectorSums { aa: [aa, ab, bb], aj: [aj, bj], ar: [ar, br], jj, jr, weight, chi }
-    })
+    sectors_of(&sums)
 }
 
-/// Numbers in [`SectorSums`].
+/// Solves the normal equations of every sector: a = (surroundings' share, ball's share), j = slope outward of the model, r = residual.
+#[inline(always)]
+fn sectors_of(sums: &[Sectors; SUMS]) -> SectorFits {
+    let zero = [0.0f64; SECTORS];
+    let mut wide = [zero; SUMS];
+    for i in 0..SUMS {
+        for k in 0..SECTORS {
+            wide[i][k] = f64::from(sums[i][k]);
+        }
+    }
+    let [aa, ab, bb, aj, bj, ar, br, jj, jr, weight, chi] = &wide;
+    let mut out = SectorFits { outward: zero, information: zero, variance: zero, change: [zero; 2], less_per_px: [zero; 2] };
+    for k in 0..SECTORS {
+        let (a, b, c) = (aa[k] + 1e-3, ab[k], bb[k] + 1e-3);
+        // Inverse of the normal matrix of the two levels.
+        let per = 1.0 / (a * c - b * b).max(1e-9);
+        let (p, q, s) = (c * per, -b * per, a * per);
+        let (v, w) = (p * aj[k] + q * bj[k], q * aj[k] + s * bj[k]);
+        let information = (jj[k] - v * aj[k] - w * bj[k]).max(1e-6);
+        out.outward[k] = ((jr[k] - v * ar[k] - w * br[k]) / information).max(-MOST_PX).min(MOST_PX);
+        out.information[k] = information;
+        out.variance[k] = chi[k] / (weight[k] - 2.0).max(1.0);
+        (out.change[0][k], out.change[1][k]) = (p * ar[k] + q * br[k], q * ar[k] + s * br[k]);
+        (out.less_per_px[0][k], out.less_per_px[1][k]) = (v, w);
+    }
+    out
+}
+
+/// One sector's outline moves by no more in a round, px.
+const MOST_PX: f64 = 1.5;
+/// Weighted sums over a sector's pixels.
 const SUMS: usize = 11;
 
 /// The middle of every sector, seen from the centre.

@@ -150,51 +150,9 @@ impl Scratch {
         if self.raw.len() < w * centres.height() {
             self.raw = vec![0; w * centres.height()];
         }
+        let moving = only_moving.then_some(self.moving.as_slice());
+        let seen = pulp::Arch::new().dispatch(Voting { raw: &mut self.raw, image, radius: radius_px as f32, pixels, centres, moving });
         let raw = &mut self.raw;
-        // Where votes fell.
-        let mut seen = Region { x0: centres.x1, y0: centres.y1, x1: centres.x0, y1: centres.y0 };
-        let radius = radius_px as f32;
-        let (x0, x1) = (pixels.x0.max(1) as usize, pixels.x1.min(image.width as i64 - 2));
-        for y in pixels.y0.max(image.first_row as i64 + 1)..=pixels.y1.min((image.first_row + image.rows) as i64 - 2) {
-            let rows = [y - 1, y, y + 1].map(|r| image.row(r as usize));
-            let [Some(above), Some(here), Some(below)] = rows else { continue };
-            let counts = only_moving.then(|| &self.moving[y as usize * image.width..][..image.width]);
-            let mut next = x0;
-            while next as i64 <= x1 {
-                let i = next;
-                next += 1;
-                if let Some(counts) = counts
-                    && counts[i] == 0
-                {
-                    // Most of the picture is still: eight pixels at once.
-                    while counts.get(next..next + 8).is_some_and(|eight| eight == [0; 8]) {
-                        next += 8;
-                    }
-                    continue;
-                }
-                let gx = f32::from(here[i + 1]) - f32::from(here[i - 1]);
-                let gy = f32::from(below[i]) - f32::from(above[i]);
-                let g = (gx * gx + gy * gy).sqrt();
-                if g < LEAST {
-                    continue;
-                }
-                // Casts round what is not negative down.
-                let weight = (g.min(CAP) + 0.5) as u16;
-                let (dx, dy) = (gx / g * radius, gy / g * radius);
-                for sign in [1.0, -1.0] {
-                    let (x, y) = (i as f32 + sign * dx + 0.5, y as f32 + sign * dy + 0.5);
-                    if x < 0.0 || y < 0.0 {
-                        continue;
-                    }
-                    let (cx, cy) = (x as i64, y as i64);
-                    if cx >= centres.x0 && cy >= centres.y0 && cx <= centres.x1 && cy <= centres.y1 {
-                        let place = &mut raw[(cy - centres.y0) as usize * w + (cx - centres.x0) as usize];
-                        *place = place.saturating_add(weight);
-                        seen = Region { x0: seen.x0.min(cx), y0: seen.y0.min(cy), x1: seen.x1.max(cx), y1: seen.y1.max(cy) };
-                    }
-                }
-            }
-        }
         // One more around it, but not on the border.
         let place = Region {
             x0: (seen.x0 - 1).max(centres.x0 + 1),
@@ -252,6 +210,101 @@ impl Scratch {
             (row[0], row[w - 1]) = (column[1], column[w - 2]);
         }
     }
+}
+
+/// The votes of the pixels in a box for the centres in another, whose votes lie in `raw` row by row.
+struct Voting<'a> {
+    raw: &'a mut [u16],
+    image: &'a GreyView<'a>,
+    radius: f32,
+    pixels: &'a Region,
+    centres: &'a Region,
+    /// By pixel of the whole picture, where only what moves votes.
+    moving: Option<&'a [u8]>,
+}
+
+impl pulp::NullaryFnOnce for Voting<'_> {
+    /// Where votes may have fallen.
+    type Output = Region;
+
+    #[inline(always)]
+    fn call(self) -> Region {
+        cast_votes(self)
+    }
+}
+
+/// Pixels taken in one step.
+const STEP: usize = 32;
+
+#[inline(always)]
+fn cast_votes(Voting { raw, image, radius, pixels, centres, moving }: Voting) -> Region {
+    let (width, height) = (centres.width() as u32, centres.height() as u32);
+    let reach = radius.ceil() as i64 + 1;
+    let mut seen = Region { x0: centres.x1, y0: centres.y1, x1: centres.x0, y1: centres.y0 };
+    let (x0, x1) = (pixels.x0.max(1) as usize, pixels.x1.min(image.width as i64 - 2));
+    for y in pixels.y0.max(image.first_row as i64 + 1)..=pixels.y1.min((image.first_row + image.rows) as i64 - 2) {
+        let rows = [y - 1, y, y + 1].map(|r| image.row(r as usize));
+        let [Some(above), Some(here), Some(below)] = rows else { continue };
+        let moving = moving.map(|moving| &moving[y as usize * image.width..][..image.width]);
+        for start in (x0..(x1 + 1).max(0) as usize).step_by(STEP) {
+            let n = STEP.min(x1 as usize + 1 - start);
+            let moving = moving.map(|moving| &moving[start..start + n]);
+            // Most of the picture is still.
+            if moving.is_some_and(|moving| !moving.contains(&1)) {
+                continue;
+            }
+            let (mut gx, mut gy) = ([0.0f32; STEP], [0.0f32; STEP]);
+            let (left, right, above, below) = (&here[start - 1..][..n], &here[start + 1..][..n], &above[start..][..n], &below[start..][..n]);
+            for i in 0..n {
+                (gx[i], gy[i]) = (f32::from(right[i]) - f32::from(left[i]), f32::from(below[i]) - f32::from(above[i]));
+            }
+            let mut weight = [0u32; STEP];
+            let (mut places, mut votes) = ([[0u32; STEP]; 2], [[0u32; STEP]; 2]);
+            let (column, row) = ((start as i64 - centres.x0) as f32, (y - centres.y0) as f32);
+            for i in 0..STEP {
+                let g = (gx[i] * gx[i] + gy[i] * gy[i]).sqrt();
+                weight[i] = if g >= LEAST { whole(g.min(CAP)) } else { 0 };
+                let per = radius / g.max(LEAST);
+                (gx[i], gy[i]) = (gx[i] * per, gy[i] * per);
+            }
+            if let Some(moving) = moving {
+                for (weight, moving) in weight.iter_mut().zip(moving) {
+                    *weight *= u32::from(*moving);
+                }
+            }
+            for (side, sign) in [1.0, -1.0].into_iter().enumerate() {
+                for i in 0..STEP {
+                    let (x, y) = (whole(column + i as f32 + sign * gx[i]), whole(row + sign * gy[i]));
+                    votes[side][i] = if (x < width) & (y < height) { weight[i] } else { 0 };
+                    places[side][i] = y.wrapping_mul(width).wrapping_add(x);
+                }
+            }
+            for (places, votes) in places.iter().zip(&votes) {
+                for (place, vote) in places.iter().zip(votes) {
+                    if *vote > 0
+                        && let Some(sum) = raw.get_mut(*place as usize)
+                    {
+                        *sum = sum.saturating_add(*vote as u16);
+                    }
+                }
+            }
+            seen = Region {
+                x0: seen.x0.min(start as i64 - reach).max(centres.x0),
+                y0: seen.y0.min(y - reach).max(centres.y0),
+                x1: seen.x1.max((start + n) as i64 + reach).min(centres.x1),
+                y1: seen.y1.max(y + reach).min(centres.y1),
+            };
+        }
+    }
+    seen
+}
+
+/// The nearest integer; of a negative one its two's complement. Added to a small number the constant leaves it in the lowest bits: a cast
+/// would take the pixels one by one.
+#[inline(always)]
+fn whole(value: f32) -> u32 {
+    const ROUND: f32 = 12_582_912.0;
+    (value + ROUND).to_bits().wrapping_sub(ROUND.to_bits())
 }
 
 #[cfg(test)]

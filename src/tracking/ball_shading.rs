@@ -168,7 +168,7 @@ impl LimbProfile {
 }
 
 impl Limb {
-    const NONE: Limb = Limb { disc: 0.0, disc_slope: 0.0, ball: 0.0, ball_slope: 0.0 };
+    pub const NONE: Limb = Limb { disc: 0.0, disc_slope: 0.0, ball: 0.0, ball_slope: 0.0 };
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@
 //! centroid of the visible tape, its covariance and how well the picture agrees.
 
 use super::band_beside::Beside;
-use super::band_sums::{BESIDE_UNIT, BandModel, BandPixels, BandSums, Belongs, LEVELS, UNKNOWNS};
+use super::band_sums::{BESIDE_UNIT, BandModel, BandPixels, BandSums, BandZone, LEVELS, UNKNOWNS};
 use super::cholesky::Cholesky;
 use super::racket_figure::{RacketFigure, VISIBLE_DEPTH};
 use super::racket_pose::View;
@@ -223,7 +223,7 @@ const SIDE_PX: f64 = 1.3;
 const BESIDE_PX: f64 = 1.0;
 const BESIDE_END_PX: f64 = 1.0;
 /// A fit ends when the steps to come are below this, px.
-const SETTLED_PX: f64 = 0.005;
+const SETTLED_PX: f64 = 0.01;
 /// A band this far from where its pixels were gathered is looked at anew, px.
 const LOOK_AGAIN_PX: f64 = 0.5;
 
@@ -375,17 +375,53 @@ fn fit_in(
 /// The pixels of a band whose middle is at `middle` (along, across), between `ends` along and up to `side` across, px from it, with what
 /// lies beside them; `None` where they leave the picture.
 fn gather(pixels: &mut BandPixels, image: &GreyView, band: &BandView, middle: (f64, f64), ends: (f64, f64), side: f64) -> Option<()> {
+    pulp::Arch::new().dispatch(Gathering { pixels: &mut *pixels, image, band, middle, ends, side })?;
+    let mut beside = Beside::new(ends.0 - BESIDE_END_PX, ends.1 + BESIDE_END_PX);
+    for [along, aside, grey] in pixels.beside_it() {
+        beside.add(*along, *aside >= 0.0, *grey);
+    }
+    beside.complete();
+    pixels.complete(|t, s| beside.at(t - middle.0 as f32, s - middle.1 as f32));
+    Some(())
+}
+
+struct Gathering<'a> {
+    pixels: &'a mut BandPixels,
+    image: &'a GreyView<'a>,
+    band: &'a BandView,
+    middle: (f64, f64),
+    ends: (f64, f64),
+    side: f64,
+}
+
+impl pulp::NullaryFnOnce for Gathering<'_> {
+    type Output = Option<()>;
+
+    #[inline(always)]
+    fn call(self) -> Option<()> {
+        gather_rows(self)
+    }
+}
+
+#[inline(always)]
+fn gather_rows(Gathering { pixels, image, band, middle, ends, side }: Gathering) -> Option<()> {
     pixels.clear();
     let across = band.across();
     let length = ends.1.max(-ends.0) + BESIDE_END_PX;
     let far = side + BESIDE_PX;
-    let near = side - SIDE_PX + BESIDE_PX;
-    let mut beside = Beside::new(ends.0 - BESIDE_END_PX, ends.1 + BESIDE_END_PX);
+    let zone = BandZone {
+        middle: [middle.0, middle.1].map(|v| v as f32),
+        bend: band.bend as f32,
+        ends: [ends.0, ends.1].map(|v| v as f32),
+        side: side as f32,
+        beside: [side - SIDE_PX + BESIDE_PX, far].map(|v| v as f32),
+    };
     // How far the tube's own bend carries the band's ends across.
     let bowed = band.bend.abs() * length * length;
     let corner = band.place(middle.0, middle.1);
     let half = length.hypot(far) + 1.0;
     let (x0, x1) = ((corner.x - half).floor() as i64, (corner.x + half).ceil() as i64);
+    let step = [band.along.x as f32, across.x as f32];
     for y in (corner.y - half).floor() as i64..=(corner.y + half).ceil() as i64 {
         let row = usize::try_from(y).ok().and_then(|y| image.row(y));
         let dy = y as f64 - band.centre.y;
@@ -393,47 +429,27 @@ fn gather(pixels: &mut BandPixels, image: &GreyView, band: &BandView, middle: (f
         let (from, to) = (from.max(x0), to.min(x1));
         let place = |x: i64| {
             let dx = x as f64 - band.centre.x;
-            (dx * band.along.x + dy * band.along.y, dx * across.x + dy * across.y)
-        };
-        // Along from the middle, across from the tube's axis there.
-        let on_tube = |t: f64, s: f64| {
-            let from_middle = t - middle.0;
-            (from_middle, s - middle.1 - band.bend * from_middle * from_middle)
-        };
-        let belongs = |t: f64, s: f64| {
-            let (from_middle, aside) = on_tube(t, s);
-            let wanted = !((from_middle < ends.0) | (from_middle > ends.1) | (aside.abs() > side));
-            let off = aside.abs();
-            Belongs { to_band: wanted, beside: (off >= near) & (off <= far), along: from_middle as f32, positive: aside >= 0.0 }
+            [(dx * band.along.x + dy * band.along.y) as f32, (dx * across.x + dy * across.y) as f32]
         };
         let seen = usize::try_from(from).ok().zip(usize::try_from(to).ok()).and_then(|(from, to)| row?.get(from..=to));
-        let Some(seen) = seen else {
-            // Partly beyond what is there: is the band?
-            for x in from..=to {
-                let (t, s) = place(x);
-                match row.and_then(|row| row.get(usize::try_from(x).ok()?)) {
-                    Some(grey) => pixels.push_row(std::iter::once((t, s, *grey)), belongs),
-                    None if belongs(t, s).to_band => return None,
-                    None => {}
-                }
-            }
+        if let Some(seen) = seen {
+            pixels.push_row(place(from), step, seen, &zone);
             continue;
-        };
-        let pixel = |(i, grey): (usize, &u8)| {
-            let (t, s) = place(from + i as i64);
-            (t, s, *grey)
-        };
-        pixels.push_row(seen.iter().enumerate().map(pixel), belongs);
+        }
+        // Partly beyond what is there: is the band?
+        for x in from..=to {
+            match row.and_then(|row| row.get(usize::try_from(x).ok()?)) {
+                Some(grey) => pixels.push_row(place(x), step, std::slice::from_ref(grey), &zone),
+                None if zone.holds(place(x)) => return None,
+                None => {}
+            }
+        }
     }
-    for (along, positive, grey) in pixels.beside_it() {
-        beside.add(along, positive, grey);
-    }
-    beside.complete();
-    pixels.complete(|t, s| beside.at(t - middle.0 as f32, s - middle.1 as f32));
     Some(())
 }
 
 /// Columns of one row that may lie on the band: |t - t0| and |s - s0| within their limits, for a row `dy` below the centre.
+#[inline(always)]
 fn reached(dy: f64, t: (f64, f64), s: (f64, f64), band: &BandView) -> (i64, i64) {
     let (mut from, mut to) = (-1e9f64, 1e9f64);
     // t = x cos + dy sin, s = -x sin + dy cos, x from the centre.

@@ -74,20 +74,41 @@ pub struct BandPixels {
     beside: Vec<f32>,
     /// How many there are; the arrays may be longer.
     count: usize,
-    /// Pixels beside the band: along from its middle, side across, grey level; the same of them.
-    around: Vec<(f32, bool, f32)>,
+    /// Pixels beside the band: along and across from its middle, grey level; the same of them.
+    around: Vec<[f32; 3]>,
     around_count: usize,
     residual: Vec<f32>,
     scratch: Box<Scratch>,
 }
 
-/// What a pixel belongs to, and where it is: along the tube from the band's middle, and on which side across.
-pub struct Belongs {
-    pub to_band: bool,
-    /// To what lies beside the band.
-    pub beside: bool,
-    pub along: f32,
-    pub positive: bool,
+/// Which places are a band's, and which lie beside it, px along and across from its middle.
+pub struct BandZone {
+    pub middle: [f32; 2],
+    /// As in [`BandModel`].
+    pub bend: f32,
+    pub ends: [f32; 2],
+    pub side: f32,
+    /// Nearest and farthest across of what lies beside.
+    pub beside: [f32; 2],
+}
+
+impl BandZone {
+    /// Along from the middle, across from the tube's axis there.
+    #[inline(always)]
+    fn from_middle(&self, [t, s]: [f32; 2]) -> [f32; 2] {
+        let along = t - self.middle[0];
+        [along, s - self.middle[1] - self.bend * along * along]
+    }
+
+    #[inline(always)]
+    fn on_band(&self, [along, aside]: [f32; 2]) -> bool {
+        (along >= self.ends[0]) & (along <= self.ends[1]) & (aside.abs() <= self.side)
+    }
+
+    /// Whether a place (along, across) is the band's.
+    pub fn holds(&self, place: [f32; 2]) -> bool {
+        self.on_band(self.from_middle(place))
+    }
 }
 
 /// What one step computes, one value a pixel; it is all written before it is read, so that no step clears it.
@@ -118,36 +139,48 @@ impl BandPixels {
 
     #[cfg(test)]
     pub fn push(&mut self, t: f64, s: f64, grey: u8) {
-        self.push_row(std::iter::once((t, s, grey)), |_, _| Belongs { to_band: true, beside: false, along: 0.0, positive: true });
+        let all = BandZone { middle: [0.0; 2], bend: 0.0, ends: [-1e9, 1e9], side: 1e9, beside: [2e9; 2] };
+        self.push_row([t as f32, s as f32], [0.0; 2], &[grey], &all);
     }
 
-    /// Adds the pixels of a row (along, across, grey level) that belong to the band or lie beside it.
+    /// Adds the pixels of a row that belong to the band or lie beside it; the first one's place (along, across) and the way from each to the
+    /// next are given.
     #[inline(always)]
-    pub fn push_row(&mut self, row: impl ExactSizeIterator<Item = (f64, f64, u8)>, belongs: impl Fn(f64, f64) -> Belongs) {
+    pub fn push_row(&mut self, first: [f32; 2], way: [f32; 2], row: &[u8], zone: &BandZone) {
         let most = self.count + row.len();
         self.room_for(most);
         if self.around.len() < self.around_count + row.len() {
-            self.around.resize(2 * (self.around_count + row.len()), (0.0, false, 0.0));
+            self.around.resize(2 * (self.around_count + row.len()), [0.0; 3]);
         }
         let [along, across, greys] = [&mut self.t, &mut self.s, &mut self.grey].map(|v| &mut v[self.count..most]);
         let around = &mut self.around[self.around_count..][..row.len()];
         let (mut at, mut beside) = (0, 0);
-        // Written in any case, kept where it belongs: no branch to guess.
-        for (t, s, grey) in row {
-            let grey = f32::from(grey);
-            let b = belongs(t, s);
-            (along[at], across[at], greys[at]) = (t as f32, s as f32, grey);
-            around[beside] = (b.along, b.positive, grey);
-            at += usize::from(b.to_band);
-            beside += usize::from(b.beside);
+        let (mut t, mut s, mut from_middle, mut aside): (Step, Step, Step, Step) = ([0.0; STEP], [0.0; STEP], [0.0; STEP], [0.0; STEP]);
+        let (mut on_band, mut off_it) = ([0u32; STEP], [0u32; STEP]);
+        for (k, row) in row.chunks(STEP).enumerate() {
+            for i in 0..STEP {
+                let x = (k * STEP + i) as f32;
+                (t[i], s[i]) = (first[0] + x * way[0], first[1] + x * way[1]);
+                [from_middle[i], aside[i]] = zone.from_middle([t[i], s[i]]);
+                on_band[i] = u32::from(zone.on_band([from_middle[i], aside[i]]));
+                off_it[i] = u32::from((aside[i].abs() >= zone.beside[0]) & (aside[i].abs() <= zone.beside[1]));
+            }
+            // Written in any case, kept where it belongs: no branch to guess.
+            for (i, grey) in row.iter().enumerate() {
+                let grey = f32::from(*grey);
+                (along[at], across[at], greys[at]) = (t[i], s[i], grey);
+                around[beside] = [from_middle[i], aside[i], grey];
+                at += on_band[i] as usize;
+                beside += off_it[i] as usize;
+            }
         }
         self.count += at;
         self.around_count += beside;
     }
 
-    /// The pixels beside the band: along from its middle, whether on the positive side across, grey level.
-    pub fn beside_it(&self) -> impl Iterator<Item = (f32, bool, f32)> + '_ {
-        self.around[..self.around_count].iter().copied()
+    /// The pixels beside the band: along and across from its middle, grey level.
+    pub fn beside_it(&self) -> &[[f32; 3]] {
+        &self.around[..self.around_count]
     }
 
     #[inline(always)]
@@ -341,8 +374,9 @@ fn round(p: &mut BandPixels, m: &BandModel) -> BandSums {
         }
         add_products(&mut weights, weight, &[1.0; STEP]);
     }
-    let mut out = BandSums { jtj: [[0.0; UNKNOWNS]; UNKNOWNS], jtr: [0.0; UNKNOWNS], weight: total(&weights), chi: 0.0 };
-    let mut sums = sums.iter().map(total);
+    let mut out = BandSums { jtj: [[0.0; UNKNOWNS]; UNKNOWNS], jtr: [0.0; UNKNOWNS], weight: f64::from(total(&fourths(&weights))), chi: 0.0 };
+    let totals = totals(&sums);
+    let mut sums = totals.iter().map(|sum| f64::from(*sum));
     for i in 0..UNKNOWNS {
         for j in i..UNKNOWNS {
             let v = sums.next().unwrap_or_default();
@@ -363,13 +397,32 @@ fn add_products(to: &mut [f32; LANES], a: &Step, b: &Step) {
     }
 }
 
+/// The totals of all lanes, side by side.
 #[inline(always)]
-fn total(lanes: &[f32; LANES]) -> f64 {
+fn totals(sums: &[[f32; LANES]; PRODUCTS]) -> [f32; PRODUCTS] {
+    let mut fours = [[0.0f32; 4]; PRODUCTS];
+    for k in 0..PRODUCTS {
+        fours[k] = fourths(&sums[k]);
+    }
+    let mut out = [0.0; PRODUCTS];
+    for k in 0..PRODUCTS {
+        out[k] = total(&fours[k]);
+    }
+    out
+}
+
+#[inline(always)]
+fn fourths(lanes: &[f32; LANES]) -> [f32; 4] {
     let mut four = [0.0f32; 4];
     for l in 0..4 {
         four[l] = (lanes[l] + lanes[l + 8]) + (lanes[l + 4] + lanes[l + 12]);
     }
-    f64::from((four[0] + four[2]) + (four[1] + four[3]))
+    four
+}
+
+#[inline(always)]
+fn total(four: &[f32; 4]) -> f32 {
+    (four[0] + four[2]) + (four[1] + four[3])
 }
 
 /// Error function (Abramowitz and Stegun 7.1.26, absolute error below 3e-7 in single precision, far below a grey level) and

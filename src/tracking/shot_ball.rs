@@ -52,7 +52,7 @@ pub struct Stage<'a> {
 #[derive(Clone)]
 pub struct Kept {
     patches: [GreyPatch; 2],
-    levels: Option<[OutlineLevels; 2]>,
+    levels: Option<Box<[OutlineLevels; 2]>>,
 }
 
 /// What the frame in which the ball is looked for first holds.
@@ -251,7 +251,7 @@ impl<S: FrameSource> Shot<'_, S> {
             let Some((p, within)) = expected else { return Ok((None, [None; 2])) };
             let close = kept[index].as_ref().and_then(|kept| {
                 let images = kept.patches.each_ref().map(|p| Some(p.view()));
-                Some((scene.measure_close(&images, &p, kept.levels.as_ref(), 1.0)?.0, images))
+                Some((scene.measure_close(&images, &p, kept.levels.as_deref(), 1.0)?.0, images))
             });
             let (found, images) = match close {
                 Some((found, images)) => (Some(found), images),
@@ -371,7 +371,7 @@ impl<S: FrameSource> Shot<'_, S> {
                         }
                     }
                     let patches = if half.frames.len() < PATCHES { scene.patches(&images, &b) } else { None };
-                    half.frames.push((index, b, patches.map(|patches| Kept { patches, levels })));
+                    half.frames.push((index, b, patches.map(|patches| Kept { patches, levels: levels.map(Box::new) })));
                 }
                 None => {
                     lost += 1;

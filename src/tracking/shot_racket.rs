@@ -5,7 +5,7 @@ use super::band_search::{self, BandCandidate, MOST};
 use super::face;
 use super::racket_figure::RacketFigure;
 use super::racket_search::{self, Reach};
-use super::racket_track::{self, ALL_BANDS, KnownBands, LEAST_CONTRAST, RacketFrame};
+use super::racket_track::{self, KnownBands, LEAST_CONTRAST, RacketFrame};
 use super::recording::{Fingerprint, Fingerprints};
 use super::shot_frames::{PATIENCE, Shot, spread};
 use super::shot_tracks::TrackingError;
@@ -425,7 +425,7 @@ impl<S: FrameSource> Shot<'_, S> {
         let mut last = (self.source.number(start.index) as f64, start.frame.pose.global_from_racket);
         let mut previous: Option<(f64, Isometry3<f64>)> = None;
         let mut prints = Vec::new();
-        // What the bands looked like, as long as all of them are seen where they are expected.
+        // The bands seen in the frame before, as long as they are seen where they are expected.
         let mut known: Option<KnownBands> = None;
         let mut lost = 0;
         let mut look_next = FIRST_LOOK;
@@ -439,9 +439,12 @@ impl<S: FrameSource> Shot<'_, S> {
             let predicted = racket_track::predict(previous.as_ref().map(|p| &p.1), &last.1, previous.map_or(1.0, |p| last.0 - p.0), now - last.0);
             let reach = if previous.is_none() { 5 } else { (3 + 2 * lost as i32).min(7) };
             let expected = lost <= PATIENCE;
-            if expected && let Some(bands) = known.as_ref().and_then(|_| scene.expected(&predicted)) {
-                let images = self.read_rows(index, bands.rows(&scene), &mut buffers)?;
-                found = racket_track::confirm(&scene, &images, &predicted, &bands, &start.least_contrast, &mut known);
+            if expected
+                && let Some(known) = &mut known
+                && let Some(bands) = scene.expected(&predicted)
+            {
+                let images = self.read_rows(index, bands.rows(&scene, known), &mut buffers)?;
+                found = racket_track::confirm(&scene, &images, &predicted, &bands, &start.least_contrast, known);
                 if found.is_some() {
                     prints.push((index, images.map(|v| v.map(|v| Fingerprint::of(&v)))));
                 }
@@ -457,6 +460,7 @@ impl<S: FrameSource> Shot<'_, S> {
                 if expected {
                     let look = if previous.is_some() { racket_track::measure_following } else { racket_track::measure };
                     found = look(&scene, &images, &predicted, reach, &start.least_contrast);
+                    known = found.as_ref().and_then(|frame| KnownBands::of(&scene, &images, frame, &start.least_contrast));
                 }
             }
             if found.is_none() && look_for && lost >= look_next {
@@ -472,9 +476,6 @@ impl<S: FrameSource> Shot<'_, S> {
             match found {
                 Some(frame) => {
                     let pose = frame.pose.global_from_racket;
-                    if frame.count() == ALL_BANDS && known.is_none() {
-                        known = Some(KnownBands::default());
-                    }
                     if !frame.stereo() {
                         // Its depth is poor: recorded, but the motion goes on from the frames before.
                         out.push((index, frame));

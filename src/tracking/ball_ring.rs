@@ -214,7 +214,7 @@ fn sectors_of(sums: &[Sectors; SUMS]) -> SectorFits {
         let (p, q, s) = (c * per, -b * per, a * per);
         let (v, w) = (p * aj[k] + q * bj[k], q * aj[k] + s * bj[k]);
         let information = (jj[k] - v * aj[k] - w * bj[k]).max(1e-6);
-        out.outward[k] = ((jr[k] - v * ar[k] - w * br[k]) / information).max(-MOST_PX).min(MOST_PX);
+        out.outward[k] = ((jr[k] - v * ar[k] - w * br[k]) / information).clamp(-MOST_PX, MOST_PX);
         out.information[k] = information;
         out.variance[k] = chi[k] / (weight[k] - 2.0).max(1.0);
         (out.change[0][k], out.change[1][k]) = (p * ar[k] + q * br[k], q * ar[k] + s * br[k]);

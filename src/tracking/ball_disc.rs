@@ -4,7 +4,7 @@
 //! pixel either way, and blurred by two passes of a normal curve that stands for lens and pixel together. Moving the centre by
 //! part of a pixel needs the second step only, and the derivatives come with it.
 
-use super::octet::{LANES, Octet};
+use super::lanes::{LANES, Lanes};
 use nalgebra::Vector2;
 use std::ops::Range;
 
@@ -193,9 +193,9 @@ impl pulp::NullaryFnOnce for Blur<'_> {
             let taps = (-first).clamp(0, rows.taps as isize) as usize..(disc.places as isize - first).clamp(0, rows.taps as isize) as usize;
             for k in 0..PER_PIXEL {
                 for at in disc.middle(k).step_by(LANES) {
-                    let (mut sum, mut change) = (Octet::ZERO, Octet::ZERO);
+                    let (mut sum, mut change) = (Lanes::ZERO, Lanes::ZERO);
                     for tap in taps.clone() {
-                        let Some(places) = eight(painted, (first + tap as isize) as usize * stride + at) else { break };
+                        let Some(places) = lanes(painted, (first + tap as isize) as usize * stride + at) else { break };
                         sum = sum.plus_times(places, rows.weight[tap]);
                         if slopes {
                             change = change.plus_times(places, rows.by_centre[tap]);
@@ -206,10 +206,10 @@ impl pulp::NullaryFnOnce for Blur<'_> {
                 }
             }
             for at in (0..width).step_by(LANES) {
-                let (mut sum, mut change_x, mut change_y) = (Octet::ZERO, Octet::ZERO, Octet::ZERO);
+                let (mut sum, mut change_x, mut change_y) = (Lanes::ZERO, Lanes::ZERO, Lanes::ZERO);
                 for (tap, start) in seen.iter().enumerate().take(columns.taps) {
                     let Some(start) = start else { continue };
-                    let (Some(places), Some(changes)) = (eight(&line, start + at), eight(&slope, start + at)) else { continue };
+                    let (Some(places), Some(changes)) = (lanes(&line, start + at), lanes(&slope, start + at)) else { continue };
                     sum = sum.plus_times(places, columns.weight[tap]);
                     if slopes {
                         change_x = change_x.plus_times(places, columns.by_centre[tap]);
@@ -256,14 +256,14 @@ impl pulp::NullaryFnOnce for Gather<'_> {
             for (k, line) in lines.chunks_exact_mut(width).enumerate() {
                 let first = disc.middle(k).start - k * disc.part + MARGIN + width;
                 for at in (0..width).step_by(LANES) {
-                    let mut sum = Octet::ZERO;
+                    let mut sum = Lanes::ZERO;
                     for tap in 0..columns.taps {
                         let column = columns.from + (MARGIN + tap) as isize;
                         if column.rem_euclid(PER_PIXEL as isize) as usize != k {
                             continue;
                         }
                         let from = usize::try_from((first + at) as isize - column.div_euclid(PER_PIXEL as isize));
-                        if let Some(pixels) = from.ok().and_then(|from| eight(&padded, from)) {
+                        if let Some(pixels) = from.ok().and_then(|from| lanes(&padded, from)) {
                             sum = sum.plus_times(pixels, columns.weight[tap]);
                         }
                     }
@@ -278,10 +278,10 @@ impl pulp::NullaryFnOnce for Gather<'_> {
             for k in 0..PER_PIXEL {
                 let to = row * PER_PIXEL * disc.part + disc.middle(k).start;
                 for at in (0..width).step_by(LANES) {
-                    let mut sum = Octet::ZERO;
+                    let mut sum = Lanes::ZERO;
                     for v in seen.clone() {
                         let tap = (seen_from - (v * PER_PIXEL) as isize) as usize;
-                        if let (Some(line), Some(weight)) = (eight(&lines, (v * PER_PIXEL + k) * width + at), rows.weight.get(tap)) {
+                        if let (Some(line), Some(weight)) = (lanes(&lines, (v * PER_PIXEL + k) * width + at), rows.weight.get(tap)) {
                             sum = sum.plus_times(line, *weight);
                         }
                     }
@@ -293,9 +293,9 @@ impl pulp::NullaryFnOnce for Gather<'_> {
     }
 }
 
-/// Eight values from here on.
+/// As many values as stand side by side, from here on.
 #[inline(always)]
-pub fn eight(values: &[f32], at: usize) -> Option<&[f32; LANES]> {
+pub fn lanes(values: &[f32], at: usize) -> Option<&[f32; LANES]> {
     values.get(at..at + LANES)?.first_chunk()
 }
 

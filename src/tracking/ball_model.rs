@@ -9,7 +9,7 @@ use super::ball_disc::{BallDisc, PlacesOnBall};
 use super::ball_light::{BallLight, SeenLight};
 use super::ball_surroundings::Surroundings;
 use super::ball_texture::{BallTexture, Spots};
-use super::octet::LANES;
+use super::lanes::LANES;
 use crate::calibration::CameraId;
 use nalgebra::{Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3};
 
@@ -282,9 +282,9 @@ impl BallPicture {
     }
 }
 
-/// Eight pixels near the outline, side by side: what they show and how that changes with the centre.
+/// Pixels near the outline, side by side: what they show and how that changes with the centre.
 #[derive(Clone, Copy, Default)]
-struct Eight {
+struct Bunch {
     grey: [f32; LANES],
     ball: [f32; LANES],
     ball_by: [[f32; LANES]; 2],
@@ -315,7 +315,7 @@ struct Straight<'a> {
     centre: Vector2<f64>,
     /// Where the surroundings were looked at.
     around: Option<(Vector2<f64>, Surroundings)>,
-    eights: Vec<Eight>,
+    bunches: Vec<Bunch>,
     count: usize,
     sizes: Vec<f32>,
 }
@@ -331,7 +331,7 @@ impl<'a> Straight<'a> {
             blur_px: model.blur_px,
             centre: Vector2::repeat(f64::INFINITY),
             around: None,
-            eights: Vec::new(),
+            bunches: Vec::new(),
             count: 0,
             sizes: Vec::new(),
         }
@@ -357,10 +357,10 @@ impl<'a> Straight<'a> {
         let picture = self.picture;
         self.centre = *centre;
         let [ball] = self.face.disc.blurred([&self.painted], centre, picture.side, self.blur_px, true);
-        self.eights.clear();
+        self.bunches.clear();
         self.count = 0;
         let (inner, outer) = (((1.0 - INSIDE) * picture.radius_px).powi(2), (picture.radius_px + OUTSIDE_PX).powi(2));
-        let mut eight = Eight::default();
+        let mut bunch = Bunch::default();
         for p in shown {
             let i = p.pixel;
             let d = Vector2::new((i % picture.side) as f64, (i / picture.side) as f64) - centre;
@@ -371,35 +371,35 @@ impl<'a> Straight<'a> {
                 return None;
             }
             let l = self.count % LANES;
-            eight.grey[l] = picture.pixels[i];
-            eight.ball[l] = ball.value[i];
-            (eight.ball_by[0][l], eight.ball_by[1][l]) = (ball.by_x[i], ball.by_y[i]);
-            eight.outside[l] = if p.share > CLEAR { 0.0 } else { 1.0 - p.share };
-            (eight.outside_by[0][l], eight.outside_by[1][l]) = (-p.by_centre[0], -p.by_centre[1]);
-            (eight.behind[l], eight.spread[l]) = (p.behind, p.spread);
+            bunch.grey[l] = picture.pixels[i];
+            bunch.ball[l] = ball.value[i];
+            (bunch.ball_by[0][l], bunch.ball_by[1][l]) = (ball.by_x[i], ball.by_y[i]);
+            bunch.outside[l] = if p.share > CLEAR { 0.0 } else { 1.0 - p.share };
+            (bunch.outside_by[0][l], bunch.outside_by[1][l]) = (-p.by_centre[0], -p.by_centre[1]);
+            (bunch.behind[l], bunch.spread[l]) = (p.behind, p.spread);
             let d = d / picture.radius_px;
-            (eight.from_centre[0][l], eight.from_centre[1][l]) = (d.x as f32, d.y as f32);
-            eight.there[l] = 1.0;
+            (bunch.from_centre[0][l], bunch.from_centre[1][l]) = (d.x as f32, d.y as f32);
+            bunch.there[l] = 1.0;
             self.count += 1;
             if l + 1 == LANES {
-                self.eights.push(std::mem::take(&mut eight));
+                self.bunches.push(std::mem::take(&mut bunch));
             }
         }
         if !self.count.is_multiple_of(LANES) {
-            self.eights.push(eight);
+            self.bunches.push(bunch);
         }
         (self.count >= FEWEST).then_some(())
     }
 
     /// Misses, deviations and slopes at a centre so far from where they were taken.
     fn miss(&mut self, moved: &Vector2<f64>, gain: f32) {
-        pulp::Arch::new().dispatch(Miss { eights: &mut self.eights, moved: [moved.x as f32, moved.y as f32], gain, noise: self.noise });
+        pulp::Arch::new().dispatch(Miss { bunches: &mut self.bunches, moved: [moved.x as f32, moved.y as f32], gain, noise: self.noise });
     }
 
     /// Scale of the misses, in deviations.
     fn scale(&mut self) -> f32 {
         self.sizes.clear();
-        for e in &self.eights {
+        for e in &self.bunches {
             self.sizes.extend((0..LANES).map(|l| e.miss[l] * e.miss[l] / e.variance[l]));
         }
         self.sizes.truncate(self.count);
@@ -409,7 +409,7 @@ impl<'a> Straight<'a> {
 
     /// Normal equations.
     fn weigh<const N: usize>(&self, scale: f32, huber: bool) -> (SMatrix<f64, N, N>, SVector<f64, N>) {
-        pulp::Arch::new().dispatch(Weigh::<N> { eights: &self.eights, scale, huber })
+        pulp::Arch::new().dispatch(Weigh::<N> { bunches: &self.bunches, scale, huber })
     }
 
     /// Scatter of the sectors' pulls, and the share of the pixels that agree.
@@ -417,7 +417,7 @@ impl<'a> Straight<'a> {
         let mut pulls = [Vector3::zeros(); SECTORS];
         let mut agreeing = 0;
         for i in 0..self.count {
-            let (e, l) = (&self.eights[i / LANES], i % LANES);
+            let (e, l) = (&self.bunches[i / LANES], i % LANES);
             let z = e.miss[l].abs() / (e.variance[l].sqrt() * scale);
             agreeing += usize::from(z < 2.5);
             let pull = e.miss[l] * weight(z, huber) / e.variance[l];
@@ -435,7 +435,7 @@ fn weight(z: f32, huber: bool) -> f32 {
 }
 
 struct Miss<'a> {
-    eights: &'a mut [Eight],
+    bunches: &'a mut [Bunch],
     moved: [f32; 2],
     gain: f32,
     noise: f32,
@@ -446,8 +446,8 @@ impl pulp::NullaryFnOnce for Miss<'_> {
 
     #[inline(always)]
     fn call(self) {
-        let Miss { eights, moved: [x, y], gain, noise } = self;
-        for e in eights {
+        let Miss { bunches, moved: [x, y], gain, noise } = self;
+        for e in bunches {
             for l in 0..LANES {
                 let ball = e.ball[l] + e.ball_by[0][l] * x + e.ball_by[1][l] * y;
                 let clear = e.outside[l] == 0.0;
@@ -465,7 +465,7 @@ impl pulp::NullaryFnOnce for Miss<'_> {
 }
 
 struct Weigh<'a, const N: usize> {
-    eights: &'a [Eight],
+    bunches: &'a [Bunch],
     scale: f32,
     huber: bool,
 }
@@ -475,10 +475,10 @@ impl<const N: usize> pulp::NullaryFnOnce for Weigh<'_, N> {
 
     #[inline(always)]
     fn call(self) -> Self::Output {
-        let Weigh { eights, scale, huber } = self;
+        let Weigh { bunches, scale, huber } = self;
         let mut h = [[[0.0f32; LANES]; N]; N];
         let mut g = [[0.0f32; LANES]; N];
-        for e in eights {
+        for e in bunches {
             let mut w = [0.0f32; LANES];
             for l in 0..LANES {
                 let z = e.miss[l].abs() / (e.variance[l].sqrt() * scale);

@@ -1,9 +1,9 @@
 //! What lies behind the ball in one picture: continued inward from just outside the outline, with the help of the clip's median
 //! picture where that is what is seen outside.
 
-use super::ball_disc::{WIDE, eight};
+use super::ball_disc::{WIDE, lanes};
 use super::ball_model::BallPicture;
-use super::octet::{LANES, Octet};
+use super::lanes::{LANES, Lanes};
 use nalgebra::Vector2;
 
 /// Pixels show the surroundings from so many deviations of the blur outside the outline (up to 1.5 % of the ball) to so many pixels, at
@@ -107,9 +107,9 @@ impl pulp::NullaryFnOnce for Spread<'_> {
         let mut line = vec![0.0f32; width];
         for row in values.chunks_exact_mut(stride) {
             for at in (0..width).step_by(LANES) {
-                let mut sum = Octet::ZERO;
+                let mut sum = Lanes::ZERO;
                 for (k, weight) in falling.iter().enumerate() {
-                    if let Some(places) = eight(row, at + k) {
+                    if let Some(places) = lanes(row, at + k) {
                         sum = sum.plus_times(places, *weight);
                     }
                 }
@@ -119,9 +119,9 @@ impl pulp::NullaryFnOnce for Spread<'_> {
         }
         for y in 0..side {
             for at in (y * stride..y * stride + width).step_by(LANES) {
-                let mut sum = Octet::ZERO;
+                let mut sum = Lanes::ZERO;
                 for (k, weight) in falling.iter().enumerate() {
-                    if let Some(places) = eight(values, at + k * stride) {
+                    if let Some(places) = lanes(values, at + k * stride) {
                         sum = sum.plus_times(places, *weight);
                     }
                 }

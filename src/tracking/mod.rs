@@ -36,7 +36,7 @@ mod dltdv;
 mod export;
 mod face;
 mod in_step;
-mod octet;
+mod lanes;
 mod other_thing;
 mod overlay;
 mod part_of_racket;

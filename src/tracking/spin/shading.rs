@@ -1,7 +1,7 @@
 //! Light on the ball: a smooth pattern that stays with the camera while the markings turn under it.
 
 use super::view::{Sample, ViewInfo};
-use crate::tracking::octet::{LANES, Octet};
+use crate::tracking::lanes::{LANES, Lanes};
 use nalgebra::{SMatrix, SVector, Vector3};
 
 /// Harmonics up to order 3 of the normal, the constant left out (a view's gain takes it). A matt ball under any lights
@@ -169,7 +169,7 @@ struct Products<'a> {
 impl pulp::NullaryFnOnce for Products<'_> {
     type Output = ([Factors; UNKNOWNS], Factors);
 
-    /// Up to [`SINGLY`] equations, eight side by side.
+    /// Up to [`SINGLY`] equations, [`LANES`] side by side.
     #[inline(always)]
     fn call(self) -> Self::Output {
         let mut columns = [[[0.0f32; LANES]; SINGLY / LANES]; UNKNOWNS];
@@ -184,7 +184,7 @@ impl pulp::NullaryFnOnce for Products<'_> {
             }
         }
         let dot = |a: &[[f32; LANES]; SINGLY / LANES], b: &[[f32; LANES]; SINGLY / LANES]| {
-            let mut sum = Octet::ZERO;
+            let mut sum = Lanes::ZERO;
             for (a, b) in a.iter().zip(b) {
                 sum = sum.plus_products(a, b);
             }

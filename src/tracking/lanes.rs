@@ -5,10 +5,10 @@ pub const LANES: usize = 16;
 
 #[derive(Clone, Copy)]
 #[repr(align(64))]
-pub struct Octet(pub [f32; LANES]);
+pub struct Lanes(pub [f32; LANES]);
 
-impl Octet {
-    pub const ZERO: Octet = Octet([0.0; LANES]);
+impl Lanes {
+    pub const ZERO: Lanes = Lanes([0.0; LANES]);
 
     #[inline(always)]
     pub fn plus_products(mut self, x: &[f32; LANES], y: &[f32; LANES]) -> Self {

@@ -95,7 +95,7 @@ pub struct BandZone {
 impl BandZone {
     /// Along from the middle, across from the tube's axis there.
     #[inline(always)]
-    fn from_middle(&self, [t, s]: [f32; 2]) -> [f32; 2] {
+    fn off_middle(&self, [t, s]: [f32; 2]) -> [f32; 2] {
         let along = t - self.middle[0];
         [along, s - self.middle[1] - self.bend * along * along]
     }
@@ -107,7 +107,7 @@ impl BandZone {
 
     /// Whether a place (along, across) is the band's.
     pub fn holds(&self, place: [f32; 2]) -> bool {
-        self.on_band(self.from_middle(place))
+        self.on_band(self.off_middle(place))
     }
 }
 
@@ -161,7 +161,7 @@ impl BandPixels {
             for i in 0..STEP {
                 let x = (k * STEP + i) as f32;
                 (t[i], s[i]) = (first[0] + x * way[0], first[1] + x * way[1]);
-                [from_middle[i], aside[i]] = zone.from_middle([t[i], s[i]]);
+                [from_middle[i], aside[i]] = zone.off_middle([t[i], s[i]]);
                 on_band[i] = u32::from(zone.on_band([from_middle[i], aside[i]]));
                 off_it[i] = u32::from((aside[i].abs() >= zone.beside[0]) & (aside[i].abs() <= zone.beside[1]));
             }

@@ -45,7 +45,7 @@ const PARTS: usize = 3;
 /// A part has at least so many pictures of one camera and stretch, as far as there are as many.
 const PART: usize = 8;
 /// Noise of a pixel, as a share of the ball's brightness, for which one part is enough; by its square more are needed. Court and laboratory have
-/// 0.021 to 0.034, hard light 0.045 to 0.069.
+/// 0.024 to 0.034, hard light 0.043 to 0.064.
 const CLEAR_NOISE: f64 = 0.03;
 /// Fewest pictures of one camera from which a ball is learnt.
 const FEWEST: usize = 4;

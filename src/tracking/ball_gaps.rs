@@ -21,7 +21,7 @@ use std::ops::Range;
 const SHORTEST: usize = 4;
 /// Frames from the known ball at which a free flight is looked for, in order: contact lasts six frames, and soon after the ball is clear of
 /// the racket's frame in both pictures.
-const STARTS: [usize; 7] = [2, 6, 10, 14, 18, 23, 28];
+pub(super) const STARTS: [usize; 7] = [2, 6, 10, 14, 18, 23, 28];
 /// Two measurements of one ball differ by less, m: three deviations of depth by rays good to 1 px.
 const SAME_BALL_M: f64 = 0.03;
 /// A ball on the strings changes its velocity by this per frame at 1000 frames a second, m: 50 m/s over 4 ms.
@@ -142,9 +142,7 @@ impl<S: FrameSource> Shot<'_, S> {
                 for (piece, way) in pair.map(|k| (&pieces[k], &ways[way_of[k]])) {
                     for s in piece {
                         kept[s.index] = true;
-                        if way[s.index].map(|f| f.position) != flight.frames[s.index].map(|f| f.position) {
-                            (flight.frames[s.index], flight.kept[s.index]) = (way[s.index], None);
-                        }
+                        flight.set(s.index, way[s.index]);
                     }
                 }
             }
@@ -164,6 +162,18 @@ impl<S: FrameSource> Shot<'_, S> {
             }
         }
         self.mean_discs_again(scene, flight)
+    }
+
+    /// Takes into a flight the ball before and after the strings, wherever in the ways followed it stands.
+    pub(super) fn take_in_other_half(&self, flight: &mut Flight, ways: &[Vec<Option<BallFrame>>], racket: &[Option<RacketFrame>]) {
+        let rate = self.setup.frame_rate_hz;
+        let (ways_of, pieces): (Vec<_>, Vec<Piece>) =
+            ways.iter().flat_map(|frames| straight_pieces(&self.sightings(frames, racket), rate).into_iter().map(move |p| (frames, p))).unzip();
+        for k in met_at_strings(&pieces, rate).into_iter().flatten() {
+            for s in &pieces[k] {
+                flight.set(s.index, ways_of[k][s.index]);
+            }
+        }
     }
 
     /// The mean pictures of the disc, from the frames that stayed.
@@ -313,6 +323,13 @@ fn gaps(frames: &[Option<BallFrame>]) -> Vec<Range<usize>> {
 }
 
 impl Flight {
+    /// Puts into a frame what another way has there.
+    fn set(&mut self, index: usize, ball: Option<BallFrame>) {
+        if ball.map(|b| b.position) != self.frames[index].map(|b| b.position) {
+            (self.frames[index], self.kept[index]) = (ball, None);
+        }
+    }
+
     /// Leaves the frames of these sightings.
     pub(super) fn keep_only(&mut self, piece: &[Sighting]) {
         for index in 0..self.frames.len() {

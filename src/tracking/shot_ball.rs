@@ -2,8 +2,8 @@
 
 use super::ball_choice::{self, Sighting};
 use super::ball_fit::OutlineLevels;
-use super::ball_gaps::stands_at;
-use super::ball_pieces;
+use super::ball_gaps::{STARTS, stands_at};
+use super::ball_pieces::{self, straight_pieces};
 use super::ball_presence;
 use super::ball_search;
 use super::ball_shading::{BallShading, LimbProfile};
@@ -16,6 +16,7 @@ use crate::calibration::CameraId;
 use crate::footage::{FrameBuffer, FrameSource, GreyImage, GreyPatch, GreyView, Rows};
 use nalgebra::{Point3, Vector2};
 use rayon::prelude::*;
+use std::collections::VecDeque;
 
 /// Blur of the ball's outline in a picture in focus, px, one standard deviation (a ball is no sharp-edged tape).
 const BALL_BLUR_PX: f64 = 0.55;
@@ -29,6 +30,8 @@ const FILLED: f64 = 6.0;
 const LONG_FLIGHT: usize = 30;
 /// What the strings turned is the ball, however near others come to them, m.
 const TURNED_M: f64 = 1.0;
+/// A flight that was lost so near to the stringbed's centre met the strings there, m.
+const MET_M: f64 = 0.5;
 /// A thing that flew straight in as many frames may be the ball.
 const FLIES: usize = 8;
 
@@ -84,6 +87,18 @@ impl<S: FrameSource> Shot<'_, S> {
         let mut order = spread(self.source.len().saturating_sub(2));
         order.truncate(24);
         order
+    }
+
+    /// Frames in which the other half of a flight may be found, of which the strings' side of the contact was seen: those nearest first.
+    fn beyond_the_strings(&self, seen: &[Sighting]) -> Vec<usize> {
+        let pieces = straight_pieces(seen, self.setup.frame_rate_hz);
+        let ends = pieces.iter().filter(|p| p.len() >= FLIES).flat_map(|p| [(&p[0], false), (&p[p.len() - 1], true)]);
+        let near = ends.filter_map(|(end, forth)| Some((end.in_racket.map(|p| p.coords.norm()).filter(|away| *away < MET_M)?, end.index, forth)));
+        let Some((_, end, forth)) = near.min_by(|a, b| a.0.total_cmp(&b.0)) else { return Vec::new() };
+        let frames = |start: usize| (start as f64 * self.setup.frame_rate_hz / 1000.0).round() as usize;
+        let n = self.source.len();
+        let index = |start: usize| if forth { Some(end + frames(start)) } else { end.checked_sub(frames(start) + 2) };
+        STARTS.iter().filter_map(|start| index(*start).filter(|first| first + 2 < n)).collect()
     }
 
     /// What the first look into the clip finds.
@@ -142,7 +157,8 @@ impl<S: FrameSource> Shot<'_, S> {
             if clear || against_another && self.stands_in(&claimed, racket, 0) {
                 break;
             }
-            for first in self.looked_into() {
+            let mut order: VecDeque<usize> = self.looked_into().into();
+            while let Some(first) = order.pop_front() {
                 let flights = match flights_ahead.take() {
                     Some(flights) => flights,
                     None if against_another => self.flights_against_another(first, &scene)?,
@@ -171,10 +187,19 @@ impl<S: FrameSource> Shot<'_, S> {
                         let met = ball_pieces::turned(&seen, self.setup.frame_rate_hz);
                         let score = likeness.score - if met { TURNED_M } else { 0.0 };
                         claimed.push(track.frames.clone());
-                        if score < best.0 {
+                        // Less clear than what it is the other half of, it does not stand in its stead.
+                        let halves = || self.stands_in(&[best.1.frames.clone(), track.frames.clone()], racket, LONG_FLIGHT);
+                        if score < best.0 && !(clear && !likeness.clear && halves()) {
                             best = (score, track);
                             clear = likeness.clear;
                             turned = met;
+                            // Its other half is nearest where it was lost; if it is not there, the rest of this frame is.
+                            let beyond = self.beyond_the_strings(&seen);
+                            if clear && !turned && !beyond.is_empty() {
+                                order.push_front(first);
+                                beyond.into_iter().rev().for_each(|index| order.push_front(index));
+                                break;
+                            }
                         }
                     } else {
                         claimed.push(track.frames);
@@ -192,6 +217,7 @@ impl<S: FrameSource> Shot<'_, S> {
         let mut flight = best.1;
         let stage = Stage { ball: &scene, racket, still };
         if clear {
+            self.take_in_other_half(&mut flight, &claimed, racket);
             return self.remeasure_ball(&stage, flight);
         }
         let flies = self.stands_in(&claimed, racket, 0) || self.longest_flight(&flight.frames, racket) >= FLIES;

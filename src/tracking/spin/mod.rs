@@ -7,6 +7,7 @@
 
 mod contest;
 mod estimate;
+mod map_equations;
 mod registration;
 mod search;
 mod shading;

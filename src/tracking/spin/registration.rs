@@ -1,23 +1,21 @@
 //! Registration: one spin vector, one map of markings, gains and shading, fitted together to all pixels.
 //!
 //! contrast(pixel) = map(Rᵀ n) + gain(view) + shading(camera, disc) + noise, with R = exp([ω] (t − t₀)) in global axes.
-//! Gauss–Newton on ω with the map projected out at every step (variable projection, Golub and Pereyra 1973): the map's
-//! normal equations are a block per cell, summed once per step and solved by conjugate gradients on the map alone. Gains and
-//! shading follow from what is left over between the steps.
+//! Gauss–Newton on ω with the map projected out at every step (variable projection, Golub and Pereyra 1973). Gains and shading
+//! follow from what is left over between the steps.
 
+use super::map_equations::MapEquations;
 use super::shading::{Factors, Mark, Shading, factors, least_squares, median, product};
-use super::sphere_map::{SphereMap, Spot};
+use super::sphere_map::{SphereMap, Spots};
 use super::view::{Sample, TRACK_TERMS, ViewInfo};
 use crate::calibration::CameraId;
 use nalgebra::{Matrix3, Rotation3, Vector3};
+use std::ops::Range;
 
 /// Degrees of freedom of the Student-t that the residuals are weighted by: strings and frame in front of the ball.
 const TAIL: f64 = 4.0;
 /// Prior standard deviation of gain and shading corrections, contrast.
 const NUISANCE_SD: f64 = 0.1;
-/// Prior of the map: precision of one value, and of the difference of two neighbours, in units of 1 / variance of the contrast.
-const VALUE_PRECISION: f32 = 0.3;
-const DIFFERENCE_PRECISION: f32 = 4.0;
 /// One pixel of a camera in so many tells its shading.
 const LIGHT_STEP: usize = 3;
 /// Share of a pixel's own contrast by which the map may miss it: lines are narrower than its cells, and a pixel on a line that
@@ -88,13 +86,16 @@ impl FoundMarkings {
     /// Contrast at every sample; `map` is laid out as the one they were found on.
     pub fn at(&self, map: &SphereMap, views: &[ViewInfo], samples: &[Sample]) -> Vec<f32> {
         let back = turned_back(views, &self.omega, self.middle_s, &Rotation3::identity());
-        let at = |s: &Sample| {
+        let mut looks_at = Rows::default();
+        let mut of_view = vec![0..0; views.len()];
+        for (i, s) in samples.iter().enumerate() {
             let view = &views[s.view];
-            let looks_at = view.axes * blurred_direction(&s.disc, &self.shading, view, &self.blur_px);
-            let spot = map.spot(&turned(&back[s.view], &looks_at.map(|x| x as f32).into()));
-            inner(&map.values(&spot, &self.map), &spot.weights())
-        };
-        samples.iter().map(at).collect()
+            looks_at.push(&(view.axes * blurred_direction(&s.disc, &self.shading, view, &self.blur_px)));
+            of_view[s.view] = if of_view[s.view].is_empty() { i..i + 1 } else { of_view[s.view].start..i + 1 };
+        }
+        let mut design = Design::new(samples.len());
+        design.turn(map, &looks_at, &of_view, &back);
+        design.spots.values(&map.by_cell(&self.map))
     }
 }
 
@@ -119,28 +120,76 @@ pub(super) struct Registrar<'a> {
     /// Harmonics of the shading at each pixel, where light is fitted.
     harmonics: Vec<Factors>,
     lit: [Lit; 2],
+    /// By view: its pixels.
+    of_view: Vec<Range<usize>>,
     /// Where on the ball, in global axes, each pixel looks on the whole.
-    looks_at: Vec<[f32; 3]>,
+    looks_at: Rows,
     /// Attitude of the map's cells on the ball.
     cells: Rotation3<f64>,
     middle_s: f64,
     variance: f32,
 }
 
+/// Directions, their coordinates in three rows.
+#[derive(Debug, Default)]
+struct Rows([Vec<f32>; 3]);
+
+impl Rows {
+    fn push(&mut self, direction: &Vector3<f64>) {
+        self.0.iter_mut().zip(direction.iter()).for_each(|(row, x)| row.push(*x as f32));
+    }
+
+    fn of(&self, pixels: &Range<usize>) -> [&[f32]; 3] {
+        self.0.each_ref().map(|row| &row[pixels.clone()])
+    }
+}
+
+/// Turns directions by the rows of a rotation.
+struct Turned<'a> {
+    by: &'a [[f32; 3]; 3],
+    from: [&'a [f32]; 3],
+    to: [&'a mut [f32]; 3],
+}
+
+impl pulp::NullaryFnOnce for Turned<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Turned { by, from: [x, y, z], to } = self;
+        let n = x.len();
+        let (x, y, z) = (&x[..n], &y[..n], &z[..n]);
+        for (row, to) in by.iter().zip(to) {
+            let to = &mut to[..n];
+            for i in 0..n {
+                to[i] = row[0] * x[i] + row[1] * y[i] + row[2] * z[i];
+            }
+        }
+    }
+}
+
 /// The pixels on the map at one spin.
 struct Design {
-    spots: Vec<Spot>,
-    body: Vec<[f32; 3]>,
+    spots: Spots,
+    /// In the axes of the map's cells.
+    body: Rows,
     omega: Vector3<f64>,
 }
 
-/// One cell's part of the map's normal equations: the upper triangle, row by row.
-type Block = [f32; 10];
+impl Design {
+    fn new(pixels: usize) -> Self {
+        let row = || vec![0.0; pixels];
+        Design { spots: Spots { cell: vec![0; pixels], at: [row(), row()] }, body: Rows([row(), row(), row()]), omega: Vector3::zeros() }
+    }
 
-struct Equations {
-    blocks: Vec<Block>,
-    diagonal: Vec<f32>,
-    right: Vec<f32>,
+    /// Turns every view's pixels back.
+    fn turn(&mut self, map: &SphereMap, looks_at: &Rows, of_view: &[Range<usize>], back: &[[[f32; 3]; 3]]) {
+        for (pixels, by) in of_view.iter().zip(back) {
+            let to = self.body.0.each_mut().map(|row| &mut row[pixels.clone()]);
+            pulp::Arch::new().dispatch(Turned { by, from: looks_at.of(pixels), to });
+            map.look_up(self.body.of(pixels), pixels.start, &mut self.spots);
+        }
+    }
 }
 
 /// Everything but ω.
@@ -166,14 +215,12 @@ impl<'a> Registrar<'a> {
         let middle_s = marks.iter().map(|m| views[m.view].time_s).sum::<f64>() / marks.len().max(1) as f64;
         let total: f64 = marks.iter().map(|m| m.weight).sum();
         let variance = marks.iter().map(|m| m.weight * m.contrast * m.contrast).sum::<f64>() / total.max(1e-12);
-        let looks_at: Vec<[f32; 3]> = marks
-            .iter()
-            .map(|m| {
-                let view = &views[m.view];
-                let disc = blur_px.map_or(m.disc, |blur_px| blurred_direction(&m.disc, shading, view, blur_px));
-                (view.axes * disc).map(|x| x as f32).into()
-            })
-            .collect();
+        let mut looks_at = Rows::default();
+        for m in marks {
+            let view = &views[m.view];
+            looks_at.push(&(view.axes * blur_px.map_or(m.disc, |blur_px| blurred_direction(&m.disc, shading, view, blur_px))));
+        }
+        let of_view = (0..views.len()).map(|view| marks.partition_point(|m| m.view < view)..marks.partition_point(|m| m.view <= view)).collect();
         let (contrasts, weights): (Vec<f32>, Vec<f32>) = marks.iter().map(|m| (m.contrast as f32, m.weight as f32)).unzip();
         let roots = weights.iter().map(|w| w.sqrt()).collect();
         let missed = weights.iter().zip(&contrasts).map(|(w, c)| w * (MISSED_SHARE * c).powi(2)).collect();
@@ -185,7 +232,7 @@ impl<'a> Registrar<'a> {
             let some: Vec<usize> = own.iter().copied().step_by(LIGHT_STEP).collect();
             Lit { harmonics: some.iter().map(|&i| harmonics[i]).collect(), own, some }
         });
-        Registrar { map, views, marks, contrasts, weights, roots, missed, harmonics, lit, looks_at, cells, middle_s, variance: variance.max(1e-6) as f32 }
+        Registrar { map, views, marks, contrasts, weights, roots, missed, harmonics, lit, of_view, looks_at, cells, middle_s, variance: variance.max(1e-6) as f32 }
     }
 
     /// Goes on with a map whose cells lie otherwise on the ball.
@@ -207,7 +254,8 @@ impl<'a> Registrar<'a> {
     /// Refines from `start`.
     pub fn refine(&self, start: Vector3<f64>, effort: &Effort) -> Registration {
         let mut omega = start;
-        let mut design = self.design(&omega);
+        let mut design = Design::new(self.marks.len());
+        self.design(&omega, &mut design);
         let mut state = self.first_map(&design, effort);
         let (mut length, mut sizes) = (0.0, Vector3::repeat(1.0));
         // Curvature of the cost and the last step with the score before it, all in units of 1 / noise².
@@ -215,7 +263,7 @@ impl<'a> Registrar<'a> {
         let mut before: Option<(Vector3<f64>, Vector3<f64>)> = None;
         for last in (0..effort.steps).rev() {
             let (equations, weights) = self.equations(&design, &state);
-            self.solve(&equations, &mut state.map, MORE_ROUNDS);
+            equations.solve(&equations.right, &mut state.map, MORE_ROUNDS);
             let slopes = self.omega_slopes(&design, &omega, &state.map);
             let unit = state.noise * state.noise;
             let score = self.score(&design, &state, &slopes, &weights) * unit;
@@ -243,7 +291,7 @@ impl<'a> Registrar<'a> {
             }
             omega += step;
             before = Some((step, score));
-            design = self.design(&omega);
+            self.design(&omega, &mut design);
             self.settle(&design, &mut state, effort.light);
         }
         let information = (effort.memory_s > 0.0).then(|| {
@@ -278,7 +326,8 @@ impl<'a> Registrar<'a> {
 
     /// Robust cost at a fixed spin, everything else fitted.
     pub fn cost_at(&self, omega: &Vector3<f64>, noise: f64, effort: &Effort) -> f64 {
-        let design = self.design(omega);
+        let mut design = Design::new(self.marks.len());
+        self.design(omega, &mut design);
         let state = self.first_map(&design, effort);
         self.cost(&self.residuals(&self.markings(&design, &state.map), &state), noise)
     }
@@ -289,7 +338,7 @@ impl<'a> Registrar<'a> {
         let mut state = State { map: vec![0.0; self.map.nodes()], light: vec![0.0; self.marks.len()], robust: vec![1.0; self.marks.len()], noise };
         for rounds in [ROUNDS, MORE_ROUNDS] {
             let (equations, _) = self.equations(design, &state);
-            self.solve(&equations, &mut state.map, rounds);
+            equations.solve(&equations.right, &mut state.map, rounds);
             self.settle(design, &mut state, effort.light);
         }
         state
@@ -311,99 +360,25 @@ impl<'a> Registrar<'a> {
         }
     }
 
-    fn design(&self, omega: &Vector3<f64>) -> Design {
-        let back = turned_back(self.views, omega, self.middle_s, &self.cells);
-        let body: Vec<[f32; 3]> = self.looks_at.iter().zip(self.marks).map(|(n, m)| turned(&back[m.view], n)).collect();
-        Design { spots: body.iter().map(|b| self.map.spot(b)).collect(), body, omega: *omega }
+    fn design(&self, omega: &Vector3<f64>, design: &mut Design) {
+        design.turn(self.map, &self.looks_at, &self.of_view, &turned_back(self.views, omega, self.middle_s, &self.cells));
+        design.omega = *omega;
     }
 
     fn markings(&self, d: &Design, map: &[f32]) -> Vec<f32> {
-        let cells = self.map.by_cell(map);
-        d.spots.iter().map(|s| inner(&cells[usize::from(s.cell)], &s.weights())).collect()
+        d.spots.values(&self.map.by_cell(map))
     }
 
     fn residuals(&self, markings: &[f32], state: &State) -> Vec<f32> {
         self.contrasts.iter().zip(markings).zip(&state.light).map(|((contrast, on), light)| contrast - on - light).collect()
     }
 
-    /// The map's normal equations with the prior, and every pixel's weight.
-    fn equations(&self, d: &Design, state: &State) -> (Equations, Vec<f32>) {
+    /// The map's normal equations, and every pixel's weight.
+    fn equations(&self, d: &Design, state: &State) -> (MapEquations<'a>, Vec<f32>) {
         let scale = (state.noise * state.noise).recip() as f32;
         let weights: Vec<f32> = state.robust.iter().zip(&self.informed(state.noise)).map(|(r, w)| r * w * scale).collect();
-        // A node belongs to four cells, an edge to two.
-        let (value, difference) = (0.25 * VALUE_PRECISION / self.variance, 0.5 * DIFFERENCE_PRECISION / self.variance);
-        let own = value + 2.0 * difference;
-        let bare: Block = [own, -difference, -difference, 0.0, own, 0.0, -difference, own, -difference, own];
-        let mut blocks = vec![bare; self.map.corners().len()];
-        let mut right = vec![0.0; self.map.nodes()];
-        for (((s, contrast), light), &w) in d.spots.iter().zip(&self.contrasts).zip(&state.light).zip(&weights) {
-            let k = s.weights();
-            let b = &mut blocks[usize::from(s.cell)];
-            let kw = k.map(|x| x * w);
-            let mut at = 0;
-            for i in 0..4 {
-                for j in i..4 {
-                    b[at] += kw[i] * k[j];
-                    at += 1;
-                }
-            }
-            let y = contrast - light;
-            for (node, x) in self.map.corners()[usize::from(s.cell)].iter().zip(kw) {
-                right[usize::from(*node)] += x * y;
-            }
-        }
-        let mut diagonal = vec![0.0; right.len()];
-        for (b, corners) in blocks.iter().zip(self.map.corners()) {
-            for (node, x) in corners.iter().zip([b[0], b[4], b[7], b[9]]) {
-                diagonal[usize::from(*node)] += x;
-            }
-        }
-        (Equations { blocks, diagonal, right }, weights)
-    }
-
-    /// Normal equations times `x`.
-    fn apply(&self, e: &Equations, x: &[f32], out: &mut [f32]) {
-        out.fill(0.0);
-        for (b, c) in e.blocks.iter().zip(self.map.corners()) {
-            let c = c.map(usize::from);
-            let [p, q, r, s] = c.map(|k| x[k]);
-            out[c[0]] += b[0] * p + b[1] * q + b[2] * r + b[3] * s;
-            out[c[1]] += b[1] * p + b[4] * q + b[5] * r + b[6] * s;
-            out[c[2]] += b[2] * p + b[5] * q + b[7] * r + b[8] * s;
-            out[c[3]] += b[3] * p + b[6] * q + b[8] * r + b[9] * s;
-        }
-    }
-
-    fn solve(&self, e: &Equations, x: &mut [f32], rounds: usize) {
-        self.conjugate_gradients(e, &e.right, x, rounds);
-    }
-
-    fn conjugate_gradients(&self, e: &Equations, right: &[f32], x: &mut [f32], rounds: usize) {
-        let mut image = vec![0.0; x.len()];
-        self.apply(e, x, &mut image);
-        let mut residual: Vec<f32> = right.iter().zip(&image).map(|(a, b)| a - b).collect();
-        let mut z: Vec<f32> = residual.iter().zip(&e.diagonal).map(|(r, d)| r / d).collect();
-        let mut direction = z.clone();
-        let mut rz = dot(&residual, &z);
-        let end = 1e-7 * right.iter().zip(&e.diagonal).map(|(r, d)| r * r / d).sum::<f32>() + f32::MIN_POSITIVE;
-        for _ in 0..rounds {
-            if rz <= end {
-                break;
-            }
-            self.apply(e, &direction, &mut image);
-            let alpha = rz / dot(&direction, &image).max(f32::MIN_POSITIVE);
-            for i in 0..x.len() {
-                x[i] += alpha * direction[i];
-                residual[i] -= alpha * image[i];
-                z[i] = residual[i] / e.diagonal[i];
-            }
-            let next = dot(&residual, &z);
-            let beta = next / rz;
-            rz = next;
-            for (d, z) in direction.iter_mut().zip(&z) {
-                *d = z + beta * *d;
-            }
-        }
+        let values: Vec<f32> = self.contrasts.iter().zip(&state.light).map(|(contrast, light)| contrast - light).collect();
+        (MapEquations::new(self.map, &d.spots, &values, &weights, self.variance), weights)
     }
 
     /// Gain per view and shading per camera from what the map leaves over, each with its prior.
@@ -431,58 +406,38 @@ impl<'a> Registrar<'a> {
     }
 
     /// d contrast / d ω of every pixel: (t − t₀) Jᵀ R (∇map × Rᵀ n), J the left Jacobian of the rotation.
-    fn omega_slopes(&self, d: &Design, omega: &Vector3<f64>, map: &[f32]) -> Vec<[f32; 3]> {
-        let turns: Vec<[[f32; 3]; 3]> = self
-            .views
-            .iter()
-            .map(|v| {
-                let t = v.time_s - self.middle_s;
-                let m = (left_jacobian(&(omega * t)).transpose() * t) * (Rotation3::new(omega * t) * self.cells.inverse()).matrix();
-                std::array::from_fn(|i| std::array::from_fn(|j| m[(i, j)] as f32))
-            })
-            .collect();
-        let cells = self.map.by_cell(map);
-        d.spots
-            .iter()
-            .zip(&d.body)
-            .zip(self.marks)
-            .map(|((s, b), m)| {
-                let g = s.gradient(cells[usize::from(s.cell)]);
-                turned(&turns[m.view], &[g[1] * b[2] - g[2] * b[1], g[2] * b[0] - g[0] * b[2], g[0] * b[1] - g[1] * b[0]])
-            })
-            .collect()
+    fn omega_slopes(&self, d: &Design, omega: &Vector3<f64>, map: &[f32]) -> [Vec<f32>; 3] {
+        let mut slopes = self.map.gradients(d.body.of(&(0..self.marks.len())), &d.spots, &self.map.by_cell(map));
+        for (pixels, v) in self.of_view.iter().zip(self.views) {
+            let t = v.time_s - self.middle_s;
+            let m = (left_jacobian(&(omega * t)).transpose() * t) * (Rotation3::new(omega * t) * self.cells.inverse()).matrix();
+            let by = std::array::from_fn(|i| std::array::from_fn(|j| m[(i, j)] as f32));
+            pulp::Arch::new().dispatch(Moment { by, body: d.body.of(pixels), slopes: slopes.each_mut().map(|row| &mut row[pixels.clone()]) });
+        }
+        slopes
     }
 
     /// Slope of the log-likelihood along ω; the map is at its best, so that it has no part in it.
-    fn score(&self, d: &Design, state: &State, slopes: &[[f32; 3]], weights: &[f32]) -> Vector3<f64> {
+    fn score(&self, d: &Design, state: &State, slopes: &[Vec<f32>; 3], weights: &[f32]) -> Vector3<f64> {
         let residuals = self.residuals(&self.markings(d, &state.map), state);
-        let mut sum = Vector3::zeros();
-        let pixels: Vec<[f32; 3]> = slopes.iter().zip(weights).zip(&residuals).map(|((slope, w), r)| slope.map(|s| s * w * r)).collect();
-        for some in pixels.chunks(64) {
-            let part = some.iter().fold([0.0f32; 3], |a, b| [a[0] + b[0], a[1] + b[1], a[2] + b[2]]);
-            sum += Vector3::from(part.map(f64::from));
-        }
-        sum
+        let weighted: Vec<f32> = residuals.iter().zip(weights).map(|(r, w)| r * w).collect();
+        Vector3::from_fn(|k, _| {
+            let products = |(slopes, weighted): (&[f32], &[f32])| slopes.iter().zip(weighted).map(|(s, w)| s * w).sum::<f32>();
+            slopes[k].chunks(64).zip(weighted.chunks(64)).map(|some| f64::from(products(some))).sum()
+        })
     }
 
     /// Covariance from the curvature with the map profiled out, and from the scatter of the views' scores.
-    fn information(&self, d: &Design, state: &State, slopes: &[[f32; 3]], e: &Equations, weights: &[f32], memory_s: f64) -> Information {
+    fn information(&self, d: &Design, state: &State, slopes: &[Vec<f32>; 3], e: &MapEquations, weights: &[f32], memory_s: f64) -> Information {
         let residuals = self.residuals(&self.markings(d, &state.map), state);
         // What a change of the map can imitate of the slopes: taken out of them.
-        let mut right: [Vec<f32>; 3] = std::array::from_fn(|_| vec![0.0; self.map.nodes()]);
-        for ((spot, slope), &w) in d.spots.iter().zip(slopes).zip(weights) {
-            for (node, k) in self.map.corners()[usize::from(spot.cell)].iter().zip(spot.weights()) {
-                for (r, s) in right.iter_mut().zip(slope) {
-                    r[usize::from(*node)] += k * w * s;
-                }
-            }
-        }
-        let imitated = right.map(|r| {
-            let mut x = vec![0.0; r.len()];
-            self.conjugate_gradients(e, &r, &mut x, ROUNDS);
-            self.map.by_cell(&x)
+        let imitated = slopes.each_ref().map(|slopes| {
+            let right = MapEquations::new(self.map, &d.spots, slopes, weights, self.variance).right;
+            let mut x = vec![0.0; right.len()];
+            e.solve(&right, &mut x, ROUNDS);
+            d.spots.values(&self.map.by_cell(&x))
         });
-        let cells = self.map.by_cell(&state.map);
+        let gradients = self.map.gradients(d.body.of(&(0..self.marks.len())), &d.spots, &self.map.by_cell(&state.map));
         let mut information = Matrix3::identity() * 1e-6;
         let mut scores = vec![Vector3::zeros(); self.views.len()];
         // What the score gains when a picture's disc moves a pixel to the right, and down.
@@ -492,13 +447,12 @@ impl<'a> Registrar<'a> {
             .zip(self.views)
             .map(|(back, v)| Matrix3::from_fn(|i, k| f64::from(back[i][k])) * v.axes)
             .collect();
-        for (((spot, slope), (&w, r)), m) in d.spots.iter().zip(slopes).zip(weights.iter().zip(&residuals)).zip(self.marks) {
-            let k = spot.weights();
-            let own: Vector3<f64> = Vector3::from_fn(|i, _| f64::from(slope[i] - inner(&imitated[i][usize::from(spot.cell)], &k)));
-            let whole = Vector3::from(*slope).map(f64::from);
+        for (i, ((&w, r), m)) in weights.iter().zip(&residuals).zip(self.marks).enumerate() {
+            let whole = Vector3::from_fn(|k, _| f64::from(slopes[k][i]));
+            let own = whole - Vector3::from_fn(|k, _| f64::from(imitated[k][i]));
             information += own * whole.transpose() * f64::from(w);
             scores[m.view] += own * f64::from(w * r);
-            let slope = to_body[m.view].tr_mul(&Vector3::from(spot.gradient(cells[usize::from(spot.cell)])).map(f64::from)) / self.views[m.view].radius_px;
+            let slope = to_body[m.view].tr_mul(&Vector3::from_fn(|k, _| f64::from(gradients[k][i]))) / self.views[m.view].radius_px;
             for (moved, (along, at)) in moved[m.view].iter_mut().zip([(slope.x, m.disc.x), (slope.y, m.disc.y)]) {
                 *moved += own * (f64::from(w) * (along - slope.z * at / m.disc.z));
             }
@@ -567,27 +521,27 @@ fn blurred_direction(disc: &Vector3<f64>, shading: &Shading, view: &ViewInfo, bl
     Vector3::new(x, y, (1.0 - x * x - y * y).max(0.01).sqrt()).normalize()
 }
 
-#[inline]
-fn turned(r: &[[f32; 3]; 3], n: &[f32; 3]) -> [f32; 3] {
-    std::array::from_fn(|i| r[i][0] * n[0] + r[i][1] * n[1] + r[i][2] * n[2])
+/// Turns slopes along directions in the map's axes into what a turn changes: the rows times (slope × direction).
+struct Moment<'a> {
+    by: [[f32; 3]; 3],
+    body: [&'a [f32]; 3],
+    slopes: [&'a mut [f32]; 3],
 }
 
-#[inline]
-fn inner(a: &[f32; 4], b: &[f32; 4]) -> f32 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
-}
+impl pulp::NullaryFnOnce for Moment<'_> {
+    type Output = ();
 
-fn dot(a: &[f32], b: &[f32]) -> f32 {
-    // Eight sums side by side, in a fixed order.
-    let mut sums = [0.0f32; 8];
-    let (a8, b8) = (a.chunks_exact(8), b.chunks_exact(8));
-    let rest: f32 = a8.remainder().iter().zip(b8.remainder()).map(|(x, y)| x * y).sum();
-    for (x, y) in a8.zip(b8) {
-        for k in 0..8 {
-            sums[k] += x[k] * y[k];
+    #[inline(always)]
+    fn call(self) {
+        let Moment { by, body: [x, y, z], slopes: [u, v, w] } = self;
+        let n = x.len();
+        let (x, y, z, u, v, w) = (&x[..n], &y[..n], &z[..n], &mut u[..n], &mut v[..n], &mut w[..n]);
+        for i in 0..n {
+            let turn = [v[i] * z[i] - w[i] * y[i], w[i] * x[i] - u[i] * z[i], u[i] * y[i] - v[i] * x[i]];
+            let row = |k: usize| by[k][0] * turn[0] + by[k][1] * turn[1] + by[k][2] * turn[2];
+            (u[i], v[i], w[i]) = (row(0), row(1), row(2));
         }
     }
-    sums.iter().sum::<f32>() + rest
 }
 
 /// Left Jacobian of the exponential map: exp(φ + δ) = exp(J(φ) δ) exp(φ) to first order.

@@ -1,0 +1,175 @@
+//! The map's normal equations with their prior, a block per cell, solved by conjugate gradients on the map alone.
+
+use super::sphere_map::{SphereMap, Spots};
+use crate::tracking::lanes::LANES;
+
+/// Prior of the map: precision of one value, and of the difference of two neighbours, in units of 1 / variance of the contrast.
+const VALUE_PRECISION: f32 = 0.3;
+const DIFFERENCE_PRECISION: f32 = 4.0;
+
+pub(super) struct MapEquations<'m> {
+    map: &'m SphereMap,
+    /// The upper triangles of the cells' blocks, row by row; of each entry those of a face's row of cells side by side.
+    blocks: [Vec<f32>; 10],
+    /// One over the diagonal.
+    inverse: Vec<f32>,
+    pub right: Vec<f32>,
+}
+
+/// One cell's block and right-hand side as they are summed up.
+type Sums = [f32; 20];
+
+impl<'m> MapEquations<'m> {
+    /// Of pixels at these places with these values (contrast) and weights; `variance` is the contrast's.
+    pub fn new(map: &'m SphereMap, spots: &Spots, values: &[f32], weights: &[f32], variance: f32) -> Self {
+        // A node belongs to four cells, an edge to two.
+        let (value, difference) = (0.25 * VALUE_PRECISION / variance, 0.5 * DIFFERENCE_PRECISION / variance);
+        let own = value + 2.0 * difference;
+        let bare: Sums = {
+            let d = -difference;
+            [own, d, d, 0.0, d, own, 0.0, d, d, 0.0, own, d, 0.0, d, d, own, 0.0, 0.0, 0.0, 0.0]
+        };
+        let (edge, row) = (map.edge(), map.stride() - 1);
+        let mut sums = vec![bare; 6 * edge * edge];
+        pulp::Arch::new().dispatch(SumUp { sums: &mut sums, spots, values, weights });
+        let mut blocks: [Vec<f32>; 10] = std::array::from_fn(|_| vec![0.0; 6 * edge * row]);
+        let (mut diagonal, mut right) = (vec![0.0; map.nodes()], vec![0.0; map.nodes()]);
+        for (cell, (b, corners)) in sums.iter().zip(map.cells()).enumerate() {
+            let at = cell / edge * row + cell % edge;
+            for (all, k) in blocks.iter_mut().zip([0, 1, 2, 3, 5, 6, 7, 10, 11, 15]) {
+                all[at] = b[k];
+            }
+            for (k, node) in corners.into_iter().enumerate() {
+                diagonal[node] += b[5 * k];
+                right[node] += b[16 + k];
+            }
+        }
+        map.join(&mut diagonal);
+        map.join(&mut right);
+        let inverse = diagonal.iter().map(|d| if *d > 0.0 { d.recip() } else { 0.0 }).collect();
+        MapEquations { map, blocks, inverse, right }
+    }
+
+    /// Improves a map by so many rounds at most.
+    pub fn solve(&self, right: &[f32], x: &mut [f32], rounds: usize) {
+        pulp::Arch::new().dispatch(ConjugateGradients { equations: self, right, x, rounds });
+    }
+
+    /// Normal equations times `x`.
+    #[inline(always)]
+    fn apply(&self, x: &[f32], out: &mut [f32]) {
+        let (edge, stride) = (self.map.edge(), self.map.stride());
+        let row = stride - 1;
+        out.fill(0.0);
+        for line in 0..6 * edge {
+            let node = (line / edge * (edge + 1) + line % edge) * stride;
+            for first in (0..row).step_by(LANES) {
+                let cells = line * row + first;
+                let b = |k: usize| lanes(&self.blocks[k], cells);
+                let (at, below) = (node + first, node + first + stride);
+                let (p, q, r, s) = (lanes(x, at), lanes(x, below), lanes(x, at + 1), lanes(x, below + 1));
+                let four = [[b(0), b(1), b(2), b(3)], [b(1), b(4), b(5), b(6)], [b(2), b(5), b(7), b(8)], [b(3), b(6), b(8), b(9)]];
+                for (b, to) in four.iter().zip([at, below, at + 1, below + 1]) {
+                    let Some(out) = out.get_mut(to..to + LANES) else { continue };
+                    for l in 0..LANES {
+                        out[l] += b[0][l] * p[l] + b[1][l] * q[l] + b[2][l] * r[l] + b[3][l] * s[l];
+                    }
+                }
+            }
+        }
+        self.map.join(out);
+    }
+}
+
+#[inline(always)]
+fn lanes(x: &[f32], at: usize) -> &[f32; LANES] {
+    x.get(at..).and_then(|x| x.first_chunk()).unwrap_or(&[0.0; LANES])
+}
+
+/// Sum of products over the map's corners.
+#[inline(always)]
+fn dot(a: &[f32], b: &[f32], share: &[f32]) -> f32 {
+    let mut sums = [0.0f32; LANES];
+    let (a16, b16, s16) = (a.chunks_exact(LANES), b.chunks_exact(LANES), share.chunks_exact(LANES));
+    let rest: f32 = a16.remainder().iter().zip(b16.remainder()).zip(s16.remainder()).map(|((x, y), s)| x * y * s).sum();
+    for ((x, y), s) in a16.zip(b16).zip(s16) {
+        for l in 0..LANES {
+            sums[l] += x[l] * y[l] * s[l];
+        }
+    }
+    sums.iter().sum::<f32>() + rest
+}
+
+struct ConjugateGradients<'a> {
+    equations: &'a MapEquations<'a>,
+    right: &'a [f32],
+    x: &'a mut [f32],
+    rounds: usize,
+}
+
+impl pulp::NullaryFnOnce for ConjugateGradients<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let ConjugateGradients { equations, right, x, rounds } = self;
+        let (share, inverse) = (equations.map.share(), equations.inverse.as_slice());
+        let n = x.len().min(right.len()).min(inverse.len());
+        let mut image = vec![0.0f32; n];
+        equations.apply(x, &mut image);
+        let mut residual: Vec<f32> = right.iter().zip(&image).map(|(a, b)| a - b).collect();
+        let mut z: Vec<f32> = residual.iter().zip(inverse).map(|(r, d)| r * d).collect();
+        let mut direction = z.clone();
+        let mut rz = dot(&residual, &z, share);
+        let scaled: Vec<f32> = right.iter().zip(inverse).map(|(r, d)| r * d).collect();
+        let end = 1e-7 * dot(right, &scaled, share) + f32::MIN_POSITIVE;
+        for _ in 0..rounds {
+            if rz <= end {
+                break;
+            }
+            equations.apply(&direction, &mut image);
+            let alpha = rz / dot(&direction, &image, share).max(f32::MIN_POSITIVE);
+            let (x, residual, z, direction) = (&mut x[..n], &mut residual[..n], &mut z[..n], &mut direction[..n]);
+            let (image, inverse) = (&image[..n], &inverse[..n]);
+            for i in 0..n {
+                x[i] += alpha * direction[i];
+                residual[i] -= alpha * image[i];
+                z[i] = residual[i] * inverse[i];
+            }
+            let next = dot(residual, z, share);
+            let beta = next / rz;
+            rz = next;
+            for i in 0..n {
+                direction[i] = z[i] + beta * direction[i];
+            }
+        }
+    }
+}
+
+struct SumUp<'a> {
+    sums: &'a mut [Sums],
+    spots: &'a Spots,
+    values: &'a [f32],
+    weights: &'a [f32],
+}
+
+impl pulp::NullaryFnOnce for SumUp<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let SumUp { sums, spots, values, weights } = self;
+        let n = spots.cell.len().min(values.len()).min(weights.len()).min(spots.at[0].len()).min(spots.at[1].len());
+        for i in 0..n {
+            let k = spots.weights(i);
+            let kw = k.map(|k| k * weights[i]);
+            let sums = &mut sums[spots.cell[i] as usize];
+            for (a, kw) in kw.iter().enumerate() {
+                for (b, k) in k.iter().enumerate() {
+                    sums[4 * a + b] += kw * k;
+                }
+                sums[16 + a] += kw * values[i];
+            }
+        }
+    }
+}

@@ -18,6 +18,17 @@ impl Lanes {
         self
     }
 
+    /// Their sum: halves, quarters, ..., a fixed order that wide registers like.
+    #[inline(always)]
+    pub fn total(mut self) -> f32 {
+        for half in [8, 4, 2, 1] {
+            for l in 0..half {
+                self.0[l] += self.0[l + half];
+            }
+        }
+        self.0[0]
+    }
+
     #[inline(always)]
     pub fn plus_times(mut self, x: &[f32; LANES], weight: f32) -> Self {
         for l in 0..LANES {

@@ -33,21 +33,25 @@ impl<'m> MapEquations<'m> {
         let mut sums = vec![bare; 6 * edge * edge];
         pulp::Arch::new().dispatch(SumUp { sums: &mut sums, spots, values, weights });
         let mut blocks: [Vec<f32>; 10] = std::array::from_fn(|_| vec![0.0; 6 * edge * row]);
-        let (mut diagonal, mut right) = (vec![0.0; map.nodes()], vec![0.0; map.nodes()]);
-        for (cell, (b, corners)) in sums.iter().zip(map.cells()).enumerate() {
-            let at = cell / edge * row + cell % edge;
-            for (all, k) in blocks.iter_mut().zip([0, 1, 2, 3, 5, 6, 7, 10, 11, 15]) {
-                all[at] = b[k];
-            }
-            for (k, node) in corners.into_iter().enumerate() {
-                diagonal[node] += b[5 * k];
-                right[node] += b[16 + k];
+        for (all, k) in blocks.iter_mut().zip([0, 1, 2, 3, 5, 6, 7, 10, 11, 15]) {
+            for (line, cells) in all.chunks_exact_mut(row).zip(sums.chunks_exact(edge)) {
+                line.iter_mut().zip(cells).for_each(|(entry, cell)| *entry = cell[k]);
             }
         }
-        map.join(&mut diagonal);
-        map.join(&mut right);
+        let (mut diagonal, mut right) = (vec![0.0; map.nodes()], vec![0.0; map.nodes()]);
+        map.add_cells(&sums.iter().map(|b| [b[0], b[5], b[10], b[15]]).collect::<Vec<_>>(), &mut diagonal);
+        map.add_cells(&sums.iter().map(|b| [b[16], b[17], b[18], b[19]]).collect::<Vec<_>>(), &mut right);
         let inverse = diagonal.iter().map(|d| if *d > 0.0 { d.recip() } else { 0.0 }).collect();
         MapEquations { map, blocks, inverse, right }
+    }
+
+    /// The right-hand side of other values at the same pixels.
+    pub fn right_of(&self, spots: &Spots, values: &[f32], weights: &[f32]) -> Vec<f32> {
+        let mut sums = vec![[0.0f32; 4]; self.map.edge() * self.map.edge() * 6];
+        pulp::Arch::new().dispatch(SumRight { sums: &mut sums, spots, values, weights });
+        let mut right = vec![0.0; self.map.nodes()];
+        self.map.add_cells(&sums, &mut right);
+        right
     }
 
     /// Improves a map by so many rounds at most.
@@ -169,6 +173,30 @@ impl pulp::NullaryFnOnce for SumUp<'_> {
                     sums[4 * a + b] += kw * k;
                 }
                 sums[16 + a] += kw * values[i];
+            }
+        }
+    }
+}
+
+struct SumRight<'a> {
+    sums: &'a mut [[f32; 4]],
+    spots: &'a Spots,
+    values: &'a [f32],
+    weights: &'a [f32],
+}
+
+impl pulp::NullaryFnOnce for SumRight<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let SumRight { sums, spots, values, weights } = self;
+        let n = spots.cell.len().min(values.len()).min(weights.len()).min(spots.at[0].len()).min(spots.at[1].len());
+        for i in 0..n {
+            let value = values[i] * weights[i];
+            let sums = &mut sums[spots.cell[i] as usize];
+            for (sum, k) in sums.iter_mut().zip(spots.weights(i)) {
+                *sum += k * value;
             }
         }
     }

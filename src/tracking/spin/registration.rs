@@ -5,7 +5,7 @@
 //! follow from what is left over between the steps.
 
 use super::map_equations::MapEquations;
-use super::shading::{Factors, Mark, Shading, factors, least_squares, median, product};
+use super::shading::{Harmonics, Mark, Shading, factors, median};
 use super::sphere_map::{SphereMap, Spots};
 use super::view::{Sample, TRACK_TERMS, ViewInfo};
 use crate::calibration::CameraId;
@@ -43,7 +43,7 @@ pub(super) struct Registration {
     pub noise: f64,
     /// Fitted markings at every pixel, contrast.
     pub markings: Vec<f32>,
-    map: Vec<f32>,
+    state: State,
     /// Root mean square of the fitted markings over the pixels, contrast.
     pub texture: f64,
     /// Length of the last step, rad/s.
@@ -69,7 +69,8 @@ pub(super) struct Effort {
 struct Lit {
     own: Vec<usize>,
     some: Vec<usize>,
-    harmonics: Vec<Factors>,
+    of_own: Harmonics,
+    of_some: Harmonics,
 }
 
 /// The markings of a turning ball.
@@ -117,8 +118,6 @@ pub(super) struct Registrar<'a> {
     weights: Vec<f32>,
     roots: Vec<f32>,
     missed: Vec<f32>,
-    /// Harmonics of the shading at each pixel, where light is fitted.
-    harmonics: Vec<Factors>,
     lit: [Lit; 2],
     /// By view: its pixels.
     of_view: Vec<Range<usize>>,
@@ -193,7 +192,7 @@ impl Design {
 }
 
 /// Everything but ω.
-#[derive(Clone)]
+#[derive(Debug, Clone)]
 struct State {
     map: Vec<f32>,
     /// Gain and shading at every pixel, contrast.
@@ -225,14 +224,14 @@ impl<'a> Registrar<'a> {
         let roots = weights.iter().map(|w| w.sqrt()).collect();
         let missed = weights.iter().zip(&contrasts).map(|(w, c)| w * (MISSED_SHARE * c).powi(2)).collect();
         let cells = Rotation3::identity();
-        // The views' gains are the constants.
-        let harmonics: Vec<Factors> = marks.iter().map(|m| factors(0.0, &m.disc)).collect();
         let lit = CameraId::BOTH.map(|camera| {
             let own: Vec<usize> = (0..marks.len()).filter(|&i| views[marks[i].view].camera == camera).collect();
             let some: Vec<usize> = own.iter().copied().step_by(LIGHT_STEP).collect();
-            Lit { harmonics: some.iter().map(|&i| harmonics[i]).collect(), own, some }
+            // The views' gains are the constants.
+            let harmonics = |of: &[usize]| Harmonics::of(of.iter().map(|&i| factors(0.0, &marks[i].disc)));
+            Lit { of_own: harmonics(&own), of_some: harmonics(&some), own, some }
         });
-        Registrar { map, views, marks, contrasts, weights, roots, missed, harmonics, lit, of_view, looks_at, cells, middle_s, variance: variance.max(1e-6) as f32 }
+        Registrar { map, views, marks, contrasts, weights, roots, missed, lit, of_view, looks_at, cells, middle_s, variance: variance.max(1e-6) as f32 }
     }
 
     /// Goes on with a map whose cells lie otherwise on the ball.
@@ -242,21 +241,34 @@ impl<'a> Registrar<'a> {
 
     /// Every pixel's relative information: of its noise, and of what the map may miss there.
     fn informed(&self, noise: f64) -> Vec<f32> {
-        let precision = (noise * noise).recip() as f32;
-        self.weights.iter().zip(&self.missed).map(|(w, m)| w / (1.0 + m * precision)).collect()
+        pulp::Arch::new().dispatch(Informed { weights: &self.weights, missed: &self.missed, precision: (noise * noise).recip() as f32 })
     }
 
     /// What a registration has found.
     pub fn found(&self, registration: &Registration, shading: &Shading, blur_px: [f64; 2]) -> FoundMarkings {
-        FoundMarkings { omega: registration.omega, middle_s: self.middle_s, map: registration.map.clone(), shading: shading.clone(), blur_px }
+        FoundMarkings { omega: registration.omega, middle_s: self.middle_s, map: registration.state.map.clone(), shading: shading.clone(), blur_px }
     }
 
     /// Refines from `start`.
     pub fn refine(&self, start: Vector3<f64>, effort: &Effort) -> Registration {
+        self.refine_from(start, effort, |design| self.first_map(design, effort))
+    }
+
+    /// Refines from `start` with the light and the weights of another registration of the same pixels, on whatever cells.
+    pub fn refine_beside(&self, other: &Registration, start: Vector3<f64>, effort: &Effort) -> Registration {
+        self.refine_from(start, effort, |design| {
+            let mut state = State { map: vec![0.0; self.map.nodes()], ..other.state.clone() };
+            let (equations, _) = self.equations(design, &state);
+            equations.solve(&equations.right, &mut state.map, ROUNDS);
+            state
+        })
+    }
+
+    fn refine_from(&self, start: Vector3<f64>, effort: &Effort, first: impl FnOnce(&Design) -> State) -> Registration {
         let mut omega = start;
         let mut design = Design::new(self.marks.len());
         self.design(&omega, &mut design);
-        let mut state = self.first_map(&design, effort);
+        let mut state = first(&design);
         let (mut length, mut sizes) = (0.0, Vector3::repeat(1.0));
         // Curvature of the cost and the last step with the score before it, all in units of 1 / noise².
         let mut curvature: Option<Matrix3<f64>> = None;
@@ -299,12 +311,12 @@ impl<'a> Registrar<'a> {
             let slopes = self.omega_slopes(&design, &omega, &state.map);
             self.information(&design, &state, &slopes, &equations, &weights, effort.memory_s)
         });
-        self.finish(omega, &design, &state, information, length)
+        self.finish(omega, &design, state, information, length)
     }
 
-    fn finish(&self, omega: Vector3<f64>, design: &Design, state: &State, information: Option<Information>, length: f64) -> Registration {
+    fn finish(&self, omega: Vector3<f64>, design: &Design, state: State, information: Option<Information>, length: f64) -> Registration {
         let markings = self.markings(design, &state.map);
-        let residuals = self.residuals(&markings, state);
+        let residuals = self.residuals(&markings, &state);
         let Information { model_covariance, scatter_covariance, centre_scores, .. } = information.unwrap_or_default();
         let count = markings.len().max(1) as f64;
         let texture = (markings.iter().map(|m| f64::from(m * m)).sum::<f64>() / count).sqrt();
@@ -317,7 +329,7 @@ impl<'a> Registrar<'a> {
             residuals,
             noise: state.noise,
             markings,
-            map: state.map.clone(),
+            state,
             texture,
             last_step_rad_s: length,
             outliers,
@@ -350,14 +362,11 @@ impl<'a> Registrar<'a> {
         if light {
             self.settle_light(&markings, state);
         }
-        let residuals = self.residuals(&markings, state);
-        let scaled: Vec<f32> = residuals.iter().zip(&self.informed(state.noise)).map(|(r, w)| r.abs() * w.sqrt()).collect();
+        let (contrasts, light, informed) = (&self.contrasts, &state.light, &self.informed(state.noise));
+        let scaled = pulp::Arch::new().dispatch(Scaled { contrasts, markings: &markings, light, informed });
         let noise = (1.4826 * median(scaled.clone())).max(1e-4);
         state.noise = f64::from(noise);
-        let (tail, per_noise) = (TAIL as f32, 1.0 / noise);
-        for (w, s) in state.robust.iter_mut().zip(&scaled) {
-            *w = ((tail + 1.0) / (tail + (s * per_noise) * (s * per_noise))).min(1.0);
-        }
+        pulp::Arch::new().dispatch(Robust { scaled: &scaled, noise, robust: &mut state.robust });
     }
 
     fn design(&self, omega: &Vector3<f64>, design: &mut Design) {
@@ -373,35 +382,37 @@ impl<'a> Registrar<'a> {
         self.contrasts.iter().zip(markings).zip(&state.light).map(|((contrast, on), light)| contrast - on - light).collect()
     }
 
+    /// Every pixel's weight, one over its variance.
+    fn precisions(&self, state: &State) -> Vec<f32> {
+        let scale = (state.noise * state.noise).recip() as f32;
+        state.robust.iter().zip(&self.informed(state.noise)).map(|(r, w)| r * w * scale).collect()
+    }
+
     /// The map's normal equations, and every pixel's weight.
     fn equations(&self, d: &Design, state: &State) -> (MapEquations<'a>, Vec<f32>) {
-        let scale = (state.noise * state.noise).recip() as f32;
-        let weights: Vec<f32> = state.robust.iter().zip(&self.informed(state.noise)).map(|(r, w)| r * w * scale).collect();
+        let weights = self.precisions(state);
         let values: Vec<f32> = self.contrasts.iter().zip(&state.light).map(|(contrast, light)| contrast - light).collect();
         (MapEquations::new(self.map, &d.spots, &values, &weights, self.variance), weights)
     }
 
     /// Gain per view and shading per camera from what the map leaves over, each with its prior.
     fn settle_light(&self, markings: &[f32], state: &mut State) {
-        let (scale, prior) = ((state.noise * state.noise).recip() as f32, NUISANCE_SD.powi(-2));
-        let informed = self.informed(state.noise);
+        let prior = NUISANCE_SD.powi(-2);
+        let left: Vec<f32> = self.contrasts.iter().zip(markings).map(|(contrast, on)| contrast - on).collect();
+        let weights = self.precisions(state);
         for lit in &self.lit {
-            let values: Vec<f32> = lit.some.iter().map(|&i| self.contrasts[i] - markings[i]).collect();
-            let weights: Vec<f32> = lit.some.iter().map(|&i| LIGHT_STEP as f32 * state.robust[i] * informed[i] * scale).collect();
-            let Some(coefficients) = least_squares(&lit.harmonics, &values, &weights, prior) else { continue };
-            for &i in &lit.own {
-                state.light[i] = product(&self.harmonics[i], &coefficients);
+            let values: Vec<f32> = lit.some.iter().map(|&i| left[i]).collect();
+            let of_some: Vec<f32> = lit.some.iter().map(|&i| LIGHT_STEP as f32 * weights[i]).collect();
+            let Some(coefficients) = lit.of_some.least_squares(&values, &of_some, prior) else { continue };
+            for (&i, light) in lit.own.iter().zip(lit.of_own.sums(&coefficients)) {
+                state.light[i] = light;
             }
         }
-        let mut gains = vec![(prior as f32, 0.0f32); self.views.len()];
-        for (i, m) in self.marks.iter().enumerate() {
-            let w = state.robust[i] * informed[i] * scale;
-            let gain = &mut gains[m.view];
-            gain.0 += w;
-            gain.1 += w * (self.contrasts[i] - markings[i] - state.light[i]);
-        }
-        for (light, m) in state.light.iter_mut().zip(self.marks) {
-            *light += gains[m.view].1 / gains[m.view].0;
+        for pixels in &self.of_view {
+            let (weights, left, light) = (&weights[pixels.clone()], &left[pixels.clone()], &mut state.light[pixels.clone()]);
+            let pull = weights.iter().zip(left).zip(light.iter()).map(|((w, left), light)| w * (left - light)).sum::<f32>();
+            let gain = pull / (prior as f32 + weights.iter().sum::<f32>());
+            light.iter_mut().for_each(|light| *light += gain);
         }
     }
 
@@ -432,9 +443,8 @@ impl<'a> Registrar<'a> {
         let residuals = self.residuals(&self.markings(d, &state.map), state);
         // What a change of the map can imitate of the slopes: taken out of them.
         let imitated = slopes.each_ref().map(|slopes| {
-            let right = MapEquations::new(self.map, &d.spots, slopes, weights, self.variance).right;
-            let mut x = vec![0.0; right.len()];
-            e.solve(&right, &mut x, ROUNDS);
+            let mut x = vec![0.0; self.map.nodes()];
+            e.solve(&e.right_of(&d.spots, slopes, weights), &mut x, ROUNDS);
             d.spots.values(&self.map.by_cell(&x))
         });
         let gradients = self.map.gradients(d.body.of(&(0..self.marks.len())), &d.spots, &self.map.by_cell(&state.map));
@@ -519,6 +529,58 @@ fn blurred_direction(disc: &Vector3<f64>, shading: &Shading, view: &ViewInfo, bl
     let slope = |there: f64| variance * (there - here) / (H * here);
     let (x, y) = (disc.x + slope(light(H, 0.0)), disc.y + slope(light(0.0, H)));
     Vector3::new(x, y, (1.0 - x * x - y * y).max(0.01).sqrt()).normalize()
+}
+
+struct Informed<'a> {
+    weights: &'a [f32],
+    missed: &'a [f32],
+    precision: f32,
+}
+
+impl pulp::NullaryFnOnce for Informed<'_> {
+    type Output = Vec<f32>;
+
+    #[inline(always)]
+    fn call(self) -> Vec<f32> {
+        self.weights.iter().zip(self.missed).map(|(w, m)| w / (1.0 + m * self.precision)).collect()
+    }
+}
+
+/// What is left over at every pixel in units of what a pixel of weight 1 is uncertain by.
+struct Scaled<'a> {
+    contrasts: &'a [f32],
+    markings: &'a [f32],
+    light: &'a [f32],
+    informed: &'a [f32],
+}
+
+impl pulp::NullaryFnOnce for Scaled<'_> {
+    type Output = Vec<f32>;
+
+    #[inline(always)]
+    fn call(self) -> Vec<f32> {
+        let on_and_light = self.markings.iter().zip(self.light);
+        self.contrasts.iter().zip(on_and_light).zip(self.informed).map(|((contrast, (on, light)), w)| (contrast - on - light).abs() * w.sqrt()).collect()
+    }
+}
+
+/// Weights of a Student-t's residuals.
+struct Robust<'a> {
+    scaled: &'a [f32],
+    noise: f32,
+    robust: &'a mut [f32],
+}
+
+impl pulp::NullaryFnOnce for Robust<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let (tail, per_noise) = (TAIL as f32, 1.0 / self.noise);
+        for (w, s) in self.robust.iter_mut().zip(self.scaled) {
+            *w = ((tail + 1.0) / (tail + (s * per_noise) * (s * per_noise))).min(1.0);
+        }
+    }
 }
 
 /// Turns slopes along directions in the map's axes into what a turn changes: the rows times (slope × direction).

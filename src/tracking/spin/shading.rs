@@ -85,12 +85,12 @@ pub(super) fn divide_out(views: &[ViewInfo], samples: &[Sample], markings: Optio
         }
         let step = (own.len() / ENOUGH).max(1);
         own = own.into_iter().step_by(step).collect();
-        let factors: Vec<Factors> = own.iter().map(|&i| factors(1.0, &samples[i].disc)).collect();
+        let harmonics = Harmonics::of(own.iter().map(|&i| factors(1.0, &samples[i].disc)));
         let values: Vec<f32> = own.iter().map(|&i| (felt[i] / gains[samples[i].view]) as f32).collect();
         let mut weights = vec![1.0f32; own.len()];
         for _ in 0..4 {
-            let Some(solution) = least_squares(&factors, &values, &weights, 1e-6) else { break };
-            let misses: Vec<f32> = values.iter().zip(&factors).map(|(v, f)| v - product(f, &solution)).collect();
+            let Some(solution) = harmonics.least_squares(&values, &weights, 1e-6) else { break };
+            let misses: Vec<f32> = values.iter().zip(&harmonics.sums(&solution)).map(|(v, sum)| v - sum).collect();
             let scale = 1.5 * median(misses.iter().map(|m| m.abs()).collect()).max(1e-3);
             for (weight, miss) in weights.iter_mut().zip(&misses) {
                 let square = (miss / (2.0 * scale)) * (miss / (2.0 * scale));
@@ -125,43 +125,85 @@ pub(super) fn factors(constant: f32, disc: &Vector3<f64>) -> Factors {
     std::array::from_fn(|k| if k == 0 { constant } else { t[k - 1] as f32 })
 }
 
-#[inline(always)]
-pub(super) fn product(a: &Factors, b: &Factors) -> f32 {
-    let mut lanes = [0.0f32; UNKNOWNS];
-    for k in 0..UNKNOWNS {
-        lanes[k] = a[k] * b[k];
-    }
-    // Halves, quarters, ...: a fixed order that wide registers like.
-    for half in [8, 4, 2, 1] {
-        for k in 0..half {
-            lanes[k] += lanes[k + half];
-        }
-    }
-    lanes[0]
-}
-
-/// Coefficients that explain weighted values best; `prior` is the precision of each about 0.
-pub(super) fn least_squares(factors: &[Factors], values: &[f32], weights: &[f32], prior: f64) -> Option<Factors> {
-    let mut normal = SMatrix::<f64, UNKNOWNS, UNKNOWNS>::identity() * prior;
-    let mut right = SVector::<f64, UNKNOWNS>::zeros();
-    for ((factors, values), weights) in factors.chunks(SINGLY).zip(values.chunks(SINGLY)).zip(weights.chunks(SINGLY)) {
-        let (sums, products) = pulp::Arch::new().dispatch(Products { factors, values, weights });
-        for i in 0..UNKNOWNS {
-            for j in 0..UNKNOWNS {
-                normal[(i, j)] += f64::from(sums[i][j]);
-            }
-            right[i] += f64::from(products[i]);
-        }
-    }
-    let solution: [f64; UNKNOWNS] = normal.cholesky()?.solve(&right).into();
-    Some(solution.map(|x| x as f32))
-}
-
 /// Equations whose products are summed in single precision.
-const SINGLY: usize = 128;
+const SINGLY: usize = 8 * LANES;
+
+/// Values of so many pixels, [`LANES`] side by side.
+type Column = [[f32; LANES]; SINGLY / LANES];
+
+/// The harmonics at many places, each harmonic's values side by side; nothing beyond the last place.
+#[derive(Default)]
+pub(super) struct Harmonics {
+    places: usize,
+    columns: Vec<[Column; UNKNOWNS]>,
+}
+
+impl Harmonics {
+    pub fn of(factors: impl Iterator<Item = Factors>) -> Self {
+        let mut all = Harmonics::default();
+        for factors in factors {
+            let at = all.places % SINGLY;
+            if at == 0 {
+                all.columns.push([[[0.0; LANES]; SINGLY / LANES]; UNKNOWNS]);
+            }
+            if let Some(columns) = all.columns.last_mut() {
+                columns.iter_mut().zip(factors).for_each(|(column, factor)| column[at / LANES][at % LANES] = factor);
+            }
+            all.places += 1;
+        }
+        all
+    }
+
+    /// Coefficients that explain weighted values best; `prior` is the precision of each about 0.
+    pub fn least_squares(&self, values: &[f32], weights: &[f32], prior: f64) -> Option<Factors> {
+        let mut normal = SMatrix::<f64, UNKNOWNS, UNKNOWNS>::identity() * prior;
+        let mut right = SVector::<f64, UNKNOWNS>::zeros();
+        for ((columns, values), weights) in self.columns.iter().zip(values.chunks(SINGLY)).zip(weights.chunks(SINGLY)) {
+            let (sums, products) = pulp::Arch::new().dispatch(Products { columns, values, weights });
+            for i in 0..UNKNOWNS {
+                for j in 0..UNKNOWNS {
+                    normal[(i, j)] += f64::from(sums[i][j]);
+                }
+                right[i] += f64::from(products[i]);
+            }
+        }
+        let solution: [f64; UNKNOWNS] = normal.cholesky()?.solve(&right).into();
+        Some(solution.map(|x| x as f32))
+    }
+
+    /// What coefficients make of every place.
+    pub fn sums(&self, coefficients: &Factors) -> Vec<f32> {
+        let mut out: Vec<f32> = Vec::with_capacity(self.columns.len() * SINGLY);
+        for columns in &self.columns {
+            pulp::Arch::new().dispatch(Weighted { columns, coefficients }).iter().for_each(|lanes| out.extend_from_slice(&lanes.0));
+        }
+        out.truncate(self.places);
+        out
+    }
+}
+
+struct Weighted<'a> {
+    columns: &'a [Column; UNKNOWNS],
+    coefficients: &'a Factors,
+}
+
+impl pulp::NullaryFnOnce for Weighted<'_> {
+    type Output = [Lanes; SINGLY / LANES];
+
+    #[inline(always)]
+    fn call(self) -> Self::Output {
+        std::array::from_fn(|at| {
+            let mut sum = Lanes::ZERO;
+            for (column, coefficient) in self.columns.iter().zip(self.coefficients) {
+                sum = sum.plus_times(&column[at], *coefficient);
+            }
+            sum
+        })
+    }
+}
 
 struct Products<'a> {
-    factors: &'a [Factors],
+    columns: &'a [Column; UNKNOWNS],
     values: &'a [f32],
     weights: &'a [f32],
 }
@@ -172,31 +214,32 @@ impl pulp::NullaryFnOnce for Products<'_> {
     /// Up to [`SINGLY`] equations, [`LANES`] side by side.
     #[inline(always)]
     fn call(self) -> Self::Output {
-        let mut columns = [[[0.0f32; LANES]; SINGLY / LANES]; UNKNOWNS];
-        let mut weighted = columns;
-        let mut values = [[0.0f32; LANES]; SINGLY / LANES];
-        for (k, ((factors, value), weight)) in self.factors.iter().zip(self.values).zip(self.weights).take(SINGLY).enumerate() {
-            let (at, lane) = (k / LANES, k % LANES);
-            values[at][lane] = *value;
-            for (i, f) in factors.iter().enumerate() {
-                columns[i][at][lane] = *f;
-                weighted[i][at][lane] = f * weight;
-            }
-        }
-        let dot = |a: &[[f32; LANES]; SINGLY / LANES], b: &[[f32; LANES]; SINGLY / LANES]| {
+        let side_by_side = |from: &[f32]| {
+            let mut to: Column = [[0.0; LANES]; SINGLY / LANES];
+            to.as_flattened_mut().iter_mut().zip(from).for_each(|(to, from)| *to = *from);
+            to
+        };
+        let (values, weights) = (side_by_side(self.values), side_by_side(self.weights));
+        let dot = |a: &Column, b: &Column| {
             let mut sum = Lanes::ZERO;
             for (a, b) in a.iter().zip(b) {
                 sum = sum.plus_products(a, b);
             }
-            sum.0.iter().sum::<f32>()
+            sum.total()
         };
         let (mut sums, mut products) = ([[0.0f32; UNKNOWNS]; UNKNOWNS], [0.0f32; UNKNOWNS]);
         for i in 0..UNKNOWNS {
+            let mut weighted = self.columns[i];
+            for (weighted, weights) in weighted.iter_mut().zip(&weights) {
+                for l in 0..LANES {
+                    weighted[l] *= weights[l];
+                }
+            }
             for j in i..UNKNOWNS {
-                let sum = dot(&weighted[i], &columns[j]);
+                let sum = dot(&weighted, &self.columns[j]);
                 (sums[i][j], sums[j][i]) = (sum, sum);
             }
-            products[i] = dot(&weighted[i], &values);
+            products[i] = dot(&weighted, &values);
         }
         (sums, products)
     }

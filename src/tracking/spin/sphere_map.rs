@@ -141,11 +141,19 @@ impl SphereMap {
         &self.share
     }
 
-    /// Cells in order, each with its corners' nodes.
-    pub fn cells(&self) -> impl Iterator<Item = [usize; 4]> {
-        let (edge, stride) = (self.edge, self.stride);
-        let rows = (0..6).flat_map(move |face| (0..edge).map(move |i| (face * (edge + 1) + i) * stride));
-        rows.flat_map(move |row| (row..row + edge).map(move |at| [at, at + stride, at + 1, at + stride + 1]))
+    /// Adds what every cell, in order, has for its corners to their nodes.
+    pub fn add_cells(&self, cells: &[[f32; 4]], nodes: &mut [f32]) {
+        for (line, cells) in cells.chunks_exact(self.edge).enumerate() {
+            let row = (line / self.edge * (self.edge + 1) + line % self.edge) * self.stride;
+            let Some((upper, lower)) = nodes.get_mut(row..row + 2 * self.stride).map(|both| both.split_at_mut(self.stride)) else { continue };
+            for (j, cell) in cells.iter().enumerate() {
+                upper[j] += cell[0];
+                lower[j] += cell[1];
+                upper[j + 1] += cell[2];
+                lower[j + 1] += cell[3];
+            }
+        }
+        self.join(nodes);
     }
 
     /// Sums what stands at nodes that are one corner, and puts the sum at all of them.
@@ -161,9 +169,15 @@ impl SphereMap {
         }
     }
 
-    /// The four values of every cell.
+    /// The four values of every cell, in order: (0, 0), (1, 0), (0, 1), (1, 1) along its two sides.
     pub fn by_cell(&self, map: &[f32]) -> Vec<[f32; 4]> {
-        self.cells().map(|corners| corners.map(|k| map[k])).collect()
+        let mut out = Vec::with_capacity(6 * self.edge * self.edge);
+        for line in 0..6 * self.edge {
+            let row = (line / self.edge * (self.edge + 1) + line % self.edge) * self.stride;
+            let (upper, lower) = (&map[row..=row + self.edge], &map[row + self.stride..=row + self.stride + self.edge]);
+            out.extend(upper.windows(2).zip(lower.windows(2)).map(|(u, l)| [u[0], l[0], u[1], l[1]]));
+        }
+        out
     }
 
     /// Where unit directions, whose coordinates stand in three rows, point; from `first` on.
@@ -306,14 +320,17 @@ mod tests {
                 Vector3::new(c as f32 * (1.0 - z * z).sqrt(), s as f32 * (1.0 - z * z).sqrt(), z)
             })
             .collect();
-        let (spots, cells) = (spots(map, &all), map.cells().collect::<Vec<_>>());
+        let spots = spots(map, &all);
+        let mut of_cells = [vec![[0.0f32; 4]; 6 * map.edge() * map.edge()], vec![[0.0f32; 4]; 6 * map.edge() * map.edge()]];
         for (i, d) in all.iter().enumerate() {
-            for (k, w) in cells[spots.cell[i] as usize].into_iter().zip(spots.weights(i)) {
-                (sums[k], weights[k]) = (sums[k] + w * w * w * value(d), weights[k] + w * w * w);
+            let cell = spots.cell[i] as usize;
+            for (k, w) in spots.weights(i).into_iter().enumerate() {
+                of_cells[0][cell][k] += w * w * w * value(d);
+                of_cells[1][cell][k] += w * w * w;
             }
         }
-        map.join(&mut sums);
-        map.join(&mut weights);
+        map.add_cells(&of_cells[0], &mut sums);
+        map.add_cells(&of_cells[1], &mut weights);
         sums.iter().zip(&weights).map(|(v, w)| if *w > 0.0 { v / w } else { 0.0 }).collect()
     }
 

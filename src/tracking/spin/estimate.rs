@@ -210,7 +210,7 @@ impl FoundSpin {
             return SpinEstimate::Refused { reason };
         }
         let on_first = stated(&best, &widened(&registrar, &best), &infos);
-        let (omega, scatter) = over_cells(&mut registrar, &best, &start.omega, &start.contest.near);
+        let (omega, scatter) = over_cells(&mut registrar, &best.omega, &start.omega, &start.contest.near);
         held(&infos, &best, omega, on_first + scatter * CELLS_SHARE + start.contest.flat, &start.contest, settings)
     }
 }
@@ -289,13 +289,13 @@ fn held(infos: &[ViewInfo], best: &Registration, omega: Vector3<f64>, covariance
 /// The mean spin over maps whose cells lie differently on the ball, and the scatter of one of them. Along a line that slides
 /// along itself the cost is nearly flat, and the cells' own corners make dents in it, in one of which every registration
 /// stays; on other cells the dents lie elsewhere. `near`: where else in the same valley to begin.
-fn over_cells(registrar: &mut Registrar, on_first: &Registration, start: &Vector3<f64>, near: &[Vector3<f64>]) -> (Vector3<f64>, Matrix3<f64>) {
-    let mut all = vec![on_first.omega];
+fn over_cells(registrar: &mut Registrar, on_first: &Vector3<f64>, start: &Vector3<f64>, near: &[Vector3<f64>]) -> (Vector3<f64>, Matrix3<f64>) {
+    let mut all = vec![*on_first];
     for i in 0..OTHER_CELLS {
         // Attitudes far from one another and from the cube's own symmetries.
         let k = i as f64;
         registrar.lay_cells(Rotation3::new(Vector3::new((1.7 * k + 0.3).sin(), (2.9 * k + 1.0).cos(), (0.77 * k).sin()) * 1.3));
-        all.push(registrar.refine_beside(on_first, *near.get(i).unwrap_or(start), &FINAL).omega);
+        all.push(registrar.refine(*near.get(i).unwrap_or(start), &FINAL).omega);
     }
     let mean = all.iter().sum::<Vector3<f64>>() / all.len() as f64;
     let scatter = all.iter().map(|w| (w - mean) * (w - mean).transpose()).sum::<Matrix3<f64>>() / (all.len() - 1) as f64;

@@ -251,24 +251,10 @@ impl<'a> Registrar<'a> {
 
     /// Refines from `start`.
     pub fn refine(&self, start: Vector3<f64>, effort: &Effort) -> Registration {
-        self.refine_from(start, effort, |design| self.first_map(design, effort))
-    }
-
-    /// Refines from `start` with the light and the weights of another registration of the same pixels, on whatever cells.
-    pub fn refine_beside(&self, other: &Registration, start: Vector3<f64>, effort: &Effort) -> Registration {
-        self.refine_from(start, effort, |design| {
-            let mut state = State { map: vec![0.0; self.map.nodes()], ..other.state.clone() };
-            let (equations, _) = self.equations(design, &state);
-            equations.solve(&equations.right, &mut state.map, ROUNDS);
-            state
-        })
-    }
-
-    fn refine_from(&self, start: Vector3<f64>, effort: &Effort, first: impl FnOnce(&Design) -> State) -> Registration {
         let mut omega = start;
         let mut design = Design::new(self.marks.len());
         self.design(&omega, &mut design);
-        let mut state = first(&design);
+        let mut state = self.first_map(&design, effort);
         let (mut length, mut sizes) = (0.0, Vector3::repeat(1.0));
         // Curvature of the cost and the last step with the score before it, all in units of 1 / noise².
         let mut curvature: Option<Matrix3<f64>> = None;

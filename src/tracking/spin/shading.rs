@@ -126,7 +126,7 @@ pub(super) fn factors(constant: f32, disc: &Vector3<f64>) -> Factors {
 }
 
 /// Equations whose products are summed in single precision.
-const SINGLY: usize = 8 * LANES;
+const SINGLY: usize = 16 * LANES;
 
 /// Values of so many pixels, [`LANES`] side by side.
 type Column = [[f32; LANES]; SINGLY / LANES];
@@ -202,6 +202,22 @@ impl pulp::NullaryFnOnce for Weighted<'_> {
     }
 }
 
+/// Columns whose sums are taken side by side, so that none waits for the last one's.
+const TOGETHER: usize = 4;
+
+#[inline(always)]
+fn dots(weighted: &Column, columns: [&Column; TOGETHER]) -> [f32; TOGETHER] {
+    let [mut a, mut b, mut c, mut d] = [Lanes::ZERO; TOGETHER];
+    for at in 0..SINGLY / LANES {
+        let weighted = &weighted[at];
+        a = a.plus_products(weighted, &columns[0][at]);
+        b = b.plus_products(weighted, &columns[1][at]);
+        c = c.plus_products(weighted, &columns[2][at]);
+        d = d.plus_products(weighted, &columns[3][at]);
+    }
+    [a, b, c, d].map(Lanes::total)
+}
+
 struct Products<'a> {
     columns: &'a [Column; UNKNOWNS],
     values: &'a [f32],
@@ -220,26 +236,18 @@ impl pulp::NullaryFnOnce for Products<'_> {
             to
         };
         let (values, weights) = (side_by_side(self.values), side_by_side(self.weights));
-        let dot = |a: &Column, b: &Column| {
-            let mut sum = Lanes::ZERO;
-            for (a, b) in a.iter().zip(b) {
-                sum = sum.plus_products(a, b);
-            }
-            sum.total()
-        };
         let (mut sums, mut products) = ([[0.0f32; UNKNOWNS]; UNKNOWNS], [0.0f32; UNKNOWNS]);
+        let mut weighted: Column = [[0.0; LANES]; SINGLY / LANES];
         for i in 0..UNKNOWNS {
-            let mut weighted = self.columns[i];
-            for (weighted, weights) in weighted.iter_mut().zip(&weights) {
-                for l in 0..LANES {
-                    weighted[l] *= weights[l];
+            let both = self.columns[i].as_flattened().iter().zip(weights.as_flattened());
+            weighted.as_flattened_mut().iter_mut().zip(both).for_each(|(weighted, (column, weight))| *weighted = column * weight);
+            for first in (i / TOGETHER * TOGETHER..UNKNOWNS).step_by(TOGETHER) {
+                let some = dots(&weighted, std::array::from_fn(|k| &self.columns[first + k]));
+                for (k, sum) in some.into_iter().enumerate() {
+                    (sums[i][first + k], sums[first + k][i]) = (sum, sum);
                 }
             }
-            for j in i..UNKNOWNS {
-                let sum = dot(&weighted, &self.columns[j]);
-                (sums[i][j], sums[j][i]) = (sum, sum);
-            }
-            products[i] = dot(&weighted, &values);
+            [products[i], ..] = dots(&weighted, [&values; TOGETHER]);
         }
         (sums, products)
     }

@@ -201,3 +201,57 @@ impl pulp::NullaryFnOnce for SumRight<'_> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Places all over the sphere, the map's edges among them.
+    fn places(map: &SphereMap, n: usize) -> (Vec<[f32; 3]>, Spots) {
+        let direction = |i: usize| {
+            let z = 1.0 - (2.0 * i as f32 + 1.0) / n as f32;
+            let (s, c) = (2.399_963_2 * i as f64).sin_cos();
+            [c as f32 * (1.0 - z * z).sqrt(), s as f32 * (1.0 - z * z).sqrt(), z]
+        };
+        let all: Vec<[f32; 3]> = (0..n).map(direction).collect();
+        let rows = [0, 1, 2].map(|k| all.iter().map(|d| d[k]).collect::<Vec<f32>>());
+        let mut spots = Spots { cell: vec![0; n], at: [vec![0.0; n], vec![0.0; n]] };
+        map.look_up([&rows[0], &rows[1], &rows[2]], 0, &mut spots);
+        (all, spots)
+    }
+
+    #[test]
+    fn truth_a_pattern_seen_at_many_places_is_found_on_cells_of_any_number() {
+        for edge in [5, 12, 16, 20] {
+            let map = SphereMap::new(edge);
+            let (all, spots) = places(&map, 20_000);
+            let pattern = |d: &[f32; 3]| d[0] * d[1] - 0.5 * d[2];
+            let values: Vec<f32> = all.iter().map(pattern).collect();
+            let weights: Vec<f32> = (0..all.len()).map(|i| if i % 7 == 0 { 0.0 } else { 400.0 }).collect();
+            let equations = MapEquations::new(&map, &spots, &values, &weights, 0.1);
+            let mut found = vec![0.0; map.nodes()];
+            equations.solve(&equations.right, &mut found, 60);
+            let shown = spots.values(&map.by_cell(&found));
+            let worst = shown.iter().zip(&values).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+            assert!(worst < 1.5 / (edge * edge) as f32, "{edge}: {worst}");
+            let right = equations.right_of(&spots, &values, &weights);
+            assert!(right.iter().zip(&equations.right).all(|(a, b)| (a - b).abs() <= 1e-4 * (1.0 + b.abs())));
+        }
+    }
+
+    #[test]
+    fn law_the_solution_satisfies_the_equations() {
+        let map = SphereMap::new(12);
+        let (all, spots) = places(&map, 3_000);
+        let values: Vec<f32> = (0..all.len()).map(|i| ((i * i) as f32 * 0.37).sin()).collect();
+        let weights: Vec<f32> = (0..all.len()).map(|i| 20.0 + (i % 5) as f32).collect();
+        let equations = MapEquations::new(&map, &spots, &values, &weights, 0.05);
+        let mut found = vec![0.0; map.nodes()];
+        equations.solve(&equations.right, &mut found, 200);
+        let mut image = vec![0.0; map.nodes()];
+        equations.apply(&found, &mut image);
+        let largest = equations.right.iter().fold(0.0f32, |m, r| m.max(r.abs()));
+        let missed = image.iter().zip(&equations.right).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        assert!(missed < 1e-3 * largest, "{missed} of {largest}");
+    }
+}

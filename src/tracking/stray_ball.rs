@@ -77,6 +77,10 @@ pub fn drop_strays(source: &impl FrameSource, ball: &mut [Option<BallFrame>], co
                 let (index, ..) = flight.remove(worst);
                 BallFrame::forget(&mut ball[index], camera.index());
             }
+            let both: Vec<bool> = flight.iter().map(|f| ball[f.0].is_some_and(|b| b.stereo)).collect();
+            for k in of_another_ball(&flight.iter().map(|f| (f.1, f.2)).collect::<Vec<_>>(), &both, bend_px).into_iter().rev() {
+                BallFrame::forget(&mut ball[flight.remove(k).0], camera.index());
+            }
             if flight.len() < SHORTEST {
                 flight.iter().for_each(|f| BallFrame::forget(&mut ball[f.0], camera.index()));
             }
@@ -147,9 +151,58 @@ fn strayed_together(points: &[(f64, ImagePoint)], bend_px: f64) -> Vec<usize> {
     strays
 }
 
+/// Points of one camera, long after the flight was lost or long before it was found, that are not where it puts the ball: another one flies there. In
+/// order; `both` are those that both cameras saw.
+fn of_another_ball(points: &[(f64, ImagePoint)], both: &[bool], bend_px: f64) -> Vec<usize> {
+    let all: Vec<usize> = (0..points.len()).collect();
+    let stretches: Vec<&[usize]> = all.chunk_by(|a, b| points[*b].0 - points[*a].0 <= FARTHEST).collect();
+    let seen_by_both = |stretch: &&[usize]| stretch.iter().filter(|k| both[**k]).count();
+    let Some(flight) = stretches.iter().copied().max_by_key(seen_by_both).filter(|flight| seen_by_both(flight) >= FEWEST) else { return Vec::new() };
+    let elsewhere = |stretch: &&[usize]| {
+        let (Some(first), Some(last)) = (stretch.first(), stretch.last()) else { return false };
+        let later = *first > flight[0];
+        let (time, point) = &points[if later { *first } else { *last }];
+        let beside = if later { &flight[flight.len().saturating_sub(STRETCH)..] } else { &flight[..flight.len().min(STRETCH)] };
+        let near: Vec<_> = beside.iter().map(|k| &points[*k]).collect();
+        foretold(&near, *time, bend_px).is_some_and(|(expected, sd)| (point.uv - expected).norm() > RUN_PX.max(LIMIT * deviation(point).hypot(sd)))
+    };
+    stretches.into_iter().filter(|stretch| seen_by_both(stretch) == 0 && elsewhere(stretch)).flatten().copied().collect()
+}
+
 /// 1, t, t².
 fn powers(t: f64) -> Vector3<f64> {
     Vector3::new(1.0, t, t * t)
+}
+
+/// Of a point about a parabola, px.
+fn deviation(point: &ImagePoint) -> f64 {
+    point.sd.max().hypot(PARABOLA_PX)
+}
+
+/// Where the parabola through points of a flight puts the ball at a time, and how well that is known, px.
+fn foretold(near: &[&(f64, ImagePoint)], time: f64, bend_px: f64) -> Option<(Vector2<f64>, f64)> {
+    let row = |t: f64| powers(t - time);
+    let mut weights = vec![1.0; near.len()];
+    let mut found: Option<(Vector2<f64>, f64)> = None;
+    for _ in 0..4 {
+        let (mut h, mut g) = (Matrix3::zeros(), Matrix3x2::zeros());
+        for ((t, p), w) in near.iter().zip(&weights) {
+            let (b, w) = (row(*t), w / deviation(p).powi(2));
+            h += b * b.transpose() * w;
+            g += b * p.uv.transpose() * w;
+        }
+        h[(2, 2)] += bend_px.powi(-2);
+        let inverse = h.try_inverse()?;
+        let curve = inverse * g;
+        let misses: Vec<f64> = near.iter().map(|(t, p)| (p.uv - curve.tr_mul(&row(*t))).norm() / deviation(p)).collect();
+        weights = misses.iter().map(|z| (HUBER / z.max(1e-9)).min(1.0)).collect();
+        let mut sorted = misses;
+        sorted.sort_by(f64::total_cmp);
+        // The median length of two normal numbers is 1.18 deviations.
+        let scale = (sorted[sorted.len() / 2] / 1.18).max(1.0);
+        found = Some((curve.row(0).transpose(), inverse[(0, 0)].sqrt() * scale));
+    }
+    found
 }
 
 /// How many deviations a point is from where its neighbours put it; `None` where they are too few, or it is near enough in px.
@@ -161,31 +214,9 @@ fn strayed(points: &[(f64, ImagePoint)], at: usize, least_px: f64, bend_px: f64)
     if near.len() < FEWEST {
         return None;
     }
-    let row = |t: f64| powers(t - time);
-    let sd = |p: &ImagePoint| p.sd.max().hypot(PARABOLA_PX);
-    let mut weights = vec![1.0; near.len()];
-    let mut found: Option<(Vector2<f64>, f64)> = None;
-    for _ in 0..4 {
-        let (mut h, mut g) = (Matrix3::zeros(), Matrix3x2::zeros());
-        for ((t, p), w) in near.iter().zip(&weights) {
-            let (b, w) = (row(*t), w / sd(p).powi(2));
-            h += b * b.transpose() * w;
-            g += b * p.uv.transpose() * w;
-        }
-        h[(2, 2)] += bend_px.powi(-2);
-        let inverse = h.try_inverse()?;
-        let curve = inverse * g;
-        let misses: Vec<f64> = near.iter().map(|(t, p)| (p.uv - curve.tr_mul(&row(*t))).norm() / sd(p)).collect();
-        weights = misses.iter().map(|z| (HUBER / z.max(1e-9)).min(1.0)).collect();
-        let mut sorted = misses;
-        sorted.sort_by(f64::total_cmp);
-        // The median length of two normal numbers is 1.18 deviations.
-        let scale = (sorted[sorted.len() / 2] / 1.18).max(1.0);
-        found = Some((curve.row(0).transpose(), inverse[(0, 0)].sqrt() * scale));
-    }
-    let (expected, expected_sd) = found?;
+    let (expected, expected_sd) = foretold(&near, *time, bend_px)?;
     let miss = (point.uv - expected).norm();
-    (miss > least_px).then(|| miss / sd(point).hypot(expected_sd))
+    (miss > least_px).then(|| miss / deviation(point).hypot(expected_sd))
 }
 
 #[cfg(test)]
@@ -237,6 +268,24 @@ mod tests {
             p.1.uv.y -= 4.0 * (k - 12) as f64;
         }
         assert!(strayed_together(&points, BEND_PX).is_empty(), "{:?}", strayed_together(&points, BEND_PX));
+    }
+
+    #[test]
+    fn truth_another_ball_that_one_camera_sees_later_goes_and_the_same_one_stays() {
+        let n = 60;
+        let points = flight(n);
+        let seen = |from: usize, of: &dyn Fn(usize) -> (f64, ImagePoint)| -> Vec<(f64, ImagePoint)> { points[..from].iter().copied().chain((40..n).map(of)).collect() };
+        let other = |k: usize| {
+            let uv = Vector2::new(180.0 - 2.0 * (k as f64 - 40.0), 140.0 - 1.5 * (k as f64 - 40.0));
+            (points[k].0, ImagePoint { uv, ..points[k].1 })
+        };
+        for from in [12, 25] {
+            let both: Vec<bool> = (0..from + 20).map(|k| k < from).collect();
+            assert!(of_another_ball(&seen(from, &|k| points[k]), &both, BEND_PX).is_empty());
+            assert_eq!(of_another_ball(&seen(from, &other), &both, BEND_PX), (from..from + 20).collect::<Vec<_>>());
+            // What both cameras saw is no matter of one camera's flight.
+            assert!(of_another_ball(&seen(from, &other), &vec![true; from + 20], BEND_PX).is_empty());
+        }
     }
 
     #[test]

@@ -159,7 +159,7 @@ const COARSE_EDGE: usize = 12;
 const FINE_EDGE: usize = 16;
 /// Fine map with blur, before the shading is fitted again.
 const FIRST: Effort = Effort { steps: 8, last_step_rad_s: 0.3, light: true, memory_s: 0.0 };
-const FINAL: Effort = Effort { steps: 14, last_step_rad_s: 0.02, light: true, memory_s: 0.0 };
+const FINAL: Effort = Effort { steps: 30, last_step_rad_s: 0.02, light: true, memory_s: 0.0 };
 
 /// Measures one constant spin vector over the free flight shown by `views`, which may come in any order. `radius_m` is the ball's.
 pub fn estimate_spin(views: &[BallView], rig: &StereoRig, radius_m: f64, settings: &SpinSettings) -> SpinEstimate {

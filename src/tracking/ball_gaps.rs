@@ -243,17 +243,18 @@ impl<S: FrameSource> Shot<'_, S> {
             last_piece.as_ref().is_some_and(|known| meet(known, piece, rate)) || next_piece.as_ref().is_some_and(|known| meet(piece, known, rate))
         };
         let mut tried: Vec<Vec<Option<BallFrame>>> = Vec::new();
+        let apart = self.apart();
         for start in STARTS {
-            let from_before = gap.start.checked_add(start).filter(|first| first + 2 < gap.end && self.may_be_seen(scene, &before, *first));
-            let from_after = gap.end.checked_sub(start + 3).filter(|first| *first >= gap.start && self.may_be_seen(scene, &after, *first));
+            let from_before = gap.start.checked_add(start).filter(|first| first + 2 * apart < gap.end && self.may_be_seen(scene, &before, *first));
+            let from_after = gap.end.checked_sub(start + 2 * apart + 1).filter(|first| *first >= gap.start && self.may_be_seen(scene, &after, *first));
             for first in [from_before, from_after].into_iter().flatten() {
                 let flights = [self.flights_from(first, scene, still)?, self.flights_against_another(first, scene)?];
                 for three in flights.into_iter().flatten() {
-                    if tried.iter().any(|t| stands_at(t, first + 1, &three[1])) {
+                    if tried.iter().any(|t| stands_at(t, first + apart, &three[1])) {
                         continue;
                     }
-                    let forth = || self.follow_ball_one_way(scene, (first + 1, three[1]), (first + 2, three[2]), first + 3..gap.end);
-                    let back = || self.follow_ball_one_way(scene, (first + 1, three[1]), (first, three[0]), (gap.start..first).rev());
+                    let forth = || self.follow_ball_one_way(scene, (first + apart, three[1]), (first + 2 * apart, three[2]), first + 2 * apart + 1..gap.end);
+                    let back = || self.follow_ball_one_way(scene, (first + apart, three[1]), (first, three[0]), (gap.start..first).rev());
                     let (back, forth) = rayon::join(back, forth);
                     let mut found = self.whole_flight(first, &three, [back?, forth?]);
                     let seen = self.sightings(&found.frames, racket);

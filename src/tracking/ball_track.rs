@@ -273,9 +273,9 @@ impl BallScene<'_> {
         out
     }
 
-    /// The free flights through three successive frames: pairs (third position, step per frame).
-    pub fn flights(&self, frames: &[Vec<BallFrame>; 3]) -> Vec<[BallFrame; 3]> {
-        let (slow, fast) = (SPEEDS_M_S.0 / self.frame_rate_hz, SPEEDS_M_S.1 / self.frame_rate_hz);
+    /// The free flights through three frames, each so many after the one before.
+    pub fn flights(&self, frames: &[Vec<BallFrame>; 3], apart: usize) -> Vec<[BallFrame; 3]> {
+        let (slow, fast) = (SPEEDS_M_S.0 * apart as f64 / self.frame_rate_hz, SPEEDS_M_S.1 * apart as f64 / self.frame_rate_hz);
         let mut out = Vec::new();
         for a in &frames[0] {
             for b in &frames[1] {

@@ -30,6 +30,9 @@ const FILLED: f64 = 6.0;
 const LONG_FLIGHT: usize = 30;
 /// What the strings turned is the ball, however near others come to them, m.
 const TURNED_M: f64 = 1.0;
+/// Frames a second of those three, and most frames from one to the next: what lies between is found again.
+const TOLD_HZ: f64 = 1000.0;
+const MOST_APART: f64 = 4.0;
 /// A flight that was lost so near to the stringbed's centre met the strings there, m.
 const MET_M: f64 = 0.5;
 /// A thing that flew straight in as many frames may be the ball.
@@ -82,9 +85,15 @@ impl<S: FrameSource> Shot<'_, S> {
         BallScene { view: self.view, radius_m, limb: [limb.clone(), limb], frame_rate_hz: self.setup.frame_rate_hz, faint: false }
     }
 
-    /// Frames in which the ball is looked for, in order; the two after each count as well.
+    /// Frames from one to the next of the three that tell a free flight: closer in time it hardly moves beside what its depth is good to. What lies
+    /// between is looked at when the flight is measured.
+    pub(super) fn apart(&self) -> usize {
+        (self.setup.frame_rate_hz / TOLD_HZ).round().clamp(1.0, MOST_APART) as usize
+    }
+
+    /// Frames in which the ball is looked for, in order; two more after each count as well.
     fn looked_into(&self) -> Vec<usize> {
-        let mut order = spread(self.source.len().saturating_sub(2));
+        let mut order = spread(self.source.len().saturating_sub(2 * self.apart()));
         order.truncate(24);
         order
     }
@@ -97,8 +106,8 @@ impl<S: FrameSource> Shot<'_, S> {
         let Some((_, end, forth)) = near.min_by(|a, b| a.0.total_cmp(&b.0)) else { return Vec::new() };
         let frames = |start: usize| (start as f64 * self.setup.frame_rate_hz / 1000.0).round() as usize;
         let n = self.source.len();
-        let index = |start: usize| if forth { Some(end + frames(start)) } else { end.checked_sub(frames(start) + 2) };
-        STARTS.iter().filter_map(|start| index(*start).filter(|first| first + 2 < n)).collect()
+        let index = |start: usize| if forth { Some(end + frames(start)) } else { end.checked_sub(frames(start) + 2 * self.apart()) };
+        STARTS.iter().filter_map(|start| index(*start).filter(|first| first + 2 * self.apart() < n)).collect()
     }
 
     /// What the first look into the clip finds.
@@ -108,7 +117,7 @@ impl<S: FrameSource> Shot<'_, S> {
         Ok(FirstLook { first: first.unwrap_or_default(), flights, followed: None })
     }
 
-    /// The free flights through a frame and the next two.
+    /// The free flights through a frame and the next two, [`Self::apart`].
     pub(super) fn flights_from(&self, first: usize, scene: &BallScene, still: &[Option<GreyImage>; 2]) -> Result<Vec<[BallFrame; 3]>, TrackingError> {
         // Places in space that may be the ball in a frame.
         let candidates = |index: usize| -> Result<Vec<BallFrame>, TrackingError> {
@@ -126,8 +135,9 @@ impl<S: FrameSource> Shot<'_, S> {
         if now.is_empty() {
             return Ok(Vec::new());
         }
-        let (next, last) = rayon::join(|| candidates(first + 1), || candidates(first + 2));
-        Ok(scene.flights(&[now, next?, last?]))
+        let apart = self.apart();
+        let (next, last) = rayon::join(|| candidates(first + apart), || candidates(first + 2 * apart));
+        Ok(scene.flights(&[now, next?, last?], apart))
     }
 
     /// [`Self::flights_from`] of what stands out from the pictures half a clip away: a ball that comes along a camera's line of sight hardly
@@ -165,7 +175,7 @@ impl<S: FrameSource> Shot<'_, S> {
                     None => self.flights_from(first, &scene, still)?,
                 };
                 for flight in flights {
-                    if claimed.iter().chain(&of_the_racket).any(|t| stands_at(t, first + 1, &flight[1])) {
+                    if claimed.iter().chain(&of_the_racket).any(|t| stands_at(t, first + self.apart(), &flight[1])) {
                         continue;
                     }
                     let track = match followed.take() {
@@ -329,21 +339,22 @@ impl<S: FrameSource> Shot<'_, S> {
     /// Follows a flight found in three frames to the clip's end or to its beginning.
     pub(super) fn follow_flight(&self, scene: &BallScene, first: usize, flight: &[BallFrame; 3], forth: bool) -> Result<HalfFlight, TrackingError> {
         let n = self.source.len();
-        let middle = (first + 1, flight[1]);
+        let apart = self.apart();
+        let middle = (first + apart, flight[1]);
         if forth {
-            self.follow_ball_one_way(scene, middle, (first + 2, flight[2]), first + 3..n)
+            self.follow_ball_one_way(scene, middle, (first + 2 * apart, flight[2]), first + 2 * apart + 1..n)
         } else {
             self.follow_ball_one_way(scene, middle, (first, flight[0]), (0..first).rev())
         }
     }
 
-    /// A flight from the frames it was found in, `first` and the next, and the ways it was followed from there.
+    /// A flight from the frames it was found in, `first` and those [`Self::apart`] after it, and the ways it was followed from there.
     pub(super) fn whole_flight(&self, first: usize, flight: &[BallFrame], halves: impl IntoIterator<Item = HalfFlight>) -> Flight {
         let n = self.source.len();
         let (mut frames, mut kept) = (vec![None; n], vec![None; n]);
         let mut means: [MeanDisc; 2] = Default::default();
         for (k, b) in flight.iter().enumerate() {
-            frames[first + k] = Some(*b);
+            frames[first + k * self.apart()] = Some(*b);
         }
         for half in halves {
             for (index, b, what) in half.frames {

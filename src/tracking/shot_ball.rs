@@ -98,10 +98,11 @@ impl<S: FrameSource> Shot<'_, S> {
         order
     }
 
-    /// Frames in which the other half of a flight may be found, of which the strings' side of the contact was seen: those nearest first.
-    fn beyond_the_strings(&self, seen: &[Sighting]) -> Vec<usize> {
+    /// Frames in which the other half of a flight may be found of which `shortest` frames and more up to the strings, or from there, were seen: those
+    /// nearest first.
+    fn beyond_the_strings(&self, seen: &[Sighting], shortest: usize) -> Vec<usize> {
         let pieces = straight_pieces(seen, self.setup.frame_rate_hz);
-        let ends = pieces.iter().filter(|p| p.len() >= FLIES).flat_map(|p| [(&p[0], false), (&p[p.len() - 1], true)]);
+        let ends = pieces.iter().filter(|p| p.len() >= shortest).flat_map(|p| [(&p[0], false), (&p[p.len() - 1], true)]);
         let near = ends.filter_map(|(end, forth)| Some((end.in_racket.map(|p| p.coords.norm()).filter(|away| *away < MET_M)?, end.index, forth)));
         let Some((_, end, forth)) = near.min_by(|a, b| a.0.total_cmp(&b.0)) else { return Vec::new() };
         let frames = |start: usize| (start as f64 * self.setup.frame_rate_hz / 1000.0).round() as usize;
@@ -204,8 +205,8 @@ impl<S: FrameSource> Shot<'_, S> {
                             clear = likeness.clear;
                             turned = met;
                             // Its other half is nearest where it was lost; if it is not there, the rest of this frame is.
-                            let beyond = self.beyond_the_strings(&seen);
-                            if clear && !turned && !beyond.is_empty() {
+                            let beyond = if turned { Vec::new() } else { self.beyond_the_strings(&seen, if clear { FLIES } else { LONG_FLIGHT }) };
+                            if !beyond.is_empty() {
                                 order.push_front(first);
                                 beyond.into_iter().rev().for_each(|index| order.push_front(index));
                                 break;

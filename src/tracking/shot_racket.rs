@@ -49,6 +49,8 @@ const MOST_BEFORE_SOME_GO: usize = 400;
 const STILL_PX: f64 = 1.5;
 /// in so large a share of the frames.
 const STILL_SHARE: f64 = 0.6;
+/// What looks like tape must have this share of the contrast that a band needs: an even background has fainter specks in any number.
+const FAINTEST: f64 = 0.25;
 /// Frames without the racket before it is looked for where it can have got to,
 const FIRST_LOOK: usize = 2;
 /// and most frames between two such looks: it crosses the volume in sixty.
@@ -403,8 +405,8 @@ impl<S: FrameSource> Shot<'_, S> {
         // What lies next to the border of what is looked through is no peak.
         let columns = circles.map(|circle| circle.map_or(0..usize::MAX, |(at, radius)| around(at.x, radius + band_search::AROUND as f64)));
         let mut candidates = self.band_candidates([l, r], columns, MOST_BEFORE_SOME_GO);
-        for (candidates, circle) in candidates.iter_mut().zip(circles) {
-            candidates.retain(|c| circle.is_none_or(|(at, radius)| (c.uv - at).norm() < radius));
+        for ((candidates, circle), least) in candidates.iter_mut().zip(circles).zip(least_contrast) {
+            candidates.retain(|c| c.contrast > FAINTEST * least && circle.is_none_or(|(at, radius)| (c.uv - at).norm() < radius));
             candidates.truncate(MOST);
         }
         let poses = racket_search::search(self.view, &self.figure, &candidates, Some(&reach));

@@ -274,7 +274,9 @@ mod tests {
     fn truth_another_ball_that_one_camera_sees_later_goes_and_the_same_one_stays() {
         let n = 60;
         let points = flight(n);
-        let seen = |from: usize, of: &dyn Fn(usize) -> (f64, ImagePoint)| -> Vec<(f64, ImagePoint)> { points[..from].iter().copied().chain((40..n).map(of)).collect() };
+        let seen = |from: usize, of: &dyn Fn(usize) -> (f64, ImagePoint)| -> Vec<(f64, ImagePoint)> {
+            points[..from].iter().copied().chain((40..n).map(of)).collect()
+        };
         let other = |k: usize| {
             let uv = Vector2::new(180.0 - 2.0 * (k as f64 - 40.0), 140.0 - 1.5 * (k as f64 - 40.0));
             (points[k].0, ImagePoint { uv, ..points[k].1 })

@@ -66,7 +66,7 @@ impl<'m> MapEquations<'m> {
         let row = stride - 1;
         out.fill(0.0);
         for line in 0..6 * edge {
-            let node = (line / edge * (edge + 1) + line % edge) * stride;
+            let node = self.map.row(line);
             for first in (0..row).step_by(LANES) {
                 let cells = line * row + first;
                 let b = |k: usize| lanes(&self.blocks[k], cells);

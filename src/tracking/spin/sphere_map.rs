@@ -46,24 +46,35 @@ impl Spots {
 struct OnCube {
     cell: u32,
     at: [f32; 2],
-    /// d at / d tangent, divided by the direction's main coordinate; the tangents; the main coordinate's sign, negative.
-    slope: [f32; 2],
+    /// The other two coordinates over the main one, and d at / d tangent over the main one.
     tangent: [f32; 2],
+    slope: [f32; 2],
+    /// The main coordinate's sign, negative.
     back: f32,
+    main: MainAxis,
+}
+
+/// Which coordinate is the largest: the first, else the second, else the third.
+#[derive(Clone, Copy)]
+struct MainAxis {
     first: bool,
     second: bool,
+}
+
+impl MainAxis {
+    #[inline(always)]
+    fn choose(self, of: [f32; 3]) -> f32 {
+        let second_or_third = if self.second { of[1] } else { of[2] };
+        if self.first { of[0] } else { second_or_third }
+    }
 }
 
 impl OnCube {
     /// Where a unit direction points, on `edge` × `edge` cells of each face.
     #[inline(always)]
     fn of(edge: f32, [x, y, z]: [f32; 3]) -> Self {
-        let (first, second) = ((x.abs() >= y.abs()) & (x.abs() >= z.abs()), y.abs() >= z.abs());
-        let choose = |a: f32, b: f32, c: f32| {
-            let b_or_c = if second { b } else { c };
-            if first { a } else { b_or_c }
-        };
-        let (main, one, two, axis) = (choose(x, y, z), choose(y, z, x), choose(z, x, y), choose(0.0, 1.0, 2.0));
+        let axis = MainAxis { first: (x.abs() >= y.abs()) & (x.abs() >= z.abs()), second: y.abs() >= z.abs() };
+        let (main, one, two) = (axis.choose([x, y, z]), axis.choose([y, z, x]), axis.choose([z, x, y]));
         let inverse = 1.0 / main.abs().max(1e-6);
         let half = 0.5 * edge;
         let tangent = [one * inverse, two * inverse];
@@ -72,23 +83,16 @@ impl OnCube {
         let (i, j) = (u.clamp(0.0, edge - 1.0).floor(), v.clamp(0.0, edge - 1.0).floor());
         let (behind, back) = if main < 0.0 { (1.0, 1.0) } else { (0.0, -1.0) };
         // Whole numbers far below 2^24.
-        let cell = (((2.0 * axis + behind) * edge + i) * edge + j) as i32 as u32;
-        OnCube { cell, at: [u - i, v - j], slope: [half * du * inverse, half * dv * inverse], tangent, back, first, second }
+        let cell = (((2.0 * axis.choose([0.0, 1.0, 2.0]) + behind) * edge + i) * edge + j) as i32 as u32;
+        OnCube { cell, at: [u - i, v - j], tangent, slope: [half * du * inverse, half * dv * inverse], back, main: axis }
     }
 
     /// Slope of the map along the direction, from the values at the cell's corners.
     #[inline(always)]
     fn gradient(&self, [p, q]: [f32; 2], v: [f32; 4]) -> [f32; 3] {
-        let along = [
-            ((v[1] - v[0]) * (1.0 - q) + (v[3] - v[2]) * q) * self.slope[0],
-            ((v[2] - v[0]) * (1.0 - p) + (v[3] - v[1]) * p) * self.slope[1],
-        ];
+        let along = [((v[1] - v[0]) * (1.0 - q) + (v[3] - v[2]) * q) * self.slope[0], ((v[2] - v[0]) * (1.0 - p) + (v[3] - v[1]) * p) * self.slope[1]];
         let main = self.back * (along[0] * self.tangent[0] + along[1] * self.tangent[1]);
-        let choose = |a: f32, b: f32, c: f32| {
-            let b_or_c = if self.second { b } else { c };
-            if self.first { a } else { b_or_c }
-        };
-        [choose(main, along[1], along[0]), choose(along[0], main, along[1]), choose(along[1], along[0], main)]
+        [[main, along[1], along[0]], [along[0], main, along[1]], [along[1], along[0], main]].map(|of| self.main.choose(of))
     }
 }
 
@@ -137,6 +141,12 @@ impl SphereMap {
         self.stride
     }
 
+    /// First node of a row of cells, all faces one after the other; the row below begins a stride later.
+    #[inline(always)]
+    pub fn row(&self, line: usize) -> usize {
+        (line / self.edge * (self.edge + 1) + line % self.edge) * self.stride
+    }
+
     pub fn share(&self) -> &[f32] {
         &self.share
     }
@@ -144,7 +154,7 @@ impl SphereMap {
     /// Adds what every cell, in order, has for its corners to their nodes.
     pub fn add_cells(&self, cells: &[[f32; 4]], nodes: &mut [f32]) {
         for (line, cells) in cells.chunks_exact(self.edge).enumerate() {
-            let row = (line / self.edge * (self.edge + 1) + line % self.edge) * self.stride;
+            let row = self.row(line);
             let Some((upper, lower)) = nodes.get_mut(row..row + 2 * self.stride).map(|both| both.split_at_mut(self.stride)) else { continue };
             for (j, cell) in cells.iter().enumerate() {
                 upper[j] += cell[0];
@@ -173,7 +183,7 @@ impl SphereMap {
     pub fn by_cell(&self, map: &[f32]) -> Vec<[f32; 4]> {
         let mut out = Vec::with_capacity(6 * self.edge * self.edge);
         for line in 0..6 * self.edge {
-            let row = (line / self.edge * (self.edge + 1) + line % self.edge) * self.stride;
+            let row = self.row(line);
             let (upper, lower) = (&map[row..=row + self.edge], &map[row + self.stride..=row + self.stride + self.edge]);
             out.extend(upper.windows(2).zip(lower.windows(2)).map(|(u, l)| [u[0], l[0], u[1], l[1]]));
         }

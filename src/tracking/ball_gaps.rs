@@ -97,10 +97,18 @@ impl<S: FrameSource> Shot<'_, S> {
         (known, piece)
     }
 
+    /// The ball before and after the strings, wherever in the ways followed it stands: which way, and the piece of it.
+    fn both_halves(&self, ways: &[Vec<Option<BallFrame>>], racket: &[Option<RacketFrame>]) -> Option<[(usize, Piece); 2]> {
+        let rate = self.setup.frame_rate_hz;
+        let pieces_of = |frames: &[Option<BallFrame>]| straight_pieces(&self.sightings(frames, racket), rate);
+        let (way_of, pieces): (Vec<usize>, Vec<Piece>) =
+            ways.iter().enumerate().flat_map(|(way, frames)| pieces_of(frames).into_iter().map(move |p| (way, p))).unzip();
+        met_at_strings(&pieces, rate).map(|pair| pair.map(|k| (way_of[k], pieces[k].clone())))
+    }
+
     /// Whether the ball before and after the strings stands in what was followed, both flights at least so many frames long.
     pub(super) fn stands_in(&self, ways: &[Vec<Option<BallFrame>>], racket: &[Option<RacketFrame>], shortest: usize) -> bool {
-        let pieces: Vec<Piece> = ways.iter().flat_map(|frames| straight_pieces(&self.sightings(frames, racket), self.setup.frame_rate_hz)).collect();
-        met_at_strings(&pieces, self.setup.frame_rate_hz).is_some_and(|pair| pair.iter().all(|k| pieces[*k].len() >= shortest))
+        self.both_halves(ways, racket).is_some_and(|halves| halves.iter().all(|(_, piece)| piece.len() >= shortest))
     }
 
     /// Frames of the longest straight piece of what was followed that moves as a ball does.
@@ -128,21 +136,17 @@ impl<S: FrameSource> Shot<'_, S> {
         ways: &[Vec<Option<BallFrame>>],
         racket: &[Option<RacketFrame>],
     ) -> Result<(), TrackingError> {
-        let rate = self.setup.frame_rate_hz;
-        let pieces_of = |frames: &[Option<BallFrame>]| straight_pieces(&self.sightings(frames, racket), rate);
         let own = self.flights_of(&flight.frames, racket);
-        let (way_of, pieces): (Vec<usize>, Vec<Piece>) =
-            ways.iter().enumerate().flat_map(|(way, frames)| pieces_of(frames).into_iter().map(move |p| (way, p))).unzip();
         // Two short pieces may meet by chance: a longer one speaks against them.
         let longest = own.iter().map(Vec::len).max().unwrap_or(0);
-        let pair = met_at_strings(&pieces, rate).filter(|pair| pair.iter().map(|k| pieces[*k].len()).sum::<usize>() > longest);
+        let pair = self.both_halves(ways, racket).filter(|halves| halves.iter().map(|(_, piece)| piece.len()).sum::<usize>() > longest);
         let mut kept = vec![false; flight.frames.len()];
         match pair {
-            Some(pair) => {
-                for (piece, way) in pair.map(|k| (&pieces[k], &ways[way_of[k]])) {
+            Some(halves) => {
+                for (way, piece) in halves {
                     for s in piece {
                         kept[s.index] = true;
-                        flight.set(s.index, way[s.index]);
+                        flight.set(s.index, ways[way][s.index]);
                     }
                 }
             }
@@ -166,12 +170,9 @@ impl<S: FrameSource> Shot<'_, S> {
 
     /// Takes into a flight the ball before and after the strings, wherever in the ways followed it stands.
     pub(super) fn take_in_other_half(&self, flight: &mut Flight, ways: &[Vec<Option<BallFrame>>], racket: &[Option<RacketFrame>]) {
-        let rate = self.setup.frame_rate_hz;
-        let (ways_of, pieces): (Vec<_>, Vec<Piece>) =
-            ways.iter().flat_map(|frames| straight_pieces(&self.sightings(frames, racket), rate).into_iter().map(move |p| (frames, p))).unzip();
-        for k in met_at_strings(&pieces, rate).into_iter().flatten() {
-            for s in &pieces[k] {
-                flight.set(s.index, ways_of[k][s.index]);
+        for (way, piece) in self.both_halves(ways, racket).into_iter().flatten() {
+            for s in piece {
+                flight.set(s.index, ways[way][s.index]);
             }
         }
     }

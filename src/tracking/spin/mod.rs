@@ -8,6 +8,7 @@
 mod contest;
 mod estimate;
 mod map_equations;
+mod pixels;
 mod registration;
 mod search;
 mod shading;

@@ -4,9 +4,10 @@
 //! Gauss–Newton on ω with the map projected out at every step (variable projection, Golub and Pereyra 1973). Gains and shading
 //! follow from what is left over between the steps.
 
-use super::map_equations::MapEquations;
+use super::map_equations::{MapEquations, right_of};
+use super::pixels::{Design, Moment, Rows};
 use super::shading::{Harmonics, Mark, Shading, factors, median};
-use super::sphere_map::{SphereMap, Spots};
+use super::sphere_map::SphereMap;
 use super::view::{Sample, TRACK_TERMS, ViewInfo};
 use crate::calibration::CameraId;
 use nalgebra::{Matrix3, Rotation3, Vector3};
@@ -127,68 +128,6 @@ pub(super) struct Registrar<'a> {
     cells: Rotation3<f64>,
     middle_s: f64,
     variance: f32,
-}
-
-/// Directions, their coordinates in three rows.
-#[derive(Debug, Default)]
-struct Rows([Vec<f32>; 3]);
-
-impl Rows {
-    fn push(&mut self, direction: &Vector3<f64>) {
-        self.0.iter_mut().zip(direction.iter()).for_each(|(row, x)| row.push(*x as f32));
-    }
-
-    fn of(&self, pixels: &Range<usize>) -> [&[f32]; 3] {
-        self.0.each_ref().map(|row| &row[pixels.clone()])
-    }
-}
-
-/// Turns directions by the rows of a rotation.
-struct Turned<'a> {
-    by: &'a [[f32; 3]; 3],
-    from: [&'a [f32]; 3],
-    to: [&'a mut [f32]; 3],
-}
-
-impl pulp::NullaryFnOnce for Turned<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn call(self) {
-        let Turned { by, from: [x, y, z], to } = self;
-        let n = x.len();
-        let (x, y, z) = (&x[..n], &y[..n], &z[..n]);
-        for (row, to) in by.iter().zip(to) {
-            let to = &mut to[..n];
-            for i in 0..n {
-                to[i] = row[0] * x[i] + row[1] * y[i] + row[2] * z[i];
-            }
-        }
-    }
-}
-
-/// The pixels on the map at one spin.
-struct Design {
-    spots: Spots,
-    /// In the axes of the map's cells.
-    body: Rows,
-    omega: Vector3<f64>,
-}
-
-impl Design {
-    fn new(pixels: usize) -> Self {
-        let row = || vec![0.0; pixels];
-        Design { spots: Spots { cell: vec![0; pixels], at: [row(), row()] }, body: Rows([row(), row(), row()]), omega: Vector3::zeros() }
-    }
-
-    /// Turns every view's pixels back.
-    fn turn(&mut self, map: &SphereMap, looks_at: &Rows, of_view: &[Range<usize>], back: &[[[f32; 3]; 3]]) {
-        for (pixels, by) in of_view.iter().zip(back) {
-            let to = self.body.0.each_mut().map(|row| &mut row[pixels.clone()]);
-            pulp::Arch::new().dispatch(Turned { by, from: looks_at.of(pixels), to });
-            map.look_up(self.body.of(pixels), pixels.start, &mut self.spots);
-        }
-    }
 }
 
 /// Everything but ω.
@@ -430,7 +369,7 @@ impl<'a> Registrar<'a> {
         // What a change of the map can imitate of the slopes: taken out of them.
         let imitated = slopes.each_ref().map(|slopes| {
             let mut x = vec![0.0; self.map.nodes()];
-            e.solve(&e.right_of(&d.spots, slopes, weights), &mut x, ROUNDS);
+            e.solve(&right_of(self.map, &d.spots, slopes, weights), &mut x, ROUNDS);
             d.spots.values(&self.map.by_cell(&x))
         });
         let gradients = self.map.gradients(d.body.of(&(0..self.marks.len())), &d.spots, &self.map.by_cell(&state.map));
@@ -565,29 +504,6 @@ impl pulp::NullaryFnOnce for Robust<'_> {
         let (tail, per_noise) = (TAIL as f32, 1.0 / self.noise);
         for (w, s) in self.robust.iter_mut().zip(self.scaled) {
             *w = ((tail + 1.0) / (tail + (s * per_noise) * (s * per_noise))).min(1.0);
-        }
-    }
-}
-
-/// Turns slopes along directions in the map's axes into what a turn changes: the rows times (slope × direction).
-struct Moment<'a> {
-    by: [[f32; 3]; 3],
-    body: [&'a [f32]; 3],
-    slopes: [&'a mut [f32]; 3],
-}
-
-impl pulp::NullaryFnOnce for Moment<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn call(self) {
-        let Moment { by, body: [x, y, z], slopes: [u, v, w] } = self;
-        let n = x.len();
-        let (x, y, z, u, v, w) = (&x[..n], &y[..n], &z[..n], &mut u[..n], &mut v[..n], &mut w[..n]);
-        for i in 0..n {
-            let turn = [v[i] * z[i] - w[i] * y[i], w[i] * x[i] - u[i] * z[i], u[i] * y[i] - v[i] * x[i]];
-            let row = |k: usize| by[k][0] * turn[0] + by[k][1] * turn[1] + by[k][2] * turn[2];
-            (u[i], v[i], w[i]) = (row(0), row(1), row(2));
         }
     }
 }

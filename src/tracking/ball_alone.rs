@@ -421,7 +421,7 @@ impl<S: FrameSource> Shot<'_, S> {
             for index in indices {
                 let there = flight.at(self.source.number(*index) as f64);
                 let images = self.read_rows(*index, self.ball_rows(faint, &there, 1), buffers)?;
-                found.frames[*index] = faint.measure(&images, &there, 1, 1.0);
+                found.frames[*index] = faint.measure(&images, &there, [1, 1], 1.0, &[None, None]);
             }
             Ok(found)
         })

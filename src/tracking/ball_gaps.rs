@@ -74,7 +74,7 @@ impl<S: FrameSource> Shot<'_, S> {
             }
             let there = foretold(&piece, number);
             let images = self.read_rows(index, self.ball_rows(faint, &there, 1), &mut buffers)?;
-            let Some(ball) = faint.measure(&images, &there, 1, 1.0).filter(|b| b.stereo) else { continue };
+            let Some(ball) = faint.measure(&images, &there, [1, 1], 1.0, &[None, None]).filter(|b| b.stereo) else { continue };
             let next = self.sighting(index, ball.position, stage.racket[index].as_ref());
             if goes_on(&piece, &next) {
                 (flight.frames[index], flight.kept[index]) = (Some(ball), None);

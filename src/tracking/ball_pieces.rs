@@ -4,14 +4,13 @@
 //! another frame. But off the strings the ball flies straight on, and where it meets them both its flights come together.
 
 use super::ball_choice::{ON_LINE_M, Sighting, moves_in_racket, on_line};
-use nalgebra::{Point3, Vector3};
+use super::ball_way::{OF_LINE, StraightLine};
+use nalgebra::Point3;
 
 /// Fewest sightings of a piece at 1000 frames a second, and of any.
 const FEWEST: (f64, usize) = (5.0, 3);
 /// Most frames between neighbours in a piece.
 pub const LONGEST_STEP: f64 = 4.0;
-/// A line goes through so many sightings: over more of them gravity and drag bend it.
-const OF_LINE: usize = 12;
 /// The next sighting lies this near to the line through those before, m: foretold from a dozen, twice the error of each.
 const NEXT_M: f64 = 2.0 * ON_LINE_M;
 /// Two flights of one ball come this near to each other while it is on the strings, m, and as near to the stringbed's centre: half the head and
@@ -59,23 +58,12 @@ pub fn goes_on(piece: &[Sighting], next: &Sighting) -> bool {
 
 /// Where a piece, whose sightings come in order toward it, puts the ball in a frame.
 pub fn foretold(piece: &[Sighting], number: f64) -> Point3<f64> {
-    at(&piece[piece.len().saturating_sub(OF_LINE)..], number)
+    line(&piece[piece.len().saturating_sub(OF_LINE)..]).at(number)
 }
 
-/// Where the straight line through sightings puts the ball in a frame.
-fn at(seen: &[Sighting], number: f64) -> Point3<f64> {
-    let (mean_number, mean, step) = line(seen);
-    Point3::from(mean + step * (number - mean_number))
-}
-
-/// The straight line through sightings: mean frame and place, way per frame.
-fn line(seen: &[Sighting]) -> (f64, Vector3<f64>, Vector3<f64>) {
-    let n = seen.len() as f64;
-    let mean_number = seen.iter().map(|s| s.number).sum::<f64>() / n;
-    let mean = seen.iter().map(|s| s.place.coords).sum::<Vector3<f64>>() / n;
-    let square: f64 = seen.iter().map(|s| (s.number - mean_number).powi(2)).sum();
-    let step = seen.iter().map(|s| s.place.coords * (s.number - mean_number)).sum::<Vector3<f64>>() / square.max(1e-9);
-    (mean_number, mean, step)
+/// The straight line through sightings.
+fn line(seen: &[Sighting]) -> StraightLine {
+    StraightLine::through(seen.iter().map(|s| (s.number, s.place)))
 }
 
 /// Whether the strings turned what was followed. Frames closer in time than [`TURN_HZ`] are thinned: a line through a dozen of them is so short
@@ -109,11 +97,11 @@ pub fn meet(before: &[Sighting], after: &[Sighting], frame_rate_hz: f64) -> bool
     if between <= 0.0 || between > LONGEST_BETWEEN_S * frame_rate_hz {
         return false;
     }
-    let (a, b) = (&before[before.len().saturating_sub(OF_LINE)..], &after[..after.len().min(OF_LINE)]);
-    if (line(b).2 - line(a).2).norm() * frame_rate_hz < LEAST_TURN_M_S {
+    let (a, b) = (line(&before[before.len().saturating_sub(OF_LINE)..]), line(&after[..after.len().min(OF_LINE)]));
+    if (b.step - a.step).norm() * frame_rate_hz < LEAST_TURN_M_S {
         return false;
     }
-    let together = (0..=20).map(|k| last.number + between * f64::from(k) / 20.0).map(|t| (at(a, t), at(b, t)));
+    let together = (0..=20).map(|k| last.number + between * f64::from(k) / 20.0).map(|t| (a.at(t), b.at(t)));
     let Some((p, q)) = together.min_by(|x, y| (x.0 - x.1).norm().total_cmp(&(y.0 - y.1).norm())) else { return false };
     // The racket stands where the sightings nearest to the meeting have it.
     let from_bed = |s: &Sighting, there: &Point3<f64>| s.in_racket.map(|local| local.coords.norm() - (there - s.place).norm());

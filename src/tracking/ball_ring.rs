@@ -5,13 +5,20 @@
 use super::ball_shading::{Limb, LimbProfile, SECTORS};
 use crate::footage::GreyView;
 use nalgebra::Vector2;
-use std::sync::LazyLock;
+use std::collections::BTreeMap;
+use std::sync::{Arc, LazyLock};
 
 /// Ring looked at, px inside and outside the outline.
 const INSIDE_PX: f64 = 1.6;
 const OUTSIDE_PX: f64 = 2.3;
-/// Pixels are gathered for a ring wider by this on either side and serve until the centre has moved by as much.
+/// Pixels are gathered for a ring wider by this on either side, and serve until the centre has moved by as much from the place
+/// whose ring they are.
 const SLACK_PX: f64 = 0.5;
+/// Centres and radii that share a plan of their ring: so many centres to a pixel each way, radii rounded to as much.
+const PHASES: i64 = 4;
+const RADII_PER_PX: f64 = 4.0;
+/// Most pixels in all plans that are kept.
+const MOST_PLANNED: usize = 500_000;
 /// Pixels up to so far outside the outline are looked at, px.
 pub const REACH_PX: f64 = OUTSIDE_PX + SLACK_PX;
 /// One value of every sector.
@@ -39,31 +46,67 @@ pub struct RingModel<'a> {
     pub scale: f64,
 }
 
-/// One pixel of every sector.
+/// One pixel of every sector, px from the ring's middle; far outside where the sector has none left.
 #[derive(Clone, Copy)]
 struct Slot {
-    /// Places from where the ring was gathered, px.
     dx: Sectors,
     dy: Sectors,
-    grey: Sectors,
-    /// 1 for a pixel, 0 where the sector has none left.
-    real: Sectors,
+    /// Its number in the box around the ring.
+    at: [u32; SECTORS],
 }
 
-const EMPTY: Slot = Slot { dx: [0.0; SECTORS], dy: [0.0; SECTORS], grey: [0.0; SECTORS], real: [0.0; SECTORS] };
+const EMPTY: Slot = Slot { dx: [1e4; SECTORS], dy: [1e4; SECTORS], at: [0; SECTORS] };
+
+/// Which pixels belong to a ring and to which sector, the same for all centres that lie alike between the pixels.
+struct Plan {
+    slots: Vec<Slot>,
+    /// The box reaches so many pixels to every side of the pixel that the middle is nearest to.
+    reach: i64,
+}
+
+impl Plan {
+    /// `phase` is where the middle lies in its pixel.
+    fn new(radius_px: f64, phase: Vector2<f64>) -> Self {
+        let slack = SLACK_PX + 0.5 / RADII_PER_PX;
+        let (inner, outer) = ((radius_px - INSIDE_PX - slack).max(0.0), radius_px + OUTSIDE_PX + slack);
+        let reach = (outer + 0.5).ceil() as i64;
+        let (mut slots, mut counts) = (Vec::new(), [0usize; SECTORS]);
+        let side = 2 * reach + 1;
+        for (y, x) in (-reach..=reach).flat_map(|y| (-reach..=reach).map(move |x| (y, x))) {
+            let d = Vector2::new(x as f64, y as f64) - phase;
+            if (inner..=outer).contains(&d.norm()) {
+                let sector = sector_of(d.x, d.y);
+                let slot = counts[sector];
+                counts[sector] += 1;
+                if slot == slots.len() {
+                    slots.push(EMPTY);
+                }
+                let slot = &mut slots[slot];
+                (slot.dx[sector], slot.dy[sector], slot.at[sector]) = (d.x as f32, d.y as f32, ((y + reach) * side + x + reach) as u32);
+            }
+        }
+        Plan { slots, reach }
+    }
+}
 
 /// The pixels around an outline. Memory is used again.
 #[derive(Default)]
 pub struct BallRing {
-    slots: Vec<Slot>,
-    gathered_at: Option<Vector2<f64>>,
+    /// By radius and place in the pixel, in whole parts.
+    plans: BTreeMap<[i64; 3], Arc<Plan>>,
+    planned: usize,
+    plan: Option<Arc<Plan>>,
+    /// The pixels in the box, and those of every slot.
+    pixels: Vec<u8>,
+    grey: Vec<Sectors>,
+    middle: Vector2<f64>,
     radius_px: f64,
 }
 
 impl BallRing {
     /// For another ball or picture.
     pub fn reset(&mut self, radius_px: f64) {
-        self.gathered_at = None;
+        self.plan = None;
         self.radius_px = radius_px;
     }
 
@@ -75,55 +118,57 @@ impl BallRing {
         if !image.contains(x0, y0, x1, y1) {
             return None;
         }
-        let gathered_at = match self.gathered_at {
-            Some(at) if (centre - at).norm() <= SLACK_PX => at,
-            _ => {
-                self.gather(image, centre);
-                centre
-            }
-        };
-        Some(pulp::Arch::new().dispatch(Round { ring: self, model, shift: centre - gathered_at }))
+        if self.plan.is_none() || (centre - self.middle).norm() > SLACK_PX {
+            self.gather(image, &centre);
+        }
+        let slots = &self.plan.as_ref()?.slots;
+        Some(pulp::Arch::new().dispatch(Round { slots, grey: &self.grey, radius_px: self.radius_px, model, shift: centre - self.middle }))
     }
 
-    fn gather(&mut self, image: &GreyView, centre: Vector2<f64>) {
-        let (inner, outer) = ((self.radius_px - INSIDE_PX - SLACK_PX).max(0.0), self.radius_px + OUTSIDE_PX + SLACK_PX);
-        let (inner2, outer2) = (inner * inner, outer * outer);
-        self.slots.clear();
-        let mut counts = [0usize; SECTORS];
-        for y in (centre.y - outer).ceil() as i64..=(centre.y + outer).floor() as i64 {
-            // Beyond the picture there is nothing; the ring itself lies within.
-            let Some((first, row)) = usize::try_from(y).ok().and_then(|y| image.part_of_row(y)) else { continue };
-            let dy = y as f64 - centre.y;
-            // Columns on the ring, and those amid it that are not; a pixel near either end is asked itself.
-            let half = (outer2 - dy * dy).max(0.0).sqrt();
-            let hole = (inner2 - dy * dy).max(0.0).sqrt() - 1.0;
-            let (left, right) = ((centre.x - half).floor() as i64, (centre.x + half).ceil() as i64);
-            let (hole_left, hole_right) = ((centre.x - hole).ceil() as i64, (centre.x + hole).floor() as i64);
-            let (left, right) = (left.max(first as i64), right.min((first + row.len()) as i64 - 1));
-            let (before, after) = if hole_left <= hole_right && hole > 0.0 { (hole_left - 1, hole_right + 1) } else { (right, right + 1) };
-            for x in (left..=right.min(before)).chain(after.max(left)..=right) {
-                let dx = x as f64 - centre.x;
-                let rho2 = dx * dx + dy * dy;
-                if rho2 <= outer2 && rho2 >= inner2 {
-                    let sector = sector_of(dx, dy);
-                    let at = counts[sector];
-                    counts[sector] += 1;
-                    if at == self.slots.len() {
-                        self.slots.push(EMPTY);
-                    }
-                    let slot = &mut self.slots[at];
-                    (slot.dx[sector], slot.dy[sector], slot.grey[sector], slot.real[sector]) = (dx as f32, dy as f32, f32::from(row[x as usize - first]), 1.0);
+    fn gather(&mut self, image: &GreyView, centre: &Vector2<f64>) {
+        let part = |v: f64| (v * PHASES as f64).round() as i64;
+        let [x, y] = [part(centre.x), part(centre.y)];
+        let [column, row] = [x, y].map(|v| (v + PHASES / 2).div_euclid(PHASES));
+        let radius = (self.radius_px * RADII_PER_PX).round();
+        let key = [radius as i64, x - column * PHASES, y - row * PHASES];
+        self.middle = Vector2::new(x as f64, y as f64) / PHASES as f64;
+        let plan = match self.plans.get(&key) {
+            Some(plan) => plan.clone(),
+            None => {
+                let plan = Arc::new(Plan::new(radius / RADII_PER_PX, self.middle - Vector2::new(column as f64, row as f64)));
+                self.planned += plan.slots.len() * SECTORS;
+                if self.planned > MOST_PLANNED {
+                    self.plans.clear();
+                    self.planned = plan.slots.len() * SECTORS;
                 }
+                self.plans.insert(key, plan.clone());
+                plan
+            }
+        };
+        let (reach, side) = (plan.reach, 2 * plan.reach as usize + 1);
+        self.pixels.clear();
+        self.pixels.resize(side * side, 0);
+        // Beyond the picture there is nothing; the ring itself lies within.
+        for (y, line) in (row - reach..).zip(self.pixels.chunks_exact_mut(side)) {
+            let Some((first, pixels)) = usize::try_from(y).ok().and_then(|y| image.part_of_row(y)) else { continue };
+            let (left, first) = (column - reach, first as i64);
+            let (from, to) = (left.max(first), (left + side as i64).min(first + pixels.len() as i64));
+            if from < to {
+                line[(from - left) as usize..(to - left) as usize].copy_from_slice(&pixels[(from - first) as usize..(to - first) as usize]);
             }
         }
-        self.gathered_at = Some(centre);
+        self.grey.clear();
+        self.grey.extend(plan.slots.iter().map(|slot| slot.at.map(|at| f32::from(self.pixels[(at as usize).min(side * side - 1)]))));
+        self.plan = Some(plan);
     }
 }
 
 struct Round<'a> {
-    ring: &'a BallRing,
+    slots: &'a [Slot],
+    grey: &'a [Sectors],
+    radius_px: f64,
     model: &'a RingModel<'a>,
-    /// The centre, from where the pixels were gathered.
+    /// The centre, from the ring's middle.
     shift: Vector2<f64>,
 }
 
@@ -132,16 +177,16 @@ impl pulp::NullaryFnOnce for Round<'_> {
 
     #[inline(always)]
     fn call(self) -> Self::Output {
-        round(self.ring, self.model, &self.shift)
+        round(self)
     }
 }
 
 // Plain loops over whole arrays throughout: what is called through closures of the standard library would not be compiled for the
 // wide registers.
 #[inline(always)]
-fn round(ring: &BallRing, model: &RingModel, shift: &Vector2<f64>) -> SectorFits {
+fn round(Round { slots, grey, radius_px, model, shift }: Round) -> SectorFits {
     let zero: Sectors = [0.0; SECTORS];
-    let (radius, scale) = (ring.radius_px as f32, model.scale as f32);
+    let (radius, scale) = (radius_px as f32, model.scale as f32);
     let (inner, outer) = (radius - INSIDE_PX as f32, radius + OUTSIDE_PX as f32);
     let (sx, sy) = (shift.x as f32, shift.y as f32);
     let (mut l0, mut l1) = (zero, zero);
@@ -149,12 +194,12 @@ fn round(ring: &BallRing, model: &RingModel, shift: &Vector2<f64>) -> SectorFits
         (l0[k], l1[k]) = (model.levels[k][0] as f32, model.levels[k][1] as f32);
     }
     let mut sums = [zero; SUMS];
-    for slot in &ring.slots {
+    for (slot, grey) in slots.iter().zip(grey) {
         let (mut weight, mut beyond, mut steps) = (zero, zero, [0u32; SECTORS]);
         for k in 0..SECTORS {
             let (x, y) = (slot.dx[k] - sx, slot.dy[k] - sy);
             let rho = (x * x + y * y).sqrt();
-            weight[k] = if (rho >= inner) & (rho <= outer) { slot.real[k] } else { 0.0 };
+            weight[k] = if (rho >= inner) & (rho <= outer) { 1.0 } else { 0.0 };
             (steps[k], beyond[k]) = LimbProfile::step(rho - radius);
         }
         // Whole entries first: one load each, where picking number by number takes four.
@@ -172,7 +217,7 @@ fn round(ring: &BallRing, model: &RingModel, shift: &Vector2<f64>) -> SectorFits
         for k in 0..SECTORS {
             around[k] = 1.0 - (around[k] + beyond[k] * around_slope[k]);
             ball[k] += beyond[k] * ball_slope[k];
-            residual[k] = slot.grey[k] - around[k] * l0[k] - ball[k] * l1[k];
+            residual[k] = grey[k] - around[k] * l0[k] - ball[k] * l1[k];
             // Moving the centre toward a pixel lessens the pixel's distance.
             slope[k] = around_slope[k] * l0[k] - ball_slope[k] * l1[k];
             weight[k] *= (scale / residual[k].abs().max(1e-30)).min(1.0);

@@ -30,6 +30,8 @@ const STEP_M: f64 = 0.015;
 const LONGEST_UNSEEN: f64 = 6.0;
 /// Share above which a fit from the predicted place is taken at once.
 const CLEAR_OUTLINE: f64 = 0.6;
+/// A fit from a place this near to another one's end leads there too, px.
+const SAME_OUTLINE_PX: f64 = 1.0;
 /// A ball this near to its predicted place needs no more rows than those of its outline, px.
 const CLOSE_PX: f64 = 1.0;
 /// The two rays of one ball may miss each other by this, px (deviations are added).
@@ -128,50 +130,75 @@ impl BallScene<'_> {
         Some([patch(CameraId::Left)?, patch(CameraId::Right)?])
     }
 
-    /// [`Self::measure`] where both cameras see the ball clearly and right where it was predicted: few rows suffice then. `None`
-    /// says that more must be looked at, not that there is no ball. `before` is what the same pictures showed when they were measured first.
+    /// Whether a camera saw the ball right where it was predicted.
+    pub fn as_foretold(&self, ball: &BallFrame, predicted: &Point3<f64>) -> bool {
+        let near = |camera: CameraId, point: &ImagePoint| self.view.project(camera, predicted).is_some_and(|uv| (point.uv - uv).norm() <= CLOSE_PX);
+        CameraId::BOTH.iter().any(|c| ball.points[c.index()].as_ref().is_some_and(|point| near(*c, point)))
+    }
+
+    /// [`Self::measure`] where both cameras see the ball clearly and right where it was predicted: few rows suffice then. What was fitted comes
+    /// back where more must be looked at. `before` is what the same pictures showed when they were measured first; `well_foretold` says that the ball
+    /// has come straight to the predicted place for some frames, where any outline is its own.
     pub fn measure_close(
         &self,
         images: &[Option<GreyView>; 2],
         predicted: &Point3<f64>,
         before: Option<&[OutlineLevels; 2]>,
         unseen: f64,
-    ) -> Option<(BallFrame, [OutlineLevels; 2])> {
+        well_foretold: bool,
+    ) -> Result<(BallFrame, [OutlineLevels; 2]), [Option<BallFit>; 2]> {
         let settled = if self.faint { SETTLED_PX } else { ROUGH_PX };
         let mut fits: [Option<BallFit>; 2] = [None, None];
         for camera in CameraId::BOTH {
-            let image = images[camera.index()].as_ref()?;
-            let (centre, radius) = (self.view.project(camera, predicted)?, self.radius_px(camera, predicted)?);
-            let f = ball_fit::fit(image, centre, radius, &self.limb[camera.index()], settled, before.map(|b| &b[camera.index()]))?;
-            let sure = if self.faint { Self::outlined(&f) || Self::fair(&f) } else { Self::outlined(&f) && f.outline >= CLEAR_OUTLINE };
-            if !sure || !((f.uv - centre).norm() <= CLOSE_PX) {
-                return None;
+            let (Some(image), Some(centre), Some(radius)) = (&images[camera.index()], self.view.project(camera, predicted), self.radius_px(camera, predicted))
+            else {
+                return Err(fits);
+            };
+            let f = ball_fit::fit(image, centre, radius, &self.limb[camera.index()], settled, before.map(|b| &b[camera.index()]));
+            let sure = f.as_ref().is_some_and(|f| {
+                let enough = if self.faint { Self::outlined(f) || Self::fair(f) } else { Self::outlined(f) && (well_foretold || f.outline >= CLEAR_OUTLINE) };
+                enough && (f.uv - centre).norm() <= CLOSE_PX
+            });
+            fits[camera.index()] = f;
+            if !sure {
+                return Err(fits);
             }
-            fits[camera.index()] = Some(f);
         }
-        let ball = self.together(&fits, predicted, self.most_off_m(1, unseen)).filter(|b| b.stereo)?;
-        let [Some(left), Some(right)] = fits.map(|f| f.map(|f| f.outline_as_seen)) else { return None };
-        Some((ball, [left, right]))
+        let ball = self.together(&fits, predicted, self.most_off_m(1, unseen)).filter(|b| b.stereo);
+        match (ball, &fits) {
+            (Some(ball), [Some(left), Some(right)]) => Ok((ball, [left.outline_as_seen, right.outline_as_seen])),
+            _ => Err(fits),
+        }
     }
 
-    /// The ball near a predicted place (global, m). `reach_px` is how far the prediction may be off, `unseen` how many frames ago both
-    /// cameras saw it.
-    pub fn measure(&self, images: &[Option<GreyView>; 2], predicted: &Point3<f64>, reach_px: i32, unseen: f64) -> Option<BallFrame> {
+    /// The ball near a predicted place (global, m). `reach_px` is how far the prediction may be off in either picture, `unseen` how many frames ago both
+    /// cameras saw it, `close` what [`Self::measure_close`] fitted there.
+    pub fn measure(
+        &self,
+        images: &[Option<GreyView>; 2],
+        predicted: &Point3<f64>,
+        reach_px: [i32; 2],
+        unseen: f64,
+        close: &[Option<BallFit>; 2],
+    ) -> Option<BallFrame> {
         let mut fits: [Option<BallFit>; 2] = [None, None];
         for camera in CameraId::BOTH {
             let Some(image) = &images[camera.index()] else { continue };
             let (Some(centre), Some(radius)) = (self.view.project(camera, predicted), self.radius_px(camera, predicted)) else { continue };
-            let limb = &self.limb[camera.index()];
+            let (limb, reach_px) = (&self.limb[camera.index()], reach_px[camera.index()]);
             // As long as the light is not known either, more would be for nothing.
             let settled = if self.faint { SETTLED_PX } else { ROUGH_PX };
             let near = |f: &BallFit| Self::outlined(f) && (f.uv - centre).norm() < f64::from(reach_px) + 1.5;
             // A faint outline counts only right where the ball was expected.
-            let mut found = ball_fit::fit(image, centre, radius, limb, settled, None)
+            let mut found = close[camera.index()]
+                .clone()
+                .or_else(|| ball_fit::fit(image, centre, radius, limb, settled, None))
                 .filter(|f| near(f) || self.faint && Self::fair(f) && (f.uv - centre).norm() < FAINT_SHIFT_PX);
             // A clear outline where it was expected needs no search.
             if reach_px > 1
                 && found.as_ref().is_none_or(|f| f.outline < CLEAR_OUTLINE)
                 && let Some(start) = ball_search::nearby(image, centre, radius, i64::from(reach_px))
+                && found.as_ref().is_none_or(|f| (f.uv - start).norm() > SAME_OUTLINE_PX)
                 && let Some(other) = ball_fit::fit(image, start, radius, limb, settled, None).filter(near)
                 && found.as_ref().is_none_or(|f| other.outline > f.outline)
             {
@@ -179,7 +206,7 @@ impl BallScene<'_> {
             }
             fits[camera.index()] = found;
         }
-        self.together(&fits, predicted, self.most_off_m(reach_px, unseen))
+        self.together(&fits, predicted, self.most_off_m(reach_px[0].max(reach_px[1]), unseen))
     }
 
     /// How far from the predicted place the ball may be, m: between neighbours in time by a step, beyond them by what the strings change
@@ -366,8 +393,9 @@ mod tests {
         let other = there + view.ray(CameraId::Left, view.project(CameraId::Left, &there).expect("seen")).expect("a ray") * 0.05;
         let image = |camera: CameraId, at: &Point3<f64>| picture(view.project(camera, at).expect("seen"), scene.radius_px(camera, at).expect("seen"));
         let (left, same, another) = (image(CameraId::Left, &there), image(CameraId::Right, &there), image(CameraId::Right, &other));
-        let measure =
-            |right: &GreyImage, unseen: f64| scene.measure(&[Some(GreyView::of(&left)), Some(GreyView::of(right))], &there, 8, unseen).expect("a ball");
+        let measure = |right: &GreyImage, unseen: f64| {
+            scene.measure(&[Some(GreyView::of(&left)), Some(GreyView::of(right))], &there, [8, 8], unseen, &[None, None]).expect("a ball")
+        };
         assert!(measure(&same, 1.0).stereo && !measure(&another, 1.0).stereo);
         // Six frames after both cameras saw it the strings may have sent it there.
         assert!(measure(&another, 6.0).stereo);

@@ -24,6 +24,7 @@ mod ball_surroundings;
 mod ball_texture;
 mod ball_through;
 mod ball_track;
+mod ball_way;
 mod band;
 mod band_beside;
 mod band_search;

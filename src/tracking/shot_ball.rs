@@ -8,6 +8,7 @@ use super::ball_presence;
 use super::ball_search;
 use super::ball_shading::{BallShading, LimbProfile};
 use super::ball_track::{BallFrame, BallScene, MeanDisc};
+use super::ball_way::BallWay;
 use super::racket_track::RacketFrame;
 use super::shot_frames::{PATIENCE, Shot, spread};
 use super::shot_tracks::TrackingError;
@@ -37,6 +38,12 @@ const MOST_APART: f64 = 4.0;
 const MET_M: f64 = 0.5;
 /// A thing that flew straight in as many frames may be the ball.
 const FLIES: usize = 8;
+
+/// A thing is followed for so long, s, before the racket is asked whether it is a part of it.
+const TRIAL_S: f64 = 0.012;
+/// What both cameras see in fewer than one of three of the first so many frames is followed no farther.
+const TRIED: usize = 24;
+const LEAST_BY_BOTH: usize = 3;
 
 /// A ball as first followed, and the mean pictures of its disc.
 pub struct Flight {
@@ -182,9 +189,13 @@ impl<S: FrameSource> Shot<'_, S> {
                     let track = match followed.take() {
                         Some(track) => track,
                         None => {
-                            let (back, forth) =
-                                rayon::join(|| self.follow_flight(&scene, first, &flight, false), || self.follow_flight(&scene, first, &flight, true));
-                            self.whole_flight(first, &flight, [back?, forth?])
+                            // What goes with the racket shows it soon.
+                            let tried = self.follow_both_ways(&scene, first, &flight, (TRIAL_S * self.setup.frame_rate_hz) as usize)?;
+                            if self.is_part_of_the_racket(&tried.frames, racket) {
+                                of_the_racket.push(tried.frames);
+                                continue;
+                            }
+                            self.follow_both_ways(&scene, first, &flight, n)?
                         }
                     };
                     if self.is_part_of_the_racket(&track.frames, racket) {
@@ -286,15 +297,18 @@ impl<S: FrameSource> Shot<'_, S> {
                 None => expected_ball(&rough, &numbers, index),
             };
             let Some((p, within)) = expected else { return Ok((None, [None; 2])) };
-            let close = kept[index].as_ref().and_then(|kept| {
-                let images = kept.patches.each_ref().map(|p| Some(p.view()));
-                Some((scene.measure_close(&images, &p, kept.levels.as_deref(), 1.0)?.0, images))
-            });
+            let close = match &kept[index] {
+                Some(kept) => {
+                    let images = kept.patches.each_ref().map(|p| Some(p.view()));
+                    scene.measure_close(&images, &p, kept.levels.as_deref(), 1.0, true).map(|(found, _)| (found, images))
+                }
+                None => Err([None, None]),
+            };
             let (found, images) = match close {
-                Some((found, images)) => (Some(found), images),
-                None => {
+                Ok((found, images)) => (Some(found), images),
+                Err(fits) => {
                     let images = self.read_rows(index, self.ball_rows(scene, &p, 1), buffers)?;
-                    (scene.measure(&images, &p, 1, 1.0), images)
+                    (scene.measure(&images, &p, [1, 1], 1.0, &fits), images)
                 }
             };
             // Beyond the flight's ends nobody has seen a ball: there both cameras must agree.
@@ -337,16 +351,30 @@ impl<S: FrameSource> Shot<'_, S> {
         Ok(changes.get(changes.len().saturating_sub(1) / 2).copied())
     }
 
-    /// Follows a flight found in three frames to the clip's end or to its beginning.
-    pub(super) fn follow_flight(&self, scene: &BallScene, first: usize, flight: &[BallFrame; 3], forth: bool) -> Result<HalfFlight, TrackingError> {
+    /// Follows a flight found in three frames toward the clip's end or its beginning, over so many frames at most.
+    pub(super) fn follow_flight(
+        &self,
+        scene: &BallScene,
+        first: usize,
+        flight: &[BallFrame; 3],
+        forth: bool,
+        most: usize,
+    ) -> Result<HalfFlight, TrackingError> {
         let n = self.source.len();
         let apart = self.apart();
         let middle = (first + apart, flight[1]);
         if forth {
-            self.follow_ball_one_way(scene, middle, (first + 2 * apart, flight[2]), first + 2 * apart + 1..n)
+            self.follow_ball_one_way(scene, middle, (first + 2 * apart, flight[2]), (first + 2 * apart + 1..n).take(most))
         } else {
-            self.follow_ball_one_way(scene, middle, (first, flight[0]), (0..first).rev())
+            self.follow_ball_one_way(scene, middle, (first, flight[0]), (0..first).rev().take(most))
         }
+    }
+
+    /// [`Self::follow_flight`] both ways.
+    fn follow_both_ways(&self, scene: &BallScene, first: usize, flight: &[BallFrame; 3], most: usize) -> Result<Flight, TrackingError> {
+        let one_way = |forth: bool| self.follow_flight(scene, first, flight, forth, most);
+        let (back, forth) = rayon::join(|| one_way(false), || one_way(true));
+        Ok(self.whole_flight(first, flight, [back?, forth?]))
     }
 
     /// A flight from the frames it was found in, `first` and those [`Self::apart`] after it, and the ways it was followed from there.
@@ -377,33 +405,35 @@ impl<S: FrameSource> Shot<'_, S> {
         let mut half = HalfFlight::default();
         let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
         let at = |i: usize| self.source.number(i) as f64;
-        let (mut previous, mut last) = ((at(before.0), before.1.position), (at(last.0), last.1.position));
-        let (mut lost, mut seen_by_both) = (0, last.0);
+        let (mut looked_at, mut lost, mut seen_by_both, mut seen_by) = (0, 0, at(last.0), [at(last.0); 2]);
+        let mut way = BallWay::new([before, last].map(|(index, ball)| (at(index), ball.position)));
         for index in indices {
             let now = at(index);
             let unseen = (now - seen_by_both).abs();
-            let predicted = last.1 + (last.1 - previous.1) * ((now - last.0) / (last.0 - previous.0));
-            let reach_px = (2 + 2 * unseen as i32).min(12);
+            let predicted = way.foretold(now);
+            let reach_px = seen_by.map(|seen| (2 + 2 * (now - seen).abs() as i32).min(12));
             let close = self.read_rows(index, scene.close_rows(&predicted), &mut buffers)?;
-            let (found, levels, images) = match scene.measure_close(&close, &predicted, None, unseen) {
-                None => {
-                    let images = self.read_rows(index, self.ball_rows(scene, &predicted, reach_px), &mut buffers)?;
-                    (scene.measure(&images, &predicted, reach_px, unseen), None, images)
+            let (found, levels, images) = match scene.measure_close(&close, &predicted, None, unseen, way.is_straight()) {
+                Err(fits) => {
+                    let images = self.read_rows(index, self.ball_rows(scene, &predicted, reach_px[0].max(reach_px[1])), &mut buffers)?;
+                    (scene.measure(&images, &predicted, reach_px, unseen, &fits), None, images)
                 }
-                Some((found, levels)) => (Some(found), Some(levels), close),
+                Ok((found, levels)) => (Some(found), Some(levels), close),
             };
             if images.iter().all(Option::is_none) {
                 continue;
             }
             match found {
                 Some(b) => {
-                    previous = last;
-                    last = (now, b.position);
+                    way.go_on(now, b.position, scene.as_foretold(&b, &predicted));
                     lost = 0;
                     if b.stereo {
                         seen_by_both = now;
                     }
                     for camera in CameraId::BOTH {
+                        if b.points[camera.index()].is_some() {
+                            seen_by[camera.index()] = now;
+                        }
                         if let Some(image) = &images[camera.index()] {
                             scene.add_to_mean(&mut half.means[camera.index()], image, camera, &b);
                         }
@@ -417,6 +447,11 @@ impl<S: FrameSource> Shot<'_, S> {
                         break;
                     }
                 }
+            }
+            looked_at += 1;
+            // A ball is no ball for one camera alone from the beginning.
+            if looked_at == TRIED && LEAST_BY_BOTH * half.frames.iter().filter(|(_, b, _)| b.stereo).count() < TRIED {
+                break;
             }
         }
         Ok(half)

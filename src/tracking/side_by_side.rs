@@ -67,7 +67,7 @@ pub fn side_by_side<'a, 'c, S: FrameSource>(shot: &'a mut Shot<'c, S>, watched: 
                     if let Some(look) = looked.get()
                         && let Some(flight) = look.flights.first()
                     {
-                        put(&balls[usize::from(forth)], watched.follow_flight(&scene, look.first, flight, forth));
+                        put(&balls[usize::from(forth)], watched.follow_flight(&scene, look.first, flight, forth, usize::MAX));
                     }
                 }
             }

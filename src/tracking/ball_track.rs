@@ -3,7 +3,7 @@
 use super::ball_fit::{self, BallFit, OutlineLevels};
 use super::ball_pressed::Flattening;
 use super::ball_ring::REACH_PX;
-use super::ball_search::{self, BallCandidate};
+use super::ball_search;
 use super::ball_shading::{BallShading, INSIDE_LIMB, LimbProfile};
 use super::racket_pose::View;
 use super::track_file::ImagePoint;
@@ -16,13 +16,13 @@ use std::sync::LazyLock;
 const FLOOR_SD_PX: f64 = 0.02;
 /// Last step of a fit, px: the final one, and while the ball is first followed.
 const SETTLED_PX: f64 = 0.004;
-const ROUGH_PX: f64 = 0.04;
+pub(super) const ROUGH_PX: f64 = 0.04;
 /// Share of the outline that must stand out from the surroundings.
 const LEAST_OUTLINE: f64 = 0.3;
 /// The same when the other camera's ray meets this one's where the ball was expected.
 const LEAST_SUPPORTED_OUTLINE: f64 = 0.15;
 /// A faint outline may be this far from where the ball was expected, px.
-const FAINT_SHIFT_PX: f64 = 2.0;
+pub(super) const FAINT_SHIFT_PX: f64 = 2.0;
 /// A ball on the strings changes its velocity by less than this per frame, m (50 m/s over 5 ms), and depth is good to
 /// about as much; with every pixel of search a quarter more.
 const STEP_M: f64 = 0.015;
@@ -36,12 +36,8 @@ const SAME_OUTLINE_PX: f64 = 1.0;
 const CLOSE_PX: f64 = 1.0;
 /// The two rays of one ball may miss each other by this, px (deviations are added).
 const RAY_TOLERANCE_PX: f64 = 0.8;
-/// Slowest and fastest motion that is taken for a ball in play, m per frame at 1000 frames a second scaled by the rate.
-const SPEEDS_M_S: (f64, f64) = (1.5, FASTEST_M_S);
 /// No ball in play is faster, m/s.
 pub(super) const FASTEST_M_S: f64 = 90.0;
-/// A free ball's second difference of position, m per frame²: rays good to 3 px in depth.
-const BEND_M: f64 = 0.02;
 
 /// The ball in one frame.
 #[derive(Debug, Clone, Copy)]
@@ -87,7 +83,7 @@ impl BallScene<'_> {
     }
 
     /// Good enough when the other camera says the same.
-    fn fair(f: &BallFit) -> bool {
+    pub(super) fn fair(f: &BallFit) -> bool {
         f.outline >= LEAST_SUPPORTED_OUTLINE && f.covariance[(0, 0)] + f.covariance[(1, 1)] < 0.3
     }
 
@@ -98,7 +94,7 @@ impl BallScene<'_> {
     }
 
     /// Good enough by itself.
-    fn good(f: &BallFit) -> bool {
+    pub(super) fn good(f: &BallFit) -> bool {
         Self::outlined(f) && f.edge > 2.0 * f.residual.max(0.7)
     }
 
@@ -278,45 +274,6 @@ impl BallScene<'_> {
             }
         }
     }
-
-    /// Space points of candidates of one frame: the outline fit must succeed in both pictures and the rays must meet.
-    pub fn space_candidates(&self, images: &[Option<GreyView>; 2], candidates: &[Vec<BallCandidate>; 2], depth_at: &Point3<f64>) -> Vec<BallFrame> {
-        let fits = CameraId::BOTH.map(|camera| {
-            let (Some(image), Some(radius)) = (&images[camera.index()], self.radius_px(camera, depth_at)) else { return Vec::new() };
-            candidates[camera.index()]
-                .iter()
-                .filter_map(|c| ball_fit::fit(image, c.uv, radius, &self.limb[camera.index()], ROUGH_PX, None).filter(Self::good))
-                .collect::<Vec<_>>()
-        });
-        let mut out = Vec::new();
-        for l in &fits[0] {
-            for r in &fits[1] {
-                let points = [Some(image_point(l)), Some(image_point(r))];
-                if let Some(b) = self.join(points, depth_at) {
-                    out.push(b);
-                }
-            }
-        }
-        out
-    }
-
-    /// The free flights through three frames, each so many after the one before.
-    pub fn flights(&self, frames: &[Vec<BallFrame>; 3], apart: usize) -> Vec<[BallFrame; 3]> {
-        let (slow, fast) = (SPEEDS_M_S.0 * apart as f64 / self.frame_rate_hz, SPEEDS_M_S.1 * apart as f64 / self.frame_rate_hz);
-        let mut out = Vec::new();
-        for a in &frames[0] {
-            for b in &frames[1] {
-                for c in &frames[2] {
-                    let (u, v) = (b.position - a.position, c.position - b.position);
-                    let step = 0.5 * (c.position - a.position).norm();
-                    if step > slow && step < fast && (v - u).norm() < BEND_M.min(0.5 * step + 0.006) {
-                        out.push([*a, *b, *c]);
-                    }
-                }
-            }
-        }
-        out
-    }
 }
 
 /// Radius of the outline of a ball at a global place, px.
@@ -362,7 +319,7 @@ impl MeanDisc {
     }
 }
 
-fn image_point(f: &BallFit) -> ImagePoint {
+pub(super) fn image_point(f: &BallFit) -> ImagePoint {
     let sd = |v: f64| v.sqrt().hypot(FLOOR_SD_PX);
     ImagePoint { uv: f.uv, sd: Vector2::new(sd(f.covariance[(0, 0)]), sd(f.covariance[(1, 1)])) }
 }

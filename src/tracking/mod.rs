@@ -36,6 +36,7 @@ mod contact_length;
 mod dltdv;
 mod export;
 mod face;
+mod free_flight;
 mod in_step;
 mod lanes;
 mod other_thing;

@@ -5,7 +5,6 @@ use super::ball_fit::OutlineLevels;
 use super::ball_gaps::{STARTS, stands_at};
 use super::ball_pieces::{self, straight_pieces};
 use super::ball_presence;
-use super::ball_search;
 use super::ball_shading::{BallShading, LimbProfile};
 use super::ball_track::{BallFrame, BallScene, MeanDisc};
 use super::ball_way::BallWay;
@@ -31,9 +30,6 @@ const FILLED: f64 = 6.0;
 const LONG_FLIGHT: usize = 30;
 /// What the strings turned is the ball, however near others come to them, m.
 const TURNED_M: f64 = 1.0;
-/// Frames a second of those three, and most frames from one to the next: what lies between is found again.
-const TOLD_HZ: f64 = 1000.0;
-const MOST_APART: f64 = 4.0;
 /// A flight that was lost so near to the stringbed's centre met the strings there, m.
 const MET_M: f64 = 0.5;
 /// A thing that flew straight in as many frames may be the ball.
@@ -92,12 +88,6 @@ impl<S: FrameSource> Shot<'_, S> {
         BallScene { view: self.view, radius_m, limb: [limb.clone(), limb], frame_rate_hz: self.setup.frame_rate_hz, faint: false }
     }
 
-    /// Frames from one to the next of the three that tell a free flight: closer in time it hardly moves beside what its depth is good to. What lies
-    /// between is looked at when the flight is measured.
-    pub(super) fn apart(&self) -> usize {
-        (self.setup.frame_rate_hz / TOLD_HZ).round().clamp(1.0, MOST_APART) as usize
-    }
-
     /// Frames in which the ball is looked for, in order; two more after each count as well.
     fn looked_into(&self) -> Vec<usize> {
         let mut order = spread(self.source.len().saturating_sub(2 * self.apart()));
@@ -123,38 +113,6 @@ impl<S: FrameSource> Shot<'_, S> {
         let first = self.looked_into().first().copied();
         let flights = first.map_or(Ok(Vec::new()), |first| self.flights_from(first, scene, still))?;
         Ok(FirstLook { first: first.unwrap_or_default(), flights, followed: None })
-    }
-
-    /// The free flights through a frame and the next two, [`Self::apart`].
-    pub(super) fn flights_from(&self, first: usize, scene: &BallScene, still: &[Option<GreyImage>; 2]) -> Result<Vec<[BallFrame; 3]>, TrackingError> {
-        // Places in space that may be the ball in a frame.
-        let candidates = |index: usize| -> Result<Vec<BallFrame>, TrackingError> {
-            self.with_buffers(|buffers| {
-                let images = self.read(index, buffers)?;
-                let of = |c: CameraId| match (&images[c.index()], &still[c.index()], scene.radius_px(c, &self.focus)) {
-                    (Some(v), Some(b), Some(r)) => ball_search::candidates(v, b, r),
-                    _ => Vec::new(),
-                };
-                let (left, right) = rayon::join(|| of(CameraId::Left), || of(CameraId::Right));
-                Ok(scene.space_candidates(&images, &[left, right], &self.focus))
-            })
-        };
-        let now = candidates(first)?;
-        if now.is_empty() {
-            return Ok(Vec::new());
-        }
-        let apart = self.apart();
-        let (next, last) = rayon::join(|| candidates(first + apart), || candidates(first + 2 * apart));
-        Ok(scene.flights(&[now, next?, last?], apart))
-    }
-
-    /// [`Self::flights_from`] of what stands out from the pictures half a clip away: a ball that comes along a camera's line of sight hardly
-    /// moves in its pictures, and then the median picture holds the ball itself.
-    pub(super) fn flights_against_another(&self, first: usize, scene: &BallScene) -> Result<Vec<[BallFrame; 3]>, TrackingError> {
-        let n = self.source.len();
-        let image = |v: GreyView| GreyImage { width: v.width, height: v.height, pixels: (0..v.height).filter_map(|y| v.row(y)).flatten().copied().collect() };
-        let away = self.with_buffers(|buffers| Ok::<_, TrackingError>(self.read((first + n / 2) % n, buffers)?.map(|view| view.map(image))))?;
-        if away.iter().all(Option::is_some) { self.flights_from(first, scene, &away) } else { Ok(Vec::new()) }
     }
 
     /// Finds the ball that meets the racket and follows it both ways, beginning with what the first look found, if there was one.

@@ -102,8 +102,9 @@ fn fit_in(
         scale = (2.0 * usual.sqrt()).max(1.0);
         if round > ROBUST_FROM && step.norm() < settled_px || round + 1 == ROUNDS {
             let outline_as_seen = OutlineLevels { levels: levels.map(|l| l.map(|v| v as f32)), scale: scale as f32 };
-            let limb = profile.at(-1.0, 0).map_or(1.0, |l| f64::from(l.ball));
-            let edge = levels.iter().map(|l| (l[1] * limb - l[0]).abs()).sum::<f64>() / SECTORS as f64;
+            // A lit ball is dark on one side.
+            let inside = |sector: usize| profile.at(-1.0, sector).map_or(1.0, |l| f64::from(l.ball));
+            let edge = levels.iter().enumerate().map(|(k, l)| (l[1] * inside(k) - l[0]).abs()).sum::<f64>() / SECTORS as f64;
             return Some(BallFit { uv: centre, covariance: agreed.covariance, outline: agreed.share, residual: usual.sqrt(), edge, outline_as_seen });
         }
     }

@@ -126,10 +126,13 @@ impl BallScene<'_> {
         Some([patch(CameraId::Left)?, patch(CameraId::Right)?])
     }
 
-    /// Whether a camera saw the ball right where it was predicted.
-    pub fn as_foretold(&self, ball: &BallFrame, predicted: &Point3<f64>) -> bool {
-        let near = |camera: CameraId, point: &ImagePoint| self.view.project(camera, predicted).is_some_and(|uv| (point.uv - uv).norm() <= CLOSE_PX);
-        CameraId::BOTH.iter().any(|c| ball.points[c.index()].as_ref().is_some_and(|point| near(*c, point)))
+    /// Whether the ball is seen right where it was predicted, by every camera that also saw it in the frame before, or by all if none did: one that
+    /// finds it again may have found another thing.
+    pub fn as_foretold(&self, ball: &BallFrame, predicted: &Point3<f64>, saw_it: [bool; 2]) -> bool {
+        let near = |camera: CameraId| Some((ball.points[camera.index()]?.uv - self.view.project(camera, predicted)?).norm() <= CLOSE_PX);
+        let asked = |camera: &CameraId| saw_it[camera.index()] && ball.points[camera.index()].is_some();
+        let any = CameraId::BOTH.iter().any(asked);
+        CameraId::BOTH.into_iter().filter(|c| asked(c) || !any).all(|c| near(c).unwrap_or(true))
     }
 
     /// [`Self::measure`] where both cameras see the ball clearly and right where it was predicted: few rows suffice then. What was fitted comes

@@ -369,7 +369,9 @@ impl<S: FrameSource> Shot<'_, S> {
             let now = at(index);
             let unseen = (now - seen_by_both).abs();
             let predicted = way.foretold(now);
-            let reach_px = seen_by.map(|seen| (2 + 2 * (now - seen).abs() as i32).min(12));
+            // What one camera alone saw go straight on has not turned: the other will find it where it is foretold. Otherwise the strings may have it.
+            let goes_on = way.is_straight() && seen_by.iter().any(|seen| (now - seen).abs() <= 1.0);
+            let reach_px = seen_by.map(|seen| if goes_on { 3.0 + 0.25 * (now - seen).abs() } else { 2.0 + 2.0 * unseen }.min(12.0) as i32);
             let close = self.read_rows(index, scene.close_rows(&predicted), &mut buffers)?;
             let (found, levels, images) = match scene.measure_close(&close, &predicted, None, unseen, way.is_straight()) {
                 Err(fits) => {
@@ -383,7 +385,8 @@ impl<S: FrameSource> Shot<'_, S> {
             }
             match found {
                 Some(b) => {
-                    way.go_on(now, b.position, scene.as_foretold(&b, &predicted));
+                    let saw_it = seen_by.map(|seen| (now - seen).abs() <= 1.0);
+                    way.go_on(now, b.position, scene.as_foretold(&b, &predicted, saw_it));
                     lost = 0;
                     if b.stereo {
                         seen_by_both = now;

@@ -112,6 +112,7 @@ pub fn meet(before: &[Sighting], after: &[Sighting], frame_rate_hz: f64) -> bool
 #[cfg(test)]
 mod tests {
     use super::*;
+    use nalgebra::Vector3;
 
     fn seen(numbers: std::ops::Range<i32>, of: impl Fn(f64) -> Point3<f64>) -> Vec<Sighting> {
         let sighting = |k: i32| {

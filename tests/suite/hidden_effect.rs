@@ -13,11 +13,11 @@ fn truth_from_pixels_the_hidden_effect_is_named_first_and_the_error_falls_to_the
     let folder = tempfile::tempdir().unwrap();
     let place = folder.path().join("game");
     let out =
-        sweetspot(&["--json", "demo", place.to_str().unwrap(), "--hidden-effect", "frame-vibration", "--seed", "44", "--shots", "40", "--strength", "0.35"]);
+        sweetspot(&["--json", "demo", place.to_str().unwrap(), "--hidden-effect", "frame-vibration", "--seed", "44", "--shots", "80", "--strength", "0.35"]);
     let words = stderr(&out);
     assert!(out.status.success(), "{words}");
     let outcome: Value = serde_json::from_slice(&out.stdout).unwrap();
-    assert!(outcome["shots_measured"].as_u64().unwrap() >= 38, "{outcome}");
+    assert!(outcome["shots_measured"].as_u64().unwrap() >= 76, "{outcome}");
 
     // The first model fails, and says so without being told what is hidden.
     let (before, after, diagnosis) = (json(place.join("compare.json")), json(place.join("found/compare.json")), json(place.join("diagnosis.json")));
@@ -28,7 +28,8 @@ fn truth_from_pixels_the_hidden_effect_is_named_first_and_the_error_falls_to_the
     assert!(first["probability"].as_f64().unwrap() > 0.9, "{first}");
     assert_eq!(outcome["found"], serde_json::json!(["frame-vibration"]), "{words}");
 
-    // With it the error on shots the fit never saw comes down to the noise.
+    // With it the error on shots the fit never saw comes down to the noise. (Of forty shots eleven are held out, and chance alone moves their error by a
+    // tenth of the floor.)
     let (error, floor) = (after["heldout_error"].as_f64().unwrap(), after["noise_floor"].as_f64().unwrap());
     assert!(error < 0.6 * before["heldout_error_refitted"].as_f64().unwrap(), "the error must fall: {words}");
     assert!(error < 1.1 * floor, "held-out error {error:.3}, floor {floor:.3}");

@@ -373,7 +373,7 @@ impl<S: FrameSource> Shot<'_, S> {
             let goes_on = way.is_straight() && seen_by.iter().any(|seen| (now - seen).abs() <= 1.0);
             let reach_px = seen_by.map(|seen| {
                 let unseen = if way.is_straight() { (now - seen).abs() } else { unseen };
-                if goes_on { 3.75 + 0.25 * unseen } else { 2.0 + 2.0 * unseen }.min(12.0) as i32
+                if goes_on { 3.0 + 0.25 * unseen } else { 2.0 + 2.0 * unseen }.min(12.0) as i32
             });
             let close = self.read_rows(index, scene.close_rows(&predicted), &mut buffers)?;
             let (found, levels, images) = match scene.measure_close(&close, &predicted, None, unseen, way.is_straight()) {

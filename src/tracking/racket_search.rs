@@ -46,6 +46,8 @@ const ALIKE: f64 = 0.85;
 pub struct Reach {
     centre: Point3<f64>,
     radius_m: f64,
+    /// Where each marker was (the other of the two that half a turn exchanges, if that is no turn), and how far from there it may be, m.
+    markers: [([Point3<f64>; 2], f64); 5],
     attitude: UnitQuaternion<f64>,
     turn_rad: f64,
     /// Whether half a turn about the long axis is no turn.
@@ -57,13 +59,26 @@ impl Reach {
     pub fn of(figure: &RacketFigure, last: &Isometry3<f64>, seconds: f64) -> Self {
         let mean = Point3::from(figure.points.iter().map(|p| p.coords).sum::<Vector3<f64>>() / figure.points.len() as f64);
         let figure_m = figure.points.iter().map(|p| (p - mean).norm()).fold(0.0, f64::max);
+        let moved_m = FASTEST_M_S * seconds.abs() + DISTANCE_TOLERANCE_M;
+        let symmetric = face::symmetric(figure);
+        let marker = |p: &Point3<f64>| {
+            let twin = if symmetric { face::half_turn() * p } else { *p };
+            ([last * p, last * twin], moved_m + ATTITUDE_TOLERANCE_RAD * (p - mean).norm())
+        };
         Reach {
             centre: last * mean,
-            radius_m: figure_m + FASTEST_M_S * seconds.abs() + DISTANCE_TOLERANCE_M,
+            radius_m: figure_m + moved_m,
+            markers: figure.points.each_ref().map(marker),
             attitude: last.rotation,
             turn_rad: FASTEST_RAD_S * seconds.abs() + ATTITUDE_TOLERANCE_RAD,
-            symmetric: face::symmetric(figure),
+            symmetric,
         }
+    }
+
+    /// Whether a marker can have got there.
+    fn holds(&self, marker: usize, place: &Point3<f64>) -> bool {
+        let (was, radius_m) = &self.markers[marker];
+        was.iter().any(|was| (place - was).norm() < *radius_m)
     }
 
     /// Whether it can have turned to this attitude.
@@ -113,8 +128,8 @@ struct Followed {
 /// The best poses, best first.
 fn search_among(view: &View, figure: &RacketFigure, candidates: &[Vec<BandCandidate>; 2], reach: Option<&Reach>) -> Vec<Followed> {
     let mut places = space_candidates(view, candidates);
-    places.retain(|p| reach.is_none_or(|r| (p - r.centre).norm() < r.radius_m));
-    let points = SpacePoints::of(figure, places);
+    places.retain(|p| reach.is_none_or(|r| (0..5).any(|marker| r.holds(marker, p))));
+    let points = SpacePoints::of(figure, places, reach);
     let neighbours = CameraId::BOTH.map(|c| Neighbours::of(view.rig.image_size, &candidates[c.index()]));
     // Markers 2-3 or 1-4, ... : each pair of markers may be the one that is seen well.
     let mut hypotheses: Vec<Hypothesis> = PAIRS.into_par_iter().flat_map_iter(|pair| hypotheses(view, figure, &points, &neighbours, reach, pair)).collect();
@@ -160,10 +175,10 @@ fn hypotheses(
     let mut out = Vec::new();
     for k in j + 1..5 {
         let Some(local) = Triangle::of([i, j, k].map(|m| &figure.points[m])) else { continue };
-        for a in 0..points.places.len() {
+        for a in bits(points.of_marker(i).iter().copied()) {
             let third = points.apart(a, i, k);
-            for b in bits(points.apart(a, i, j).iter().copied()) {
-                let both = third.iter().zip(points.apart(b, j, k)).map(|(c, d)| c & d);
+            for b in bits(points.apart(a, i, j).iter().zip(points.of_marker(j)).map(|(b, may)| b & may)) {
+                let both = third.iter().zip(points.apart(b, j, k)).zip(points.of_marker(k)).map(|((c, d), may)| c & d & may);
                 for c in bits(both) {
                     let Some(global) = Triangle::of([a, b, c].map(|p| &points.places[p])) else { continue };
                     let pose = local.onto(&global);
@@ -187,6 +202,8 @@ struct SpacePoints {
     places: Vec<Point3<f64>>,
     /// By point and pair of markers, so many words each: a bit for every other point.
     apart: Vec<u64>,
+    /// By marker, so many words each: a bit for every point where it may be.
+    may_be: Vec<u64>,
     words: usize,
 }
 
@@ -194,7 +211,7 @@ struct SpacePoints {
 const PAIRS: [(usize, usize); 10] = [(0, 1), (0, 2), (0, 3), (0, 4), (1, 2), (1, 3), (1, 4), (2, 3), (2, 4), (3, 4)];
 
 impl SpacePoints {
-    fn of(figure: &RacketFigure, places: Vec<Point3<f64>>) -> Self {
+    fn of(figure: &RacketFigure, places: Vec<Point3<f64>>, reach: Option<&Reach>) -> Self {
         let words = places.len().div_ceil(64);
         let distances = PAIRS.map(|(i, j)| figure.distance_m(i, j));
         let mut apart = vec![0; places.len() * PAIRS.len() * words];
@@ -209,7 +226,18 @@ impl SpacePoints {
                 }
             }
         }
-        SpacePoints { places, apart, words }
+        let mut may_be = vec![0; 5 * words];
+        for marker in 0..5 {
+            for (a, _) in places.iter().enumerate().filter(|(_, p)| reach.is_none_or(|r| r.holds(marker, p))) {
+                may_be[marker * words + a / 64] |= 1 << (a % 64);
+            }
+        }
+        SpacePoints { places, apart, may_be, words }
+    }
+
+    /// The points where a marker may be.
+    fn of_marker(&self, marker: usize) -> &[u64] {
+        &self.may_be[marker * self.words..][..self.words]
     }
 
     /// The points as far from this one as marker `j` is from marker `i`, which comes before it.
@@ -377,7 +405,7 @@ mod tests {
     fn truth_pairs_of_points_as_far_apart_as_two_markers_are_marked() {
         let figure = figure();
         let places: Vec<Point3<f64>> = (0..80).map(|k| figure.points[k % 5] + Vector3::x() * 10.0 * (k / 5) as f64).collect();
-        let points = SpacePoints::of(&figure, places);
+        let points = SpacePoints::of(&figure, places, None);
         for (i, j) in PAIRS {
             for group in [0, 15] {
                 let found: Vec<usize> = bits(points.apart(5 * group + i, i, j).iter().copied()).collect();

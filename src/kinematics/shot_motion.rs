@@ -121,6 +121,9 @@ type Line = (Point3<f64>, Vector3<f64>);
 /// there, m: 50 m/s for 5 ms of contact.
 const FAR: u64 = 24;
 const TOGETHER_M: f64 = 0.25;
+/// Longest gap in which both flights tell an impact, s, and the least change of velocity that is one, m/s.
+const LONGEST_HIDDEN_S: f64 = 0.035;
+const LEAST_JUMP_M_S: f64 = 3.0;
 /// Fewest frames of a body on one side: below that its velocity is a guess.
 pub const FEWEST_FRAMES: usize = 4;
 /// Fewest of these in which both cameras show it.
@@ -225,10 +228,11 @@ fn find_impact(frames: &BTreeMap<u64, FrameView>, ball: &Ball, settings: &Measur
             lowest.max_by(|a, b| velocity_jump(frames, a.1.0).total_cmp(&velocity_jump(frames, b.1.0))).map(|(_, n)| n.0)
         }
     };
-    // The ball may be hidden around the contact: then the approach is read from the frames before the gap.
+    // The ball may be hidden around the contact: then its two flights tell where it met the strings.
     let nearest = match nearest {
         Some(frame) => frame,
-        None => approach_end(&local, settings.frame_period_s)
+        None => hidden_impact(frames, settings.frame_period_s, |p| over_face(p) && p.z.abs() < reach)
+            .or_else(|| approach_end(&local, settings.frame_period_s))
             .ok_or_else(|| KinematicsError::NoImpact { nearest_m: local.iter().map(|(_, p)| p.z.abs()).fold(f64::INFINITY, f64::min), reach_m: reach })?,
     };
     let before: Vec<f64> = local.iter().filter(|(k, _)| *k < nearest).rev().take(12).map(|(_, p)| p.z).collect();
@@ -253,6 +257,36 @@ fn velocity_jump(frames: &BTreeMap<u64, FrameView>, at: u64) -> f64 {
     let far = (near.0.or_else(|| line(at.saturating_sub(FAR)..=at.saturating_sub(2))), near.1.or_else(|| line(at + 5..=at + FAR)));
     let together = |(before, after): &(Line, Line)| (after.0 - before.0).norm() < TOGETHER_M;
     far.0.zip(far.1).filter(together).map_or(0.0, |(before, after)| (after.1 - before.1).norm())
+}
+
+/// The frame of a gap in which the flights before and after it come together at the face and turn the ball most.
+fn hidden_impact(frames: &BTreeMap<u64, FrameView>, period_s: f64, at_face: impl Fn(&Point3<f64>) -> bool) -> Option<u64> {
+    let seen: Vec<(u64, f64, Point3<f64>)> = frames.iter().filter_map(|(k, f)| Some((*k, f.t, f.ball?.position))).collect();
+    let mut best: Option<(f64, u64)> = None;
+    for (after, pair) in seen.windows(2).enumerate().map(|(i, pair)| (i + 1, pair)) {
+        let (start, end) = (pair[0].0, pair[1].0);
+        if end - start < 2 || (end - start) as f64 * period_s > LONGEST_HIDDEN_S {
+            continue;
+        }
+        let near = |places: &[(u64, f64, Point3<f64>)], end: u64| -> Vec<(f64, Point3<f64>)> {
+            places.iter().filter(|(k, ..)| k.abs_diff(end) < FAR).map(|(_, t, p)| (*t, *p)).collect()
+        };
+        let (before, after) = (near(&seen[..after], start), near(&seen[after..], end));
+        if before.len() < 3 || after.len() < 3 {
+            continue;
+        }
+        let meeting = |k: u64| {
+            let racket = frames.get(&k)?;
+            let (a, b) = (straight_line(&before, racket.t), straight_line(&after, racket.t));
+            let apart = (b.0 - a.0).norm();
+            (apart < TOGETHER_M && at_face(&racket.pose?.inverse_transform_point(&nalgebra::center(&a.0, &b.0)))).then(|| (apart, (b.1 - a.1).norm(), k))
+        };
+        let together = (start + 1..end).filter_map(meeting).min_by(|a, b| a.0.total_cmp(&b.0));
+        if let Some((_, jump, k)) = together.filter(|(_, jump, _)| *jump > LEAST_JUMP_M_S && best.is_none_or(|best| *jump > best.0)) {
+            best = Some((jump, k));
+        }
+    }
+    best.map(|(_, k)| k)
 }
 
 /// Where the straight approach of the distance to the face reaches zero, when no frame shows the ball near the face.

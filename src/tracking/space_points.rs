@@ -19,25 +19,51 @@ const MOST_SD_M: f64 = 0.005;
 /// stretches of eight rendered sessions the heights' squared errors were 1.2 and the depths' 0.7 of what independent errors would give.
 pub const BALL_ERRORS_ALIKE: f64 = 0.25;
 
+/// Sightings through which a line to the contact is drawn, and fewest of a flight that leads to a hidden one.
+const TO_THE_CONTACT: usize = 6;
+const LEADING: usize = 4;
+/// A hidden contact lies this near to the head, m: what the racket's turn bends the ball's way by in its axes.
+const AT_THE_HEAD_M: f64 = 0.05;
+
 /// First contact as a fractional frame number: the ball's centre, still in free flight, one radius from the string plane.
 ///
-/// A straight line through the last distances before contact; kinematics refines it. `None` when the ball never comes that near while both are
-/// seen. It is looked for back from where the ball is nearest to the head: the plane beyond it is crossed at other times too.
+/// A straight line through the last distances before contact; kinematics refines it. It is looked for back from where the ball is nearest to the
+/// head: the plane beyond it is crossed at other times too. `None` when the ball never comes that near while both are seen, nor leads there from both
+/// ends of a gap.
 pub fn first_contact(source: &impl FrameSource, racket: &[Option<RacketFrame>], ball: &[Option<BallFrame>], radius_m: f64) -> Option<f64> {
     let side = face::side_of_approach(racket, ball)?.signum();
-    // Frame number, height over the string plane on that side, distance from the head.
-    let seen: Vec<(f64, f64, f64)> = (0..source.len())
+    // Frame number and place in the racket's axes, as seen from that side.
+    let seen: Vec<(bool, (f64, Point3<f64>))> = (0..source.len())
         .filter_map(|i| {
-            let pose = racket[i].as_ref()?.pose.global_from_racket;
-            let local = pose.inverse() * ball[i].as_ref()?.position;
-            Some((source.number(i) as f64, side * local.z, face::off_the_face_m(&local)))
+            let (pose, ball) = (racket[i].as_ref()?.pose.global_from_racket, ball[i].as_ref()?);
+            let local = pose.inverse() * ball.position;
+            Some((ball.stereo, (source.number(i) as f64, Point3::new(local.x, local.y, side * local.z))))
         })
         .collect();
-    let nearest = (0..seen.len()).min_by(|a, b| seen[*a].2.total_cmp(&seen[*b].2))?;
-    let touching = (0..=nearest).rev().take_while(|i| seen[*i].1 <= radius_m).last()?;
-    // Six frames in which the ball is clear of the strings.
-    let before: Vec<(f64, f64)> = seen[touching.saturating_sub(6)..touching].iter().map(|s| (s.0, s.1)).collect();
-    line_at(&before, radius_m)
+    let off_the_face = |i: &usize| face::off_the_face_m(&seen[*i].1.1);
+    let nearest = (0..seen.len()).min_by(|a, b| off_the_face(a).total_cmp(&off_the_face(b)))?;
+    let touching = (0..=nearest).rev().take_while(|i| seen[*i].1.1.z <= radius_m).last();
+    // Frames in which the ball is clear of the strings.
+    let clear = |touching: usize| seen[touching.saturating_sub(TO_THE_CONTACT)..touching].iter().map(|s| (s.1.0, s.1.1.z)).collect::<Vec<_>>();
+    touching.and_then(|touching| line_at(&clear(touching), radius_m)).or_else(|| {
+        let in_space: Vec<(f64, Point3<f64>)> = seen.iter().filter(|s| s.0).map(|s| s.1).collect();
+        hidden_contact(&in_space, radius_m)
+    })
+}
+
+/// First contact in a gap to which the ball's way leads from both ends, in the racket's axes.
+fn hidden_contact(seen: &[(f64, Point3<f64>)], radius_m: f64) -> Option<f64> {
+    (LEADING..(seen.len() + 1).saturating_sub(LEADING)).find_map(|end| {
+        let (before, after) = (&seen[end.saturating_sub(TO_THE_CONTACT)..end], &seen[end..(end + TO_THE_CONTACT).min(seen.len())]);
+        let gap = seen[end - 1].0..seen[end].0;
+        let contact = |flight: &[(f64, Point3<f64>)]| {
+            let along = |of: fn(&Point3<f64>) -> f64| flight.iter().map(|(number, p)| (*number, of(p))).collect::<Vec<_>>();
+            let number = line_at(&along(|p| p.z), radius_m).filter(|number| gap.contains(number))?;
+            let there = Point3::new(value_at(&along(|p| p.x), number)?, value_at(&along(|p| p.y), number)?, 0.0);
+            (face::off_the_face_m(&there) < AT_THE_HEAD_M).then_some(number)
+        };
+        contact(before).zip(contact(after)).filter(|(first, last)| first < last).map(|(first, _)| first)
+    })
 }
 
 /// Numbers of the frames in which the ball is in contact: its centre, measured by both cameras, is nearer to the string plane
@@ -53,8 +79,8 @@ pub fn contact_frames(source: &impl FrameSource, setup: &ShotSetup, shot: &ShotT
     (0..source.len()).filter_map(|i| touches(&i)).collect()
 }
 
-/// Where a straight line through (x, y) reaches `level`.
-fn line_at(points: &[(f64, f64)], level: f64) -> Option<f64> {
+/// A straight line through (x, y): a point of it and its slope.
+fn line(points: &[(f64, f64)]) -> Option<((f64, f64), f64)> {
     let n = points.len() as f64;
     if points.len() < 2 {
         return None;
@@ -62,8 +88,19 @@ fn line_at(points: &[(f64, f64)], level: f64) -> Option<f64> {
     let (mx, my) = (points.iter().map(|p| p.0).sum::<f64>() / n, points.iter().map(|p| p.1).sum::<f64>() / n);
     let sxx: f64 = points.iter().map(|p| (p.0 - mx).powi(2)).sum();
     let sxy: f64 = points.iter().map(|p| (p.0 - mx) * (p.1 - my)).sum();
-    let slope = sxy / sxx;
+    Some(((mx, my), sxy / sxx))
+}
+
+/// Where a straight line through (x, y) reaches `level`.
+fn line_at(points: &[(f64, f64)], level: f64) -> Option<f64> {
+    let ((mx, my), slope) = line(points)?;
     (slope.abs() > 1e-9).then(|| mx + (level - my) / slope)
+}
+
+/// What a straight line through (x, y) has at `x`.
+fn value_at(points: &[(f64, f64)], x: f64) -> Option<f64> {
+    let ((mx, my), slope) = line(points)?;
+    Some(my + slope * (x - mx))
 }
 
 /// Points of `points.csv`, sorted by frame and target; deviations from the image points and the calibration. Without a contact, t = 0 is the first frame.
@@ -150,4 +187,26 @@ pub fn with_errors_alike(alone: &Matrix3<f64>, whitened: &[Matrix2x3<f64>; 2], a
     let [left, right] = whitened.map(|j| alone * j.transpose());
     let together = left * right.transpose();
     alone + (together + together.transpose()) * alike
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn truth_a_contact_that_no_frame_shows_is_told_by_the_flights_beside_it() {
+        // Comes at 20 mm a frame to be one radius away at frame 20.3, leaves at 40 from frame 24.6.
+        let radius_m = 0.033;
+        let at = |number: i32, beside: f64| {
+            let t = f64::from(number);
+            let z = if t < 22.0 { radius_m + 0.02 * (20.3 - t) } else { radius_m + 0.04 * (t - 24.6) };
+            (t, Point3::new(beside + 0.002 * t, -0.05, z))
+        };
+        let seen = |beside: f64| (0..10).chain(34..45).map(|n| at(n, beside)).collect::<Vec<_>>();
+        assert!((hidden_contact(&seen(0.0), radius_m).expect("told") - 20.3).abs() < 1e-6);
+        // Past the head.
+        assert!(hidden_contact(&seen(0.3), radius_m).is_none());
+        // Half of a flight leads nowhere.
+        assert!(hidden_contact(&seen(0.0)[..12], radius_m).is_none());
+    }
 }

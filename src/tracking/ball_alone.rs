@@ -6,6 +6,7 @@
 
 use super::background::background_of;
 use super::ball_choice::{Sighting, moves_in_racket};
+use super::ball_follower::Flight;
 use super::ball_pieces::{foretold, straight_pieces};
 use super::ball_presence;
 use super::ball_search;
@@ -13,7 +14,7 @@ use super::ball_track::{BallScene, FASTEST_M_S};
 use super::part_of_racket::IN_THE_HEAD_M;
 use super::racket_track::RacketFrame;
 use super::ray_flight::{Origin, RayFlight, RayPoint};
-use super::shot_ball::{Flight, Stage};
+use super::shot_ball::Stage;
 use super::shot_frames::Shot;
 use super::shot_tracks::TrackingError;
 use crate::calibration::CameraId;

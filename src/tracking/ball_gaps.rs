@@ -5,15 +5,18 @@
 //! ball when, followed toward the known one, it comes to where that was seen.
 
 use super::ball_choice::{Sighting, moves_in_racket};
+use super::ball_follower::Flight;
 use super::ball_pieces::{LONGEST_STEP, Piece, foretold, goes_on, meet, met_at_strings, straight_pieces};
 use super::ball_track::{BallFrame, BallScene};
+use super::ball_way::BallWay;
+use super::free_flight::FreeFlight;
 use super::racket_track::RacketFrame;
-use super::shot_ball::{Flight, Stage};
+use super::shot_ball::Stage;
 use super::shot_frames::{PATIENCE, Shot};
 use super::shot_tracks::TrackingError;
 use crate::calibration::CameraId;
 use crate::footage::{FrameBuffer, FrameSource};
-use nalgebra::Vector2;
+use nalgebra::{Point3, Vector2};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -52,6 +55,42 @@ impl<S: FrameSource> Shot<'_, S> {
         for gap in gaps(&flight.frames) {
             for forth in [false, true] {
                 self.extend(&Stage { ball: &faint, ..*stage }, &gap, flight, forth)?;
+            }
+        }
+        for gap in gaps(&flight.frames) {
+            for forth in [false, true] {
+                self.see_off(stage, &gap, flight, forth)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Goes on from the ball's known end where it has left one camera's picture, as long as the other sees it clearly and straight ahead.
+    fn see_off(&self, stage: &Stage, gap: &Range<usize>, flight: &mut Flight, forth: bool) -> Result<(), TrackingError> {
+        let scene = stage.ball;
+        let (_, piece) = self.known_beside(&flight.frames, stage.racket, gap, forth);
+        let Some(last) = piece.last().filter(|last| last.index + 1 == gap.start || last.index == gap.end) else { return Ok(()) };
+        let (mut last, mut way) = (last.number, BallWay::new(piece.iter().map(|s| (s.number, s.place))));
+        let mut indices: Vec<usize> = gap.clone().collect();
+        if !forth {
+            indices.reverse();
+        }
+        let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
+        for index in indices {
+            let number = self.source.number(index) as f64;
+            let there = way.foretold(number);
+            let shown = CameraId::BOTH.map(|camera| self.is_whole(scene, camera, &there));
+            if (number - last).abs() > LONGEST_STEP || shown == [false, false] {
+                break;
+            }
+            if shown == [true, true] {
+                continue;
+            }
+            let images = self.read_rows(index, self.ball_rows(scene, &there, 1), &mut buffers)?;
+            if let Some(ball) = scene.measure(&images, &there, [1, 1], 1.0, &[None, None]) {
+                way.go_on(number, ball.position, true);
+                last = number;
+                flight.set(index, Some(ball));
             }
         }
         Ok(())
@@ -204,9 +243,8 @@ impl<S: FrameSource> Shot<'_, S> {
         let [.., b, a] = piece.as_slice() else { return Ok(None) };
         let (Some(last), Some(before)) = (flight.frames[a.index], flight.frames[b.index]) else { return Ok(None) };
         let (last, before) = ((a.index, last), (b.index, before));
-        let half =
-            if forth { self.follow_ball_one_way(scene, before, last, gap.clone())? } else { self.follow_ball_one_way(scene, before, last, gap.clone().rev())? };
-        let mut found = self.whole_flight(gap.start, &[], [half]);
+        let follower = if forth { self.follower_along(scene, before, last, gap.clone()) } else { self.follower_along(scene, before, last, gap.clone().rev()) };
+        let mut found = self.whole_flight(gap.start, &[], [self.follow_to_the_end(follower)?]);
         let seen = self.sightings(&found.frames, racket);
         // From the other end: turned round by the strings, it comes to where it is known beyond the gap.
         let (toward, beyond): (Vec<&Sighting>, _) = if forth {
@@ -250,13 +288,13 @@ impl<S: FrameSource> Shot<'_, S> {
             let from_after = gap.end.checked_sub(start + 2 * apart + 1).filter(|first| *first >= gap.start && self.may_be_seen(scene, &after, *first));
             for first in [from_before, from_after].into_iter().flatten() {
                 let flights = [self.flights_from(first, scene, still)?, self.flights_against_another(first, scene)?];
-                for three in flights.into_iter().flatten() {
+                for FreeFlight { balls: three, .. } in flights.into_iter().flatten() {
                     if tried.iter().any(|t| stands_at(t, first + apart, &three[1])) {
                         continue;
                     }
-                    let forth = || self.follow_ball_one_way(scene, (first + apart, three[1]), (first + 2 * apart, three[2]), first + 2 * apart + 1..gap.end);
-                    let back = || self.follow_ball_one_way(scene, (first + apart, three[1]), (first, three[0]), (gap.start..first).rev());
-                    let (back, forth) = rayon::join(back, forth);
+                    let forth = self.follower_along(scene, (first + apart, three[1]), (first + 2 * apart, three[2]), first + 2 * apart + 1..gap.end);
+                    let back = self.follower_along(scene, (first + apart, three[1]), (first, three[0]), (gap.start..first).rev());
+                    let (back, forth) = rayon::join(|| self.follow_to_the_end(back), || self.follow_to_the_end(forth));
                     let mut found = self.whole_flight(first, &three, [back?, forth?]);
                     let seen = self.sightings(&found.frames, racket);
                     let pieces: Vec<Piece> = straight_pieces(&seen, rate).into_iter().filter(|p| moves_in_racket(p, rate)).collect();
@@ -285,10 +323,14 @@ impl<S: FrameSource> Shot<'_, S> {
             return true;
         }
         let there = a.place + (a.place - b.place) * ((self.source.number(index) as f64 - a.number) / (a.number - b.number));
+        CameraId::BOTH.into_iter().all(|camera| self.is_whole(scene, camera, &there))
+    }
+
+    /// Whether a picture holds all of a ball there: cut by the border it is not looked for.
+    fn is_whole(&self, scene: &BallScene, camera: CameraId, there: &Point3<f64>) -> bool {
         let [width, height] = self.setup.rig.image_size.map(|n| n as f64);
-        // Cut by the border it is not looked for.
         let inside = |uv: Vector2<f64>, radius: f64| uv.x > radius && uv.y > radius && uv.x < width - radius && uv.y < height - radius;
-        CameraId::BOTH.into_iter().all(|c| scene.view.project(c, &there).zip(scene.radius_px(c, &there)).is_some_and(|(uv, radius)| inside(uv, radius)))
+        scene.view.project(camera, there).zip(scene.radius_px(camera, there)).is_some_and(|(uv, radius)| inside(uv, radius))
     }
 }
 
@@ -354,8 +396,6 @@ impl Flight {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::Point3;
-
     fn ball(stereo: bool) -> Option<BallFrame> {
         Some(BallFrame { points: [None, None], position: Point3::origin(), stereo, flattening: None })
     }

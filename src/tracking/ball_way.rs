@@ -57,8 +57,11 @@ pub struct BallWay {
 }
 
 impl BallWay {
-    pub fn new(places: [(f64, Point3<f64>); 2]) -> Self {
-        BallWay { places: places.to_vec() }
+    /// From places it was seen at, two or more, the newest last.
+    pub fn new(places: impl IntoIterator<Item = (f64, Point3<f64>)>) -> Self {
+        let mut places: Vec<_> = places.into_iter().collect();
+        places.drain(..places.len().saturating_sub(OF_LINE));
+        BallWay { places }
     }
 
     /// Adds where the ball is; not `as_foretold` it has turned, and what was before its last place counts no more.

@@ -25,6 +25,13 @@ const BEND_M: f64 = 0.02;
 const FAINT_OUTLINE: f64 = 0.2;
 const MOST_FAINT: usize = 2;
 
+/// A free flight, as three frames show it.
+pub struct FreeFlight {
+    pub balls: [BallFrame; 3],
+    /// All six outlines are clear.
+    pub clear: bool,
+}
+
 /// A place in space that may be the ball.
 #[derive(Debug, Clone, Copy)]
 struct Place {
@@ -59,7 +66,7 @@ impl BallScene<'_> {
     }
 
     /// The free flights through places in three frames, each so many after the one before; the clearest first.
-    fn flights(&self, frames: &[Vec<Place>; 3], apart: usize) -> Vec<[BallFrame; 3]> {
+    fn flights(&self, frames: &[Vec<Place>; 3], apart: usize) -> Vec<FreeFlight> {
         let (slow, fast) = (SPEEDS_M_S.0 * apart as f64 / self.frame_rate_hz, SPEEDS_M_S.1 * apart as f64 / self.frame_rate_hz);
         let mut out = Vec::new();
         for a in &frames[0] {
@@ -74,7 +81,7 @@ impl BallScene<'_> {
             }
         }
         out.sort_by_key(|(faint, _)| *faint);
-        out.into_iter().map(|(_, flight)| flight).collect()
+        out.into_iter().map(|(faint, balls)| FreeFlight { balls, clear: faint == 0 }).collect()
     }
 }
 
@@ -86,7 +93,7 @@ impl<S: FrameSource> Shot<'_, S> {
     }
 
     /// The free flights through a frame and the next two, [`Self::apart`].
-    pub(super) fn flights_from(&self, first: usize, scene: &BallScene, still: &[Option<GreyImage>; 2]) -> Result<Vec<[BallFrame; 3]>, TrackingError> {
+    pub(super) fn flights_from(&self, first: usize, scene: &BallScene, still: &[Option<GreyImage>; 2]) -> Result<Vec<FreeFlight>, TrackingError> {
         let places = |index: usize| -> Result<Vec<Place>, TrackingError> {
             self.with_buffers(|buffers| {
                 let images = self.read(index, buffers)?;
@@ -105,14 +112,14 @@ impl<S: FrameSource> Shot<'_, S> {
         let apart = self.apart();
         let (next, last) = rayon::join(|| places(first + apart), || places(first + 2 * apart));
         let flights = scene.flights(&[now, next?, last?], apart);
-        let seen = |buffers: &mut [FrameBuffer; 2], flight: [BallFrame; 3]| Ok(self.is_seen_beside(scene, first, &flight, buffers)?.then_some(flight));
+        let seen = |buffers: &mut [FrameBuffer; 2], flight: FreeFlight| Ok(self.is_seen_beside(scene, first, &flight.balls, buffers)?.then_some(flight));
         let seen: Result<Vec<_>, TrackingError> = flights.into_par_iter().map_init(Default::default, seen).collect();
         Ok(seen?.into_iter().flatten().collect())
     }
 
     /// [`Self::flights_from`] of what stands out from the pictures half a clip away: a ball that comes along a camera's line of sight hardly
     /// moves in its pictures, and then the median picture holds the ball itself.
-    pub(super) fn flights_against_another(&self, first: usize, scene: &BallScene) -> Result<Vec<[BallFrame; 3]>, TrackingError> {
+    pub(super) fn flights_against_another(&self, first: usize, scene: &BallScene) -> Result<Vec<FreeFlight>, TrackingError> {
         let n = self.source.len();
         let image = |v: GreyView| GreyImage { width: v.width, height: v.height, pixels: (0..v.height).filter_map(|y| v.row(y)).flatten().copied().collect() };
         let away = self.with_buffers(|buffers| Ok::<_, TrackingError>(self.read((first + n / 2) % n, buffers)?.map(|view| view.map(image))))?;

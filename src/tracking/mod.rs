@@ -9,6 +9,7 @@ mod ball_choice;
 mod ball_disc;
 mod ball_edges;
 mod ball_fit;
+mod ball_follower;
 mod ball_gaps;
 mod ball_learn;
 mod ball_light;

@@ -1,27 +1,25 @@
 //! The ball of a shot: found where something flies that meets the racket, followed both ways, measured once more with its light.
 
 use super::ball_choice::{self, Sighting};
-use super::ball_fit::OutlineLevels;
+use super::ball_follower::{BallFollower, Flight, both};
 use super::ball_gaps::{STARTS, stands_at};
 use super::ball_pieces::{self, straight_pieces};
 use super::ball_presence;
 use super::ball_shading::{BallShading, LimbProfile};
-use super::ball_track::{BallFrame, BallScene, MeanDisc};
-use super::ball_way::BallWay;
+use super::ball_track::{BallFrame, BallScene};
+use super::free_flight::FreeFlight;
 use super::racket_track::RacketFrame;
-use super::shot_frames::{PATIENCE, Shot, spread};
+use super::shot_frames::{Shot, spread};
 use super::shot_tracks::TrackingError;
 use super::tape_blur::out_of_focus;
 use crate::calibration::CameraId;
-use crate::footage::{FrameBuffer, FrameSource, GreyImage, GreyPatch, GreyView, Rows};
+use crate::footage::{FrameBuffer, FrameSource, GreyImage, GreyView, Rows};
 use nalgebra::{Point3, Vector2};
 use rayon::prelude::*;
 use std::collections::VecDeque;
 
 /// Blur of the ball's outline in a picture in focus, px, one standard deviation (a ball is no sharp-edged tape).
 const BALL_BLUR_PX: f64 = 0.55;
-/// Frames of which the pixels around the ball are kept, each way: 2 kB each, so that memory does not grow with the clip.
-const PATCHES: usize = 2000;
 /// A ball is elsewhere when its centre is this many radii away.
 const ELSEWHERE_RADII: f64 = 2.2;
 /// Longest gap in the ball's track that is looked into again, frames.
@@ -37,17 +35,6 @@ const FLIES: usize = 8;
 
 /// A thing is followed for so long, s, before the racket is asked whether it is a part of it.
 const TRIAL_S: f64 = 0.012;
-/// What both cameras see in fewer than one of three of the first so many frames is followed no farther.
-const TRIED: usize = 24;
-const LEAST_BY_BOTH: usize = 3;
-
-/// A ball as first followed, and the mean pictures of its disc.
-pub struct Flight {
-    pub(super) frames: Vec<Option<BallFrame>>,
-    pub(super) means: [MeanDisc; 2],
-    /// By frame.
-    pub(super) kept: Vec<Option<Kept>>,
-}
 
 /// What is known where the ball is looked for: how it looks, where the racket is, and what stands still.
 #[derive(Clone, Copy)]
@@ -57,27 +44,13 @@ pub struct Stage<'a> {
     pub still: &'a [Option<GreyImage>; 2],
 }
 
-/// What both cameras saw around the ball in a frame, and with which levels it was measured.
-#[derive(Clone)]
-pub struct Kept {
-    patches: [GreyPatch; 2],
-    levels: Option<Box<[OutlineLevels; 2]>>,
-}
-
 /// What the frame in which the ball is looked for first holds.
-pub struct FirstLook {
+pub struct FirstLook<'s> {
     pub first: usize,
     /// Free flights through it and the next two.
-    pub flights: Vec<[BallFrame; 3]>,
-    /// The first of them, followed both ways.
-    pub followed: Option<Flight>,
-}
-
-/// A ball followed one way.
-#[derive(Default)]
-pub struct HalfFlight {
-    frames: Vec<(usize, BallFrame, Option<Kept>)>,
-    means: [MeanDisc; 2],
+    pub flights: Vec<FreeFlight>,
+    /// Who follow the first of them both ways, as far as it is tried.
+    pub tried: Option<[BallFollower<'s>; 2]>,
 }
 
 impl<S: FrameSource> Shot<'_, S> {
@@ -109,22 +82,27 @@ impl<S: FrameSource> Shot<'_, S> {
     }
 
     /// What the first look into the clip finds.
-    pub(super) fn first_look(&self, scene: &BallScene, still: &[Option<GreyImage>; 2]) -> Result<FirstLook, TrackingError> {
+    pub(super) fn first_look<'s>(&self, scene: &BallScene, still: &[Option<GreyImage>; 2]) -> Result<FirstLook<'s>, TrackingError> {
         let first = self.looked_into().first().copied();
         let flights = first.map_or(Ok(Vec::new()), |first| self.flights_from(first, scene, still))?;
-        Ok(FirstLook { first: first.unwrap_or_default(), flights, followed: None })
+        Ok(FirstLook { first: first.unwrap_or_default(), flights, tried: None })
+    }
+
+    /// A follower has come so far when the racket is asked whether what it follows is a part of it.
+    pub(super) fn try_out(&self, follower: &mut BallFollower) -> Result<(), TrackingError> {
+        self.follow_on(follower, (TRIAL_S * self.setup.frame_rate_hz) as usize)
     }
 
     /// Finds the ball that meets the racket and follows it both ways, beginning with what the first look found, if there was one.
     pub(super) fn find_and_follow_ball(
         &self,
-        scene: BallScene,
+        scene: &BallScene,
         racket: &[Option<RacketFrame>],
         still: &[Option<GreyImage>; 2],
         ahead: Option<FirstLook>,
     ) -> Result<Vec<Option<BallFrame>>, TrackingError> {
         let n = self.source.len();
-        let (mut flights_ahead, mut followed) = ahead.map_or((None, None), |ahead| (Some(ahead.flights), ahead.followed));
+        let (mut flights_ahead, mut tried_ahead) = ahead.map_or((None, None), |ahead| (Some(ahead.flights), ahead.tried));
         let mut best = (f64::INFINITY, Flight { frames: vec![None; n], means: Default::default(), kept: vec![None; n] });
         let (mut clear, mut turned) = (false, false);
         let mut claimed: Vec<Vec<Option<BallFrame>>> = Vec::new();
@@ -137,25 +115,35 @@ impl<S: FrameSource> Shot<'_, S> {
             while let Some(first) = order.pop_front() {
                 let flights = match flights_ahead.take() {
                     Some(flights) => flights,
-                    None if against_another => self.flights_against_another(first, &scene)?,
-                    None => self.flights_from(first, &scene, still)?,
+                    None if against_another => self.flights_against_another(first, scene)?,
+                    None => self.flights_from(first, scene, still)?,
                 };
-                for flight in flights {
+                for FreeFlight { balls: flight, clear: told_clearly } in flights {
                     if claimed.iter().chain(&of_the_racket).any(|t| stands_at(t, first + self.apart(), &flight[1])) {
                         continue;
                     }
-                    let track = match followed.take() {
-                        Some(track) => track,
+                    let mut ways = match tried_ahead.take() {
+                        Some(ways) => ways,
                         None => {
-                            // What goes with the racket shows it soon.
-                            let tried = self.follow_both_ways(&scene, first, &flight, (TRIAL_S * self.setup.frame_rate_hz) as usize)?;
-                            if self.is_part_of_the_racket(&tried.frames, racket) {
-                                of_the_racket.push(tried.frames);
-                                continue;
-                            }
-                            self.follow_both_ways(&scene, first, &flight, n)?
+                            let mut ways = [false, true].map(|forth| self.follower(scene, first, &flight, forth));
+                            both(&mut ways, |follower| self.try_out(follower))?;
+                            ways
                         }
                     };
+                    // What goes with the racket shows it soon.
+                    let tried = self.followed(first, &flight, ways.iter().map(|way| &way.half));
+                    if self.is_part_of_the_racket(&tried, racket) {
+                        of_the_racket.push(tried);
+                        continue;
+                    }
+                    // What faint outlines tell is another thing in two cases of three, which moves as no ball does.
+                    let so_far = self.sightings(&tried, racket);
+                    if !told_clearly && ball_choice::likeness(&so_far, tried.iter().flatten().count(), self.setup.frame_rate_hz).score.is_infinite() {
+                        claimed.push(tried);
+                        continue;
+                    }
+                    both(&mut ways, |follower| self.follow_on(follower, n))?;
+                    let track = self.whole_flight(first, &flight, ways.map(|way| way.half));
                     if self.is_part_of_the_racket(&track.frames, racket) {
                         of_the_racket.push(track.frames);
                         continue;
@@ -195,13 +183,13 @@ impl<S: FrameSource> Shot<'_, S> {
             }
         }
         let mut flight = best.1;
-        let stage = Stage { ball: &scene, racket, still };
+        let stage = Stage { ball: scene, racket, still };
         if clear {
             self.take_in_other_half(&mut flight, &claimed, racket);
             return self.remeasure_ball(&stage, flight);
         }
         let flies = self.stands_in(&claimed, racket, 0) || self.longest_flight(&flight.frames, racket) >= FLIES;
-        self.keep_free_flight(&scene, &mut flight, &claimed, racket)?;
+        self.keep_free_flight(scene, &mut flight, &claimed, racket)?;
         let followed = self.remeasure_ball(&stage, flight)?;
         if flies {
             return Ok(followed);
@@ -211,7 +199,7 @@ impl<S: FrameSource> Shot<'_, S> {
             found => found,
         };
         let Some(mut found) = found else { return Ok(followed) };
-        self.mean_discs_again(&scene, &mut found)?;
+        self.mean_discs_again(scene, &mut found)?;
         let found = self.remeasure_ball(&stage, found)?;
         let frames = [&followed, &found].map(|ball| self.frames_in_flight(ball, racket));
         Ok(if frames[1] > frames[0] { found } else { followed })
@@ -307,118 +295,6 @@ impl<S: FrameSource> Shot<'_, S> {
         }
         changes.sort_by(f64::total_cmp);
         Ok(changes.get(changes.len().saturating_sub(1) / 2).copied())
-    }
-
-    /// Follows a flight found in three frames toward the clip's end or its beginning, over so many frames at most.
-    pub(super) fn follow_flight(
-        &self,
-        scene: &BallScene,
-        first: usize,
-        flight: &[BallFrame; 3],
-        forth: bool,
-        most: usize,
-    ) -> Result<HalfFlight, TrackingError> {
-        let n = self.source.len();
-        let apart = self.apart();
-        let middle = (first + apart, flight[1]);
-        if forth {
-            self.follow_ball_one_way(scene, middle, (first + 2 * apart, flight[2]), (first + 2 * apart + 1..n).take(most))
-        } else {
-            self.follow_ball_one_way(scene, middle, (first, flight[0]), (0..first).rev().take(most))
-        }
-    }
-
-    /// [`Self::follow_flight`] both ways.
-    fn follow_both_ways(&self, scene: &BallScene, first: usize, flight: &[BallFrame; 3], most: usize) -> Result<Flight, TrackingError> {
-        let one_way = |forth: bool| self.follow_flight(scene, first, flight, forth, most);
-        let (back, forth) = rayon::join(|| one_way(false), || one_way(true));
-        Ok(self.whole_flight(first, flight, [back?, forth?]))
-    }
-
-    /// A flight from the frames it was found in, `first` and those [`Self::apart`] after it, and the ways it was followed from there.
-    pub(super) fn whole_flight(&self, first: usize, flight: &[BallFrame], halves: impl IntoIterator<Item = HalfFlight>) -> Flight {
-        let n = self.source.len();
-        let (mut frames, mut kept) = (vec![None; n], vec![None; n]);
-        let mut means: [MeanDisc; 2] = Default::default();
-        for (k, b) in flight.iter().enumerate() {
-            frames[first + k * self.apart()] = Some(*b);
-        }
-        for half in halves {
-            for (index, b, what) in half.frames {
-                frames[index] = Some(b);
-                kept[index] = what;
-            }
-            means.iter_mut().zip(&half.means).for_each(|(all, some)| all.add(some));
-        }
-        Flight { frames, means, kept }
-    }
-
-    pub(super) fn follow_ball_one_way(
-        &self,
-        scene: &BallScene,
-        before: (usize, BallFrame),
-        last: (usize, BallFrame),
-        indices: impl Iterator<Item = usize>,
-    ) -> Result<HalfFlight, TrackingError> {
-        let mut half = HalfFlight::default();
-        let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
-        let at = |i: usize| self.source.number(i) as f64;
-        let (mut looked_at, mut lost, mut seen_by_both, mut seen_by) = (0, 0, at(last.0), [at(last.0); 2]);
-        let mut way = BallWay::new([before, last].map(|(index, ball)| (at(index), ball.position)));
-        for index in indices {
-            let now = at(index);
-            let unseen = (now - seen_by_both).abs();
-            let predicted = way.foretold(now);
-            // What one camera alone saw go straight on has not turned: the other will find it where it is foretold. Otherwise the strings may have it.
-            let goes_on = way.is_straight() && seen_by.iter().any(|seen| (now - seen).abs() <= 1.0);
-            let reach_px = seen_by.map(|seen| {
-                let unseen = if way.is_straight() { (now - seen).abs() } else { unseen };
-                if goes_on { 3.0 + 0.25 * unseen } else { 2.0 + 2.0 * unseen }.min(12.0) as i32
-            });
-            let close = self.read_rows(index, scene.close_rows(&predicted), &mut buffers)?;
-            let (found, levels, images) = match scene.measure_close(&close, &predicted, None, unseen, way.is_straight()) {
-                Err(fits) => {
-                    let images = self.read_rows(index, self.ball_rows(scene, &predicted, reach_px[0].max(reach_px[1])), &mut buffers)?;
-                    (scene.measure(&images, &predicted, reach_px, unseen, &fits), None, images)
-                }
-                Ok((found, levels)) => (Some(found), Some(levels), close),
-            };
-            if images.iter().all(Option::is_none) {
-                continue;
-            }
-            match found {
-                Some(b) => {
-                    let saw_it = seen_by.map(|seen| (now - seen).abs() <= 1.0);
-                    way.go_on(now, b.position, scene.as_foretold(&b, &predicted, saw_it));
-                    lost = 0;
-                    if b.stereo {
-                        seen_by_both = now;
-                    }
-                    for camera in CameraId::BOTH {
-                        if b.points[camera.index()].is_some() {
-                            seen_by[camera.index()] = now;
-                        }
-                        if let Some(image) = &images[camera.index()] {
-                            scene.add_to_mean(&mut half.means[camera.index()], image, camera, &b);
-                        }
-                    }
-                    let patches = if half.frames.len() < PATCHES { scene.patches(&images, &b) } else { None };
-                    half.frames.push((index, b, patches.map(|patches| Kept { patches, levels: levels.map(Box::new) })));
-                }
-                None => {
-                    lost += 1;
-                    if lost > PATIENCE {
-                        break;
-                    }
-                }
-            }
-            looked_at += 1;
-            // A ball is no ball for one camera alone from the beginning.
-            if looked_at == TRIED && LEAST_BY_BOTH * half.frames.iter().filter(|(_, b, _)| b.stereo).count() < TRIED {
-                break;
-            }
-        }
-        Ok(half)
     }
 
     /// The rows of each picture that measuring the ball near a place looks at: its outline may be found `reach_px` away, and

@@ -29,7 +29,8 @@ pub fn track_shot(source: &impl FrameSource, setup: &ShotSetup, cancel: &AtomicB
     let mut shot = Shot::new(source, setup, &view, (figure.clone(), focus), cancel, progress);
     // The ball is looked for and followed beside the racket: pictures that turn out to be stale are not known yet.
     let watched = Shot::new(source, setup, &view, (figure, focus), cancel, progress);
-    let SideBySide { start, racket, still, look } = side_by_side(&mut shot, &watched)?;
+    let scene = watched.unlit_ball();
+    let SideBySide { start, racket, still, look } = side_by_side(&mut shot, &watched, &scene)?;
     let (mut racket, prints) = shot.both_ways(&start, racket)?;
     shot.stale = recording::repeated(&prints);
     for (stale, still) in shot.stale.iter_mut().zip(stood_still(&racket)) {
@@ -51,7 +52,7 @@ pub fn track_shot(source: &impl FrameSource, setup: &ShotSetup, cancel: &AtomicB
     notes.extend(recording::dark_or_bright(source, &means));
     // With stale pictures left out the ball is another.
     let any_stale = shot.stale.iter().flatten().any(|stale| *stale);
-    let mut ball = shot.find_and_follow_ball(shot.unlit_ball(), &racket, &still, Some(look).filter(|_| !any_stale))?;
+    let mut ball = shot.find_and_follow_ball(&scene, &racket, &still, Some(look).filter(|_| !any_stale))?;
     face::settle(&view, &figure, &mut racket, &ball);
     let contact_frame = space_points::first_contact(source, &racket, &ball, setup.ball.radius_m());
     stray_ball::drop_strays(source, &mut ball, contact_frame, setup.frame_rate_hz, stray_ball::OUTLINE_PX);

@@ -5,7 +5,9 @@
 //! because they are the longest. What is found does not depend on who did what.
 
 use super::background::background;
-use super::shot_ball::{FirstLook, HalfFlight};
+use super::ball_follower::BallFollower;
+use super::ball_track::BallScene;
+use super::shot_ball::FirstLook;
 use super::shot_frames::Shot;
 use super::shot_racket::{OneWay, RacketStart};
 use super::shot_tracks::TrackingError;
@@ -13,13 +15,13 @@ use crate::footage::{FrameSource, GreyImage};
 use std::sync::{Mutex, OnceLock};
 
 /// What the pictures show before any of them is known to be stale.
-pub struct SideBySide {
+pub struct SideBySide<'s> {
     pub start: RacketStart,
     /// Toward the clip's beginning and toward its end.
     pub racket: [OneWay; 2],
     /// What either camera sees when nothing moves.
     pub still: [Option<GreyImage>; 2],
-    pub look: FirstLook,
+    pub look: FirstLook<'s>,
 }
 
 /// One way of following one of the two: toward the clip's end or not.
@@ -43,12 +45,11 @@ fn taken<T>(slots: [Slot<T>; 2]) -> Result<Option<[T; 2]>, TrackingError> {
     Ok(back?.zip(forth?).map(|(back, forth)| [back, forth]))
 }
 
-/// Follows the racket with `shot`, which learns its light and figure, and the ball of the first look with `watched`, which knows nothing
+/// Follows the racket with `shot`, which learns its light and figure, and tries out the ball of the first look with `watched`, which knows nothing
 /// of the racket.
-pub fn side_by_side<'a, 'c, S: FrameSource>(shot: &'a mut Shot<'c, S>, watched: &Shot<S>) -> Result<SideBySide, TrackingError> {
-    let scene = watched.unlit_ball();
-    let (started, looked) = (OnceLock::<(&'a Shot<'c, S>, RacketStart)>::new(), OnceLock::<FirstLook>::new());
-    let (rackets, balls): ([Slot<OneWay>; 2], [Slot<HalfFlight>; 2]) = Default::default();
+pub fn side_by_side<'a, 'c, 's, S: FrameSource>(shot: &'a mut Shot<'c, S>, watched: &Shot<S>, scene: &'s BallScene) -> Result<SideBySide<'s>, TrackingError> {
+    let (started, looked) = (OnceLock::<(&'a Shot<'c, S>, RacketStart)>::new(), OnceLock::<FirstLook<'s>>::new());
+    let (rackets, balls): ([Slot<OneWay>; 2], [Slot<BallFollower<'s>>; 2]) = Default::default();
     let waiting: Mutex<Vec<Piece>> = Mutex::default();
     let next = || {
         let mut waiting = waiting.lock().ok()?;
@@ -67,7 +68,8 @@ pub fn side_by_side<'a, 'c, S: FrameSource>(shot: &'a mut Shot<'c, S>, watched: 
                     if let Some(look) = looked.get()
                         && let Some(flight) = look.flights.first()
                     {
-                        put(&balls[usize::from(forth)], watched.follow_flight(&scene, look.first, flight, forth, usize::MAX));
+                        let mut follower = watched.follower(scene, look.first, &flight.balls, forth);
+                        put(&balls[usize::from(forth)], watched.try_out(&mut follower).map(|()| follower));
                     }
                 }
             }
@@ -91,7 +93,7 @@ pub fn side_by_side<'a, 'c, S: FrameSource>(shot: &'a mut Shot<'c, S>, watched: 
     let ball = || -> Result<[Option<GreyImage>; 2], TrackingError> {
         let (left, right) = rayon::join(|| background(watched.source, 0), || background(watched.source, 1));
         let still = [left?, right?];
-        let _ = looked.set(watched.first_look(&scene, &still)?);
+        let _ = looked.set(watched.first_look(scene, &still)?);
         add([Piece::Ball(false), Piece::Ball(true)]);
         Ok(still)
     };
@@ -99,6 +101,6 @@ pub fn side_by_side<'a, 'c, S: FrameSource>(shot: &'a mut Shot<'c, S>, watched: 
     racket?;
     let (still, racket, ball) = (still?, taken(rackets)?, taken(balls)?);
     let (Some((_, start)), Some(mut look), Some(racket)) = (started.into_inner(), looked.into_inner(), racket) else { return Err(TrackingError::Cancelled) };
-    look.followed = look.flights.first().zip(ball).map(|(flight, halves)| watched.whole_flight(look.first, flight, halves));
+    look.tried = ball;
     Ok(SideBySide { start, racket, still, look })
 }

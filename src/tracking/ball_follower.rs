@@ -1,0 +1,188 @@
+//! The ball followed one way, frame by frame, from two frames it was seen in.
+
+use super::ball_fit::OutlineLevels;
+use super::ball_track::{BallFrame, BallScene, MeanDisc};
+use super::ball_way::BallWay;
+use super::shot_frames::{PATIENCE, Shot};
+use super::shot_tracks::TrackingError;
+use crate::calibration::CameraId;
+use crate::footage::{FrameBuffer, FrameSource, GreyPatch};
+
+/// Frames of which the pixels around the ball are kept, each way: 2 kB each, so that memory does not grow with the clip.
+const PATCHES: usize = 2000;
+/// What both cameras see in fewer than one of three of the first so many frames is followed no farther.
+const TRIED: usize = 24;
+const LEAST_BY_BOTH: usize = 3;
+
+/// A ball as first followed, and the mean pictures of its disc.
+pub struct Flight {
+    pub(super) frames: Vec<Option<BallFrame>>,
+    pub(super) means: [MeanDisc; 2],
+    /// By frame.
+    pub(super) kept: Vec<Option<Kept>>,
+}
+
+/// What both cameras saw around the ball in a frame, and with which levels it was measured.
+#[derive(Clone)]
+pub struct Kept {
+    pub(super) patches: [GreyPatch; 2],
+    pub(super) levels: Option<Box<[OutlineLevels; 2]>>,
+}
+
+/// A ball followed one way.
+#[derive(Default)]
+pub struct HalfFlight {
+    frames: Vec<(usize, BallFrame, Option<Kept>)>,
+    means: [MeanDisc; 2],
+}
+
+/// Who follows a ball one way, and how far it is.
+pub struct BallFollower<'s> {
+    scene: &'s BallScene<'s>,
+    /// Frames not yet looked at, nearest first.
+    ahead: Box<dyn Iterator<Item = usize> + Send + Sync + 's>,
+    way: BallWay,
+    pub(super) half: HalfFlight,
+    buffers: [FrameBuffer; 2],
+    looked_at: usize,
+    /// Frames since it was last seen.
+    lost: usize,
+    /// Frame numbers at which both cameras and either one saw it last.
+    seen_by_both: f64,
+    seen_by: [f64; 2],
+}
+
+/// Both ways of a flight beside each other.
+pub fn both(ways: &mut [BallFollower; 2], follow: impl Fn(&mut BallFollower) -> Result<(), TrackingError> + Sync) -> Result<(), TrackingError> {
+    let [back, forth] = ways;
+    let (back, forth) = rayon::join(|| follow(back), || follow(forth));
+    back.and(forth)
+}
+
+impl<S: FrameSource> Shot<'_, S> {
+    /// Follows a flight found in three frames, the first of them `first`, toward the clip's end or its beginning.
+    pub(super) fn follower<'s>(&self, scene: &'s BallScene, first: usize, flight: &[BallFrame; 3], forth: bool) -> BallFollower<'s> {
+        let apart = self.apart();
+        let middle = (first + apart, flight[1]);
+        if forth {
+            self.follower_along(scene, middle, (first + 2 * apart, flight[2]), first + 2 * apart + 1..self.source.len())
+        } else {
+            self.follower_along(scene, middle, (first, flight[0]), (0..first).rev())
+        }
+    }
+
+    /// Follows what was seen in two frames, the nearer one last, through those `ahead`.
+    pub(super) fn follower_along<'s>(
+        &self,
+        scene: &'s BallScene,
+        before: (usize, BallFrame),
+        last: (usize, BallFrame),
+        ahead: impl Iterator<Item = usize> + Send + Sync + 's,
+    ) -> BallFollower<'s> {
+        let at = |i: usize| self.source.number(i) as f64;
+        BallFollower {
+            scene,
+            ahead: Box::new(ahead),
+            way: BallWay::new([before, last].map(|(index, ball)| (at(index), ball.position))),
+            half: HalfFlight::default(),
+            buffers: Default::default(),
+            looked_at: 0,
+            lost: 0,
+            seen_by_both: at(last.0),
+            seen_by: [at(last.0); 2],
+        }
+    }
+
+    /// The ball through all frames ahead, until it is lost.
+    pub(super) fn follow_to_the_end(&self, mut follower: BallFollower) -> Result<HalfFlight, TrackingError> {
+        self.follow_on(&mut follower, usize::MAX)?;
+        Ok(follower.half)
+    }
+
+    /// The ball so many frames farther, or until it is lost.
+    pub(super) fn follow_on(&self, follower: &mut BallFollower, frames: usize) -> Result<(), TrackingError> {
+        for _ in 0..frames {
+            if !self.look_ahead(follower)? {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// Looks for the ball in the next frame; `false` when it is followed no farther.
+    fn look_ahead(&self, follower: &mut BallFollower) -> Result<bool, TrackingError> {
+        let BallFollower { scene, ahead, way, half, buffers, looked_at, lost, seen_by_both, seen_by } = follower;
+        // A ball is no ball for one camera alone from the beginning.
+        if *lost > PATIENCE || *looked_at == TRIED && LEAST_BY_BOTH * half.frames.iter().filter(|(_, b, _)| b.stereo).count() < TRIED {
+            return Ok(false);
+        }
+        let Some(index) = ahead.next() else { return Ok(false) };
+        let now = self.source.number(index) as f64;
+        let unseen = (now - *seen_by_both).abs();
+        let predicted = way.foretold(now);
+        // What one camera alone saw go straight on has not turned: the other will find it where it is foretold. Otherwise the strings may have it.
+        let goes_on = way.is_straight() && seen_by.iter().any(|seen| (now - seen).abs() <= 1.0);
+        let reach_px = seen_by.map(|seen| {
+            let unseen = if way.is_straight() { (now - seen).abs() } else { unseen };
+            if goes_on { 3.0 + 0.25 * unseen } else { 2.0 + 2.0 * unseen }.min(12.0) as i32
+        });
+        let close = self.read_rows(index, scene.close_rows(&predicted), buffers)?;
+        let (found, levels, images) = match scene.measure_close(&close, &predicted, None, unseen, way.is_straight()) {
+            Err(fits) => {
+                let images = self.read_rows(index, self.ball_rows(scene, &predicted, reach_px[0].max(reach_px[1])), buffers)?;
+                (scene.measure(&images, &predicted, reach_px, unseen, &fits), None, images)
+            }
+            Ok((found, levels)) => (Some(found), Some(levels), close),
+        };
+        if images.iter().all(Option::is_none) {
+            return Ok(true);
+        }
+        *looked_at += 1;
+        let Some(ball) = found else {
+            *lost += 1;
+            return Ok(true);
+        };
+        let saw_it = seen_by.map(|seen| (now - seen).abs() <= 1.0);
+        way.go_on(now, ball.position, scene.as_foretold(&ball, &predicted, saw_it));
+        *lost = 0;
+        if ball.stereo {
+            *seen_by_both = now;
+        }
+        for camera in CameraId::BOTH {
+            if ball.points[camera.index()].is_some() {
+                seen_by[camera.index()] = now;
+            }
+            if let Some(image) = &images[camera.index()] {
+                scene.add_to_mean(&mut half.means[camera.index()], image, camera, &ball);
+            }
+        }
+        let patches = if half.frames.len() < PATCHES { scene.patches(&images, &ball) } else { None };
+        half.frames.push((index, ball, patches.map(|patches| Kept { patches, levels: levels.map(Box::new) })));
+        Ok(true)
+    }
+
+    /// By frame, what was seen of a flight in the frames it was found in, `first` and those [`Self::apart`] after it, and along the ways it was followed
+    /// from there.
+    pub(super) fn followed<'h>(&self, first: usize, flight: &[BallFrame], halves: impl IntoIterator<Item = &'h HalfFlight>) -> Vec<Option<BallFrame>> {
+        let mut frames = vec![None; self.source.len()];
+        for (k, ball) in flight.iter().enumerate() {
+            frames[first + k * self.apart()] = Some(*ball);
+        }
+        for (index, ball, _) in halves.into_iter().flat_map(|half| &half.frames) {
+            frames[*index] = Some(*ball);
+        }
+        frames
+    }
+
+    /// A flight of which the ways it was followed have come to their ends.
+    pub(super) fn whole_flight<const WAYS: usize>(&self, first: usize, flight: &[BallFrame], halves: [HalfFlight; WAYS]) -> Flight {
+        let frames = self.followed(first, flight, &halves);
+        let mut kept = vec![None; frames.len()];
+        let mut means: [MeanDisc; 2] = Default::default();
+        for half in halves {
+            means.iter_mut().zip(&half.means).for_each(|(all, some)| all.add(some));
+            half.frames.into_iter().for_each(|(index, _, what)| kept[index] = what);
+        }
+        Flight { frames, means, kept }
+    }
+}

@@ -30,7 +30,7 @@ const LONG_FLIGHT: usize = 30;
 const TURNED_M: f64 = 1.0;
 /// A flight that was lost so near to the stringbed's centre met the strings there, m.
 const MET_M: f64 = 0.5;
-/// A thing that flew straight in as many frames may be the ball.
+/// A thing that flew straight in as many frames at a stretch, and in half of those in which it was seen, may be the ball.
 const FLIES: usize = 8;
 
 /// A thing is followed for so long, s, before the racket is asked whether it is a part of it.
@@ -188,7 +188,9 @@ impl<S: FrameSource> Shot<'_, S> {
             self.take_in_other_half(&mut flight, &claimed, racket);
             return self.remeasure_ball(&stage, flight);
         }
-        let flies = self.stands_in(&claimed, racket, 0) || self.longest_flight(&flight.frames, racket) >= FLIES;
+        let seen = flight.frames.iter().flatten().count();
+        let flies = self.stands_in(&claimed, racket, 0)
+            || self.longest_flight(&flight.frames, racket) >= FLIES && 2 * self.frames_in_flight(&flight.frames, racket) >= seen;
         self.keep_free_flight(scene, &mut flight, &claimed, racket)?;
         let followed = self.remeasure_ball(&stage, flight)?;
         if flies {

@@ -30,7 +30,7 @@ const LEAST_AGREEING: f64 = 0.5;
 const MOST_SD_PX: f64 = 0.35;
 /// Variance against what the sectors of a picture and a tilt of its light say, and what is added to it, px: what all pictures of a stretch have in
 /// common no single picture shows. Part of it keeps in proportion to what changes from one to the next, part does not (light, cover, blur).
-/// From 57 rendered sessions with known centres (docs/tracking-experiments.md, "Deviations").
+/// From 52 rendered sessions with known centres (docs/tracking-experiments.md, "Deviations").
 const COMMON_VARIANCE: f64 = 1.2;
 const COMMON_PX: f64 = 0.014;
 /// Blur of the pictures of those sessions, px. Light that is not quite the model's near the limb moves a blurred outline by the blur's square.

@@ -136,7 +136,7 @@ impl<S: FrameSource> Shot<'_, S> {
                         of_the_racket.push(tried);
                         continue;
                     }
-                    // What faint outlines tell is another thing in two cases of three, which moves as no ball does.
+                    // What faint outlines tell is another thing in seven cases of ten, and moves as no ball does.
                     let so_far = self.sightings(&tried, racket);
                     if !told_clearly && ball_choice::likeness(&so_far, tried.iter().flatten().count(), self.setup.frame_rate_hz).score.is_infinite() {
                         claimed.push(tried);

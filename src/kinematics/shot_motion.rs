@@ -8,17 +8,19 @@ use super::ball_flight::{
     FlightEstimate, FlightLaw, FlightResult, FlightState, FlightView, average_flight, bending_p, fit_flight, flight_deviations, flight_persistence,
 };
 use super::contact::{PointMotion, body_at, crossing};
+use super::frame_view::{FEWEST_STEREO, FrameView, frame_views};
+use super::impact_frame::find_impact;
 use super::least_squares::SolveError;
 use super::motion_law::{MotionLaw, Pace};
 use super::motion_state::MotionState;
 use super::racket_motion::{LawResult, MotionEstimate, MotionView, MovingRacket, average, fit_law, motion_persistence, sighting_deviations};
 use super::sighting::{CommonError, FrameClock, Sighting, sightings};
+use super::straight_line::straight_line;
 use super::tape_session::TapeErrors;
 use super::{FitError, KinematicsError};
-use crate::calibration::{CameraId, StereoRig};
+use crate::calibration::StereoRig;
 use crate::equipment::{Ball, Racket};
-use crate::reconstruction::{Triangulated, Triangulator};
-use crate::tracking::{BALL_ERRORS_ALIKE, MarkerObservation, RacketFigure, Target, Tracks, View, fit_pose_in};
+use crate::tracking::{RacketFigure, Target, Tracks};
 use nalgebra::{Isometry3, Point3, Vector3};
 use std::collections::BTreeMap;
 
@@ -89,14 +91,6 @@ impl MeasureSettings {
     }
 }
 
-/// One frame seen alone: the ball's place and the racket's rough pose.
-#[derive(Debug, Clone)]
-pub struct FrameView {
-    pub t: f64,
-    pub ball: Option<Triangulated>,
-    pub pose: Option<Isometry3<f64>>,
-}
-
 /// Motions on both sides of the contact. Times on the clock's origin; `*_out` are `None` when too little was seen after.
 #[derive(Debug, Clone)]
 pub struct ShotMotion {
@@ -115,21 +109,8 @@ pub struct ShotMotion {
     pub remarks: Vec<String>,
 }
 
-/// A place and a velocity.
-type Line = (Point3<f64>, Vector3<f64>);
-/// Frames before and after the contact in which the ball may be looked for when the nearest do not show it, and how far apart both flights may be
-/// there, m: 50 m/s for 5 ms of contact.
-const FAR: u64 = 24;
-const TOGETHER_M: f64 = 0.25;
-/// Longest gap in which both flights tell an impact, s, and the least change of velocity that is one, m/s.
-const LONGEST_HIDDEN_S: f64 = 0.035;
-const LEAST_JUMP_M_S: f64 = 3.0;
 /// Fewest frames of a body on one side: below that its velocity is a guess.
 pub const FEWEST_FRAMES: usize = 4;
-/// Fewest of these in which both cameras show it.
-const FEWEST_STEREO: usize = 2;
-/// The face's half extents around the stringbed centre within which an approach counts as an impact, m.
-const FACE: (f64, f64) = (0.30, 0.20);
 /// Most rounds in which windows and contact settle on each other.
 const ROUNDS: usize = 6;
 /// Contact lasts 3 to 7 ms (physics.md E.2); frames this long after first contact are surely free again.
@@ -175,129 +156,13 @@ pub fn measure_motion(rig: &StereoRig, tracks: &Tracks, racket: &Racket, ball: &
     };
     let mut clock = FrameClock { origin: first, period_s: settings.frame_period_s };
     let frames = frame_views(rig, tracks, &moving, clock);
-    let (impact_frame, side) = find_impact(&frames, ball, settings, (first, last))?;
+    let (impact_frame, side) = find_impact(&frames, ball, clock, settings.impact_frame, (first, last))?;
     // Count time from the impact: no cancellation in powers of t.
     let shift = clock.time_s(impact_frame);
     clock.origin = impact_frame;
     let frames = frames.into_iter().map(|(k, f)| (k, FrameView { t: f.t - shift, ..f })).collect();
     let bench = Bench { rig, tracks, ball, moving, settings, clock };
     bench.measure(frames, side)
-}
-
-/// Every frame by itself.
-fn frame_views(rig: &StereoRig, tracks: &Tracks, moving: &MovingRacket, clock: FrameClock) -> BTreeMap<u64, FrameView> {
-    let (view, space) = (View::new(rig), Triangulator::new(rig));
-    let mut views = BTreeMap::new();
-    let mut last: Option<Isometry3<f64>> = None;
-    for frame in tracks.frames() {
-        let point = |target| {
-            let (l, r) = (tracks.get(frame, CameraId::Left, target)?, tracks.get(frame, CameraId::Right, target)?);
-            space.triangulate_alike(&l, &r, BALL_ERRORS_ALIKE).ok()
-        };
-        let observations: Vec<MarkerObservation> = CameraId::BOTH
-            .iter()
-            .flat_map(|&camera| Target::MARKERS.map(|t| (camera, t)))
-            .filter_map(|(camera, t)| Some(MarkerObservation { camera, marker: t.index(), point: tracks.get(frame, camera, t)? }))
-            .collect();
-        let pose = fit_pose_in(&view, &moving.figure, &observations, last.as_ref()).ok().map(|p| p.global_from_racket);
-        last = pose.or(last);
-        views.insert(frame, FrameView { t: clock.time_s(frame), ball: point(Target::Ball), pose });
-    }
-    views
-}
-
-/// The frame at which the ball is nearest to the face, and the side it came from.
-fn find_impact(frames: &BTreeMap<u64, FrameView>, ball: &Ball, settings: &MeasureSettings, span: (u64, u64)) -> Result<(u64, f64), KinematicsError> {
-    let reach = 2.0 * ball.diameter_m;
-    let local: Vec<(u64, Point3<f64>)> = frames.iter().filter_map(|(k, f)| Some((*k, f.pose?.inverse_transform_point(&f.ball?.position)))).collect();
-    if local.len() < 2 * FEWEST_STEREO {
-        return Err(KinematicsError::NoCommonFrames { seen: local.len(), need: 2 * FEWEST_STEREO });
-    }
-    let over_face = |p: &Point3<f64>| p.x.abs() < FACE.0 && p.y.abs() < FACE.1;
-    let nearest = match settings.impact_frame {
-        Some(frame) if (span.0..=span.1).contains(&frame) => Some(frame),
-        Some(frame) => return Err(KinematicsError::ImpactFrameOutside { frame, first: span.0, last: span.1 }),
-        None => {
-            // The string plane, carried by a turning racket, may sweep past the ball more than once: the impact is where the
-            // ball's velocity jumps.
-            let near: Vec<&(u64, Point3<f64>)> = local.iter().filter(|(_, p)| over_face(p) && p.z.abs() < reach).collect();
-            let lowest = near.iter().enumerate().filter(|(i, n)| {
-                let farther = |j: Option<usize>| j.and_then(|j| near.get(j)).is_none_or(|o| o.0.abs_diff(n.0) > 1 || o.1.z.abs() >= n.1.z.abs());
-                farther(i.checked_sub(1)) && farther(Some(i + 1))
-            });
-            lowest.max_by(|a, b| velocity_jump(frames, a.1.0).total_cmp(&velocity_jump(frames, b.1.0))).map(|(_, n)| n.0)
-        }
-    };
-    // The ball may be hidden around the contact: then its two flights tell where it met the strings.
-    let nearest = match nearest {
-        Some(frame) => frame,
-        None => hidden_impact(frames, settings.frame_period_s, |p| over_face(p) && p.z.abs() < reach)
-            .or_else(|| approach_end(&local, settings.frame_period_s))
-            .ok_or_else(|| KinematicsError::NoImpact { nearest_m: local.iter().map(|(_, p)| p.z.abs()).fold(f64::INFINITY, f64::min), reach_m: reach })?,
-    };
-    let before: Vec<f64> = local.iter().filter(|(k, _)| *k < nearest).rev().take(12).map(|(_, p)| p.z).collect();
-    if before.len() < FEWEST_STEREO {
-        return Err(KinematicsError::TooFewFrames { body: "ball and racket", when: "before", seen: before.len(), need: FEWEST_STEREO });
-    }
-    Ok((nearest, before.iter().sum::<f64>().signum()))
-}
-
-/// Change of the ball's velocity from the frames before to the frames after one frame, m/s; 0 when too few are seen. Where none of the next frames
-/// show the ball, farther ones tell, if what they show comes together at the frame: a ball cannot be turned round anywhere else.
-fn velocity_jump(frames: &BTreeMap<u64, FrameView>, at: u64) -> f64 {
-    let Some(t) = frames.get(&at).map(|f| f.t) else { return 0.0 };
-    let line = |range: std::ops::RangeInclusive<u64>| {
-        let points: Vec<(f64, Point3<f64>)> = frames.range(range).filter_map(|(_, f)| Some((f.t, f.ball?.position))).collect();
-        (points.len() >= 3).then(|| straight_line(&points, t))
-    };
-    let near = (line(at.saturating_sub(9)..=at.saturating_sub(2)), line(at + 5..=at + 12));
-    if let (Some(before), Some(after)) = near {
-        return (after.1 - before.1).norm();
-    }
-    let far = (near.0.or_else(|| line(at.saturating_sub(FAR)..=at.saturating_sub(2))), near.1.or_else(|| line(at + 5..=at + FAR)));
-    let together = |(before, after): &(Line, Line)| (after.0 - before.0).norm() < TOGETHER_M;
-    far.0.zip(far.1).filter(together).map_or(0.0, |(before, after)| (after.1 - before.1).norm())
-}
-
-/// The frame of a gap in which the flights before and after it come together at the face and turn the ball most.
-fn hidden_impact(frames: &BTreeMap<u64, FrameView>, period_s: f64, at_face: impl Fn(&Point3<f64>) -> bool) -> Option<u64> {
-    let seen: Vec<(u64, f64, Point3<f64>)> = frames.iter().filter_map(|(k, f)| Some((*k, f.t, f.ball?.position))).collect();
-    let mut best: Option<(f64, u64)> = None;
-    for (after, pair) in seen.windows(2).enumerate().map(|(i, pair)| (i + 1, pair)) {
-        let (start, end) = (pair[0].0, pair[1].0);
-        if end - start < 2 || (end - start) as f64 * period_s > LONGEST_HIDDEN_S {
-            continue;
-        }
-        let near = |places: &[(u64, f64, Point3<f64>)], end: u64| -> Vec<(f64, Point3<f64>)> {
-            places.iter().filter(|(k, ..)| k.abs_diff(end) < FAR).map(|(_, t, p)| (*t, *p)).collect()
-        };
-        let (before, after) = (near(&seen[..after], start), near(&seen[after..], end));
-        if before.len() < 3 || after.len() < 3 {
-            continue;
-        }
-        let meeting = |k: u64| {
-            let racket = frames.get(&k)?;
-            let (a, b) = (straight_line(&before, racket.t), straight_line(&after, racket.t));
-            let apart = (b.0 - a.0).norm();
-            (apart < TOGETHER_M && at_face(&racket.pose?.inverse_transform_point(&nalgebra::center(&a.0, &b.0)))).then(|| (apart, (b.1 - a.1).norm(), k))
-        };
-        let together = (start + 1..end).filter_map(meeting).min_by(|a, b| a.0.total_cmp(&b.0));
-        if let Some((_, jump, k)) = together.filter(|(_, jump, _)| *jump > LEAST_JUMP_M_S && best.is_none_or(|best| *jump > best.0)) {
-            best = Some((jump, k));
-        }
-    }
-    best.map(|(_, k)| k)
-}
-
-/// Where the straight approach of the distance to the face reaches zero, when no frame shows the ball near the face.
-fn approach_end(local: &[(u64, Point3<f64>)], period_s: f64) -> Option<u64> {
-    local.windows(2).find_map(|w| {
-        let ((k0, p0), (k1, p1)) = (w[0], w[1]);
-        let dt = (k1 - k0) as f64 * period_s;
-        let toward = (p1.z.abs() - p0.z.abs()) / dt;
-        // A gap of at most 10 ms in which the ball came from one side and left again.
-        (k1 - k0 > 1 && dt < 0.015 && toward.abs() < 40.0 && p0.z.abs() < 0.15 && p1.z.abs() < 0.25).then_some((k0 + k1) / 2)
-    })
 }
 
 #[derive(Clone, Copy)]
@@ -329,7 +194,8 @@ impl Bench<'_> {
         let guard = 0.5 * self.settings.exposure_s;
         let half = 0.5 * self.settings.frame_period_s;
         // Before: start well clear of the face, then take every frame up to the contact.
-        let mut end = self.last_clear(&frames, side);
+        // Where the ball is hidden long before, the racket is still seen.
+        let mut end = self.last_clear(&frames, side).max(-USUAL_CONTACT_S);
         let mut contact = end + half;
         let (mut fits, mut settled) = (None, false);
         for round in 0..ROUNDS {
@@ -576,23 +442,6 @@ fn most_flexible(view: &MotionView<'_>, start: &MotionState) -> Result<LawResult
         (Ok(one), Err(_)) | (Err(_), Ok(one)) => Ok(one),
         (Err(e), Err(_)) => Err(e),
     }
-}
-
-/// Line through points by least absolute deviation in its slope (Theil-Sen), evaluated at `t`: position and velocity.
-fn straight_line(points: &[(f64, Point3<f64>)], t: f64) -> Line {
-    let span = (points.len() / 2).max(1);
-    let mut out = (Point3::origin(), Vector3::zeros());
-    for k in 0..3 {
-        let mut slopes: Vec<f64> =
-            (0..points.len() - span).map(|i| (points[i + span].1[k] - points[i].1[k]) / (points[i + span].0 - points[i].0)).filter(|s| s.is_finite()).collect();
-        slopes.sort_by(f64::total_cmp);
-        let slope = slopes.get(slopes.len() / 2).copied().unwrap_or(0.0);
-        let mut offsets: Vec<f64> = points.iter().map(|(at, p)| p[k] + slope * (t - at)).collect();
-        offsets.sort_by(f64::total_cmp);
-        out.0[k] = offsets.get(offsets.len() / 2).copied().unwrap_or(0.0);
-        out.1[k] = slope;
-    }
-    out
 }
 
 /// Drops points whose deviation stands out from the others (scaled by their median); `false` when none does.

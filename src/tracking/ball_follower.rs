@@ -7,6 +7,7 @@ use super::shot_frames::{PATIENCE, Shot};
 use super::shot_tracks::TrackingError;
 use crate::calibration::CameraId;
 use crate::footage::{FrameBuffer, FrameSource, GreyPatch};
+use std::ops::Range;
 
 /// Frames of which the pixels around the ball are kept, each way: 2 kB each, so that memory does not grow with the clip.
 const PATCHES: usize = 2000;
@@ -39,8 +40,9 @@ pub struct HalfFlight {
 /// Who follows a ball one way, and how far it is.
 pub struct BallFollower<'s> {
     scene: &'s BallScene<'s>,
-    /// Frames not yet looked at, nearest first.
-    ahead: Box<dyn Iterator<Item = usize> + Send + Sync + 's>,
+    /// Frames not yet looked at, and whether the first or the last of them is nearest.
+    ahead: Range<usize>,
+    forth: bool,
     way: BallWay,
     pub(super) half: HalfFlight,
     buffers: [FrameBuffer; 2],
@@ -50,6 +52,11 @@ pub struct BallFollower<'s> {
     /// Frame numbers at which both cameras and either one saw it last.
     seen_by_both: f64,
     seen_by: [f64; 2],
+}
+
+/// Takes the nearest of the frames ahead: the first (`forth`) or the last.
+pub fn nearest(ahead: &mut Range<usize>, forth: bool) -> Option<usize> {
+    if forth { ahead.next() } else { ahead.next_back() }
 }
 
 /// Both ways of a flight beside each other.
@@ -64,25 +71,24 @@ impl<S: FrameSource> Shot<'_, S> {
     pub(super) fn follower<'s>(&self, scene: &'s BallScene, first: usize, flight: &[BallFrame; 3], forth: bool) -> BallFollower<'s> {
         let apart = self.apart();
         let middle = (first + apart, flight[1]);
-        if forth {
-            self.follower_along(scene, middle, (first + 2 * apart, flight[2]), first + 2 * apart + 1..self.source.len())
-        } else {
-            self.follower_along(scene, middle, (first, flight[0]), (0..first).rev())
-        }
+        let (last, ahead) = if forth { (2, first + 2 * apart + 1..self.source.len()) } else { (0, 0..first) };
+        self.follower_along(scene, middle, (first + last * apart, flight[last]), ahead, forth)
     }
 
-    /// Follows what was seen in two frames, the nearer one last, through those `ahead`.
+    /// Follows what was seen in two frames, the nearer one last, through those `ahead`, up (`forth`) or down.
     pub(super) fn follower_along<'s>(
         &self,
         scene: &'s BallScene,
         before: (usize, BallFrame),
         last: (usize, BallFrame),
-        ahead: impl Iterator<Item = usize> + Send + Sync + 's,
+        ahead: Range<usize>,
+        forth: bool,
     ) -> BallFollower<'s> {
         let at = |i: usize| self.source.number(i) as f64;
         BallFollower {
             scene,
-            ahead: Box::new(ahead),
+            ahead,
+            forth,
             way: BallWay::new([before, last].map(|(index, ball)| (at(index), ball.position))),
             half: HalfFlight::default(),
             buffers: Default::default(),
@@ -111,12 +117,12 @@ impl<S: FrameSource> Shot<'_, S> {
 
     /// Looks for the ball in the next frame; `false` when it is followed no farther.
     fn look_ahead(&self, follower: &mut BallFollower) -> Result<bool, TrackingError> {
-        let BallFollower { scene, ahead, way, half, buffers, looked_at, lost, seen_by_both, seen_by } = follower;
+        let BallFollower { scene, ahead, forth, way, half, buffers, looked_at, lost, seen_by_both, seen_by } = follower;
         // A ball is no ball for one camera alone from the beginning.
         if *lost > PATIENCE || *looked_at == TRIED && LEAST_BY_BOTH * half.frames.iter().filter(|(_, b, _)| b.stereo).count() < TRIED {
             return Ok(false);
         }
-        let Some(index) = ahead.next() else { return Ok(false) };
+        let Some(index) = nearest(ahead, *forth) else { return Ok(false) };
         let now = self.source.number(index) as f64;
         let unseen = (now - *seen_by_both).abs();
         let predicted = way.foretold(now);

@@ -5,7 +5,7 @@
 //! ball when, followed toward the known one, it comes to where that was seen.
 
 use super::ball_choice::{Sighting, moves_in_racket};
-use super::ball_follower::Flight;
+use super::ball_follower::{Flight, nearest};
 use super::ball_pieces::{LONGEST_STEP, Piece, foretold, goes_on, meet, met_at_strings, straight_pieces};
 use super::ball_track::{BallFrame, BallScene};
 use super::ball_way::BallWay;
@@ -71,12 +71,8 @@ impl<S: FrameSource> Shot<'_, S> {
         let (_, piece) = self.known_beside(&flight.frames, stage.racket, gap, forth);
         let Some(last) = piece.last().filter(|last| last.index + 1 == gap.start || last.index == gap.end) else { return Ok(()) };
         let (mut last, mut way) = (last.number, BallWay::new(piece.iter().map(|s| (s.number, s.place))));
-        let mut indices: Vec<usize> = gap.clone().collect();
-        if !forth {
-            indices.reverse();
-        }
-        let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
-        for index in indices {
+        let (mut ahead, mut buffers) = (gap.clone(), [FrameBuffer::default(), FrameBuffer::default()]);
+        while let Some(index) = nearest(&mut ahead, forth) {
             let number = self.source.number(index) as f64;
             let there = way.foretold(number);
             let shown = CameraId::BOTH.map(|camera| self.is_whole(scene, camera, &there));
@@ -101,12 +97,8 @@ impl<S: FrameSource> Shot<'_, S> {
     fn extend(&self, stage: &Stage, gap: &Range<usize>, flight: &mut Flight, forth: bool) -> Result<(), TrackingError> {
         let faint = stage.ball;
         let (_, mut piece) = self.known_beside(&flight.frames, stage.racket, gap, forth);
-        let mut indices: Vec<usize> = gap.clone().collect();
-        if !forth {
-            indices.reverse();
-        }
-        let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
-        for index in indices {
+        let (mut ahead, mut buffers) = (gap.clone(), [FrameBuffer::default(), FrameBuffer::default()]);
+        while let Some(index) = nearest(&mut ahead, forth) {
             let number = self.source.number(index) as f64;
             if piece.last().is_none_or(|last| (number - last.number).abs() > LONGEST_STEP) {
                 break;
@@ -243,7 +235,7 @@ impl<S: FrameSource> Shot<'_, S> {
         let [.., b, a] = piece.as_slice() else { return Ok(None) };
         let (Some(last), Some(before)) = (flight.frames[a.index], flight.frames[b.index]) else { return Ok(None) };
         let (last, before) = ((a.index, last), (b.index, before));
-        let follower = if forth { self.follower_along(scene, before, last, gap.clone()) } else { self.follower_along(scene, before, last, gap.clone().rev()) };
+        let follower = self.follower_along(scene, before, last, gap.clone(), forth);
         let mut found = self.whole_flight(gap.start, &[], [self.follow_to_the_end(follower)?]);
         let seen = self.sightings(&found.frames, racket);
         // From the other end: turned round by the strings, it comes to where it is known beyond the gap.
@@ -292,8 +284,8 @@ impl<S: FrameSource> Shot<'_, S> {
                     if tried.iter().any(|t| stands_at(t, first + apart, &three[1])) {
                         continue;
                     }
-                    let forth = self.follower_along(scene, (first + apart, three[1]), (first + 2 * apart, three[2]), first + 2 * apart + 1..gap.end);
-                    let back = self.follower_along(scene, (first + apart, three[1]), (first, three[0]), (gap.start..first).rev());
+                    let forth = self.follower_along(scene, (first + apart, three[1]), (first + 2 * apart, three[2]), first + 2 * apart + 1..gap.end, true);
+                    let back = self.follower_along(scene, (first + apart, three[1]), (first, three[0]), gap.start..first, false);
                     let (back, forth) = rayon::join(|| self.follow_to_the_end(back), || self.follow_to_the_end(forth));
                     let mut found = self.whole_flight(first, &three, [back?, forth?]);
                     let seen = self.sightings(&found.frames, racket);

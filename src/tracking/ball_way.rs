@@ -47,6 +47,11 @@ impl StraightLine {
     pub fn at(&self, number: f64) -> Point3<f64> {
         Point3::from(self.mean + self.step * (number - self.mean_number))
     }
+
+    /// The frame number at which it is at a height, the third coordinate.
+    pub fn number_at_height(&self, height: f64) -> Option<f64> {
+        (self.step.z.abs() > 1e-9).then(|| self.mean_number + (height - self.mean.z) / self.step.z)
+    }
 }
 
 /// Places of a ball that is followed, the newest last. Two neighbours alone foretell the next frame to twice their own errors, and a depth that one camera

@@ -1,6 +1,7 @@
 //! Tracks in space: the five markers from the fitted pose, the ball from both rays, and the instant of first contact.
 
 use super::ball_track::BallFrame;
+use super::ball_way::StraightLine;
 use super::face;
 use super::racket_figure::RacketFigure;
 use super::racket_pose::View;
@@ -44,8 +45,8 @@ pub fn first_contact(source: &impl FrameSource, racket: &[Option<RacketFrame>], 
     let nearest = (0..seen.len()).min_by(|a, b| off_the_face(a).total_cmp(&off_the_face(b)))?;
     let touching = (0..=nearest).rev().take_while(|i| seen[*i].1.1.z <= radius_m).last();
     // Frames in which the ball is clear of the strings.
-    let clear = |touching: usize| seen[touching.saturating_sub(TO_THE_CONTACT)..touching].iter().map(|s| (s.1.0, s.1.1.z)).collect::<Vec<_>>();
-    touching.and_then(|touching| line_at(&clear(touching), radius_m)).or_else(|| {
+    let clear = touching.map(|touching| &seen[touching.saturating_sub(TO_THE_CONTACT)..touching]).filter(|clear| clear.len() > 1);
+    clear.and_then(|clear| StraightLine::through(clear.iter().map(|s| s.1)).number_at_height(radius_m)).or_else(|| {
         let in_space: Vec<(f64, Point3<f64>)> = seen.iter().filter(|s| s.0).map(|s| s.1).collect();
         hidden_contact(&in_space, radius_m)
     })
@@ -57,9 +58,9 @@ fn hidden_contact(seen: &[(f64, Point3<f64>)], radius_m: f64) -> Option<f64> {
         let (before, after) = (&seen[end.saturating_sub(TO_THE_CONTACT)..end], &seen[end..(end + TO_THE_CONTACT).min(seen.len())]);
         let gap = seen[end - 1].0..seen[end].0;
         let contact = |flight: &[(f64, Point3<f64>)]| {
-            let along = |of: fn(&Point3<f64>) -> f64| flight.iter().map(|(number, p)| (*number, of(p))).collect::<Vec<_>>();
-            let number = line_at(&along(|p| p.z), radius_m).filter(|number| gap.contains(number))?;
-            let there = Point3::new(value_at(&along(|p| p.x), number)?, value_at(&along(|p| p.y), number)?, 0.0);
+            let line = StraightLine::through(flight.iter().copied());
+            let number = line.number_at_height(radius_m).filter(|number| gap.contains(number))?;
+            let there = Point3::new(line.at(number).x, line.at(number).y, 0.0);
             (face::off_the_face_m(&there) < AT_THE_HEAD_M).then_some(number)
         };
         contact(before).zip(contact(after)).filter(|(first, last)| first < last).map(|(first, _)| first)
@@ -77,30 +78,6 @@ pub fn contact_frames(source: &impl FrameSource, setup: &ShotSetup, shot: &ShotT
         (ball.stereo && over_strings && local.z.abs() < radius).then(|| source.number(*i))
     };
     (0..source.len()).filter_map(|i| touches(&i)).collect()
-}
-
-/// A straight line through (x, y): a point of it and its slope.
-fn line(points: &[(f64, f64)]) -> Option<((f64, f64), f64)> {
-    let n = points.len() as f64;
-    if points.len() < 2 {
-        return None;
-    }
-    let (mx, my) = (points.iter().map(|p| p.0).sum::<f64>() / n, points.iter().map(|p| p.1).sum::<f64>() / n);
-    let sxx: f64 = points.iter().map(|p| (p.0 - mx).powi(2)).sum();
-    let sxy: f64 = points.iter().map(|p| (p.0 - mx) * (p.1 - my)).sum();
-    Some(((mx, my), sxy / sxx))
-}
-
-/// Where a straight line through (x, y) reaches `level`.
-fn line_at(points: &[(f64, f64)], level: f64) -> Option<f64> {
-    let ((mx, my), slope) = line(points)?;
-    (slope.abs() > 1e-9).then(|| mx + (level - my) / slope)
-}
-
-/// What a straight line through (x, y) has at `x`.
-fn value_at(points: &[(f64, f64)], x: f64) -> Option<f64> {
-    let ((mx, my), slope) = line(points)?;
-    Some(my + slope * (x - mx))
 }
 
 /// Points of `points.csv`, sorted by frame and target; deviations from the image points and the calibration. Without a contact, t = 0 is the first frame.

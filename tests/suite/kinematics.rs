@@ -469,11 +469,14 @@ fn fails_thin_tracks_are_measured_or_named() {
     for stem in ["ball_in_v", "racket_in_", "ball_out_v", "racket_out_", "impact_"] {
         assert!(worst(&truth, &shot, stem).unwrap() < 4.0, "{stem}");
     }
-    // The ball hidden for 23 frames about it: nowhere near the strings, but both its flights lead there.
-    let (truth, shot) = with_tracks(37, |p, k| p.target != Target::Ball || !(-10..=12).contains(&k));
-    let shot = shot.unwrap();
-    for stem in ["ball_in_v", "ball_out_v", "racket_in_v", "impact_"] {
-        assert!(worst(&truth, &shot, stem).unwrap() < 4.0, "{stem}");
+    // The ball hidden for 23 frames about it, and the racket for none or four of them: where both its flights lead. (The string plane sweeps past the
+    // ball beside the gap, too; and a racket carried on from where the ball was last seen does not meet it.)
+    for (seed, racket_hidden) in [34, 37, 38, 43].into_iter().flat_map(|seed| [(seed, 0..0), (seed, -2..2)]) {
+        let (truth, shot) = with_tracks(seed, |p, k| if p.target == Target::Ball { !(-10..=12).contains(&k) } else { !racket_hidden.contains(&k) });
+        let shot = shot.unwrap_or_else(|e| panic!("{seed}: {e}"));
+        for stem in ["ball_in_v", "ball_out_v", "racket_in_v", "impact_"] {
+            assert!(worst(&truth, &shot, stem).unwrap() < 4.0, "{seed}: {stem}");
+        }
     }
     // The racket leaves the picture at the contact (a shot held in front of a body): the ball's rebound is still measured.
     let (truth, shot) = with_tracks(34, |p, k| p.target == Target::Ball || k <= 2);

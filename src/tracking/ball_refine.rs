@@ -8,7 +8,8 @@
 use super::ball_learn::{Learnt, Lesson, noise_share};
 use super::ball_model::{BallFace, BallPicture, MARGIN_PX, ModelFit};
 use super::ball_track::{BallFrame, outline_radius_px};
-use super::contact_length::{LONGEST_CONTACT_S, SHORTEST_CONTACT_S};
+use super::contact_length::SHORTEST_CONTACT_S;
+use super::flight_sample::FlightSample;
 use super::racket_pose::View;
 use super::shot_tracks::{ShotSetup, ShotTracks, TrackingError};
 use super::space_points;
@@ -37,8 +38,6 @@ const COMMON_PX: f64 = 0.014;
 const COMMON_BLUR_PX: f64 = 0.62;
 /// Share of a centre's variance that all pictures of a stretch have in common.
 pub(super) const SHARED_VARIANCE: f64 = 0.3;
-/// Frames next to the contact from which the ball is learnt: as many as the spin is measured from; more teach little.
-const MOST_TEACHING: f64 = 24.0;
 /// Parts into which they are divided, every third frame each: one is enough where pictures are clear (court, laboratory: a centre 0.5 to
 /// 2 % worse than from all three), in hard light two thirds of them are 2 to 5 % worse than all.
 const PARTS: usize = 3;
@@ -112,19 +111,23 @@ fn sights(
     contact: f64,
     turning: &[(Vector3<f64>, bool); 2],
 ) -> Result<Vec<Sight>, TrackingError> {
-    let taught = MOST_TEACHING / setup.frame_rate_hz;
+    let in_flight = |index: usize| shot.ball[index].as_ref().is_some_and(|b| b.flattening.is_none());
+    let after_contact = |index: usize| (source.number(index) as f64 - contact) / setup.frame_rate_hz;
+    // The ball is learnt from the frames that tell its spin.
+    let sample = FlightSample::of((0..source.len()).filter(|i| in_flight(*i)).map(|i| (source.number(i), after_contact(i))), setup.frame_rate_hz);
     let both = |buffer: &mut FrameBuffer, index: usize| -> Result<Vec<Sight>, TrackingError> {
         let mut out = Vec::with_capacity(2);
         // A ball that the strings press is no sphere.
         let Some(ball) = shot.ball[index].as_ref().filter(|b| b.flattening.is_none()) else { return Ok(out) };
-        let t = (source.number(index) as f64 - contact) / setup.frame_rate_hz;
-        let (stretch, teaches) = if t < 0.0 {
-            (0, t > -taught)
+        let t = after_contact(index);
+        let stretch = if t < 0.0 {
+            0
         } else if t > SHORTEST_CONTACT_S {
-            (1, (LONGEST_CONTACT_S..LONGEST_CONTACT_S + taught).contains(&t))
+            1
         } else {
             return Ok(out);
         };
+        let teaches = sample.side(source.number(index), t).is_some();
         let (omega, _) = turning[stretch];
         for camera in CameraId::BOTH {
             let Some(point) = ball.points[camera.index()] else { continue };

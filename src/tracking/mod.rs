@@ -37,6 +37,7 @@ mod contact_length;
 mod dltdv;
 mod export;
 mod face;
+mod flight_sample;
 mod free_flight;
 mod in_step;
 mod lanes;

@@ -1,7 +1,7 @@
 //! The ball's spin in one tracked shot: crops of the ball in free flight, before and after the contact.
 
 use super::ball_refine::{SHARED_VARIANCE, refine_ball};
-use super::contact_length::LONGEST_CONTACT_S;
+use super::flight_sample::FlightSample;
 use super::shot_tracks::{ShotSetup, ShotTracks, TrackingError};
 use super::spin::{BLUR_PX, BallSpin, BallView, FoundSpin, GreyPatch, SpinEstimate, SpinRefusal, SpinSettings};
 use super::tape_blur::out_of_focus;
@@ -12,8 +12,6 @@ use nalgebra::{Point3, Vector2};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
-/// Frames used on each side: a longer flight adds little and takes as long again.
-const MOST_FRAMES: f64 = 24.0;
 /// Pixels kept around the ball, in radii.
 const CROP_RADII: f64 = 1.6;
 
@@ -54,30 +52,34 @@ pub fn measure_spin(source: &impl FrameSource, setup: &ShotSetup, shot: &mut Sho
 /// The spins before and after the contact as they are found.
 #[derive(Debug, Clone)]
 struct FoundSpins {
-    settings: SpinSettings,
+    sample: FlightSample,
+    /// By side, as the rest.
+    settings: [SpinSettings; 2],
     found: [FoundSpin; 2],
 }
 
 impl FoundSpins {
     /// Looks for the spins.
     fn find(source: &impl FrameSource, setup: &ShotSetup, shot: &ShotTracks) -> Result<Self, TrackingError> {
-        let settings = SpinSettings { blur_px: shot.blur_px.map(|tape| out_of_focus(BLUR_PX, tape)), ..SpinSettings::new(setup.frame_rate_hz) };
-        let crops = crops(source, setup, &shot.tracks, &shot.points)?;
-        let find = |side: usize| FoundSpin::find(&views(&crops[side]), setup.rig, setup.ball.radius_m(), &settings);
+        let balls = shot.points.iter().filter(|p| p.target == Target::Ball);
+        let sample = FlightSample::of(balls.map(|p| (p.frame, p.t)), setup.frame_rate_hz);
+        let blur_px = shot.blur_px.map(|tape| out_of_focus(BLUR_PX, tape));
+        let settings = sample.rates_hz().map(|rate| SpinSettings { blur_px, ..SpinSettings::new(rate) });
+        let crops = crops(source, setup, &shot.tracks, &shot.points, &sample)?;
+        let find = |side: usize| FoundSpin::find(&views(&crops[side]), setup.rig, setup.ball.radius_m(), &settings[side]);
         let (before, after) = rayon::join(|| find(0), || find(1));
-        Ok(FoundSpins { settings, found: [before, after] })
+        Ok(FoundSpins { sample, settings, found: [before, after] })
     }
 
     /// Looks again where nothing was found, with the centres as they are now.
     fn find_again(&mut self, source: &impl FrameSource, setup: &ShotSetup, shot: &ShotTracks) -> Result<(), TrackingError> {
-        let crops = crops(source, setup, &shot.tracks, &shot.points)?;
-        let settings = &self.settings;
-        let again = |(found, crops): (&mut FoundSpin, &Vec<Crop>)| {
+        let crops = crops(source, setup, &shot.tracks, &shot.points, &self.sample)?;
+        let again = |((found, crops), settings): ((&mut FoundSpin, &Vec<Crop>), &SpinSettings)| {
             if !matches!(found.rough, SpinEstimate::Vector { .. }) {
                 *found = FoundSpin::find(&views(crops), setup.rig, setup.ball.radius_m(), settings);
             }
         };
-        self.found.par_iter_mut().zip(&crops).for_each(again);
+        self.found.par_iter_mut().zip(&crops).zip(&self.settings).for_each(again);
         Ok(())
     }
 
@@ -94,8 +96,8 @@ impl FoundSpins {
 
     /// Measures the spins, with the centres as they are now.
     fn measure(&self, source: &impl FrameSource, setup: &ShotSetup, shot: &ShotTracks) -> Result<BallSpin, TrackingError> {
-        let crops = crops(source, setup, &shot.tracks, &shot.points)?;
-        let measure = |side: usize| self.found[side].measure(&views(&crops[side]), setup.rig, setup.ball.radius_m(), &self.settings);
+        let crops = crops(source, setup, &shot.tracks, &shot.points, &self.sample)?;
+        let measure = |side: usize| self.found[side].measure(&views(&crops[side]), setup.rig, setup.ball.radius_m(), &self.settings[side]);
         let (before, after) = rayon::join(|| measure(0), || measure(1));
         Ok(BallSpin { before, after })
     }
@@ -106,22 +108,15 @@ fn views(crops: &[Crop]) -> Vec<BallView<'_>> {
 }
 
 /// The ball in free flight before and after the contact.
-fn crops(source: &impl FrameSource, setup: &ShotSetup, tracks: &Tracks, points: &[SpacePoint]) -> Result<[Vec<Crop>; 2], TrackingError> {
+fn crops(source: &impl FrameSource, setup: &ShotSetup, tracks: &Tracks, points: &[SpacePoint], sample: &FlightSample) -> Result<[Vec<Crop>; 2], TrackingError> {
     let radius = setup.ball.radius_m();
-    let reach = MOST_FRAMES / setup.frame_rate_hz;
     let mut sides: [Vec<Crop>; 2] = [Vec::new(), Vec::new()];
     let mut buffer = FrameBuffer::default();
     let balls: BTreeMap<u64, &SpacePoint> = points.iter().filter(|p| p.target == Target::Ball).map(|p| (p.frame, p)).collect();
     for index in 0..source.len() {
         let number = source.number(index);
         let Some(point) = balls.get(&number) else { continue };
-        let side = if (-reach..0.0).contains(&point.t) {
-            0
-        } else if (LONGEST_CONTACT_S..LONGEST_CONTACT_S + reach).contains(&point.t) {
-            1
-        } else {
-            continue;
-        };
+        let Some(side) = sample.side(number, point.t) else { continue };
         for camera in CameraId::BOTH {
             let Some(seen) = tracks.get(number, camera, Target::Ball) else { continue };
             let in_camera = setup.rig.camera_from_global(camera) * point.position;

@@ -127,6 +127,13 @@ struct Apart {
     weight: f32,
 }
 
+/// A place of a lattice of rates, and the sum of its costs on this and all coarser levels.
+#[derive(Clone, Copy)]
+struct Place {
+    at: [i64; 3],
+    so_far: f32,
+}
+
 /// A rate, rad/s.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Candidate {
@@ -202,21 +209,28 @@ impl<'a> Search<'a> {
         let reach = (limit_rad_s / step).ceil() as i64;
         let rate = |at: &[i64; 3], step: f64| Vector3::new(at[0] as f64, at[1] as f64, at[2] as f64) * step;
         let cube = |reach: i64| (-reach..=reach).flat_map(move |i| (-reach..=reach).flat_map(move |j| (-reach..=reach).map(move |k| [i, j, k])));
-        let costs = |places: Vec<[i64; 3]>, step: f64, apart: &BTreeSet<usize>| {
+        // The best places: half of them by their own cost, half by that of all levels. Over long times a fast rate has few places that are
+        // seen twice, and among many such rates some agree by chance; but not on all levels.
+        let best = |places: Vec<Place>, step: f64, apart: &BTreeSet<usize>, kept: usize| {
             let tables = self.apart(apart);
-            let mut costs: Vec<([i64; 3], f32)> = places.iter().map(|at| (*at, self.cost(&rate(at, step), &tables))).collect();
-            costs.sort_by(|a, b| a.1.total_cmp(&b.1));
-            costs.into_iter().map(|c| c.0).collect::<Vec<_>>()
+            let cost = |p: Place| {
+                let own = self.cost(&rate(&p.at, step), &tables);
+                (own, Place { so_far: p.so_far + own, ..p })
+            };
+            let mut costs: Vec<(f32, Place)> = places.into_iter().map(cost).collect();
+            costs.sort_by(|a, b| a.0.total_cmp(&b.0));
+            if let Some(others) = costs.get_mut(kept / 2..) {
+                others.sort_by(|a, b| a.1.so_far.total_cmp(&b.1.so_far));
+            }
+            costs.into_iter().take(kept).map(|c| c.1).collect::<Vec<_>>()
         };
-        let mut places: Vec<[i64; 3]> = cube(reach).filter(|at| rate(at, step).norm() <= limit_rad_s).collect();
-        places = costs(places, step, &[length.div_ceil(2), length].into());
-        places.truncate(HOPEFUL);
+        let mut places: Vec<Place> = cube(reach).filter(|at| rate(at, step).norm() <= limit_rad_s).map(|at| Place { at, so_far: 0.0 }).collect();
+        places = best(places, step, &[length.div_ceil(2), length].into(), HOPEFUL);
         let mut kept = WIDEST;
         // Over a few frames a single line slides along itself, and the cost has long level valleys: so not its minima are
         // kept but a broad beam of places, which longer times thin out while the lattice becomes finer.
         loop {
-            places = costs(places, step, &(1..=4).map(|k| (k * length).div_ceil(4)).collect());
-            places.truncate(kept);
+            places = best(places, step, &(1..=4).map(|k| (k * length).div_ceil(4)).collect(), kept);
             if length >= self.longest {
                 break;
             }
@@ -224,10 +238,14 @@ impl<'a> Search<'a> {
             length = (2 * length).min(self.longest);
             // Half the step, or nearly: the lattice of the last level is a part of the next one.
             step *= 0.5;
-            let finer: BTreeSet<[i64; 3]> = places.iter().flat_map(|at| cube(1).map(move |d| [2 * at[0] + d[0], 2 * at[1] + d[1], 2 * at[2] + d[2]])).collect();
-            places = finer.into_iter().filter(|at| rate(at, step).norm() <= limit_rad_s).collect();
+            let mut finer: BTreeMap<[i64; 3], f32> = BTreeMap::new();
+            for (p, d) in places.iter().flat_map(|p| cube(1).map(move |d| (p, d))) {
+                let so_far = finer.entry([0, 1, 2].map(|k| 2 * p.at[k] + d[k])).or_insert(p.so_far);
+                *so_far = so_far.min(p.so_far);
+            }
+            places = finer.into_iter().map(|(at, so_far)| Place { at, so_far }).filter(|p| rate(&p.at, step).norm() <= limit_rad_s).collect();
         }
-        let mut ranked: Vec<(Vector3<f64>, f32)> = places.iter().map(|at| rate(at, step)).map(|omega| (omega, self.spread(&omega, &self.pixels))).collect();
+        let mut ranked: Vec<(Vector3<f64>, f32)> = places.iter().map(|p| rate(&p.at, step)).map(|omega| (omega, self.spread(&omega, &self.pixels))).collect();
         ranked.sort_by(|a, b| a.1.total_cmp(&b.1));
         let distinct = |found: Vec<(Vector3<f64>, f32)>, apart: f64, most: usize| {
             let mut kept: Vec<(Vector3<f64>, f32)> = Vec::new();

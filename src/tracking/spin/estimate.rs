@@ -2,7 +2,7 @@
 
 use super::contest::{Contest, contest};
 use super::registration::{Effort, FoundMarkings, Registrar, Registration};
-use super::search::Search;
+use super::search::{Beam, Search};
 use super::shading::{Mark, divide_out};
 use super::sphere_map::SphereMap;
 use super::view::{BallView, Sample, ViewInfo, sample_views};
@@ -167,14 +167,24 @@ pub fn estimate_spin(views: &[BallView], rig: &StereoRig, radius_m: f64, setting
 }
 
 impl FoundSpin {
-    /// Looks for the spin everywhere.
+    /// Looks for the spin everywhere; once more, with a beam that loses less and takes more for possible, where what was found explains too
+    /// little.
     pub fn find(views: &[BallView], rig: &StereoRig, radius_m: f64, settings: &SpinSettings) -> Self {
+        let found = FoundSpin::find_by(views, rig, radius_m, settings, Beam::Level);
+        if !matches!(found.rough, SpinEstimate::Refused { reason: SpinRefusal::Unexplained { .. } }) {
+            return found;
+        }
+        let again = FoundSpin::find_by(views, rig, radius_m, settings, Beam::AllLevels);
+        if matches!(again.rough, SpinEstimate::Refused { .. }) { found } else { again }
+    }
+
+    fn find_by(views: &[BallView], rig: &StereoRig, radius_m: f64, settings: &SpinSettings, beam: Beam) -> Self {
         let (infos, samples) = sample_views(views, rig, radius_m);
         if let Some(refusal) = too_few(&infos, &samples, settings) {
             return FoundSpin { rough: refusal, start: None };
         }
         let (shading, marks) = divide_out(&infos, &samples, None);
-        let candidates = Search::new(&infos, &marks, 1.0 / settings.frame_rate_hz).candidates(settings.limit_rad_s);
+        let candidates = Search::new(&infos, &marks, 1.0 / settings.frame_rate_hz).candidates(settings.limit_rad_s, beam);
         // Which candidate: a coarse map, every second pixel, no blur.
         let coarse_map = SphereMap::new(COARSE_EDGE);
         let few: Vec<Mark> = marks.iter().copied().step_by(2).collect();

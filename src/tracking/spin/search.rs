@@ -127,6 +127,16 @@ struct Apart {
     weight: f32,
 }
 
+/// Which places of a level go on to the next.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Beam {
+    /// Those best on it.
+    Level,
+    /// Half of them, and the best over all levels so far. Over long times a fast rate has few places that are seen twice, and among many
+    /// such rates some agree by chance and crowd out the right one; but not on all levels.
+    AllLevels,
+}
+
 /// A place of a lattice of rates, and the sum of its costs on this and all coarser levels.
 #[derive(Clone, Copy)]
 struct Place {
@@ -200,7 +210,7 @@ impl<'a> Search<'a> {
     }
 
     /// The best rates below `limit_rad_s`, best first, distinct on the scale the whole window resolves.
-    pub fn candidates(&self, limit_rad_s: f64) -> Vec<Candidate> {
+    pub fn candidates(&self, limit_rad_s: f64, beam: Beam) -> Vec<Candidate> {
         let mut length = FIRST_APART.min(self.longest);
         if length == 0 {
             return Vec::new();
@@ -209,8 +219,7 @@ impl<'a> Search<'a> {
         let reach = (limit_rad_s / step).ceil() as i64;
         let rate = |at: &[i64; 3], step: f64| Vector3::new(at[0] as f64, at[1] as f64, at[2] as f64) * step;
         let cube = |reach: i64| (-reach..=reach).flat_map(move |i| (-reach..=reach).flat_map(move |j| (-reach..=reach).map(move |k| [i, j, k])));
-        // The best places: half of them by their own cost, half by that of all levels. Over long times a fast rate has few places that are
-        // seen twice, and among many such rates some agree by chance; but not on all levels.
+        // The best places of a level.
         let best = |places: Vec<Place>, step: f64, apart: &BTreeSet<usize>, kept: usize| {
             let tables = self.apart(apart);
             let cost = |p: Place| {
@@ -219,7 +228,9 @@ impl<'a> Search<'a> {
             };
             let mut costs: Vec<(f32, Place)> = places.into_iter().map(cost).collect();
             costs.sort_by(|a, b| a.0.total_cmp(&b.0));
-            if let Some(others) = costs.get_mut(kept / 2..) {
+            if beam == Beam::AllLevels
+                && let Some(others) = costs.get_mut(kept / 2..)
+            {
                 others.sort_by(|a, b| a.1.so_far.total_cmp(&b.1.so_far));
             }
             costs.into_iter().take(kept).map(|c| c.1).collect::<Vec<_>>()

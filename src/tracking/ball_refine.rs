@@ -58,14 +58,20 @@ struct Sight {
 
 /// Measures the ball's centres of a tracked shot again and renews its points. Where the spin is not known the ball is taken for bare: its
 /// lines then are pixels that disagree.
-pub(super) fn refine_ball(source: &impl FrameSource, setup: &ShotSetup, shot: &mut ShotTracks, spin: &BallSpin) -> Result<(), TrackingError> {
+pub(super) fn refine_ball(
+    source: &impl FrameSource,
+    setup: &ShotSetup,
+    shot: &mut ShotTracks,
+    spin: &BallSpin,
+    sample: &FlightSample,
+) -> Result<(), TrackingError> {
     let Some(contact) = shot.contact_frame else { return Ok(()) };
     let view = View::new(setup.rig);
     let turning = [&spin.before, &spin.after].map(|s| match s {
         SpinEstimate::Vector { omega_rad_s, .. } => (*omega_rad_s, true),
         SpinEstimate::OneAxis { .. } | SpinEstimate::Refused { .. } => (Vector3::zeros(), false),
     });
-    let mut sights = sights(source, setup, &view, shot, contact, &turning)?;
+    let mut sights = sights(source, setup, &view, shot, contact, &turning, sample)?;
     let textured = turning.map(|t| t.1);
     measure(&mut sights, &textured, shot.blur_px);
     for sight in &sights {
@@ -110,16 +116,13 @@ fn sights(
     shot: &ShotTracks,
     contact: f64,
     turning: &[(Vector3<f64>, bool); 2],
+    sample: &FlightSample,
 ) -> Result<Vec<Sight>, TrackingError> {
-    let in_flight = |index: usize| shot.ball[index].as_ref().is_some_and(|b| b.flattening.is_none());
-    let after_contact = |index: usize| (source.number(index) as f64 - contact) / setup.frame_rate_hz;
-    // The ball is learnt from the frames that tell its spin.
-    let sample = FlightSample::of((0..source.len()).filter(|i| in_flight(*i)).map(|i| (source.number(i), after_contact(i))), setup.frame_rate_hz);
     let both = |buffer: &mut FrameBuffer, index: usize| -> Result<Vec<Sight>, TrackingError> {
         let mut out = Vec::with_capacity(2);
         // A ball that the strings press is no sphere.
         let Some(ball) = shot.ball[index].as_ref().filter(|b| b.flattening.is_none()) else { return Ok(out) };
-        let t = after_contact(index);
+        let t = (source.number(index) as f64 - contact) / setup.frame_rate_hz;
         let stretch = if t < 0.0 {
             0
         } else if t > SHORTEST_CONTACT_S {
@@ -127,6 +130,7 @@ fn sights(
         } else {
             return Ok(out);
         };
+        // The ball is learnt from the frames that tell its spin.
         let teaches = sample.side(source.number(index), t).is_some();
         let (omega, _) = turning[stretch];
         for camera in CameraId::BOTH {

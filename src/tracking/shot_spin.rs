@@ -39,11 +39,11 @@ pub fn measure_spin(source: &impl FrameSource, setup: &ShotSetup, shot: &mut Sho
         return Ok(BallSpin { before: refused.clone(), after: refused });
     }
     let mut found = FoundSpins::find(source, setup, shot)?;
-    refine_ball(source, setup, shot, &found.rough())?;
+    refine_ball(source, setup, shot, &found.rough(), &found.sample)?;
     if !found.complete() {
         found.find_again(source, setup, shot)?;
         let measured = found.measure(source, setup, shot)?;
-        refine_ball(source, setup, shot, &measured)?;
+        refine_ball(source, setup, shot, &measured, &found.sample)?;
     }
     // The better centres tell the spin better: a drift of the outline looks like a turn.
     found.measure(source, setup, shot)
@@ -52,6 +52,7 @@ pub fn measure_spin(source: &impl FrameSource, setup: &ShotSetup, shot: &mut Sho
 /// The spins before and after the contact as they are found.
 #[derive(Debug, Clone)]
 struct FoundSpins {
+    /// Frames that tell the spins and teach the cover.
     sample: FlightSample,
     /// By side, as the rest.
     settings: [SpinSettings; 2],

@@ -198,16 +198,24 @@ impl Tally {
     }
 }
 
-/// Renders and measures `n` balls: rates between the two, the scene as `change` leaves it.
-fn tally(label: &str, n: u64, rates: (f64, f64), change: impl Fn(&mut Scene, &mut rand_chacha::ChaCha8Rng)) -> Tally {
-    let rig = rig();
+/// The first `n` balls of this name, each with its spin: rates between the two, the scene as `change` leaves it.
+fn scenes(label: &str, n: u64, rates: (f64, f64), change: impl Fn(&mut Scene, &mut rand_chacha::ChaCha8Rng)) -> Vec<(Vector3<f64>, Scene)> {
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(label.bytes().map(u64::from).sum());
-    let mut out = Tally::default();
-    let n = std::env::var("N").ok().and_then(|s| s.parse().ok()).unwrap_or(n);
-    for k in 0..n {
+    let one = |_| {
         let omega = random_spin(&mut random, rates.0, rates.1);
         let mut scene = Scene::usual(omega, random.random());
         change(&mut scene, &mut random);
+        (omega, scene)
+    };
+    (0..n).map(one).collect()
+}
+
+/// Renders and measures `n` balls.
+fn tally(label: &str, n: u64, rates: (f64, f64), change: impl Fn(&mut Scene, &mut rand_chacha::ChaCha8Rng)) -> Tally {
+    let rig = rig();
+    let mut out = Tally::default();
+    let n = std::env::var("N").ok().and_then(|s| s.parse().ok()).unwrap_or(n);
+    for (k, (omega, scene)) in scenes(label, n, rates, change).into_iter().enumerate() {
         let pictures = scene.render(&rig);
         let views: Vec<BallView> = pictures.iter().map(Picture::view).collect();
         let start = cpu_ms();
@@ -269,6 +277,18 @@ fn law_poor_pictures_are_right_or_refused() {
     let short = tally("short", 5, (84.0, 300.0), |s, _| s.frames = 7);
     // Seven frames leave a slow ball's spin to more than 10 % in the worst; the deviation says so.
     assert!(short.worst_rate() < 0.15 && short.z2_mean() < 2.0 && short.unflagged() + hard.unflagged() == 0, "{short:?}");
+}
+
+/// A ball with dots whose right rate is crowded out of the first look's beam: 2.4 times as much stayed unexplained as was explained.
+#[test]
+fn truth_a_spin_that_the_first_look_loses_is_found_by_the_second() {
+    let (omega, scene) = scenes("dots", 176, (84.0, 300.0), |s, r| s.markings = dots(r)).pop().expect("a ball");
+    let pictures = scene.render(&rig());
+    let views: Vec<BallView> = pictures.iter().map(Picture::view).collect();
+    let SpinEstimate::Vector { omega_rad_s, .. } = estimate_spin(&views, &rig(), RADIUS_M, &SpinSettings::new(scene.frame_rate_hz)) else {
+        panic!("refused");
+    };
+    assert!((omega_rad_s - omega).norm() < 0.02 * omega.norm(), "{omega_rad_s} instead of {omega}");
 }
 
 #[test]

@@ -170,38 +170,37 @@ impl FoundSpin {
     /// Looks for the spin everywhere; once more, with a beam that loses less and takes more for possible, where what was found explains too
     /// little.
     pub fn find(views: &[BallView], rig: &StereoRig, radius_m: f64, settings: &SpinSettings) -> Self {
-        let found = FoundSpin::find_by(views, rig, radius_m, settings, Beam::Level);
-        if !matches!(found.rough, SpinEstimate::Refused { reason: SpinRefusal::Unexplained { .. } }) {
-            return found;
-        }
-        let again = FoundSpin::find_by(views, rig, radius_m, settings, Beam::AllLevels);
-        if matches!(again.rough, SpinEstimate::Refused { .. }) { found } else { again }
-    }
-
-    fn find_by(views: &[BallView], rig: &StereoRig, radius_m: f64, settings: &SpinSettings, beam: Beam) -> Self {
         let (infos, samples) = sample_views(views, rig, radius_m);
         if let Some(refusal) = too_few(&infos, &samples, settings) {
             return FoundSpin { rough: refusal, start: None };
         }
         let (shading, marks) = divide_out(&infos, &samples, None);
-        let candidates = Search::new(&infos, &marks, 1.0 / settings.frame_rate_hz).candidates(settings.limit_rad_s, beam);
+        let search = Search::new(&infos, &marks, 1.0 / settings.frame_rate_hz);
         // Which candidate: a coarse map, every second pixel, no blur.
         let coarse_map = SphereMap::new(COARSE_EDGE);
         let few: Vec<Mark> = marks.iter().copied().step_by(2).collect();
         let coarse = Registrar::new(&coarse_map, &infos, &few, &shading, None);
-        let Some(contest) = contest(&coarse, &candidates, span_s(&infos)) else {
-            let seen = distinct_times(&infos, settings.frame_rate_hz);
-            return FoundSpin { rough: SpinEstimate::Refused { reason: SpinRefusal::TooFewFrames { seen, needed: LEAST_FRAMES } }, start: None };
-        };
         let map = SphereMap::new(FINE_EDGE);
         let registrar = Registrar::new(&map, &infos, &marks, &shading, Some(&settings.blur_px));
-        let first = registrar.refine(contest.omega, &Effort { memory_s: MEMORY_FRAMES / settings.frame_rate_hz, ..FIRST });
-        let start = Start { contest, omega: first.omega, markings: registrar.found(&first, &shading, settings.blur_px) };
-        let rough = match refused(&first, &start.contest, settings, SETTLED.0) {
-            Some(reason) => SpinEstimate::Refused { reason },
-            None => held(&infos, &first, first.omega, stated(&first, &first.model_covariance, &infos) + start.contest.flat, &start.contest, settings),
+        let look = |beam: Beam| {
+            let Some(contest) = contest(&coarse, &search.candidates(settings.limit_rad_s, beam), span_s(&infos)) else {
+                let seen = distinct_times(&infos, settings.frame_rate_hz);
+                return FoundSpin { rough: SpinEstimate::Refused { reason: SpinRefusal::TooFewFrames { seen, needed: LEAST_FRAMES } }, start: None };
+            };
+            let first = registrar.refine(contest.omega, &Effort { memory_s: MEMORY_FRAMES / settings.frame_rate_hz, ..FIRST });
+            let start = Start { contest, omega: first.omega, markings: registrar.found(&first, &shading, settings.blur_px) };
+            let rough = match refused(&first, &start.contest, settings, SETTLED.0) {
+                Some(reason) => SpinEstimate::Refused { reason },
+                None => held(&infos, &first, first.omega, stated(&first, &first.model_covariance, &infos) + start.contest.flat, &start.contest, settings),
+            };
+            FoundSpin { rough, start: Some(start) }
         };
-        FoundSpin { rough, start: Some(start) }
+        let found = look(Beam::Level);
+        if !matches!(found.rough, SpinEstimate::Refused { reason: SpinRefusal::Unexplained { .. } }) {
+            return found;
+        }
+        let again = look(Beam::AllLevels);
+        if matches!(again.rough, SpinEstimate::Refused { .. }) { found } else { again }
     }
 
     /// The spin from the same pictures, or from pictures with better centres, beginning where it was found.

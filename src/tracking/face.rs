@@ -54,8 +54,8 @@ fn twin(view: &View, figure: &RacketFigure, frame: &RacketFrame) -> RacketFrame 
     let start = turned(&frame.pose.global_from_racket);
     // Of a figure that is quite symmetric the covariance stays: it is about the global axes, and the origin lies on the axis of the half turn.
     match fit_pose_in(view, figure, &out.observations(), Some(&start)) {
-        Ok(pose) => out.pose = pose,
-        Err(_) => out.pose.global_from_racket = start,
+        Ok(pose) if !frame.foretold => out.pose = pose,
+        _ => out.pose.global_from_racket = start,
     }
     out
 }
@@ -164,7 +164,7 @@ mod tests {
     #[test]
     fn law_the_depth_that_one_camera_guesses_does_not_choose_the_face() {
         let pose = RacketPose { global_from_racket: Isometry3::identity(), covariance: Matrix6::identity(), chi2: 0.0, dof: 1 };
-        let racket = vec![Some(RacketFrame { pose, points: [[None; 5]; 2] }); 20];
+        let racket = vec![Some(RacketFrame { pose, points: [[None; 5]; 2], foretold: false }); 20];
         let ball = |stereo: bool, z: f64| Some(BallFrame { points: [None; 2], position: Point3::new(0.0, 0.0, z), stereo, flattening: None });
         // Left camera alone before the impact, followed backward from the rebound: guessed behind the strings. Both cameras after it.
         let seen: Vec<Option<BallFrame>> =
@@ -186,7 +186,7 @@ mod tests {
         let about_x = |angle: f64| Isometry3::rotation(Vector3::x() * angle);
         let frame = |angle: f64| {
             let pose = RacketPose { global_from_racket: about_x(angle), covariance: Matrix6::identity(), chi2: 0.0, dof: 1 };
-            RacketFrame { pose, points: [[None; 5]; 2] }
+            RacketFrame { pose, points: [[None; 5]; 2], foretold: false }
         };
         let angle_of = |found: RacketFrame| found.pose.global_from_racket.rotation.scaled_axis().x;
         // Read with either face.
@@ -203,7 +203,7 @@ mod tests {
         let pose = |i: usize| Isometry3::from_parts(Vector3::zeros().into(), UnitQuaternion::from_axis_angle(&Vector3::x_axis(), 0.05 * (i as f64 - 60.0)));
         let frame = |i: usize| {
             let pose = RacketPose { global_from_racket: pose(i), covariance: Matrix6::identity(), chi2: 0.0, dof: 1 };
-            Some(RacketFrame { pose, points: [[None; 5]; 2] })
+            Some(RacketFrame { pose, points: [[None; 5]; 2], foretold: false })
         };
         let mut racket: Vec<_> = (0..120).map(frame).collect();
         assert!(racket[0].as_ref().is_some_and(|r| r.pose.normal().z < 0.0), "the ball seems to come from behind at first");
@@ -235,7 +235,7 @@ mod tests {
             };
             let points = crate::calibration::CameraId::BOTH.map(|camera| std::array::from_fn(|marker| Some(point(camera, marker))));
             let unfitted = RacketPose { global_from_racket: pose, covariance: Matrix6::identity(), chi2: 0.0, dof: 14 };
-            let mut frame = RacketFrame { pose: unfitted, points };
+            let mut frame = RacketFrame { pose: unfitted, points, foretold: false };
             frame.pose = fit_pose_in(&view, stated, &frame.observations(), Some(&pose)).expect("seen");
             let frame = if turned_first { twin(&view, stated, &frame) } else { frame };
             let mut racket = vec![Some(frame); 20];

@@ -162,7 +162,35 @@ pub fn fit_pose_in(view: &View, figure: &RacketFigure, observations: &[MarkerObs
         Some(s) => *s,
         None => start_from_pairs(view, figure, observations).ok_or(too_few)?,
     };
-    settle(view, figure, observations, start)
+    settle(view, figure, observations, start, None)
+}
+
+/// A pose as it is foretold: normal deviations about it, of either angle (rad) and of either coordinate (m).
+#[derive(Debug, Clone, Copy)]
+pub struct Foretold {
+    pub pose: Isometry3<f64>,
+    pub sd_rad: f64,
+    pub sd_m: f64,
+}
+
+impl Foretold {
+    /// How far off a pose is, in deviations of its six numbers together.
+    pub fn off(&self, pose: &Isometry3<f64>) -> f64 {
+        let (turn, shift) = self.from(pose);
+        (turn / self.sd_rad).norm().hypot((shift / self.sd_m).norm())
+    }
+
+    /// Turn (rotation vector about the global axes) and shift from a pose to the foretold one.
+    fn from(&self, pose: &Isometry3<f64>) -> (Vector3<f64>, Vector3<f64>) {
+        ((self.pose.rotation * pose.rotation.inverse()).scaled_axis(), self.pose.translation.vector - pose.translation.vector)
+    }
+}
+
+/// The pose of a racket of which too few markers are seen to tell it alone: what they leave open stays as foretold.
+///
+/// # Errors  the fit does not settle; a marker behind a camera
+pub fn fit_pose_near(view: &View, figure: &RacketFigure, observations: &[MarkerObservation], foretold: &Foretold) -> Result<RacketPose, PoseError> {
+    settle(view, figure, observations, foretold.pose, Some(foretold))
 }
 
 /// Largest condition number of the normal matrix of a pose.
@@ -178,8 +206,24 @@ struct Normal {
     chi2: f64,
 }
 
-fn normal_equations(view: &View, figure: &RacketFigure, observations: &[MarkerObservation], pose: &Isometry3<f64>) -> Option<Normal> {
+fn normal_equations(
+    view: &View,
+    figure: &RacketFigure,
+    observations: &[MarkerObservation],
+    pose: &Isometry3<f64>,
+    foretold: Option<&Foretold>,
+) -> Option<Normal> {
     let mut n = Normal { jtj: [[0.0; 6]; 6], jtr: [0.0; 6], chi2: 0.0 };
+    if let Some(foretold) = foretold {
+        let (turn, shift) = foretold.from(pose);
+        for i in 0..6 {
+            let (off, sd) = if i < 3 { (turn[i], foretold.sd_rad) } else { (shift[i - 3], foretold.sd_m) };
+            let weight = sd.powi(-2);
+            n.jtj[i][i] += weight;
+            n.jtr[i] += weight * off;
+            n.chi2 += weight * off * off;
+        }
+    }
     for o in observations {
         let (p, by_rotation) = figure.patch_in_global(o.marker, pose, view.eye(o.camera));
         let (uv, by_point) = view.project_with_jacobian(o.camera, &p)?;
@@ -205,10 +249,16 @@ fn moved(pose: &Isometry3<f64>, [a, b, c, x, y, z]: &[f64; 6]) -> Isometry3<f64>
     Isometry3::from_parts(Translation3::from(pose.translation.vector + Vector3::new(*x, *y, *z)), turn * pose.rotation)
 }
 
-fn settle(view: &View, figure: &RacketFigure, observations: &[MarkerObservation], start: Isometry3<f64>) -> Result<RacketPose, PoseError> {
+fn settle(
+    view: &View,
+    figure: &RacketFigure,
+    observations: &[MarkerObservation],
+    start: Isometry3<f64>,
+    foretold: Option<&Foretold>,
+) -> Result<RacketPose, PoseError> {
     let dof = (2 * observations.len()).saturating_sub(6);
     let mut pose = start;
-    let mut now = normal_equations(view, figure, observations, &pose).ok_or(PoseError::BehindCamera)?;
+    let mut now = normal_equations(view, figure, observations, &pose, foretold).ok_or(PoseError::BehindCamera)?;
     let mut damping = 1e-6;
     let mut settled = false;
     for _ in 0..60 {
@@ -228,7 +278,7 @@ fn settle(view: &View, figure: &RacketFigure, observations: &[MarkerObservation]
             settled = true;
             break;
         }
-        match normal_equations(view, figure, observations, &next_pose) {
+        match normal_equations(view, figure, observations, &next_pose, foretold) {
             Some(next) if next.chi2 <= now.chi2 * (1.0 + 1e-12) => {
                 (pose, now) = (next_pose, next);
                 damping = (damping * 0.1).max(1e-12);
@@ -426,6 +476,31 @@ pub(crate) mod tests {
         start.translation.vector += Vector3::new(0.01, -0.02, 0.015);
         let fit = fit_pose(&rig, &f, &o, Some(&start)).expect("fits");
         assert!((fit.global_from_racket.translation.vector - pose().translation.vector).norm() < 1e-6);
+    }
+
+    #[test]
+    fn truth_what_few_markers_leave_open_stays_as_foretold() {
+        let (rig, f) = (rig(), figure());
+        let view = View::new(&rig);
+        let off = |mm: f64| Foretold {
+            pose: Isometry3::from_parts(Translation3::from(pose().translation.vector + Vector3::new(0.0, 1e-3 * mm, 0.0)), pose().rotation),
+            sd_rad: 0.01,
+            sd_m: 0.002,
+        };
+        // Two markers: the turn about the line through them is free.
+        let two = observe(&view, &f, &pose(), 0.05, || 0.0, |_, marker| marker < 2);
+        assert!(fit_pose_in(&view, &f, &two, Some(&off(2.0).pose)).is_err());
+        let fit = fit_pose_near(&view, &f, &two, &off(2.0)).expect("fits");
+        for marker in 0..2 {
+            let apart = (fit.global_from_racket * f.points[marker] - pose() * f.points[marker]).norm();
+            assert!(apart < 3e-4, "{marker}: {apart}");
+        }
+        assert!(fit.global_from_racket.rotation.angle_to(&pose().rotation) < 0.01);
+        // Nothing seen: all as foretold, to what it is foretold to.
+        let none = fit_pose_near(&view, &f, &[], &off(2.0)).expect("fits");
+        assert!(off(2.0).off(&none.global_from_racket) < 1e-9);
+        assert!((none.covariance[(5, 5)].sqrt() - 0.002).abs() < 1e-9);
+        assert!((off(6.0).off(&pose()) - 3.0).abs() < 1e-9);
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use super::band::{self, BandFit, BandPart, BandShape, BandView, SPECK_HALF_PX, Settled};
 use super::racket_figure::RacketFigure;
-use super::racket_pose::{MarkerObservation, RacketPose, View, fit_pose_in};
+use super::racket_pose::{Foretold, MarkerObservation, RacketPose, View, fit_pose_in, fit_pose_near};
 use super::track_file::ImagePoint;
 use crate::calibration::CameraId;
 use crate::footage::{GreyView, Rows};
@@ -40,6 +40,8 @@ pub struct RacketFrame {
     pub pose: RacketPose,
     /// By camera and marker; `None` is occluded.
     pub points: [[Option<ImagePoint>; 5]; 2],
+    /// Too few bands tell the pose: what they leave open is as it was foretold.
+    pub foretold: bool,
 }
 
 impl RacketFrame {
@@ -229,7 +231,7 @@ pub fn confirm(
         let whole = before.0[c][*marker].seen || images[c].as_ref().is_some_and(|image| stands_out(scene, image, &expected.0[c][*marker], least_contrast[c]));
         known.0[c][*marker] = Known { seen: whole, like: whole.then_some(f.settled) };
     }
-    Some(RacketFrame { pose, points })
+    Some(RacketFrame { pose, points, foretold: false })
 }
 
 /// Measures every marker near a predicted pose. `reach_px` is how far the prediction may be off; `least_contrast` the
@@ -263,11 +265,7 @@ pub fn measure(
             return None;
         }
     }
-    let mut points = [[None; 5]; 2];
-    for (camera, marker, f) in &fits {
-        points[camera.index()][*marker] = Some(image_point(f));
-    }
-    Some(RacketFrame { pose, points })
+    Some(RacketFrame { pose, points: points_of(&fits), foretold: false })
 }
 
 /// Looks for the bands of one frame.
@@ -281,22 +279,34 @@ impl Look<'_> {
     /// The bands that agree on a pose, of those known and those found near `pose`; the others count as well where they are seen in part
     /// or as specks, if `weak`.
     fn from(&self, pose: &Isometry3<f64>, reach_px: i32, weak: bool, mut fits: Vec<(CameraId, usize, BandFit)>) -> Option<Agreed> {
-        let mut known = [[false; 5]; 2];
-        fits.iter().for_each(|f| known[f.0.index()][f.1] = true);
-        for camera in CameraId::BOTH {
-            let Some(image) = &self.images[camera.index()] else { continue };
-            for marker in (0..5).filter(|m| !known[camera.index()][*m]) {
-                if let Some(f) = find(self.scene, image, pose, camera, marker, (reach_px, weak), self.least_contrast[camera.index()]) {
-                    fits.push((camera, marker, f));
-                }
-            }
-        }
-        fits.sort_by_key(|f| (f.0, f.1));
-        leave_out_hidden(self.scene, &mut fits, pose);
+        add_bands(self.scene, self.images, pose, (reach_px, weak), self.least_contrast, &mut fits);
         let seen = fits.len();
         let pose = agree(self.scene, &mut fits, pose)?;
         Some(Agreed { pose, dropped: seen - fits.len(), fits })
     }
+}
+
+/// Adds the bands not yet known that are found near a pose.
+fn add_bands(
+    scene: &RacketScene,
+    images: &[Option<GreyView>; 2],
+    pose: &Isometry3<f64>,
+    how: (i32, bool),
+    least_contrast: &[f64; 2],
+    fits: &mut Vec<(CameraId, usize, BandFit)>,
+) {
+    let mut known = [[false; 5]; 2];
+    fits.iter().for_each(|f| known[f.0.index()][f.1] = true);
+    for camera in CameraId::BOTH {
+        let Some(image) = &images[camera.index()] else { continue };
+        for marker in (0..5).filter(|m| !known[camera.index()][*m]) {
+            if let Some(f) = find(scene, image, pose, camera, marker, how, least_contrast[camera.index()]) {
+                fits.push((camera, marker, f));
+            }
+        }
+    }
+    fits.sort_by_key(|f| (f.0, f.1));
+    leave_out_hidden(scene, fits, pose);
 }
 
 /// Leaves out bands that were found on the tape of another one nearer to the camera: of a racket seen edge-on one tube hides the other, and the
@@ -318,7 +328,7 @@ fn leave_out_hidden(scene: &RacketScene, fits: &mut Vec<(CameraId, usize, BandFi
 
 /// [`measure`] where the frames before say how the racket moves. A doubled picture shows it where it was: a band or two of that camera may
 /// still agree with the other's on a pose, one whose depth has jumped. Such a frame is measured from the other camera alone.
-pub fn measure_following(
+fn measure_following(
     scene: &RacketScene,
     images: &[Option<GreyView>; 2],
     predicted: &Isometry3<f64>,
@@ -336,6 +346,80 @@ pub fn measure_following(
     let few = images.iter().flatten().count() == 1;
     let alone = if jumped && few { measure(scene, &images, predicted, reach_px, least_contrast) } else { None };
     Some(alone.unwrap_or(frame))
+}
+
+/// A racket that is followed: where it is expected in a frame.
+pub struct Expected {
+    pub foretold: Foretold,
+    /// The frames before say how it moves.
+    pub goes_on: bool,
+    /// Few bands may tell where it is.
+    pub by_few: bool,
+    /// How far from its expected place it is looked for.
+    pub reach_px: i32,
+    /// The cameras that showed it in the frame before.
+    pub saw_it: [bool; 2],
+}
+
+impl Expected {
+    /// The racket in one frame, and the bands by which it is known in the next.
+    pub fn find(&self, scene: &RacketScene, mut images: [Option<GreyView>; 2], least_contrast: &[f64; 2]) -> (Option<RacketFrame>, Option<KnownBands>) {
+        let look = if self.goes_on { measure_following } else { measure };
+        loop {
+            let mut found = look(scene, &images, &self.foretold.pose, self.reach_px, least_contrast);
+            let known = found.as_ref().and_then(|frame| KnownBands::of(scene, &images, frame, least_contrast));
+            // Depth and attitude are poorly told by one camera: there, as where few bands are seen, they go on as they went.
+            if self.goes_on && self.by_few && !found.as_ref().is_some_and(RacketFrame::stereo) {
+                found = measure_foretold(scene, &images, &self.foretold, self.reach_px, least_contrast).or(found);
+            }
+            match found.as_ref().and_then(|frame| self.lone_in(frame)) {
+                Some(camera) => images[camera] = None,
+                None => return (found, known),
+            }
+        }
+    }
+
+    /// The camera that shows a single band and did not show the racket before: that may be another thing, and would tell the depth.
+    fn lone_in(&self, frame: &RacketFrame) -> Option<usize> {
+        (0..2).find(|camera| !self.saw_it[*camera] && frame.points[*camera].iter().flatten().count() == 1)
+    }
+}
+
+/// The racket where too few bands are seen to tell its pose: those near their foretold places, and the pose that they and what was foretold agree
+/// on. `None` where fewer than [`FEWEST_FORETOLD`] agree.
+fn measure_foretold(scene: &RacketScene, images: &[Option<GreyView>; 2], foretold: &Foretold, reach_px: i32, least_contrast: &[f64; 2]) -> Option<RacketFrame> {
+    let mut fits: Vec<(CameraId, usize, BandFit)> = Vec::with_capacity(ALL_BANDS);
+    add_bands(scene, images, &foretold.pose, (reach_px, false), least_contrast, &mut fits);
+    let pose = agree_foretold(scene, &mut fits, foretold)?;
+    // Once more from where the first ones say that the others are.
+    add_bands(scene, images, &pose.global_from_racket, (1, false), least_contrast, &mut fits);
+    let pose = agree_foretold(scene, &mut fits, foretold)?;
+    Some(RacketFrame { pose, points: points_of(&fits), foretold: true })
+}
+
+/// Fewest bands, and fewest markers, that tell with what was foretold where the racket is, and most that may disagree.
+const FEWEST_FORETOLD: usize = 3;
+const FEWEST_MARKERS_FORETOLD: usize = 2;
+const MOST_DISAGREE: usize = 1;
+/// Most that a foretold pose may be off, in deviations of its six numbers together.
+const MOST_OFF: f64 = 4.0;
+
+/// The pose that bands and what was foretold agree on; one that does not is removed.
+fn agree_foretold(scene: &RacketScene, fits: &mut Vec<(CameraId, usize, BandFit)>, foretold: &Foretold) -> Option<RacketPose> {
+    for _ in 0..=MOST_DISAGREE {
+        let mut markers = [false; 5];
+        fits.iter().for_each(|f| markers[f.1] = true);
+        if fits.len() < FEWEST_FORETOLD || markers.iter().filter(|m| **m).count() < FEWEST_MARKERS_FORETOLD {
+            return None;
+        }
+        let observations = observations_of(fits);
+        let pose = fit_pose_near(scene.view, scene.figure, &observations, foretold).ok()?;
+        match worst_miss(scene, &observations, &pose)? {
+            (i, z) if z > OUTLIER => fits.remove(i),
+            _ => return (foretold.off(&pose.global_from_racket) < MOST_OFF).then_some(pose),
+        };
+    }
+    None
 }
 
 /// Fewer bands than this in one camera's picture tell little beside the other's.
@@ -393,6 +477,18 @@ fn find(
     (f.white - f.black > least_contrast && (f.uv - band.centre).norm() < HALF_SEEN_SHIFT_PX).then_some(f)
 }
 
+fn points_of(fits: &[(CameraId, usize, BandFit)]) -> [[Option<ImagePoint>; 5]; 2] {
+    let mut points = [[None; 5]; 2];
+    for (camera, marker, f) in fits {
+        points[camera.index()][*marker] = Some(image_point(f));
+    }
+    points
+}
+
+fn observations_of(fits: &[(CameraId, usize, BandFit)]) -> Vec<MarkerObservation> {
+    fits.iter().map(|(camera, marker, f)| MarkerObservation { camera: *camera, marker: *marker, point: image_point(f) }).collect()
+}
+
 fn image_point(f: &BandFit) -> ImagePoint {
     let sd = |v: f64| (v + FLOOR_SD_PX * FLOOR_SD_PX).sqrt();
     ImagePoint { uv: f.uv, sd: Vector2::new(sd(f.covariance[(0, 0)]), sd(f.covariance[(1, 1)])) }
@@ -407,26 +503,30 @@ fn agree(scene: &RacketScene, fits: &mut Vec<(CameraId, usize, BandFit)>, start:
         if seen < 3 || fits.len() < 5 && seen < 4 {
             return None;
         }
-        let observations: Vec<MarkerObservation> =
-            fits.iter().map(|(camera, marker, f)| MarkerObservation { camera: *camera, marker: *marker, point: image_point(f) }).collect();
+        let observations = observations_of(fits);
         let pose = fit_pose_in(scene.view, scene.figure, &observations, Some(start)).ok()?;
-        let mut worst: Option<(usize, f64)> = None;
-        for (i, o) in observations.iter().enumerate() {
-            let (p, _) = scene.figure.patch_in_global(o.marker, &pose.global_from_racket, scene.view.eye(o.camera));
-            let r = o.point.uv - scene.view.project(o.camera, &p)?;
-            let squared = |k: usize| r[k] * r[k] / (o.point.sd[k] * o.point.sd[k] + MODEL_TOLERANCE_PX * MODEL_TOLERANCE_PX);
-            let z = (squared(0) + squared(1)).sqrt();
-            if worst.is_none_or(|w| z > w.1) {
-                worst = Some((i, z));
-            }
-        }
-        match worst {
-            Some((i, z)) if z > OUTLIER => {
+        match worst_miss(scene, &observations, &pose)? {
+            (i, z) if z > OUTLIER => {
                 fits.remove(i);
             }
             _ => return Some(pose),
         }
     }
+}
+
+/// The observation that misses a pose most, and by how many deviations (with what a good one may miss it by).
+fn worst_miss(scene: &RacketScene, observations: &[MarkerObservation], pose: &RacketPose) -> Option<(usize, f64)> {
+    let mut worst = (0, 0.0);
+    for (i, o) in observations.iter().enumerate() {
+        let (p, _) = scene.figure.patch_in_global(o.marker, &pose.global_from_racket, scene.view.eye(o.camera));
+        let r = o.point.uv - scene.view.project(o.camera, &p)?;
+        let squared = |k: usize| r[k] * r[k] / (o.point.sd[k] * o.point.sd[k] + MODEL_TOLERANCE_PX * MODEL_TOLERANCE_PX);
+        let z = (squared(0) + squared(1)).sqrt();
+        if z > worst.1 {
+            worst = (i, z);
+        }
+    }
+    Some(worst)
 }
 
 /// Deviations as the whole clip shows them. What a band's own picture cannot tell (tape not quite where the file says, a tube of
@@ -444,7 +544,9 @@ pub fn settle_deviations(view: &View, figure: &RacketFigure, frames: &mut [Optio
         frame.observations().iter().filter_map(miss).collect()
     };
     let refit = |frame: &mut RacketFrame| {
-        if let Ok(pose) = fit_pose_in(view, figure, &frame.observations(), Some(&frame.pose.global_from_racket)) {
+        if !frame.foretold
+            && let Ok(pose) = fit_pose_in(view, figure, &frame.observations(), Some(&frame.pose.global_from_racket))
+        {
             frame.pose = pose;
         }
     };
@@ -456,7 +558,7 @@ pub fn settle_deviations(view: &View, figure: &RacketFigure, frames: &mut [Optio
             let left = frame.pose.dof as f64 / (frame.pose.dof + 6) as f64;
             (left, misses(frame))
         };
-        let of_frames: Vec<_> = frames.par_iter().flatten().filter(|f| f.stereo() && f.pose.dof >= 4).map(of_frame).collect();
+        let of_frames: Vec<_> = frames.par_iter().flatten().filter(|f| f.stereo() && !f.foretold && f.pose.dof >= 4).map(of_frame).collect();
         for (left, misses) in of_frames {
             for (camera, marker, z2) in misses {
                 let sum = &mut sums[camera][marker];

@@ -4,8 +4,9 @@ use super::band::{BandView, USUAL_BLUR_PX};
 use super::band_search::{self, BandCandidate, MOST};
 use super::face;
 use super::racket_figure::RacketFigure;
+use super::racket_pose::Foretold;
 use super::racket_search::{self, Reach};
-use super::racket_track::{self, KnownBands, LEAST_CONTRAST, RacketFrame};
+use super::racket_track::{self, Expected, KnownBands, LEAST_CONTRAST, RacketFrame};
 use super::recording::{Fingerprint, Fingerprints};
 use super::shot_frames::{PATIENCE, Shot, spread};
 use super::shot_tracks::TrackingError;
@@ -55,6 +56,13 @@ const FAINTEST: f64 = 0.25;
 const FIRST_LOOK: usize = 2;
 /// and most frames between two such looks: it crosses the volume in sixty.
 const FARTHEST_LOOKS: usize = 20;
+
+/// What a swung racket's next pose is foretold to, a millisecond ahead, rad and m: two to four times what its velocity changes by.
+const FORETOLD_SD: (f64, f64) = (0.01, 0.002);
+/// Most frames in a row whose pose is told by few bands and what was foretold.
+const LONGEST_FORETOLD: usize = 60;
+/// Farthest that a racket followed is looked for from where it is expected, px: with a camera that did not see it, its depth is not known well.
+const MOST_REACH_PX: i32 = 7;
 
 /// The racket in the frames of one direction, and every picture's fingerprint.
 pub type OneWay = (Vec<(usize, RacketFrame)>, Vec<(usize, [Option<Fingerprint>; 2])>);
@@ -432,6 +440,8 @@ impl<S: FrameSource> Shot<'_, S> {
         let mut lost = 0;
         let mut look_next = FIRST_LOOK;
         let mut without: Vec<usize> = Vec::new();
+        // Frames since its bands alone told its pose, and the cameras that showed it last.
+        let (mut foretold_for, mut saw_it) = (0, [true; 2]);
         for index in indices {
             if !look_for && lost > PATIENCE {
                 break;
@@ -439,7 +449,11 @@ impl<S: FrameSource> Shot<'_, S> {
             let now = self.source.number(index) as f64;
             let mut found = None;
             let predicted = racket_track::predict(previous.as_ref().map(|p| &p.1), &last.1, previous.map_or(1.0, |p| last.0 - p.0), now - last.0);
-            let reach = if previous.is_none() { 5 } else { (3 + 2 * lost as i32).min(7) };
+            let reach = match previous {
+                None => 5,
+                Some(_) if saw_it.contains(&false) => MOST_REACH_PX,
+                Some(_) => (3 + 2 * lost as i32).min(MOST_REACH_PX),
+            };
             let expected = lost <= PATIENCE;
             if expected
                 && let Some(known) = &mut known
@@ -460,9 +474,10 @@ impl<S: FrameSource> Shot<'_, S> {
                 }
                 prints.push((index, images.map(|v| v.map(|v| Fingerprint::of(&v)))));
                 if expected {
-                    let look = if previous.is_some() { racket_track::measure_following } else { racket_track::measure };
-                    found = look(&scene, &images, &predicted, reach, &start.least_contrast);
-                    known = found.as_ref().and_then(|frame| KnownBands::of(&scene, &images, frame, &start.least_contrast));
+                    let frames = (now - last.0).abs() * 1000.0 / self.setup.frame_rate_hz;
+                    let foretold = Foretold { pose: predicted, sd_rad: FORETOLD_SD.0 * frames, sd_m: FORETOLD_SD.1 * frames };
+                    let look = Expected { foretold, goes_on: previous.is_some(), by_few: foretold_for < LONGEST_FORETOLD, reach_px: reach, saw_it };
+                    (found, known) = look.find(&scene, images, &start.least_contrast);
                 }
             }
             if found.is_none() && look_for && lost >= look_next {
@@ -478,6 +493,15 @@ impl<S: FrameSource> Shot<'_, S> {
             match found {
                 Some(frame) => {
                     let pose = frame.pose.global_from_racket;
+                    saw_it = frame.points.map(|c| c.iter().any(Option::is_some));
+                    if frame.foretold {
+                        foretold_for += 1;
+                        previous = Some(last);
+                        last = (now, pose);
+                        lost = 0;
+                        out.push((index, frame));
+                        continue;
+                    }
                     if !frame.stereo() {
                         // Its depth is poor: recorded, but the motion goes on from the frames before.
                         out.push((index, frame));
@@ -485,6 +509,7 @@ impl<S: FrameSource> Shot<'_, S> {
                     }
                     previous = if lost <= PATIENCE { Some(last) } else { None };
                     last = (now, pose);
+                    foretold_for = 0;
                     (lost, look_next) = (0, FIRST_LOOK);
                     without.clear();
                     out.push((index, frame));

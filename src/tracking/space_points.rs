@@ -96,7 +96,8 @@ pub fn space_points(
     for index in 0..source.len() {
         let frame = source.number(index);
         let t = (frame as f64 - zero) / setup.frame_rate_hz;
-        if let Some(r) = &racket[index] {
+        // What nothing checks is not passed off as measured.
+        if let Some(r) = racket[index].as_ref().filter(|r| !r.foretold) {
             for (marker, local) in figure.points.iter().enumerate() {
                 if r.points.iter().all(|camera| camera[marker].is_none()) {
                     continue; // predicted, not measured

@@ -118,7 +118,7 @@ mod tests {
                 points[1][m] = right.map(|k| ImagePoint { uv: place + Vector2::y() * (2.0 * k), sd: Vector2::repeat(0.05) });
             }
             let pose = RacketPose { global_from_racket: Isometry3::identity(), covariance: Matrix6::identity(), chi2: 0.0, dof: 6 };
-            Some(RacketFrame { pose, points })
+            Some(RacketFrame { pose, points, foretold: false })
         };
         shown.iter().map(frame).collect()
     }

@@ -45,6 +45,7 @@ mod other_thing;
 mod overlay;
 mod part_of_racket;
 mod racket_figure;
+mod racket_foretold;
 mod racket_pose;
 mod racket_search;
 mod racket_track;

@@ -2,7 +2,7 @@
 
 use super::band::{self, BandFit, BandPart, BandShape, BandView, SPECK_HALF_PX, Settled};
 use super::racket_figure::RacketFigure;
-use super::racket_pose::{Foretold, MarkerObservation, RacketPose, View, fit_pose_in, fit_pose_near};
+use super::racket_pose::{MarkerObservation, RacketPose, View, fit_pose_in};
 use super::track_file::ImagePoint;
 use crate::calibration::CameraId;
 use crate::footage::{GreyView, Rows};
@@ -12,7 +12,7 @@ use rayon::prelude::*;
 /// Least deviation of a marker's image point, px: what the model of the tape itself is good to.
 const FLOOR_SD_PX: f64 = 0.03;
 /// A point farther than this many deviations (with the tolerance below) from the common pose is another thing.
-const OUTLIER: f64 = 4.0;
+pub(super) const OUTLIER: f64 = 4.0;
 /// What a good point may miss the pose by, px, beyond its own deviation (tape put on by hand, tube of another shape).
 const MODEL_TOLERANCE_PX: f64 = 0.25;
 
@@ -287,7 +287,7 @@ impl Look<'_> {
 }
 
 /// Adds the bands not yet known that are found near a pose.
-fn add_bands(
+pub(super) fn add_bands(
     scene: &RacketScene,
     images: &[Option<GreyView>; 2],
     pose: &Isometry3<f64>,
@@ -328,7 +328,7 @@ fn leave_out_hidden(scene: &RacketScene, fits: &mut Vec<(CameraId, usize, BandFi
 
 /// [`measure`] where the frames before say how the racket moves. A doubled picture shows it where it was: a band or two of that camera may
 /// still agree with the other's on a pose, one whose depth has jumped. Such a frame is measured from the other camera alone.
-fn measure_following(
+pub(super) fn measure_following(
     scene: &RacketScene,
     images: &[Option<GreyView>; 2],
     predicted: &Isometry3<f64>,
@@ -346,80 +346,6 @@ fn measure_following(
     let few = images.iter().flatten().count() == 1;
     let alone = if jumped && few { measure(scene, &images, predicted, reach_px, least_contrast) } else { None };
     Some(alone.unwrap_or(frame))
-}
-
-/// A racket that is followed: where it is expected in a frame.
-pub struct Expected {
-    pub foretold: Foretold,
-    /// The frames before say how it moves.
-    pub goes_on: bool,
-    /// Few bands may tell where it is.
-    pub by_few: bool,
-    /// How far from its expected place it is looked for.
-    pub reach_px: i32,
-    /// The cameras that showed it in the frame before.
-    pub saw_it: [bool; 2],
-}
-
-impl Expected {
-    /// The racket in one frame, and the bands by which it is known in the next.
-    pub fn find(&self, scene: &RacketScene, mut images: [Option<GreyView>; 2], least_contrast: &[f64; 2]) -> (Option<RacketFrame>, Option<KnownBands>) {
-        let look = if self.goes_on { measure_following } else { measure };
-        loop {
-            let mut found = look(scene, &images, &self.foretold.pose, self.reach_px, least_contrast);
-            let known = found.as_ref().and_then(|frame| KnownBands::of(scene, &images, frame, least_contrast));
-            // Depth and attitude are poorly told by one camera: there, as where few bands are seen, they go on as they went.
-            if self.goes_on && self.by_few && !found.as_ref().is_some_and(RacketFrame::stereo) {
-                found = measure_foretold(scene, &images, &self.foretold, self.reach_px, least_contrast).or(found);
-            }
-            match found.as_ref().and_then(|frame| self.lone_in(frame)) {
-                Some(camera) => images[camera] = None,
-                None => return (found, known),
-            }
-        }
-    }
-
-    /// The camera that shows a single band and did not show the racket before: that may be another thing, and would tell the depth.
-    fn lone_in(&self, frame: &RacketFrame) -> Option<usize> {
-        (0..2).find(|camera| !self.saw_it[*camera] && frame.points[*camera].iter().flatten().count() == 1)
-    }
-}
-
-/// The racket where too few bands are seen to tell its pose: those near their foretold places, and the pose that they and what was foretold agree
-/// on. `None` where fewer than [`FEWEST_FORETOLD`] agree.
-fn measure_foretold(scene: &RacketScene, images: &[Option<GreyView>; 2], foretold: &Foretold, reach_px: i32, least_contrast: &[f64; 2]) -> Option<RacketFrame> {
-    let mut fits: Vec<(CameraId, usize, BandFit)> = Vec::with_capacity(ALL_BANDS);
-    add_bands(scene, images, &foretold.pose, (reach_px, false), least_contrast, &mut fits);
-    let pose = agree_foretold(scene, &mut fits, foretold)?;
-    // Once more from where the first ones say that the others are.
-    add_bands(scene, images, &pose.global_from_racket, (1, false), least_contrast, &mut fits);
-    let pose = agree_foretold(scene, &mut fits, foretold)?;
-    Some(RacketFrame { pose, points: points_of(&fits), foretold: true })
-}
-
-/// Fewest bands, and fewest markers, that tell with what was foretold where the racket is, and most that may disagree.
-const FEWEST_FORETOLD: usize = 3;
-const FEWEST_MARKERS_FORETOLD: usize = 2;
-const MOST_DISAGREE: usize = 1;
-/// Most that a foretold pose may be off, in deviations of its six numbers together.
-const MOST_OFF: f64 = 4.0;
-
-/// The pose that bands and what was foretold agree on; one that does not is removed.
-fn agree_foretold(scene: &RacketScene, fits: &mut Vec<(CameraId, usize, BandFit)>, foretold: &Foretold) -> Option<RacketPose> {
-    for _ in 0..=MOST_DISAGREE {
-        let mut markers = [false; 5];
-        fits.iter().for_each(|f| markers[f.1] = true);
-        if fits.len() < FEWEST_FORETOLD || markers.iter().filter(|m| **m).count() < FEWEST_MARKERS_FORETOLD {
-            return None;
-        }
-        let observations = observations_of(fits);
-        let pose = fit_pose_near(scene.view, scene.figure, &observations, foretold).ok()?;
-        match worst_miss(scene, &observations, &pose)? {
-            (i, z) if z > OUTLIER => fits.remove(i),
-            _ => return (foretold.off(&pose.global_from_racket) < MOST_OFF).then_some(pose),
-        };
-    }
-    None
 }
 
 /// Fewer bands than this in one camera's picture tell little beside the other's.
@@ -477,7 +403,7 @@ fn find(
     (f.white - f.black > least_contrast && (f.uv - band.centre).norm() < HALF_SEEN_SHIFT_PX).then_some(f)
 }
 
-fn points_of(fits: &[(CameraId, usize, BandFit)]) -> [[Option<ImagePoint>; 5]; 2] {
+pub(super) fn points_of(fits: &[(CameraId, usize, BandFit)]) -> [[Option<ImagePoint>; 5]; 2] {
     let mut points = [[None; 5]; 2];
     for (camera, marker, f) in fits {
         points[camera.index()][*marker] = Some(image_point(f));
@@ -485,7 +411,7 @@ fn points_of(fits: &[(CameraId, usize, BandFit)]) -> [[Option<ImagePoint>; 5]; 2
     points
 }
 
-fn observations_of(fits: &[(CameraId, usize, BandFit)]) -> Vec<MarkerObservation> {
+pub(super) fn observations_of(fits: &[(CameraId, usize, BandFit)]) -> Vec<MarkerObservation> {
     fits.iter().map(|(camera, marker, f)| MarkerObservation { camera: *camera, marker: *marker, point: image_point(f) }).collect()
 }
 
@@ -515,7 +441,7 @@ fn agree(scene: &RacketScene, fits: &mut Vec<(CameraId, usize, BandFit)>, start:
 }
 
 /// The observation that misses a pose most, and by how many deviations (with what a good one may miss it by).
-fn worst_miss(scene: &RacketScene, observations: &[MarkerObservation], pose: &RacketPose) -> Option<(usize, f64)> {
+pub(super) fn worst_miss(scene: &RacketScene, observations: &[MarkerObservation], pose: &RacketPose) -> Option<(usize, f64)> {
     let mut worst = (0, 0.0);
     for (i, o) in observations.iter().enumerate() {
         let (p, _) = scene.figure.patch_in_global(o.marker, &pose.global_from_racket, scene.view.eye(o.camera));

@@ -4,9 +4,10 @@ use super::band::{BandView, USUAL_BLUR_PX};
 use super::band_search::{self, BandCandidate, MOST};
 use super::face;
 use super::racket_figure::RacketFigure;
+use super::racket_foretold::Expected;
 use super::racket_pose::Foretold;
 use super::racket_search::{self, Reach};
-use super::racket_track::{self, Expected, KnownBands, LEAST_CONTRAST, RacketFrame};
+use super::racket_track::{self, KnownBands, LEAST_CONTRAST, RacketFrame};
 use super::recording::{Fingerprint, Fingerprints};
 use super::shot_frames::{PATIENCE, Shot, spread};
 use super::shot_tracks::TrackingError;
@@ -494,24 +495,14 @@ impl<S: FrameSource> Shot<'_, S> {
                 Some(frame) => {
                     let pose = frame.pose.global_from_racket;
                     saw_it = frame.points.map(|c| c.iter().any(Option::is_some));
-                    if frame.foretold {
-                        foretold_for += 1;
-                        previous = Some(last);
+                    // One camera alone tells depth poorly: recorded, but the motion goes on from the frames before.
+                    if frame.foretold || frame.stereo() {
+                        previous = if lost <= PATIENCE { Some(last) } else { None };
                         last = (now, pose);
-                        lost = 0;
-                        out.push((index, frame));
-                        continue;
+                        foretold_for = if frame.foretold { foretold_for + 1 } else { 0 };
+                        (lost, look_next) = (0, FIRST_LOOK);
+                        without.clear();
                     }
-                    if !frame.stereo() {
-                        // Its depth is poor: recorded, but the motion goes on from the frames before.
-                        out.push((index, frame));
-                        continue;
-                    }
-                    previous = if lost <= PATIENCE { Some(last) } else { None };
-                    last = (now, pose);
-                    foretold_for = 0;
-                    (lost, look_next) = (0, FIRST_LOOK);
-                    without.clear();
                     out.push((index, frame));
                 }
                 None => {

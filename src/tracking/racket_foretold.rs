@@ -1,0 +1,84 @@
+//! A racket that is followed, in the next frame: where its bands tell its pose, measured from them alone; where too few are seen, with the pose that
+//! the frames before foretell.
+
+use super::band::BandFit;
+use super::racket_pose::{Foretold, RacketPose, fit_pose_near};
+use super::racket_track::{
+    ALL_BANDS, KnownBands, OUTLIER, RacketFrame, RacketScene, add_bands, measure, measure_following, observations_of, points_of, worst_miss,
+};
+use crate::calibration::CameraId;
+use crate::footage::GreyView;
+
+/// Fewest bands, and fewest markers, that tell with what was foretold where the racket is, and most that may disagree.
+const FEWEST_FORETOLD: usize = 3;
+const FEWEST_MARKERS_FORETOLD: usize = 2;
+const MOST_DISAGREE: usize = 1;
+/// Most that a foretold pose may be off, in deviations of its six numbers together.
+const MOST_OFF: f64 = 4.0;
+
+/// A racket that is followed: where it is expected in a frame.
+pub struct Expected {
+    pub foretold: Foretold,
+    /// The frames before say how it moves.
+    pub goes_on: bool,
+    /// Few bands may tell where it is.
+    pub by_few: bool,
+    /// How far from its expected place it is looked for.
+    pub reach_px: i32,
+    /// The cameras that showed it in the frame before.
+    pub saw_it: [bool; 2],
+}
+
+impl Expected {
+    /// The racket in one frame, and the bands by which it is known in the next.
+    pub fn find(&self, scene: &RacketScene, mut images: [Option<GreyView>; 2], least_contrast: &[f64; 2]) -> (Option<RacketFrame>, Option<KnownBands>) {
+        let look = if self.goes_on { measure_following } else { measure };
+        loop {
+            let mut found = look(scene, &images, &self.foretold.pose, self.reach_px, least_contrast);
+            let known = found.as_ref().and_then(|frame| KnownBands::of(scene, &images, frame, least_contrast));
+            // Depth and attitude are poorly told by one camera: there, as where few bands are seen, they go on as they went.
+            if self.goes_on && self.by_few && !found.as_ref().is_some_and(RacketFrame::stereo) {
+                found = measure_foretold(scene, &images, &self.foretold, self.reach_px, least_contrast).or(found);
+            }
+            match found.as_ref().and_then(|frame| self.lone_in(frame)) {
+                Some(camera) => images[camera] = None,
+                None => return (found, known),
+            }
+        }
+    }
+
+    /// The camera that shows a single band and did not show the racket before: that may be another thing, and would tell the depth.
+    fn lone_in(&self, frame: &RacketFrame) -> Option<usize> {
+        (0..2).find(|camera| !self.saw_it[*camera] && frame.points[*camera].iter().flatten().count() == 1)
+    }
+}
+
+/// The racket where too few bands are seen to tell its pose: those near their foretold places, and the pose that they and what was foretold agree
+/// on. `None` where fewer than [`FEWEST_FORETOLD`] agree.
+fn measure_foretold(scene: &RacketScene, images: &[Option<GreyView>; 2], foretold: &Foretold, reach_px: i32, least_contrast: &[f64; 2]) -> Option<RacketFrame> {
+    let mut fits: Vec<(CameraId, usize, BandFit)> = Vec::with_capacity(ALL_BANDS);
+    add_bands(scene, images, &foretold.pose, (reach_px, false), least_contrast, &mut fits);
+    let pose = agree_foretold(scene, &mut fits, foretold)?;
+    // Once more from where the first ones say that the others are.
+    add_bands(scene, images, &pose.global_from_racket, (1, false), least_contrast, &mut fits);
+    let pose = agree_foretold(scene, &mut fits, foretold)?;
+    Some(RacketFrame { pose, points: points_of(&fits), foretold: true })
+}
+
+/// The pose that bands and what was foretold agree on; one that does not is removed.
+fn agree_foretold(scene: &RacketScene, fits: &mut Vec<(CameraId, usize, BandFit)>, foretold: &Foretold) -> Option<RacketPose> {
+    for _ in 0..=MOST_DISAGREE {
+        let mut markers = [false; 5];
+        fits.iter().for_each(|f| markers[f.1] = true);
+        if fits.len() < FEWEST_FORETOLD || markers.iter().filter(|m| **m).count() < FEWEST_MARKERS_FORETOLD {
+            return None;
+        }
+        let observations = observations_of(fits);
+        let pose = fit_pose_near(scene.view, scene.figure, &observations, foretold).ok()?;
+        match worst_miss(scene, &observations, &pose)? {
+            (i, z) if z > OUTLIER => fits.remove(i),
+            _ => return (foretold.off(&pose.global_from_racket) < MOST_OFF).then_some(pose),
+        };
+    }
+    None
+}

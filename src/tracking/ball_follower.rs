@@ -43,20 +43,27 @@ pub struct BallFollower<'s> {
     /// Frames not yet looked at, and whether the first or the last of them is nearest.
     ahead: Range<usize>,
     forth: bool,
+    /// One of so many frames is looked at; times are counted in looks.
+    every: usize,
     way: BallWay,
     pub(super) half: HalfFlight,
     buffers: [FrameBuffer; 2],
     looked_at: usize,
-    /// Frames since it was last seen.
+    /// Looks since it was last seen.
     lost: usize,
-    /// Frame numbers at which both cameras and either one saw it last.
+    /// When both cameras and either one saw it last.
     seen_by_both: f64,
     seen_by: [f64; 2],
 }
 
 /// Takes the nearest of the frames ahead: the first (`forth`) or the last.
 pub fn nearest(ahead: &mut Range<usize>, forth: bool) -> Option<usize> {
-    if forth { ahead.next() } else { ahead.next_back() }
+    nth_nearest(ahead, forth, 1)
+}
+
+/// Takes so many of the frames ahead, the last of them being the one asked for.
+fn nth_nearest(ahead: &mut Range<usize>, forth: bool, n: usize) -> Option<usize> {
+    if forth { ahead.nth(n - 1) } else { ahead.nth_back(n - 1) }
 }
 
 /// Both ways of a flight beside each other.
@@ -67,12 +74,12 @@ pub fn both(ways: &mut [BallFollower; 2], follow: impl Fn(&mut BallFollower) -> 
 }
 
 impl<S: FrameSource> Shot<'_, S> {
-    /// Follows a flight found in three frames, the first of them `first`, toward the clip's end or its beginning.
-    pub(super) fn follower<'s>(&self, scene: &'s BallScene, first: usize, flight: &[BallFrame; 3], forth: bool) -> BallFollower<'s> {
+    /// Follows a flight found in three frames, the first of them `first`, toward the clip's end or its beginning, looking at one of `every` frames.
+    pub(super) fn follower<'s>(&self, scene: &'s BallScene, first: usize, flight: &[BallFrame; 3], forth: bool, every: usize) -> BallFollower<'s> {
         let apart = self.apart();
         let middle = (first + apart, flight[1]);
         let (last, ahead) = if forth { (2, first + 2 * apart + 1..self.source.len()) } else { (0, 0..first) };
-        self.follower_along(scene, middle, (first + last * apart, flight[last]), ahead, forth)
+        self.follower_through(scene, middle, (first + last * apart, flight[last]), ahead, forth, every)
     }
 
     /// Follows what was seen in two frames, the nearer one last, through those `ahead`, up (`forth`) or down.
@@ -84,11 +91,24 @@ impl<S: FrameSource> Shot<'_, S> {
         ahead: Range<usize>,
         forth: bool,
     ) -> BallFollower<'s> {
-        let at = |i: usize| self.source.number(i) as f64;
+        self.follower_through(scene, before, last, ahead, forth, 1)
+    }
+
+    fn follower_through<'s>(
+        &self,
+        scene: &'s BallScene,
+        before: (usize, BallFrame),
+        last: (usize, BallFrame),
+        ahead: Range<usize>,
+        forth: bool,
+        every: usize,
+    ) -> BallFollower<'s> {
+        let at = |i: usize| self.source.number(i) as f64 / every as f64;
         BallFollower {
             scene,
             ahead,
             forth,
+            every,
             way: BallWay::new([before, last].map(|(index, ball)| (at(index), ball.position))),
             half: HalfFlight::default(),
             buffers: Default::default(),
@@ -105,9 +125,9 @@ impl<S: FrameSource> Shot<'_, S> {
         Ok(follower.half)
     }
 
-    /// The ball so many frames farther, or until it is lost.
-    pub(super) fn follow_on(&self, follower: &mut BallFollower, frames: usize) -> Result<(), TrackingError> {
-        for _ in 0..frames {
+    /// The ball so many looks farther, or until it is lost.
+    pub(super) fn follow_on(&self, follower: &mut BallFollower, looks: usize) -> Result<(), TrackingError> {
+        for _ in 0..looks {
             if !self.look_ahead(follower)? {
                 break;
             }
@@ -117,26 +137,27 @@ impl<S: FrameSource> Shot<'_, S> {
 
     /// Looks for the ball in the next frame; `false` when it is followed no farther.
     fn look_ahead(&self, follower: &mut BallFollower) -> Result<bool, TrackingError> {
-        let BallFollower { scene, ahead, forth, way, half, buffers, looked_at, lost, seen_by_both, seen_by } = follower;
+        let BallFollower { scene, ahead, forth, every, way, half, buffers, looked_at, lost, seen_by_both, seen_by } = follower;
         // A ball is no ball for one camera alone from the beginning.
         if *lost > PATIENCE || *looked_at == TRIED && LEAST_BY_BOTH * half.frames.iter().filter(|(_, b, _)| b.stereo).count() < TRIED {
             return Ok(false);
         }
-        let Some(index) = nearest(ahead, *forth) else { return Ok(false) };
-        let now = self.source.number(index) as f64;
+        let Some(index) = nth_nearest(ahead, *forth, *every) else { return Ok(false) };
+        let now = self.source.number(index) as f64 / *every as f64;
         let unseen = (now - *seen_by_both).abs();
+        let unseen_frames = unseen * *every as f64;
         let predicted = way.foretold(now);
         // What one camera alone saw go straight on has not turned: the other will find it where it is foretold. Otherwise the strings may have it.
-        let goes_on = way.is_straight() && seen_by.iter().any(|seen| (now - seen).abs() <= 1.0);
+        let goes_on = way.is_straight() && seen_by.iter().any(|seen| (now - seen).abs() < 1.5);
         let reach_px = seen_by.map(|seen| {
             let unseen = if way.is_straight() { (now - seen).abs() } else { unseen };
             if goes_on { 3.0 + 0.25 * unseen } else { 2.0 + 2.0 * unseen }.min(12.0) as i32
         });
         let close = self.read_rows(index, scene.close_rows(&predicted), buffers)?;
-        let (found, levels, images) = match scene.measure_close(&close, &predicted, None, unseen, way.is_straight()) {
+        let (found, levels, images) = match scene.measure_close(&close, &predicted, None, unseen_frames, way.is_straight()) {
             Err(fits) => {
                 let images = self.read_rows(index, self.ball_rows(scene, &predicted, reach_px[0].max(reach_px[1])), buffers)?;
-                (scene.measure(&images, &predicted, reach_px, unseen, &fits), None, images)
+                (scene.measure(&images, &predicted, reach_px, unseen_frames, &fits), None, images)
             }
             Ok((found, levels)) => (Some(found), Some(levels), close),
         };
@@ -148,7 +169,7 @@ impl<S: FrameSource> Shot<'_, S> {
             *lost += 1;
             return Ok(true);
         };
-        let saw_it = seen_by.map(|seen| (now - seen).abs() <= 1.0);
+        let saw_it = seen_by.map(|seen| (now - seen).abs() < 1.5);
         way.go_on(now, ball.position, scene.as_foretold(&ball, &predicted, saw_it));
         *lost = 0;
         if ball.stereo {

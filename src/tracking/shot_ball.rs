@@ -88,9 +88,20 @@ impl<S: FrameSource> Shot<'_, S> {
         Ok(FirstLook { first: first.unwrap_or_default(), flights, tried: None })
     }
 
-    /// A follower has come so far when the racket is asked whether what it follows is a part of it.
-    pub(super) fn try_out(&self, follower: &mut BallFollower) -> Result<(), TrackingError> {
-        self.follow_on(follower, (TRIAL_S * self.setup.frame_rate_hz) as usize)
+    /// Who follows a flight one way, when the racket is asked whether what it follows is a part of it: as often as the flight was seen, in frames as
+    /// far apart, shows that.
+    pub(super) fn tried_out<'s>(&self, scene: &'s BallScene, first: usize, flight: &[BallFrame; 3], forth: bool) -> Result<BallFollower<'s>, TrackingError> {
+        let every = self.apart();
+        let mut follower = self.follower(scene, first, flight, forth, every);
+        self.follow_on(&mut follower, (TRIAL_S * self.setup.frame_rate_hz) as usize / every)?;
+        Ok(follower)
+    }
+
+    /// Whether what was tried out, `every` so many frames, moves as no ball does.
+    fn moves_as_no_ball(&self, tried: &[Option<BallFrame>], racket: &[Option<RacketFrame>]) -> bool {
+        let every = self.apart() as f64;
+        let looks: Vec<Sighting> = self.sightings(tried, racket).into_iter().map(|s| Sighting { number: s.number / every, ..s }).collect();
+        ball_choice::likeness(&looks, tried.iter().flatten().count(), self.setup.frame_rate_hz / every).score.is_infinite()
     }
 
     /// Finds the ball that meets the racket and follows it both ways, beginning with what the first look found, if there was one.
@@ -106,7 +117,7 @@ impl<S: FrameSource> Shot<'_, S> {
         let mut best = (f64::INFINITY, Flight { frames: vec![None; n], means: Default::default(), kept: vec![None; n] });
         let (mut clear, mut turned) = (false, false);
         let mut claimed: Vec<Vec<Option<BallFrame>>> = Vec::new();
-        let mut of_the_racket: Vec<Vec<Option<BallFrame>>> = Vec::new();
+        let mut told: Vec<Vec<Option<BallFrame>>> = Vec::new();
         for against_another in [false, true] {
             if clear || against_another && self.stands_in(&claimed, racket, 0) {
                 break;
@@ -119,33 +130,36 @@ impl<S: FrameSource> Shot<'_, S> {
                     None => self.flights_from(first, scene, still)?,
                 };
                 for FreeFlight { balls: flight, clear: told_clearly } in flights {
-                    if claimed.iter().chain(&of_the_racket).any(|t| stands_at(t, first + self.apart(), &flight[1])) {
+                    let stands = |t: &Vec<Option<BallFrame>>| (first + 1..first + 2 * self.apart()).any(|index| stands_at(t, index, &flight[1]));
+                    if claimed.iter().chain(&told).any(stands) {
                         continue;
                     }
                     let mut ways = match tried_ahead.take() {
                         Some(ways) => ways,
                         None => {
-                            let mut ways = [false, true].map(|forth| self.follower(scene, first, &flight, forth));
-                            both(&mut ways, |follower| self.try_out(follower))?;
-                            ways
+                            let tried_out = |forth: bool| self.tried_out(scene, first, &flight, forth);
+                            let (back, forth) = rayon::join(|| tried_out(false), || tried_out(true));
+                            [back?, forth?]
                         }
                     };
                     // What goes with the racket shows it soon.
                     let tried = self.followed(first, &flight, ways.iter().map(|way| &way.half));
                     if self.is_part_of_the_racket(&tried, racket) {
-                        of_the_racket.push(tried);
+                        told.push(tried);
                         continue;
                     }
                     // What faint outlines tell is another thing in seven cases of ten, and moves as no ball does.
-                    let so_far = self.sightings(&tried, racket);
-                    if !told_clearly && ball_choice::likeness(&so_far, tried.iter().flatten().count(), self.setup.frame_rate_hz).score.is_infinite() {
-                        claimed.push(tried);
+                    if !told_clearly && self.moves_as_no_ball(&tried, racket) {
+                        told.push(tried);
                         continue;
+                    }
+                    if self.apart() > 1 {
+                        ways = [false, true].map(|forth| self.follower(scene, first, &flight, forth, 1));
                     }
                     both(&mut ways, |follower| self.follow_on(follower, n))?;
                     let track = self.whole_flight(first, &flight, ways.map(|way| way.half));
                     if self.is_part_of_the_racket(&track.frames, racket) {
-                        of_the_racket.push(track.frames);
+                        told.push(track.frames);
                         continue;
                     }
                     let count = track.frames.iter().flatten().count();

@@ -68,8 +68,7 @@ pub fn side_by_side<'a, 'c, 's, S: FrameSource>(shot: &'a mut Shot<'c, S>, watch
                     if let Some(look) = looked.get()
                         && let Some(flight) = look.flights.first()
                     {
-                        let mut follower = watched.follower(scene, look.first, &flight.balls, forth);
-                        put(&balls[usize::from(forth)], watched.try_out(&mut follower).map(|()| follower));
+                        put(&balls[usize::from(forth)], watched.tried_out(scene, look.first, &flight.balls, forth));
                     }
                 }
             }

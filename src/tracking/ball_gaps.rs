@@ -281,7 +281,7 @@ impl<S: FrameSource> Shot<'_, S> {
             for first in [from_before, from_after].into_iter().flatten() {
                 let flights = [self.flights_from(first, scene, still)?, self.flights_against_another(first, scene)?];
                 for FreeFlight { balls: three, .. } in flights.into_iter().flatten() {
-                    if tried.iter().any(|t| stands_at(t, first + apart, &three[1])) {
+                    if tried.iter().any(|t| stands_at(t, first + apart, &three[1], 1)) {
                         continue;
                     }
                     let forth = self.follower_along(scene, (first + apart, three[1]), (first + 2 * apart, three[2]), first + 2 * apart + 1..gap.end, true);
@@ -326,9 +326,15 @@ impl<S: FrameSource> Shot<'_, S> {
     }
 }
 
-/// Whether what was followed stands in a frame where another thing is.
-pub(super) fn stands_at(frames: &[Option<BallFrame>], index: usize, thing: &BallFrame) -> bool {
-    frames[index].is_some_and(|b| (b.position - thing.position).norm() < SAME_BALL_M)
+/// Whether what was followed in one of `every` frames or more stands in a frame where another thing is.
+pub(super) fn stands_at(frames: &[Option<BallFrame>], index: usize, thing: &BallFrame, every: usize) -> bool {
+    let seen = |at: Option<usize>| Some((at?, frames.get(at?)?.as_ref()?.position));
+    let beside = || {
+        let (before, here) = (1..every).find_map(|k| seen(index.checked_sub(k)))?;
+        let (after, there) = (1..every).find_map(|k| seen(Some(index + k)))?;
+        (after - before <= every).then(|| here + (there - here) * ((index - before) as f64 / (after - before) as f64))
+    };
+    seen(Some(index)).map(|(_, at)| at).or_else(beside).is_some_and(|at| (at - thing.position).norm() < SAME_BALL_M)
 }
 
 /// Whether a flight, its nearest frames first, comes to where the ball is known; `None` where its end is too far away to tell.

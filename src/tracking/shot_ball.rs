@@ -130,8 +130,7 @@ impl<S: FrameSource> Shot<'_, S> {
                     None => self.flights_from(first, scene, still)?,
                 };
                 for FreeFlight { balls: flight, clear: told_clearly } in flights {
-                    let stands = |t: &Vec<Option<BallFrame>>| (first + 1..first + 2 * self.apart()).any(|index| stands_at(t, index, &flight[1]));
-                    if claimed.iter().chain(&told).any(stands) {
+                    if claimed.iter().chain(&told).any(|t| stands_at(t, first + self.apart(), &flight[1], self.apart())) {
                         continue;
                     }
                     let mut ways = match tried_ahead.take() {

@@ -88,6 +88,11 @@ impl<'a> GreyView<'a> {
         row.get((x as usize).checked_sub(first)?).copied()
     }
 
+    /// Whether a pixel lies beyond the picture's border.
+    pub fn is_beyond(&self, x: i64, y: i64) -> bool {
+        x < 0 || y < 0 || x >= self.width as i64 || y >= self.height as i64
+    }
+
     /// Whether a box (inclusive) lies inside the band, all its rows read.
     pub fn contains(&self, x0: i64, y0: i64, x1: i64, y1: i64) -> bool {
         let (first, count) = self.columns;

@@ -108,6 +108,11 @@ impl BandView {
         (self.along.y * along).abs() + self.along.x.abs() * (self.side_px + BESIDE_PX + self.bend.abs() * along * along) + 0.5
     }
 
+    /// How far from the centre a fit looks at pixels, px.
+    pub fn half_length(&self, shape: &BandShape) -> f64 {
+        (self.black_end(shape) + BESIDE_END_PX).hypot(self.side_px + BESIDE_PX)
+    }
+
     /// How far along the tube pixels are looked at, px.
     fn black_end(&self, shape: &BandShape) -> f64 {
         shape.white_half_m * self.px_per_m + (0.8 * shape.black_m * self.px_per_m).max(1.5)
@@ -149,6 +154,25 @@ impl BandView {
         let d1 = mean(&[(black, -side), (black, 0.0), (black, side)])?;
         let d2 = mean(&[(-black, -side), (-black, 0.0), (-black, side)])?;
         Some([bright - d1, bright - d2])
+    }
+
+    /// [`Self::contrast`] where it is expected, of those places that the picture holds: some of the white, and of either black band or of one.
+    pub fn contrast_inside(&self, image: &GreyView, shape: &BandShape) -> Option<f64> {
+        let white = shape.white_half_m * self.px_per_m;
+        let black = white + 0.5 * shape.black_m * self.px_per_m;
+        let side = 0.45 * self.radius_px;
+        let mean = |places: &[(f64, f64)]| -> Option<f64> {
+            let seen = places.iter().filter_map(|(a, b)| {
+                let p = self.place(*a, *b);
+                image.get((p.x + 1.5) as i64 - 1, (p.y + 1.5) as i64 - 1)
+            });
+            let (sum, n) = seen.fold((0.0, 0.0), |(sum, n), grey| (sum + f64::from(grey), n + 1.0));
+            (n > 0.0).then(|| sum / n)
+        };
+        let w = 0.4 * white;
+        let bright = mean(&[(-w, 0.0), (0.0, -side), (0.0, side), (w, 0.0)])?;
+        let blacks = [black, -black].map(|b| mean(&[(b, -side), (b, 0.0), (b, side)]));
+        blacks.into_iter().flatten().map(|b| bright - b).reduce(f64::min)
     }
 
     /// The shift (t, s) within `reach_px` at which the contrast is largest, with that contrast.
@@ -234,6 +258,8 @@ pub enum BandPart {
     /// The white's middle and what lies ahead of it along the tube; something covers what lies behind.
     Ahead,
     Behind,
+    /// What the picture holds of it: its border cuts the rest off.
+    Inside,
 }
 
 /// Fits the band's place, starting `start` px (along, across) from the expected one, and with the grey levels of a similar picture
@@ -266,7 +292,7 @@ fn fit_in(
     let side = band.side_px;
     let inside = -0.3 * white_half;
     let ends = match part {
-        BandPart::Whole => (-black_end, black_end),
+        BandPart::Whole | BandPart::Inside => (-black_end, black_end),
         BandPart::Ahead => (inside, black_end),
         BandPart::Behind => (-black_end, -inside),
     };
@@ -282,14 +308,15 @@ fn fit_in(
         levels: like.map(|l| l.levels),
         scale: like.map_or(f64::INFINITY, |l| l.scale),
     };
+    let cut = part == BandPart::Inside;
     let mut looked_at = start;
     let mut last_step = f64::INFINITY;
-    gather(pixels, image, band, start, ends, side)?;
+    gather(pixels, image, band, start, (ends, side), cut)?;
     for round in 0..ROUNDS {
         let (t0, s0) = model.middle;
         if (t0 - looked_at.0).abs().max((s0 - looked_at.1).abs()) > LOOK_AGAIN_PX {
             looked_at = model.middle;
-            gather(pixels, image, band, looked_at, ends, side)?;
+            gather(pixels, image, band, looked_at, (ends, side), cut)?;
         }
         let BandSums { jtj, mut jtr, weight, chi } = pixels.sums(&model);
         if weight < 12.0 {
@@ -373,9 +400,9 @@ fn fit_in(
 }
 
 /// The pixels of a band whose middle is at `middle` (along, across), between `ends` along and up to `side` across, px from it, with what
-/// lies beside them; `None` where they leave the picture.
-fn gather(pixels: &mut BandPixels, image: &GreyView, band: &BandView, middle: (f64, f64), ends: (f64, f64), side: f64) -> Option<()> {
-    pulp::Arch::new().dispatch(Gathering { pixels: &mut *pixels, image, band, middle, ends, side })?;
+/// lies beside them; `None` where they leave the picture, unless its border may `cut` them off.
+fn gather(pixels: &mut BandPixels, image: &GreyView, band: &BandView, middle: (f64, f64), (ends, side): ((f64, f64), f64), cut: bool) -> Option<()> {
+    pulp::Arch::new().dispatch(Gathering { pixels: &mut *pixels, image, band, middle, ends, side, cut })?;
     let mut beside = Beside::new(ends.0 - BESIDE_END_PX, ends.1 + BESIDE_END_PX);
     for [along, aside, grey] in pixels.beside_it() {
         beside.add(*along, *aside >= 0.0, *grey);
@@ -392,6 +419,7 @@ struct Gathering<'a> {
     middle: (f64, f64),
     ends: (f64, f64),
     side: f64,
+    cut: bool,
 }
 
 impl pulp::NullaryFnOnce for Gathering<'_> {
@@ -404,7 +432,7 @@ impl pulp::NullaryFnOnce for Gathering<'_> {
 }
 
 #[inline(always)]
-fn gather_rows(Gathering { pixels, image, band, middle, ends, side }: Gathering) -> Option<()> {
+fn gather_rows(Gathering { pixels, image, band, middle, ends, side, cut }: Gathering) -> Option<()> {
     pixels.clear();
     let across = band.across();
     let length = ends.1.max(-ends.0) + BESIDE_END_PX;
@@ -440,7 +468,8 @@ fn gather_rows(Gathering { pixels, image, band, middle, ends, side }: Gathering)
         for x in from..=to {
             match row.and_then(|row| row.get(usize::try_from(x).ok()?)) {
                 Some(grey) => pixels.push_row(place(x), step, std::slice::from_ref(grey), &zone),
-                None if zone.holds(place(x)) => return None,
+                // A row that was not read is not beyond the border.
+                None if zone.holds(place(x)) && !(cut && image.is_beyond(x, y)) => return None,
                 None => {}
             }
         }

@@ -10,7 +10,7 @@ use crate::calibration::CameraId;
 use crate::footage::GreyView;
 
 /// Fewest bands, and fewest markers, that tell with what was foretold where the racket is, and most that may disagree.
-const FEWEST_FORETOLD: usize = 3;
+const FEWEST_FORETOLD: usize = 2;
 const FEWEST_MARKERS_FORETOLD: usize = 2;
 const MOST_DISAGREE: usize = 1;
 /// Most that a foretold pose may be off, in deviations of its six numbers together.
@@ -60,7 +60,7 @@ fn measure_foretold(scene: &RacketScene, images: &[Option<GreyView>; 2], foretol
     add_bands(scene, images, &foretold.pose, (reach_px, false), least_contrast, &mut fits);
     let pose = agree_foretold(scene, &mut fits, foretold)?;
     // Once more from where the first ones say that the others are.
-    add_bands(scene, images, &pose.global_from_racket, (1, false), least_contrast, &mut fits);
+    add_bands(scene, images, &pose.global_from_racket, (1, true), least_contrast, &mut fits);
     let pose = agree_foretold(scene, &mut fits, foretold)?;
     Some(RacketFrame { pose, points: points_of(&fits), foretold: true })
 }

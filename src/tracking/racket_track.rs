@@ -377,10 +377,28 @@ fn find(
     least_contrast: f64,
 ) -> Option<BandFit> {
     let band = BandView::at(scene.view, scene.figure, pose, camera, marker)?;
-    let (t, s, contrast) = band.search(image, scene.shape, reach_px)?;
     let least_contrast = least_of(scene, &band, least_contrast);
+    find_whole(scene, image, &band, (reach_px, weak), least_contrast).or_else(|| if weak { find_cut(scene, image, &band, least_contrast) } else { None })
+}
+
+/// One band near the picture's border, which cuts off some of it, right where the others say it is.
+fn find_cut(scene: &RacketScene, image: &GreyView, band: &BandView, least_contrast: f64) -> Option<BandFit> {
+    let inside = |uv: &Vector2<f64>| !image.is_beyond((uv.x + 0.5).floor() as i64, (uv.y + 0.5).floor() as i64);
+    let reach = band.half_length(scene.shape);
+    let cut = [-1.0, 1.0].into_iter().any(|sign| !inside(&(band.centre.add_scalar(sign * reach))));
+    if !cut || !inside(&band.centre) || band.contrast_inside(image, scene.shape)? < least_contrast {
+        return None;
+    }
+    let f = band::fit(image, band, scene.shape, (0.0, 0.0), BandPart::Inside, None)?;
+    let sure = f.covariance.trace() < SPECK_SD_PX * SPECK_SD_PX && (f.uv - band.centre).norm() < HALF_SEEN_SHIFT_PX;
+    (f.white - f.black > least_contrast && sure && inside(&f.uv)).then_some(f)
+}
+
+/// One band of which all is in the picture.
+fn find_whole(scene: &RacketScene, image: &GreyView, band: &BandView, (reach_px, weak): (i32, bool), least_contrast: f64) -> Option<BandFit> {
+    let (t, s, contrast) = band.search(image, scene.shape, reach_px)?;
     if contrast >= least_contrast {
-        let f = band::fit(image, &band, scene.shape, (t, s), BandPart::Whole, None)?;
+        let f = band::fit(image, band, scene.shape, (t, s), BandPart::Whole, None)?;
         return (f.white - f.black > least_contrast).then_some(f);
     }
     if !weak {
@@ -388,7 +406,7 @@ fn find(
     }
     // A racket seen edge-on shows the tape at its tip as a speck: fainter than a band, but its place is known from the others.
     if scene.shape.white_half_m * band.px_per_m < SPECK_HALF_PX {
-        let f = band::fit(image, &band, scene.shape, (0.0, 0.0), BandPart::Whole, None)?;
+        let f = band::fit(image, band, scene.shape, (0.0, 0.0), BandPart::Whole, None)?;
         let sure = f.covariance.trace() < SPECK_SD_PX * SPECK_SD_PX && (f.uv - band.centre).norm() < HALF_SEEN_SHIFT_PX;
         return (f.white - f.black > least_contrast && sure).then_some(f);
     }
@@ -399,7 +417,7 @@ fn find(
     if contrast < least_contrast {
         return None;
     }
-    let f = band::fit(image, &band, scene.shape, (0.0, 0.0), part, None)?;
+    let f = band::fit(image, band, scene.shape, (0.0, 0.0), part, None)?;
     (f.white - f.black > least_contrast && (f.uv - band.centre).norm() < HALF_SEEN_SHIFT_PX).then_some(f)
 }
 

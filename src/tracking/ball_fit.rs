@@ -15,11 +15,15 @@ use nalgebra::{Matrix2, Vector2};
 use std::cell::RefCell;
 use std::sync::LazyLock;
 
+/// Fewest sectors that the picture's border must leave.
+const FEWEST_SEEN: f64 = 10.0;
 const ROUNDS: usize = 10;
 /// From this round on sectors that disagree count less.
 const ROBUST_FROM: usize = 3;
 /// What one sector is good to beyond its noise, px: lines and panels that touch the outline.
 const SECTOR_SD_PX: f64 = 0.12;
+/// Of a cut ball: what the whole outline may be thought too far out or in, px. A whole ball's opposite sectors cancel it.
+const RADIUS_SD_PX: f64 = 0.15;
 /// Rounds of the sectors' agreement end where the shift changes by less, px.
 const AGREED_PX: f64 = 1e-4;
 /// Tukey's limit, in deviations.
@@ -49,13 +53,19 @@ pub struct OutlineLevels {
     scale: f32,
 }
 
+thread_local! {
+    static RING: RefCell<BallRing> = RefCell::default();
+}
+
 /// Fits the centre, starting at `start` and with the levels of an earlier fit there if there was one, until a step is below `settled_px`. `None` when the ball leaves the picture, the fit runs away, or the picture does
 /// not determine the centre.
 pub fn fit(image: &GreyView, start: Vector2<f64>, radius_px: f64, profile: &LimbProfile, settled_px: f64, before: Option<&OutlineLevels>) -> Option<BallFit> {
-    thread_local! {
-        static RING: RefCell<BallRing> = RefCell::default();
-    }
-    RING.with_borrow_mut(|ring| fit_in(ring, image, start, radius_px, profile, settled_px, before))
+    RING.with_borrow_mut(|ring| fit_in(ring, image, start, radius_px, profile, settled_px, before, false))
+}
+
+/// [`fit`] of a ball of which the picture's border may cut some off: from the sectors that it holds.
+pub fn fit_cut(image: &GreyView, start: Vector2<f64>, radius_px: f64, profile: &LimbProfile, settled_px: f64) -> Option<BallFit> {
+    RING.with_borrow_mut(|ring| fit_in(ring, image, start, radius_px, profile, settled_px, None, true))
 }
 
 fn fit_in(
@@ -66,6 +76,7 @@ fn fit_in(
     profile: &LimbProfile,
     settled_px: f64,
     before: Option<&OutlineLevels>,
+    cut: bool,
 ) -> Option<BallFit> {
     if !(2.5..200.0).contains(&radius_px) {
         return None;
@@ -77,7 +88,11 @@ fn fit_in(
     let mut scale = before.map_or(f64::INFINITY, |b| f64::from(b.scale));
     // The first rounds find levels and place roughly: both are known where the picture has been measured before.
     for round in if before.is_some() { ROBUST_FROM } else { 0 }..ROUNDS {
-        let sectors = ring.round(image, &RingModel { centre, profile, levels: &levels, scale })?;
+        let sectors = ring.round(image, &RingModel { centre, profile, levels: &levels, scale }, cut)?;
+        let seen = sectors.seen.iter().sum::<f64>();
+        if seen < FEWEST_SEEN {
+            return None;
+        }
         let mut settle = |step: &Vector2<f64>| {
             for (k, (levels, u)) in levels.iter_mut().zip(directions).enumerate() {
                 let outward = u.dot(step);
@@ -90,8 +105,9 @@ fn fit_in(
             settle(&Vector2::zeros());
             continue;
         }
-        let mut variances = sectors.variance;
-        let usual = variances.select_nth_unstable_by(SECTORS / 2, f64::total_cmp).1.max(0.25);
+        // Those of cut sectors come last.
+        let mut variances: [f64; SECTORS] = std::array::from_fn(|k| if sectors.seen[k] > 0.0 { sectors.variance[k] } else { f64::INFINITY });
+        let usual = variances.select_nth_unstable_by(seen as usize / 2, f64::total_cmp).1.max(0.25);
         let agreed = pulp::Arch::new().dispatch(Agreement { sectors: &sectors, usual, tukey: if round < ROBUST_FROM { f64::INFINITY } else { TUKEY } })?;
         let step = agreed.shift.map(|v| v.clamp(-1.0, 1.0));
         centre += step;
@@ -104,11 +120,29 @@ fn fit_in(
             let outline_as_seen = OutlineLevels { levels: levels.map(|l| l.map(|v| v as f32)), scale: scale as f32 };
             // A lit ball is dark on one side.
             let inside = |sector: usize| profile.at(-1.0, sector).map_or(1.0, |l| f64::from(l.ball));
-            let edge = levels.iter().enumerate().map(|(k, l)| (l[1] * inside(k) - l[0]).abs()).sum::<f64>() / SECTORS as f64;
-            return Some(BallFit { uv: centre, covariance: agreed.covariance, outline: agreed.share, residual: usual.sqrt(), edge, outline_as_seen });
+            let edge = levels.iter().enumerate().map(|(k, l)| sectors.seen[k] * (l[1] * inside(k) - l[0]).abs()).sum::<f64>() / seen;
+            return Some(BallFit {
+                uv: centre,
+                covariance: agreed.covariance + of_radius(&sectors.seen),
+                outline: agreed.share,
+                residual: usual.sqrt(),
+                edge,
+                outline_as_seen,
+            });
         }
     }
     None
+}
+
+/// What a radius thought too large or too small adds to the covariance of a cut ball's centre, px².
+fn of_radius(seen: &[f64; SECTORS]) -> Matrix2<f64> {
+    if seen.iter().all(|s| *s > 0.0) {
+        return Matrix2::zeros();
+    }
+    let directions = || seen.iter().zip(&*DIRECTIONS);
+    let (outward, turned) = directions().fold((Vector2::zeros(), Matrix2::zeros()), |(v, m), (s, u)| (v + u * *s, m + u * u.transpose() * *s));
+    let per_px = turned.try_inverse().map_or_else(Vector2::zeros, |inverse| inverse * outward);
+    per_px * per_px.transpose() * (RADIUS_SD_PX * RADIUS_SD_PX)
 }
 
 struct Agreed {
@@ -154,9 +188,9 @@ fn agree(sectors: &SectorFits, usual: f64, tukey: f64) -> Option<Agreed> {
             let (d, x, y) = (sectors.outward[k], across[k], down[k]);
             let z = (d - (x * shift.x + y * shift.y)) * per_sd[k];
             let kept = (1.0 - (z / tukey) * (z / tukey)).max(0.0);
-            let w = if round == 0 { 1.0 } else { kept * kept };
+            let w = if round == 0 { sectors.seen[k] } else { sectors.seen[k] * kept * kept };
             let p = w * precision[k];
-            let good = if z.abs() < 2.5 { sure[k] } else { 0.0 };
+            let good = if z.abs() < 2.5 { sectors.seen[k] * sure[k] } else { 0.0 };
             let of_sector = [p * x * x, p * x * y, p * y * y, p * d * x, p * d * y, w * z * z, w, good];
             for i in 0..8 {
                 terms[i][k] = of_sector[i];

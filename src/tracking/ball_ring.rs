@@ -34,6 +34,8 @@ pub struct SectorFits {
     /// How surroundings and ball change where the outline stays, and by how much less for each px that it moves outward.
     pub change: [[f64; SECTORS]; 2],
     pub less_per_px: [[f64; SECTORS]; 2],
+    /// One, or zero where the picture's border cuts the sector.
+    pub seen: [f64; SECTORS],
 }
 
 /// What one round looks for.
@@ -110,19 +112,32 @@ impl BallRing {
         self.radius_px = radius_px;
     }
 
-    /// What every sector says; `None` when the ring leaves the picture.
-    pub fn round(&mut self, image: &GreyView, model: &RingModel) -> Option<SectorFits> {
+    /// What every sector says; `None` when the ring leaves the picture, unless its border may `cut` sectors off.
+    pub fn round(&mut self, image: &GreyView, model: &RingModel, cut: bool) -> Option<SectorFits> {
         let (centre, outer) = (model.centre, self.radius_px + OUTSIDE_PX);
         let (x0, x1) = ((centre.x - outer).ceil() as i64, (centre.x + outer).floor() as i64);
         let (y0, y1) = ((centre.y - outer).ceil() as i64, (centre.y + outer).floor() as i64);
-        if !image.contains(x0, y0, x1, y1) {
+        let whole = image.contains(x0, y0, x1, y1);
+        // A row that was not read is not beyond the border.
+        let (last_x, last_y) = (image.width as i64 - 1, image.height as i64 - 1);
+        if !whole && !(cut && image.contains(x0.max(0), y0.max(0), x1.min(last_x), y1.min(last_y))) {
             return None;
         }
         if self.plan.is_none() || (centre - self.middle).norm() > SLACK_PX {
             self.gather(image, &centre);
         }
         let slots = &self.plan.as_ref()?.slots;
-        Some(pulp::Arch::new().dispatch(Round { slots, grey: &self.grey, radius_px: self.radius_px, model, shift: centre - self.middle }))
+        let mut sectors = pulp::Arch::new().dispatch(Round { slots, grey: &self.grey, radius_px: self.radius_px, model, shift: centre - self.middle });
+        if !whole {
+            let inside = |p: Vector2<f64>| p.x >= 0.0 && p.y >= 0.0 && p.x <= last_x as f64 && p.y <= last_y as f64;
+            let side = |k: usize| {
+                let (sin, cos) = (std::f64::consts::TAU * k as f64 / SECTORS as f64).sin_cos();
+                Vector2::new(cos, sin)
+            };
+            let seen = |k: usize| [side(k), DIRECTIONS[k], side(k + 1)].into_iter().all(|u| inside(centre + u * outer));
+            sectors.seen = std::array::from_fn(|k| f64::from(u8::from(seen(k))));
+        }
+        Some(sectors)
     }
 
     fn gather(&mut self, image: &GreyView, centre: &Vector2<f64>) {
@@ -251,7 +266,7 @@ fn sectors_of(sums: &[Sectors; SUMS]) -> SectorFits {
         }
     }
     let [aa, ab, bb, aj, bj, ar, br, jj, jr, weight, chi] = &wide;
-    let mut out = SectorFits { outward: zero, information: zero, variance: zero, change: [zero; 2], less_per_px: [zero; 2] };
+    let mut out = SectorFits { outward: zero, information: zero, variance: zero, change: [zero; 2], less_per_px: [zero; 2], seen: [1.0; SECTORS] };
     for k in 0..SECTORS {
         let (a, b, c) = (aa[k] + 1e-3, ab[k], bb[k] + 1e-3);
         // Inverse of the normal matrix of the two levels.

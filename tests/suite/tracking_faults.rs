@@ -4,7 +4,7 @@
 use crate::shared::shared;
 use crate::tracking::true_rig;
 use image::GrayImage;
-use nalgebra::Vector3;
+use nalgebra::{Vector2, Vector3};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
@@ -320,11 +320,11 @@ fn real_a_racket_hidden_for_a_while_is_found_again_and_followed_back() {
     }
 }
 
-/// Both pictures end where markers pass: bands that the border cuts are found, and are where the whole pictures show them to within what they state
-/// (39 of 39 in the laboratory, their squared deviations 0.8 of what they state, 20 of 27 on court, 1.8).
+/// Both pictures end where markers and, in the laboratory, the ball pass: what the border cuts is found, and is where the whole pictures show it to
+/// within what it states. (On court the ball flies along that border for its whole flight, and is not found.)
 #[test]
-fn real_bands_that_the_border_cuts_are_where_whole_pictures_show_them() {
-    for (kind, height) in [("lab-11", 240u32), ("court-12", 264)] {
+fn real_bands_and_balls_that_the_border_cuts_are_where_whole_pictures_show_them() {
+    for (kind, height, most) in [("lab-11", 282u32, 2), ("court-12", 258, 1)] {
         let Some(mut r) = Recording::of(kind) else { return };
         let whole = r.track(SyncMode::Report).unwrap();
         for camera in CameraId::BOTH {
@@ -332,20 +332,24 @@ fn real_bands_that_the_border_cuts_are_where_whole_pictures_show_them() {
         }
         r.rig.image_size = [512, height as usize];
         let cut = r.track(SyncMode::Report).unwrap();
-        let (mut asked, mut squares) = (0, Vec::new());
-        for (frame, camera, marker) in r.frames().into_iter().flat_map(|f| CameraId::BOTH.into_iter().flat_map(move |c| Target::MARKERS.map(|m| (f, c, m)))) {
-            let Some(there) = whole.tracked.tracks.get(frame, camera, marker) else { continue };
-            let inside = f64::from(height) - 0.5 - there.uv.y;
-            let found = cut.tracked.tracks.get(frame, camera, marker);
-            assert!(inside > -0.5 || found.is_none(), "{kind} {frame}: {marker:?} beyond the border");
-            if (0.5..4.0).contains(&inside) {
-                asked += 1;
-                squares.extend(found.map(|f| (f.uv - there.uv).component_div(&f.sd).norm_squared() / 2.0));
+        let inside = |place: &Vector2<f64>| f64::from(height) - 0.5 - place.y;
+        for (targets, cut_from_px, fewest) in [(&Target::MARKERS[..], 4.0, 25), (&[Target::Ball][..], 8.0, 8)].into_iter().take(most) {
+            let (mut asked, mut squares) = (0, Vec::new());
+            for (frame, camera, target) in
+                r.frames().into_iter().flat_map(|f| CameraId::BOTH.into_iter().flat_map(move |c| targets.iter().map(move |t| (f, c, *t))))
+            {
+                let Some(there) = whole.tracked.tracks.get(frame, camera, target) else { continue };
+                let found = cut.tracked.tracks.get(frame, camera, target);
+                assert!(inside(&there.uv) > -1.0 || found.is_none(), "{kind} {frame}: {target:?} beyond the border");
+                if (0.5..cut_from_px).contains(&inside(&there.uv)) {
+                    asked += 1;
+                    squares.extend(found.map(|f| (f.uv - there.uv).component_div(&f.sd).norm_squared() / 2.0));
+                }
             }
+            let z2 = squares.iter().sum::<f64>() / squares.len() as f64;
+            assert!(asked >= fewest && 2 * squares.len() > asked, "{kind}, {targets:?}: {} of {asked}", squares.len());
+            assert!(z2 < 2.5, "{kind}, {targets:?}: {z2}");
         }
-        let z2 = squares.iter().sum::<f64>() / squares.len() as f64;
-        assert!(asked > 20 && 3 * squares.len() > 2 * asked, "{kind}: {} of {asked}", squares.len());
-        assert!(z2 < 2.5, "{kind}: {z2}");
     }
 }
 

@@ -79,22 +79,11 @@ impl<S: FrameSource> Shot<'_, S> {
         let apart = self.apart();
         let middle = (first + apart, flight[1]);
         let (last, ahead) = if forth { (2, first + 2 * apart + 1..self.source.len()) } else { (0, 0..first) };
-        self.follower_through(scene, middle, (first + last * apart, flight[last]), ahead, forth, every)
+        self.follower_along(scene, middle, (first + last * apart, flight[last]), ahead, forth, every)
     }
 
-    /// Follows what was seen in two frames, the nearer one last, through those `ahead`, up (`forth`) or down.
+    /// Follows what was seen in two frames, the nearer one last, through one of `every` frames of those `ahead`, up (`forth`) or down.
     pub(super) fn follower_along<'s>(
-        &self,
-        scene: &'s BallScene,
-        before: (usize, BallFrame),
-        last: (usize, BallFrame),
-        ahead: Range<usize>,
-        forth: bool,
-    ) -> BallFollower<'s> {
-        self.follower_through(scene, before, last, ahead, forth, 1)
-    }
-
-    fn follower_through<'s>(
         &self,
         scene: &'s BallScene,
         before: (usize, BallFrame),

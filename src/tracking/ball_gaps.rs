@@ -235,7 +235,7 @@ impl<S: FrameSource> Shot<'_, S> {
         let [.., b, a] = piece.as_slice() else { return Ok(None) };
         let (Some(last), Some(before)) = (flight.frames[a.index], flight.frames[b.index]) else { return Ok(None) };
         let (last, before) = ((a.index, last), (b.index, before));
-        let follower = self.follower_along(scene, before, last, gap.clone(), forth);
+        let follower = self.follower_along(scene, before, last, gap.clone(), forth, 1);
         let mut found = self.whole_flight(gap.start, &[], [self.follow_to_the_end(follower)?]);
         let seen = self.sightings(&found.frames, racket);
         // From the other end: turned round by the strings, it comes to where it is known beyond the gap.
@@ -284,8 +284,8 @@ impl<S: FrameSource> Shot<'_, S> {
                     if tried.iter().any(|t| stands_at(t, first + apart, &three[1], 1)) {
                         continue;
                     }
-                    let forth = self.follower_along(scene, (first + apart, three[1]), (first + 2 * apart, three[2]), first + 2 * apart + 1..gap.end, true);
-                    let back = self.follower_along(scene, (first + apart, three[1]), (first, three[0]), gap.start..first, false);
+                    let forth = self.follower_along(scene, (first + apart, three[1]), (first + 2 * apart, three[2]), first + 2 * apart + 1..gap.end, true, 1);
+                    let back = self.follower_along(scene, (first + apart, three[1]), (first, three[0]), gap.start..first, false, 1);
                     let (back, forth) = rayon::join(|| self.follow_to_the_end(back), || self.follow_to_the_end(forth));
                     let mut found = self.whole_flight(first, &three, [back?, forth?]);
                     let seen = self.sightings(&found.frames, racket);

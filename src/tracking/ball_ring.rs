@@ -120,7 +120,7 @@ impl BallRing {
         let whole = image.contains(x0, y0, x1, y1);
         // A row that was not read is not beyond the border.
         let (last_x, last_y) = (image.width as i64 - 1, image.height as i64 - 1);
-        if !whole && !(cut && image.contains(x0.max(0), y0.max(0), x1.min(last_x), y1.min(last_y))) {
+        if !(whole || cut && image.contains(x0.max(0), y0.max(0), x1.min(last_x), y1.min(last_y))) {
             return None;
         }
         if self.plan.is_none() || (centre - self.middle).norm() > SLACK_PX {

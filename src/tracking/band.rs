@@ -134,45 +134,46 @@ impl BandView {
         self.contrasts(image, shape, t, s).map(|[ahead, behind]| ahead.min(behind))
     }
 
-    /// [`Self::contrast`] to either black band: ahead along the tube, and behind.
-    pub fn contrasts(&self, image: &GreyView, shape: &BandShape, t: f64, s: f64) -> Option<[f64; 2]> {
+    /// Places, px along and across, on the white band and on the black ones ahead and behind.
+    fn places(&self, shape: &BandShape) -> ([(f64, f64); 4], [[(f64, f64); 3]; 2]) {
         let white = shape.white_half_m * self.px_per_m;
         let black = white + 0.5 * shape.black_m * self.px_per_m;
-        let side = 0.45 * self.radius_px;
+        let (w, side) = (0.4 * white, 0.45 * self.radius_px);
+        ([(-w, 0.0), (0.0, -side), (0.0, side), (w, 0.0)], [black, -black].map(|b| [(b, -side), (b, 0.0), (b, side)]))
+    }
+
+    /// Grey of the pixel nearest to a place on the band moved by `shift` px; `None` outside the picture.
+    fn grey(&self, image: &GreyView, (along, across): &(f64, f64), shift: &Vector2<f64>) -> Option<f64> {
+        let p = self.place(*along, *across) + shift;
+        // What lies left of or above the picture stays negative.
+        image.get((p.x + 1.5) as i64 - 1, (p.y + 1.5) as i64 - 1).map(f64::from)
+    }
+
+    /// [`Self::contrast`] to either black band: ahead along the tube, and behind.
+    pub fn contrasts(&self, image: &GreyView, shape: &BandShape, t: f64, s: f64) -> Option<[f64; 2]> {
         let shift = self.along * t + self.across() * s;
         let mean = |places: &[(f64, f64)]| -> Option<f64> {
             let mut sum = 0.0;
-            for (a, b) in places {
-                let p = self.place(*a, *b) + shift;
-                // Nearest pixel; what lies left of or above the picture stays negative.
-                sum += f64::from(image.get((p.x + 1.5) as i64 - 1, (p.y + 1.5) as i64 - 1)?);
+            for place in places {
+                sum += self.grey(image, place, &shift)?;
             }
             Some(sum / places.len() as f64)
         };
-        let w = 0.4 * white;
-        let bright = mean(&[(-w, 0.0), (0.0, -side), (0.0, side), (w, 0.0)])?;
-        let d1 = mean(&[(black, -side), (black, 0.0), (black, side)])?;
-        let d2 = mean(&[(-black, -side), (-black, 0.0), (-black, side)])?;
-        Some([bright - d1, bright - d2])
+        let (white, [ahead, behind]) = self.places(shape);
+        let bright = mean(&white)?;
+        Some([bright - mean(&ahead)?, bright - mean(&behind)?])
     }
 
     /// [`Self::contrast`] where it is expected, of those places that the picture holds: some of the white, and of either black band or of one.
     pub fn contrast_inside(&self, image: &GreyView, shape: &BandShape) -> Option<f64> {
-        let white = shape.white_half_m * self.px_per_m;
-        let black = white + 0.5 * shape.black_m * self.px_per_m;
-        let side = 0.45 * self.radius_px;
         let mean = |places: &[(f64, f64)]| -> Option<f64> {
-            let seen = places.iter().filter_map(|(a, b)| {
-                let p = self.place(*a, *b);
-                image.get((p.x + 1.5) as i64 - 1, (p.y + 1.5) as i64 - 1)
-            });
-            let (sum, n) = seen.fold((0.0, 0.0), |(sum, n), grey| (sum + f64::from(grey), n + 1.0));
+            let seen = places.iter().filter_map(|place| self.grey(image, place, &Vector2::zeros()));
+            let (sum, n) = seen.fold((0.0, 0.0), |(sum, n), grey| (sum + grey, n + 1.0));
             (n > 0.0).then(|| sum / n)
         };
-        let w = 0.4 * white;
-        let bright = mean(&[(-w, 0.0), (0.0, -side), (0.0, side), (w, 0.0)])?;
-        let blacks = [black, -black].map(|b| mean(&[(b, -side), (b, 0.0), (b, side)]));
-        blacks.into_iter().flatten().map(|b| bright - b).reduce(f64::min)
+        let (white, blacks) = self.places(shape);
+        let bright = mean(&white)?;
+        blacks.iter().filter_map(|black| mean(black)).map(|dark| bright - dark).reduce(f64::min)
     }
 
     /// The shift (t, s) within `reach_px` at which the contrast is largest, with that contrast.

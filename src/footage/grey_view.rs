@@ -93,6 +93,11 @@ impl<'a> GreyView<'a> {
         x < 0 || y < 0 || x >= self.width as i64 || y >= self.height as i64
     }
 
+    /// Whether the pixel nearest to a place lies in the picture.
+    pub fn holds(&self, x: f64, y: f64) -> bool {
+        !self.is_beyond((x + 0.5).floor() as i64, (y + 0.5).floor() as i64)
+    }
+
     /// Whether a box (inclusive) lies inside the band, all its rows read.
     pub fn contains(&self, x0: i64, y0: i64, x1: i64, y1: i64) -> bool {
         let (first, count) = self.columns;

@@ -205,9 +205,8 @@ impl BallScene<'_> {
             }
             // Once the flight is known, what the border leaves of the ball counts as a faint outline does.
             if self.faint && found.is_none() {
-                let inside = |uv: Vector2<f64>| !image.is_beyond((uv.x + 0.5).floor() as i64, (uv.y + 0.5).floor() as i64);
                 found = ball_fit::fit_cut(image, centre, radius, limb, settled)
-                    .filter(|f| inside(f.uv) && Self::fair(f) && (f.uv - centre).norm() < FAINT_SHIFT_PX);
+                    .filter(|f| image.holds(f.uv.x, f.uv.y) && Self::fair(f) && (f.uv - centre).norm() < FAINT_SHIFT_PX);
             }
             fits[camera.index()] = found;
         }

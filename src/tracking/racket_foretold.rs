@@ -9,9 +9,8 @@ use super::racket_track::{
 use crate::calibration::CameraId;
 use crate::footage::GreyView;
 
-/// Fewest bands, and fewest markers, that tell with what was foretold where the racket is, and most that may disagree.
+/// Fewest markers whose bands tell with what was foretold where the racket is, and most bands that may disagree.
 const FEWEST_FORETOLD: usize = 2;
-const FEWEST_MARKERS_FORETOLD: usize = 2;
 const MOST_DISAGREE: usize = 1;
 /// Most that a foretold pose may be off, in deviations of its six numbers together.
 const MOST_OFF: f64 = 4.0;
@@ -54,7 +53,7 @@ impl Expected {
 }
 
 /// The racket where too few bands are seen to tell its pose: those near their foretold places, and the pose that they and what was foretold agree
-/// on. `None` where fewer than [`FEWEST_FORETOLD`] agree.
+/// on. `None` where those of fewer than [`FEWEST_FORETOLD`] markers agree.
 fn measure_foretold(scene: &RacketScene, images: &[Option<GreyView>; 2], foretold: &Foretold, reach_px: i32, least_contrast: &[f64; 2]) -> Option<RacketFrame> {
     let mut fits: Vec<(CameraId, usize, BandFit)> = Vec::with_capacity(ALL_BANDS);
     add_bands(scene, images, &foretold.pose, (reach_px, false), least_contrast, &mut fits);
@@ -70,7 +69,7 @@ fn agree_foretold(scene: &RacketScene, fits: &mut Vec<(CameraId, usize, BandFit)
     for _ in 0..=MOST_DISAGREE {
         let mut markers = [false; 5];
         fits.iter().for_each(|f| markers[f.1] = true);
-        if fits.len() < FEWEST_FORETOLD || markers.iter().filter(|m| **m).count() < FEWEST_MARKERS_FORETOLD {
+        if markers.iter().filter(|m| **m).count() < FEWEST_FORETOLD {
             return None;
         }
         let observations = observations_of(fits);

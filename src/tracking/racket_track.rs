@@ -26,7 +26,7 @@ const DEEPEST_SHADE: f64 = 0.5;
 const HALF_SEEN_CONTRAST: f64 = 1.6;
 /// It must be this near to where the others say it is, px.
 const HALF_SEEN_SHIFT_PX: f64 = 1.5;
-/// A speck must tell its place this well, px.
+/// A speck, or what the border leaves, must tell its place this well, px.
 const SPECK_SD_PX: f64 = 0.5;
 /// Misses of the pose, in deviations, beyond which a single point is doubtful.
 const DOUBTFUL: f64 = 3.0;
@@ -383,15 +383,17 @@ fn find(
 
 /// One band near the picture's border, which cuts off some of it, right where the others say it is.
 fn find_cut(scene: &RacketScene, image: &GreyView, band: &BandView, least_contrast: f64) -> Option<BandFit> {
-    let inside = |uv: &Vector2<f64>| !image.is_beyond((uv.x + 0.5).floor() as i64, (uv.y + 0.5).floor() as i64);
-    let reach = band.half_length(scene.shape);
-    let cut = [-1.0, 1.0].into_iter().any(|sign| !inside(&(band.centre.add_scalar(sign * reach))));
-    if !cut || !inside(&band.centre) || band.contrast_inside(image, scene.shape)? < least_contrast {
+    let inside = |uv: &Vector2<f64>, by: f64| image.holds(uv.x - by, uv.y - by) && image.holds(uv.x + by, uv.y + by);
+    if inside(&band.centre, band.half_length(scene.shape)) || !inside(&band.centre, 0.0) || band.contrast_inside(image, scene.shape)? < least_contrast {
         return None;
     }
     let f = band::fit(image, band, scene.shape, (0.0, 0.0), BandPart::Inside, None)?;
-    let sure = f.covariance.trace() < SPECK_SD_PX * SPECK_SD_PX && (f.uv - band.centre).norm() < HALF_SEEN_SHIFT_PX;
-    (f.white - f.black > least_contrast && sure && inside(&f.uv)).then_some(f)
+    (f.white - f.black > least_contrast && is_sure(&f, band) && inside(&f.uv, 0.0)).then_some(f)
+}
+
+/// Whether a band of which little is seen tells its place, and one near to where the others say that it is.
+fn is_sure(f: &BandFit, band: &BandView) -> bool {
+    f.covariance.trace() < SPECK_SD_PX * SPECK_SD_PX && (f.uv - band.centre).norm() < HALF_SEEN_SHIFT_PX
 }
 
 /// One band of which all is in the picture.
@@ -407,8 +409,7 @@ fn find_whole(scene: &RacketScene, image: &GreyView, band: &BandView, (reach_px,
     // A racket seen edge-on shows the tape at its tip as a speck: fainter than a band, but its place is known from the others.
     if scene.shape.white_half_m * band.px_per_m < SPECK_HALF_PX {
         let f = band::fit(image, band, scene.shape, (0.0, 0.0), BandPart::Whole, None)?;
-        let sure = f.covariance.trace() < SPECK_SD_PX * SPECK_SD_PX && (f.uv - band.centre).norm() < HALF_SEEN_SHIFT_PX;
-        return (f.white - f.black > least_contrast && sure).then_some(f);
+        return (f.white - f.black > least_contrast && is_sure(&f, band)).then_some(f);
     }
     // The ball or the arm may cover one of the black bands: the other and the white still tell the place, where the pose is known.
     let [ahead, behind] = band.contrasts(image, scene.shape, 0.0, 0.0)?;

@@ -97,7 +97,7 @@ impl<S: FrameSource> Shot<'_, S> {
         Ok(follower)
     }
 
-    /// Whether what was tried out, `every` so many frames, moves as no ball does.
+    /// Whether what was tried out moves as no ball does; the frames of the trial are counted as if there were no others.
     fn moves_as_no_ball(&self, tried: &[Option<BallFrame>], racket: &[Option<RacketFrame>]) -> bool {
         let every = self.apart() as f64;
         let looks: Vec<Sighting> = self.sightings(tried, racket).into_iter().map(|s| Sighting { number: s.number / every, ..s }).collect();
@@ -117,6 +117,7 @@ impl<S: FrameSource> Shot<'_, S> {
         let mut best = (f64::INFINITY, Flight { frames: vec![None; n], means: Default::default(), kept: vec![None; n] });
         let (mut clear, mut turned) = (false, false);
         let mut claimed: Vec<Vec<Option<BallFrame>>> = Vec::new();
+        // What is told to be no ball.
         let mut told: Vec<Vec<Option<BallFrame>>> = Vec::new();
         for against_another in [false, true] {
             if clear || against_another && self.stands_in(&claimed, racket, 0) {
@@ -152,6 +153,7 @@ impl<S: FrameSource> Shot<'_, S> {
                         told.push(tried);
                         continue;
                     }
+                    // What passed the trial in some frames is followed through all.
                     if self.apart() > 1 {
                         ways = [false, true].map(|forth| self.follower(scene, first, &flight, forth, 1));
                     }

@@ -400,8 +400,9 @@ fn is_sure(f: &BandFit, band: &BandView) -> bool {
 fn find_whole(scene: &RacketScene, image: &GreyView, band: &BandView, (reach_px, weak): (i32, bool), least_contrast: f64) -> Option<BandFit> {
     let (t, s, contrast) = band.search(image, scene.shape, reach_px)?;
     if contrast >= least_contrast {
-        let f = band::fit(image, band, scene.shape, (t, s), BandPart::Whole, None)?;
-        return (f.white - f.black > least_contrast).then_some(f);
+        let fit = |start| band::fit(image, band, scene.shape, start, BandPart::Whole, None).filter(|f| f.white - f.black > least_contrast);
+        // A pixel beside it a small band may have more contrast, and no way down to it.
+        return fit((t, s)).or_else(|| if weak && t.abs().max(s.abs()) == 1.0 { fit((0.0, 0.0)) } else { None });
     }
     if !weak {
         return None;

@@ -60,16 +60,32 @@ struct FoundSpins {
 }
 
 impl FoundSpins {
-    /// Looks for the spins.
+    /// Looks for the spins; for slow ones in pictures of a longer time as well, as long as the flight was seen.
     fn find(source: &impl FrameSource, setup: &ShotSetup, shot: &ShotTracks) -> Result<Self, TrackingError> {
-        let balls = shot.points.iter().filter(|p| p.target == Target::Ball);
-        let sample = FlightSample::of(balls.map(|p| (p.frame, p.t)), setup.frame_rate_hz);
+        let balls = || shot.points.iter().filter(|p| p.target == Target::Ball).map(|p| (p.frame, p.t));
+        let radius_m = setup.ball.radius_m();
+        let mut sample = FlightSample::of(balls(), setup.frame_rate_hz, [None; 2]);
         let blur_px = shot.blur_px.map(|tape| out_of_focus(BLUR_PX, tape));
-        let settings = sample.rates_hz().map(|rate| SpinSettings { blur_px, ..SpinSettings::new(rate) });
-        let crops = crops(source, setup, &shot.tracks, &shot.points, &sample)?;
-        let find = |side: usize| FoundSpin::find(&views(&crops[side]), setup.rig, setup.ball.radius_m(), &settings[side]);
+        let settings_of = |sample: &FlightSample| sample.rates_hz().map(|rate| SpinSettings { blur_px, ..SpinSettings::new(rate) });
+        let mut settings = settings_of(&sample);
+        let first = crops(source, setup, &shot.tracks, &shot.points, &sample)?;
+        let find = |side: usize| FoundSpin::find(&views(&first[side]), setup.rig, radius_m, &settings[side]);
         let (before, after) = rayon::join(|| find(0), || find(1));
-        Ok(FoundSpins { sample, settings, found: [before, after] })
+        let mut found = [before, after];
+        let longer = FlightSample::of(balls(), setup.frame_rate_hz, found.each_ref().map(FoundSpin::fastest));
+        let is_longer = [0, 1].map(|side| longer.rates_hz()[side] < sample.rates_hz()[side]);
+        if is_longer.contains(&true) {
+            let (crops, settings_there) = (crops(source, setup, &shot.tracks, &shot.points, &longer)?, settings_of(&longer));
+            let look = |side: usize| is_longer[side].then(|| found[side].look_longer(&views(&crops[side]), setup.rig, radius_m, &settings_there[side]));
+            let (before, after) = rayon::join(|| look(0), || look(1));
+            for (side, again) in [before, after].into_iter().enumerate() {
+                if let Some(again) = again.filter(|again| matches!(again.rough, SpinEstimate::Vector { .. })) {
+                    (found[side], settings[side]) = (again, settings_there[side]);
+                    sample.take_side(side, &longer);
+                }
+            }
+        }
+        Ok(FoundSpins { sample, settings, found })
     }
 
     /// Looks again where nothing was found, with the centres as they are now.

@@ -2,8 +2,8 @@
 
 use super::contest::{Contest, contest};
 use super::registration::{Effort, FoundMarkings, Registrar, Registration};
-use super::search::{Beam, Search};
-use super::shading::{Mark, divide_out};
+use super::search::{Beam, Candidate, Search};
+use super::shading::{Mark, Shading, divide_out};
 use super::sphere_map::SphereMap;
 use super::view::{BallView, Sample, ViewInfo, sample_views};
 use crate::calibration::StereoRig;
@@ -176,31 +176,51 @@ impl FoundSpin {
         }
         let (shading, marks) = divide_out(&infos, &samples, None);
         let search = Search::new(&infos, &marks, 1.0 / settings.frame_rate_hz);
-        // Which candidate: a coarse map, every second pixel, no blur.
-        let coarse_map = SphereMap::new(COARSE_EDGE);
-        let few: Vec<Mark> = marks.iter().copied().step_by(2).collect();
-        let coarse = Registrar::new(&coarse_map, &infos, &few, &shading, None);
-        let map = SphereMap::new(FINE_EDGE);
-        let registrar = Registrar::new(&map, &infos, &marks, &shading, Some(&settings.blur_px));
-        let look = |beam: Beam| {
-            let Some(contest) = contest(&coarse, &search.candidates(settings.limit_rad_s, beam), span_s(&infos)) else {
-                let seen = distinct_times(&infos, settings.frame_rate_hz);
-                return FoundSpin { rough: SpinEstimate::Refused { reason: SpinRefusal::TooFewFrames { seen, needed: LEAST_FRAMES } }, start: None };
-            };
-            let first = registrar.refine(contest.omega, &Effort { memory_s: MEMORY_FRAMES / settings.frame_rate_hz, ..FIRST });
-            let start = Start { contest, omega: first.omega, markings: registrar.found(&first, &shading, settings.blur_px) };
-            let rough = match refused(&first, &start.contest, settings, SETTLED.0) {
-                Some(reason) => SpinEstimate::Refused { reason },
-                None => held(&infos, &first, first.omega, stated(&first, &first.model_covariance, &infos) + start.contest.flat, &start.contest, settings),
-            };
-            FoundSpin { rough, start: Some(start) }
-        };
+        let look = |beam: Beam| Self::among(&search.candidates(settings.limit_rad_s, beam), &infos, &marks, &shading, settings);
         let found = look(Beam::Level);
         if !matches!(found.rough, SpinEstimate::Refused { reason: SpinRefusal::Unexplained { .. } }) {
             return found;
         }
         let again = look(Beam::AllLevels);
         if matches!(again.rough, SpinEstimate::Refused { .. }) { found } else { again }
+    }
+
+    /// The spin from pictures of a longer time: which of those that were possible it is.
+    pub fn look_longer(&self, views: &[BallView], rig: &StereoRig, radius_m: f64, settings: &SpinSettings) -> Self {
+        let (infos, samples) = sample_views(views, rig, radius_m);
+        let (Some(start), None) = (&self.start, too_few(&infos, &samples, settings)) else { return self.clone() };
+        let (shading, marks) = divide_out(&infos, &samples, None);
+        let possible = [start.omega].into_iter().chain(start.contest.rival).chain(start.contest.near.iter().copied());
+        Self::among(&possible.map(|omega| Candidate { omega }).collect::<Vec<_>>(), &infos, &marks, &shading, settings)
+    }
+
+    /// How fast the ball may turn, rad/s, as far as it is known.
+    pub fn fastest(&self) -> Option<f64> {
+        let open = |reason: &SpinRefusal| matches!(reason, SpinRefusal::Ambiguous { .. } | SpinRefusal::TooUncertain { .. });
+        if matches!(&self.rough, SpinEstimate::Refused { reason } if !open(reason)) {
+            return None;
+        }
+        let contest = &self.start.as_ref()?.contest;
+        Some([contest.omega].iter().chain(&contest.rival).chain(&contest.near).map(Vector3::norm).fold(0.0, f64::max))
+    }
+
+    /// Which of the candidates is the ball's spin: on a coarse map, from every second pixel, without blur.
+    fn among(candidates: &[Candidate], infos: &[ViewInfo], marks: &[Mark], shading: &Shading, settings: &SpinSettings) -> Self {
+        let few: Vec<Mark> = marks.iter().copied().step_by(2).collect();
+        let (coarse_map, map) = (SphereMap::new(COARSE_EDGE), SphereMap::new(FINE_EDGE));
+        let coarse = Registrar::new(&coarse_map, infos, &few, shading, None);
+        let Some(contest) = contest(&coarse, candidates, span_s(infos)) else {
+            let seen = distinct_times(infos, settings.frame_rate_hz);
+            return FoundSpin { rough: SpinEstimate::Refused { reason: SpinRefusal::TooFewFrames { seen, needed: LEAST_FRAMES } }, start: None };
+        };
+        let registrar = Registrar::new(&map, infos, marks, shading, Some(&settings.blur_px));
+        let first = registrar.refine(contest.omega, &Effort { memory_s: MEMORY_FRAMES / settings.frame_rate_hz, ..FIRST });
+        let start = Start { contest, omega: first.omega, markings: registrar.found(&first, shading, settings.blur_px) };
+        let rough = match refused(&first, &start.contest, settings, SETTLED.0) {
+            Some(reason) => SpinEstimate::Refused { reason },
+            None => held(infos, &first, first.omega, stated(&first, &first.model_covariance, infos) + start.contest.flat, &start.contest, settings),
+        };
+        FoundSpin { rough, start: Some(start) }
     }
 
     /// The spin from the same pictures, or from pictures with better centres, beginning where it was found.

@@ -27,6 +27,8 @@ const SHORTEST: usize = 4;
 pub(super) const STARTS: [usize; 7] = [2, 6, 10, 14, 18, 23, 28];
 /// Two measurements of one ball differ by less, m: three deviations of depth by rays good to 1 px.
 const SAME_BALL_M: f64 = 0.03;
+/// Most frames over which a flight that one camera sees off goes on unseen, before lettering or a wall of the ball's own grey.
+const LONGEST_UNSEEN: f64 = 16.0;
 /// A ball on the strings changes its velocity by this per frame at 1000 frames a second, m: 50 m/s over 4 ms.
 const TURN_M: f64 = 0.0125;
 
@@ -69,17 +71,24 @@ impl<S: FrameSource> Shot<'_, S> {
     fn see_off(&self, stage: &Stage, gap: &Range<usize>, flight: &mut Flight, forth: bool) -> Result<(), TrackingError> {
         let scene = stage.ball;
         let (_, piece) = self.known_beside(&flight.frames, stage.racket, gap, forth);
-        let Some(last) = piece.last().filter(|last| last.index + 1 == gap.start || last.index == gap.end) else { return Ok(()) };
+        let next = if forth { gap.start } else { gap.end - 1 };
+        let beside = |last: &&Sighting| (self.source.number(next) as f64 - last.number).abs() <= LONGEST_STEP;
+        let Some(last) = piece.last().filter(beside) else { return Ok(()) };
         let (mut last, mut way) = (last.number, BallWay::new(piece.iter().map(|s| (s.number, s.place))));
         let (mut ahead, mut buffers) = (gap.clone(), [FrameBuffer::default(), FrameBuffer::default()]);
         while let Some(index) = nearest(&mut ahead, forth) {
             let number = self.source.number(index) as f64;
             let there = way.foretold(number);
             let shown = CameraId::BOTH.map(|camera| self.is_whole(scene, camera, &there));
-            if (number - last).abs() > LONGEST_STEP || shown == [false, false] {
+            if (number - last).abs() > LONGEST_UNSEEN || shown == [false, false] {
                 break;
             }
             if shown == [true, true] {
+                // What one of them has seen there is the ball.
+                if let Some(ball) = flight.frames[index].filter(|ball| (ball.position - there).norm() < SAME_BALL_M) {
+                    way.go_on(number, ball.position, true);
+                    last = number;
+                }
                 continue;
             }
             let images = self.read_rows(index, self.ball_rows(scene, &there, 1), &mut buffers)?;

@@ -46,6 +46,8 @@ mod overlay;
 mod part_of_racket;
 mod racket_figure;
 mod racket_foretold;
+mod racket_one_view;
+mod racket_other_view;
 mod racket_pose;
 mod racket_search;
 mod racket_track;

@@ -2,6 +2,7 @@
 //! the frames before foretell.
 
 use super::band::BandFit;
+use super::racket_other_view::in_other_view;
 use super::racket_pose::{Foretold, RacketPose, fit_pose_near};
 use super::racket_track::{
     ALL_BANDS, KnownBands, OUTLIER, RacketFrame, RacketScene, add_bands, measure, measure_following, observations_of, points_of, worst_miss,
@@ -30,7 +31,8 @@ pub struct Expected {
 
 impl Expected {
     /// The racket in one frame, and the bands by which it is known in the next.
-    pub fn find(&self, scene: &RacketScene, mut images: [Option<GreyView>; 2], least_contrast: &[f64; 2]) -> (Option<RacketFrame>, Option<KnownBands>) {
+    pub fn find(&self, scene: &RacketScene, pictures: [Option<GreyView>; 2], least_contrast: &[f64; 2]) -> (Option<RacketFrame>, Option<KnownBands>) {
+        let mut images = pictures;
         let look = if self.goes_on { measure_following } else { measure };
         loop {
             let mut found = look(scene, &images, &self.foretold.pose, self.reach_px, least_contrast);
@@ -41,8 +43,27 @@ impl Expected {
             }
             match found.as_ref().and_then(|frame| self.lone_in(frame)) {
                 Some(camera) => images[camera] = None,
-                None => return (found, known),
+                None => break self.in_both(scene, &pictures, found, known, least_contrast),
             }
+        }
+    }
+
+    /// What one camera alone shows, once the other has not shown it for some frames, with what that one shows along the first one's line of sight.
+    fn in_both(
+        &self,
+        scene: &RacketScene,
+        pictures: &[Option<GreyView>; 2],
+        found: Option<RacketFrame>,
+        known: Option<KnownBands>,
+        least_contrast: &[f64; 2],
+    ) -> (Option<RacketFrame>, Option<KnownBands>) {
+        let alone = found.as_ref().filter(|frame| self.saw_it.contains(&false) && !frame.stereo());
+        match alone.and_then(|frame| in_other_view(scene, pictures, frame, least_contrast)) {
+            Some(frame) => {
+                let known = KnownBands::of(scene, pictures, &frame, least_contrast);
+                (Some(frame), known)
+            }
+            None => (found, known),
         }
     }
 

@@ -75,6 +75,11 @@ impl Reach {
         }
     }
 
+    /// Where its middle was.
+    pub fn centre(&self) -> Point3<f64> {
+        self.centre
+    }
+
     /// Whether a marker can have got there.
     fn holds(&self, marker: usize, place: &Point3<f64>) -> bool {
         let (was, radius_m) = &self.markers[marker];
@@ -82,7 +87,7 @@ impl Reach {
     }
 
     /// Whether it can have turned to this attitude.
-    fn turns_to(&self, attitude: &UnitQuaternion<f64>) -> bool {
+    pub fn turns_to(&self, attitude: &UnitQuaternion<f64>) -> bool {
         let from = |a: &UnitQuaternion<f64>| self.attitude.angle_to(a) < self.turn_rad;
         from(attitude) || self.symmetric && from(&(attitude * face::half_turn()))
     }

@@ -26,6 +26,8 @@ const DEEPEST_SHADE: f64 = 0.5;
 const HALF_SEEN_CONTRAST: f64 = 1.6;
 /// It must be this near to where the others say it is, px.
 const HALF_SEEN_SHIFT_PX: f64 = 1.5;
+/// One that is fitted from there though a pixel beside has more contrast, this near.
+const SMALL_SHIFT_PX: f64 = 0.5;
 /// A speck, or what the border leaves, must tell its place this well, px.
 const SPECK_SD_PX: f64 = 0.5;
 /// Misses of the pose, in deviations, beyond which a single point is doubtful.
@@ -59,6 +61,12 @@ impl RacketFrame {
     /// Whether both cameras have a part in the pose.
     pub fn stereo(&self) -> bool {
         self.points.iter().all(|c| c.iter().any(Option::is_some))
+    }
+
+    /// The camera that alone shows it.
+    pub fn seen_alone(&self) -> Option<CameraId> {
+        let shown = self.points.map(|c| c.iter().any(Option::is_some));
+        (!self.stereo()).then(|| CameraId::BOTH[usize::from(shown[1])])
     }
 
     pub fn observations(&self) -> Vec<MarkerObservation> {
@@ -361,7 +369,7 @@ struct Agreed {
 }
 
 /// The contrast a band must have: less than the others' where the known light leaves it in the shade.
-fn least_of(scene: &RacketScene, band: &BandView, least_contrast: f64) -> f64 {
+pub(super) fn least_of(scene: &RacketScene, band: &BandView, least_contrast: f64) -> f64 {
     let lit = scene.shape.lit(band).map_or(least_contrast, |lit| LEAST_CONTRAST * lit);
     lit.max(DEEPEST_SHADE * least_contrast).min(least_contrast)
 }
@@ -402,7 +410,7 @@ fn find_whole(scene: &RacketScene, image: &GreyView, band: &BandView, (reach_px,
     if contrast >= least_contrast {
         let fit = |start| band::fit(image, band, scene.shape, start, BandPart::Whole, None).filter(|f| f.white - f.black > least_contrast);
         // A pixel beside it a small band may have more contrast, and no way down to it.
-        return fit((t, s)).or_else(|| if weak && t.abs().max(s.abs()) == 1.0 { fit((0.0, 0.0)) } else { None });
+        return fit((t, s)).or_else(|| if weak && t.abs().max(s.abs()) == 1.0 { fit((0.0, 0.0)).filter(|f| (f.uv - band.centre).norm() < SMALL_SHIFT_PX) } else { None });
     }
     if !weak {
         return None;

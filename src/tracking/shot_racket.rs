@@ -5,6 +5,7 @@ use super::band_search::{self, BandCandidate, MOST};
 use super::face;
 use super::racket_figure::RacketFigure;
 use super::racket_foretold::Expected;
+use super::racket_one_view;
 use super::racket_pose::Foretold;
 use super::racket_search::{self, Reach};
 use super::racket_track::{self, KnownBands, LEAST_CONTRAST, RacketFrame};
@@ -58,6 +59,14 @@ const FIRST_LOOK: usize = 2;
 /// and most frames between two such looks: it crosses the volume in sixty.
 const FARTHEST_LOOKS: usize = 20;
 
+/// Most frames after which one camera alone may find it again, the same of the first looks, and how badly its bands may agree there, px.
+const LONGEST_ALONE: usize = 40;
+const CLOSE_LOOKS: usize = 6;
+/// A racket that one camera may find again moves no faster than this share of the fastest.
+const SLOW_SHARE: f64 = 0.15;
+const ALONE_MISS_PX: f64 = 0.35;
+/// Frames that a camera has not shown it, after which its depth has gone astray.
+const STRAYED: usize = 3;
 /// What a swung racket's next pose is foretold to, a millisecond ahead, rad and m: two to four times what its velocity changes by.
 const FORETOLD_SD: (f64, f64) = (0.01, 0.002);
 /// Most frames in a row whose pose is told by few bands and what was foretold.
@@ -423,6 +432,45 @@ impl<S: FrameSource> Shot<'_, S> {
         Ok(measured.filter(|f| f.count() >= 6).min_by(|a, b| a.miss_px().total_cmp(&b.miss_px())))
     }
 
+    /// The racket in one camera's picture, all five bands of it, where the other camera does not show it. What was at the same place in the frame in
+    /// which it was lost is another thing.
+    fn look_in_one_view(
+        &self,
+        index: usize,
+        lost_since: usize,
+        (then, last): &(f64, Isometry3<f64>),
+        predicted: &Isometry3<f64>,
+        least_contrast: &[f64; 2],
+        buffers: &mut [FrameBuffer; 2],
+    ) -> Result<Option<RacketFrame>, TrackingError> {
+        let reach = Reach::of(&self.figure, last, SLOW_SHARE * (self.source.number(index) as f64 - then) / self.setup.frame_rate_hz);
+        let circles = CameraId::BOTH.map(|c| reach.circle(self.view, c));
+        let candidates_in = |images: &[Option<GreyView>; 2], camera: CameraId| {
+            let (Some(image), Some((at, radius))) = (&images[camera.index()], circles[camera.index()]) else { return Vec::new() };
+            let columns = (at.x - radius - band_search::AROUND as f64).max(0.0) as usize..(at.x + radius + band_search::AROUND as f64).max(0.0) as usize;
+            let mut candidates = band_search::candidates(image, columns, self.px_per_m(camera), self.shape.white_half_m, MOST_BEFORE_SOME_GO);
+            candidates.retain(|band| band.contrast > FAINTEST * least_contrast[camera.index()] && (band.uv - at).norm() < radius);
+            candidates
+        };
+        let images = self.read(index, buffers)?;
+        let mut best: Option<RacketFrame> = None;
+        for camera in CameraId::BOTH {
+            let c = camera.index();
+            let mut candidates = candidates_in(&images, camera);
+            let still = self.with_buffers(|other| Ok::<_, TrackingError>(candidates_in(&self.read(lost_since, other)?, camera)))?;
+            candidates.retain(|band| !still.iter().any(|other| (other.uv - band.uv).norm() < STILL_PX));
+            let mut alone = [None, None];
+            alone[c] = images[c];
+            let poses = racket_one_view::search(self.view, &self.figure, camera, &candidates, &reach);
+            let measured = poses.iter().filter_map(|pose| racket_track::measure(&self.scene(), &alone, pose, START_REACH_PX, least_contrast));
+            let whole = measured.filter(|frame| frame.count() == 5 && frame.miss_px() < ALONE_MISS_PX);
+            let known = whole.filter_map(|frame| face::nearest_twin(self.view, &self.figure, frame, predicted));
+            let off = |frame: &RacketFrame| frame.pose.global_from_racket.rotation.angle_to(&predicted.rotation);
+            best = best.into_iter().chain(known).min_by(|a, b| off(a).total_cmp(&off(b)));
+        }
+        Ok(best)
+    }
+
     fn follow_racket_one_way(&self, start: &RacketStart, indices: impl Iterator<Item = usize>) -> Result<OneWay, TrackingError> {
         self.follow_racket_through(start, indices, true)
     }
@@ -441,15 +489,21 @@ impl<S: FrameSource> Shot<'_, S> {
         let mut lost = 0;
         let mut look_next = FIRST_LOOK;
         let mut without: Vec<usize> = Vec::new();
-        // Frames since its bands alone told its pose, and the cameras that showed it last.
-        let (mut foretold_for, mut saw_it) = (0, [true; 2]);
+        // Frames since its bands alone told its pose, and since either camera showed it.
+        let (mut foretold_for, mut unseen) = (0, [0, 0]);
+        // It was found by one camera alone, and goes on from what that one tells.
+        let mut alone = start.frame.seen_alone();
         for index in indices {
             if !look_for && lost > PATIENCE {
                 break;
             }
             let now = self.source.number(index) as f64;
             let mut found = None;
-            let predicted = racket_track::predict(previous.as_ref().map(|p| &p.1), &last.1, previous.map_or(1.0, |p| last.0 - p.0), now - last.0);
+            let saw_it = unseen.map(|frames| frames == 0);
+            let mut predicted = racket_track::predict(previous.as_ref().map(|p| &p.1), &last.1, previous.map_or(1.0, |p| last.0 - p.0), now - last.0);
+            if let Some(camera) = alone {
+                predicted = racket_one_view::foretold(self.view.eye(camera), &last.1, &predicted);
+            }
             let reach = match previous {
                 None => 5,
                 Some(_) if saw_it.contains(&false) => MOST_REACH_PX,
@@ -477,7 +531,7 @@ impl<S: FrameSource> Shot<'_, S> {
                 if expected {
                     let frames = (now - last.0).abs() * 1000.0 / self.setup.frame_rate_hz;
                     let foretold = Foretold { pose: predicted, sd_rad: FORETOLD_SD.0 * frames, sd_m: FORETOLD_SD.1 * frames };
-                    let look = Expected { foretold, goes_on: previous.is_some(), by_few: foretold_for < LONGEST_FORETOLD, reach_px: reach, saw_it };
+                    let look = Expected { foretold, goes_on: previous.is_some() && alone.is_none(), by_few: foretold_for < LONGEST_FORETOLD, reach_px: reach, saw_it };
                     (found, known) = look.find(&scene, images, &start.least_contrast);
                 }
             }
@@ -485,7 +539,13 @@ impl<S: FrameSource> Shot<'_, S> {
                 found = self
                     .look_for_racket(index, &last, &start.least_contrast, &mut buffers)?
                     .and_then(|f| face::nearest_twin(self.view, &self.figure, f, &predicted));
-                look_next = lost + 1 + (lost / 2).min(FARTHEST_LOOKS);
+                if found.is_none()
+                    && lost <= LONGEST_ALONE
+                    && let Some(lost_since) = without.first()
+                {
+                    found = self.look_in_one_view(index, *lost_since, &last, &predicted, &start.least_contrast, &mut buffers)?;
+                }
+                look_next = lost + 1 + (lost / 2).min(if lost < LONGEST_ALONE { CLOSE_LOOKS } else { FARTHEST_LOOKS });
                 if let Some(frame) = &found {
                     let found = RacketStart { index, frame: frame.clone(), least_contrast: start.least_contrast };
                     out.append(&mut self.follow_racket_through(&found, without.iter().rev().copied(), false)?.0);
@@ -494,10 +554,16 @@ impl<S: FrameSource> Shot<'_, S> {
             match found {
                 Some(frame) => {
                     let pose = frame.pose.global_from_racket;
-                    saw_it = frame.points.map(|c| c.iter().any(Option::is_some));
+                    // What was not seen for some frames has gone astray: it goes on as it went, from where it is.
+                    let strayed = frame.stereo() && unseen.iter().any(|frames| *frames >= STRAYED);
+                    for (unseen, points) in unseen.iter_mut().zip(&frame.points) {
+                        *unseen = if points.iter().any(Option::is_some) { 0 } else { *unseen + 1 };
+                    }
+                    alone = if alone.is_some() || lost > PATIENCE { frame.seen_alone() } else { None };
                     // One camera alone tells depth poorly: recorded, but the motion goes on from the frames before.
-                    if frame.foretold || frame.stereo() {
-                        previous = if lost <= PATIENCE { Some(last) } else { None };
+                    if frame.foretold || frame.stereo() || alone.is_some() {
+                        let before = if strayed { (last.0, pose * predicted.inverse() * last.1) } else { last };
+                        previous = if lost <= PATIENCE { Some(before) } else { None };
                         last = (now, pose);
                         foretold_for = if frame.foretold { foretold_for + 1 } else { 0 };
                         (lost, look_next) = (0, FIRST_LOOK);

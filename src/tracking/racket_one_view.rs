@@ -1,0 +1,142 @@
+//! Finds the racket in one camera's picture, where the other does not show it: all five markers, about as far away as it was.
+//!
+//! From a dozen metres away three markers are seen as from infinity: their picture, whose scale the distance gives, is that of a triangle
+//! tilted one way or the other, and both are tried (Huttenlocher and Ullman 1990, "Recognizing solid objects by alignment with an image").
+
+use super::band_search::BandCandidate;
+use super::racket_figure::RacketFigure;
+use super::racket_pose::{Triangle, View};
+use super::racket_search::Reach;
+use crate::calibration::CameraId;
+use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion};
+
+/// Candidates that are tried, strongest first: the tape is among them, or it is not believed.
+const STRONGEST: usize = 16;
+/// The distance may be wrong by this share: a third of a metre, and a pixel of the racket's size.
+const DISTANCE_SHARE: f64 = 0.05;
+/// A candidate belongs to a marker of a rough pose within this, px.
+const GATE_PX: f64 = 4.0;
+/// Markers that must be near to candidates.
+const FEWEST: usize = 4;
+/// Poses that are handed on: those whose markers are nearest to candidates.
+const MOST_POSES: usize = 12;
+/// Poses as near to each other are one, m and rad.
+const SAME: (f64, f64) = (0.05, 0.15);
+
+/// Poses within reach that put at least four of the five markers on candidates of one camera's picture, best first. Candidates come strongest first.
+pub fn search(view: &View, figure: &RacketFigure, camera: CameraId, candidates: &[BandCandidate], reach: &Reach) -> Vec<Isometry3<f64>> {
+    let eye = view.eye(camera);
+    let away = reach.centre() - eye;
+    let (distance, axis) = (away.norm(), away.normalize());
+    // The candidates' places at the racket's distance.
+    let strongest = candidates.iter().take(STRONGEST);
+    let places: Vec<(&BandCandidate, Point3<f64>)> =
+        strongest.filter_map(|c| view.ray(camera, c.uv).map(|ray| (c, eye + ray * (distance / ray.dot(&axis))))).collect();
+    let mut found: Vec<(f64, Isometry3<f64>)> = Vec::new();
+    let triples = (0..5).flat_map(|i| (i + 1..5).flat_map(move |j| (j + 1..5).map(move |k| [i, j, k])));
+    for markers in triples {
+        let local = markers.map(|m| &figure.points[m]);
+        let Some(triangle) = Triangle::of(local) else { continue };
+        let (a, b) = (local[1] - local[0], local[2] - local[0]);
+        for (p, first) in &places {
+            for (q, second) in places.iter().filter(|(q, _)| q.uv != p.uv) {
+                for (_, third) in places.iter().filter(|(r, _)| r.uv != p.uv && r.uv != q.uv) {
+                    let (u, v) = (second - first, third - first);
+                    for (scale, [g, h]) in tilted([a.norm_squared(), b.norm_squared(), a.dot(&b)], [u.norm_squared(), v.norm_squared(), u.dot(&v)]) {
+                        let beyond = |place: &Point3<f64>, by: f64| eye + (place - eye) * (scale + by / distance);
+                        let corners = [beyond(first, 0.0), beyond(second, g), beyond(third, h)];
+                        let Some(there) = Triangle::of(corners.each_ref()) else { continue };
+                        let pose = triangle.onto(&there);
+                        if reach.turns_to(&pose.rotation)
+                            && let Some(miss) = misses(view, figure, camera, &pose, &places)
+                        {
+                            found.push((miss, pose));
+                        }
+                    }
+                }
+            }
+        }
+    }
+    found.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut out: Vec<Isometry3<f64>> = Vec::new();
+    for (_, pose) in found {
+        let same = |q: &Isometry3<f64>| (q.translation.vector - pose.translation.vector).norm() < SAME.0 && q.rotation.angle_to(&pose.rotation) < SAME.1;
+        if out.len() < MOST_POSES && !out.iter().any(same) {
+            out.push(pose);
+        }
+    }
+    out
+}
+
+/// The two ways in which two sides of a triangle (squared lengths and product) are seen as these: by how much the picture must be scaled, and how far
+/// the sides' ends lie behind their beginning. None where the scale is not about one.
+fn tilted([aa, bb, ab]: [f64; 3], [uu, vv, uv]: [f64; 3]) -> impl Iterator<Item = (f64, [f64; 2])> {
+    // (aa - s uu)(bb - s vv) = (ab - s uv)² in the squared scale; both factors are depths squared at the smaller root.
+    let (q, p, r) = (uu * vv - uv * uv, aa * vv + bb * uu - 2.0 * ab * uv, aa * bb - ab * ab);
+    let root = (p * p - 4.0 * q * r).max(0.0).sqrt();
+    let squared = if p + root > 0.0 { 2.0 * r / (p + root) } else { f64::NAN };
+    let scale = squared.sqrt();
+    let (g, h) = ((aa - squared * uu).max(0.0).sqrt(), (bb - squared * vv).max(0.0).sqrt());
+    let h = if ab - squared * uv < 0.0 { -h } else { h };
+    let possible = (scale - 1.0).abs() < DISTANCE_SHARE;
+    [(scale, [g, h]), (scale, [-g, -h])].into_iter().filter(move |_| possible)
+}
+
+/// How well candidates agree with a pose: mean distance of the markers from their nearest ones, px, and a gate more for one that has none; `None`
+/// where two have none.
+fn misses(view: &View, figure: &RacketFigure, camera: CameraId, pose: &Isometry3<f64>, places: &[(&BandCandidate, Point3<f64>)]) -> Option<f64> {
+    let mut used = Vec::with_capacity(5);
+    let mut sum = 0.0;
+    for marker in 0..5 {
+        let at = view.project(camera, &figure.patch_in_global(marker, pose, view.eye(camera)).0)?;
+        let free = places.iter().enumerate().filter(|(k, _)| !used.contains(k)).map(|(k, (c, _))| ((c.uv - at).norm(), k));
+        match free.min_by(|a, b| a.0.total_cmp(&b.0)).filter(|near| near.0 < GATE_PX) {
+            Some((miss, k)) => {
+                used.push(k);
+                sum += miss;
+            }
+            None => sum += 2.0 * GATE_PX,
+        }
+    }
+    (used.len() >= FEWEST).then_some(sum)
+}
+
+/// A pose foretold from poses that one camera alone has told: what that camera sees of the motion goes on, along its line of sight and in tilt the
+/// racket stays as it was last, for of these two poses differ by chance.
+pub fn foretold(eye: &Point3<f64>, last: &Isometry3<f64>, foretold: &Isometry3<f64>) -> Isometry3<f64> {
+    let axis = (last.translation.vector - eye.coords).normalize();
+    let shift = foretold.translation.vector - last.translation.vector;
+    let turn = (foretold.rotation * last.rotation.inverse()).scaled_axis();
+    let across = Translation3::from(last.translation.vector + shift - axis * axis.dot(&shift));
+    Isometry3::from_parts(across, UnitQuaternion::from_scaled_axis(axis * axis.dot(&turn)) * last.rotation)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::racket_figure::tests::figure;
+    use super::super::racket_pose::tests::rig;
+    use super::*;
+    use nalgebra::Vector2;
+
+    #[test]
+    fn truth_a_racket_is_found_in_one_picture_among_other_things() {
+        let (rig, figure) = (rig(), figure());
+        let view = View::new(&rig);
+        let turned = UnitQuaternion::from_euler_angles(0.3, 0.4, -0.5);
+        let here = Isometry3::from_parts(Translation3::new(0.0, 0.9, -0.1), turned);
+        let last = Isometry3::from_parts(Translation3::new(0.1, 0.85, -0.15), turned * UnitQuaternion::from_euler_angles(0.3, -0.2, 0.2));
+        let reach = Reach::of(&figure, &last, 0.004);
+        for camera in CameraId::BOTH {
+            let uv = |marker: usize| view.project(camera, &figure.patch_in_global(marker, &here, view.eye(camera)).0).expect("seen");
+            let middle = uv(0);
+            let other = |k: usize| middle + Vector2::new(((k * 37) % 90) as f64 - 45.0, ((k * 53) % 80) as f64 - 40.0);
+            let mut seen: Vec<BandCandidate> = (0..5).map(|m| BandCandidate { uv: uv(m), contrast: 90.0 }).collect();
+            seen.extend((0..6).map(|k| BandCandidate { uv: other(k), contrast: 50.0 }));
+            let found = search(&view, &figure, camera, &seen, &reach);
+            let best = found.iter().map(|pose| (0..5).map(|m| (pose * figure.points[m] - here * figure.points[m]).norm()).fold(0.0, f64::max)).fold(f64::INFINITY, f64::min);
+            assert!(best < 0.05, "{best}: {} poses", found.len());
+            // Three markers fit anywhere.
+            assert!(search(&view, &figure, camera, &seen[..3], &reach).is_empty());
+        }
+    }
+}

@@ -72,7 +72,7 @@ impl<S: FrameSource> Shot<'_, S> {
         let scene = stage.ball;
         let (_, piece) = self.known_beside(&flight.frames, stage.racket, gap, forth);
         let next = if forth { gap.start } else { gap.end - 1 };
-        let beside = |last: &&Sighting| (self.source.number(next) as f64 - last.number).abs() <= LONGEST_STEP;
+        let beside = |last: &&Sighting| (self.source.number(next) as f64 - last.number).abs() <= LONGEST_UNSEEN;
         let Some(last) = piece.last().filter(beside) else { return Ok(()) };
         let (mut last, mut way) = (last.number, BallWay::new(piece.iter().map(|s| (s.number, s.place))));
         let (mut ahead, mut buffers) = (gap.clone(), [FrameBuffer::default(), FrameBuffer::default()]);

@@ -88,8 +88,8 @@ mod tests {
 
     #[test]
     fn a_slow_spin_is_looked_at_for_longer() {
-        // 0.35 rad from frame to frame: 2 ms at 175 rad/s; 10 rad/s would want 35 ms, and the sample ends after 96 ms.
-        assert_eq!(sample(1000.0, -150..150, [Some(175.0), Some(10.0)]), ([24, 24], [500.0, 250.0]));
+        // 0.35 rad from frame to frame: 2 ms at 170 rad/s; 10 rad/s would want 35 ms, and the sample ends after 96 ms.
+        assert_eq!(sample(1000.0, -150..150, [Some(170.0), Some(10.0)]), ([24, 24], [500.0, 250.0]));
         assert_eq!(sample(1000.0, -150..150, [Some(400.0), None]), ([24, 24], [1000.0, 1000.0]));
         // A flight seen for 50 ms gives no more.
         assert_eq!(sample(1000.0, -50..150, [Some(10.0), None]), ([25, 24], [500.0, 1000.0]));

@@ -5,10 +5,11 @@
 
 use super::band_search::BandCandidate;
 use super::racket_figure::RacketFigure;
-use super::racket_pose::{Triangle, View};
+use super::racket_pose::{MarkerObservation, Triangle, View, fit_pose_in};
 use super::racket_search::Reach;
+use super::track_file::ImagePoint;
 use crate::calibration::CameraId;
-use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion};
+use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector2};
 
 /// Candidates that are tried, strongest first: the tape is among them, or it is not believed.
 const STRONGEST: usize = 16;
@@ -16,6 +17,8 @@ const STRONGEST: usize = 16;
 const DISTANCE_SHARE: f64 = 0.05;
 /// A candidate belongs to a marker of a rough pose within this, px.
 const GATE_PX: f64 = 4.0;
+/// A candidate's place is good to this, px.
+const CANDIDATE_SD_PX: f64 = 0.7;
 /// Markers that must be near to candidates.
 const FEWEST: usize = 4;
 /// Poses that are handed on: those whose markers are nearest to candidates.
@@ -32,7 +35,7 @@ pub fn search(view: &View, figure: &RacketFigure, camera: CameraId, candidates: 
     let strongest = candidates.iter().take(STRONGEST);
     let places: Vec<(&BandCandidate, Point3<f64>)> =
         strongest.filter_map(|c| view.ray(camera, c.uv).map(|ray| (c, eye + ray * (distance / ray.dot(&axis))))).collect();
-    let mut found: Vec<(f64, Isometry3<f64>)> = Vec::new();
+    let mut found: Vec<(f64, Isometry3<f64>, Vec<MarkerObservation>)> = Vec::new();
     let triples = (0..5).flat_map(|i| (i + 1..5).flat_map(move |j| (j + 1..5).map(move |k| [i, j, k])));
     for markers in triples {
         let local = markers.map(|m| &figure.points[m]);
@@ -48,9 +51,9 @@ pub fn search(view: &View, figure: &RacketFigure, camera: CameraId, candidates: 
                         let Some(there) = Triangle::of(corners.each_ref()) else { continue };
                         let pose = triangle.onto(&there);
                         if reach.turns_to(&pose.rotation)
-                            && let Some(miss) = misses(view, figure, camera, &pose, &places)
+                            && let Some((miss, seen)) = agreeing(view, figure, camera, &pose, &places)
                         {
-                            found.push((miss, pose));
+                            found.push((miss, pose, seen));
                         }
                     }
                 }
@@ -58,14 +61,15 @@ pub fn search(view: &View, figure: &RacketFigure, camera: CameraId, candidates: 
         }
     }
     found.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let mut out: Vec<Isometry3<f64>> = Vec::new();
-    for (_, pose) in found {
+    let mut distinct: Vec<(Isometry3<f64>, Vec<MarkerObservation>)> = Vec::new();
+    for (_, pose, seen) in found {
         let same = |q: &Isometry3<f64>| (q.translation.vector - pose.translation.vector).norm() < SAME.0 && q.rotation.angle_to(&pose.rotation) < SAME.1;
-        if out.len() < MOST_POSES && !out.iter().any(same) {
-            out.push(pose);
+        if distinct.len() < MOST_POSES && !distinct.iter().any(|(q, _)| same(q)) {
+            distinct.push((pose, seen));
         }
     }
-    out
+    // Seen as from infinity a marker is off by up to 3 px.
+    distinct.into_iter().map(|(pose, seen)| fit_pose_in(view, figure, &seen, Some(&pose)).map_or(pose, |fit| fit.global_from_racket)).collect()
 }
 
 /// The two ways in which two sides of a triangle (squared lengths and product) are seen as these: by how much the picture must be scaled, and how far
@@ -82,10 +86,17 @@ fn tilted([aa, bb, ab]: [f64; 3], [uu, vv, uv]: [f64; 3]) -> impl Iterator<Item 
     [(scale, [g, h]), (scale, [-g, -h])].into_iter().filter(move |_| possible)
 }
 
-/// How well candidates agree with a pose: mean distance of the markers from their nearest ones, px, and a gate more for one that has none; `None`
-/// where two have none.
-fn misses(view: &View, figure: &RacketFigure, camera: CameraId, pose: &Isometry3<f64>, places: &[(&BandCandidate, Point3<f64>)]) -> Option<f64> {
+/// The markers that have candidates near them, and how well these agree with a pose: the sum of their distances, px, and two gates more for one that has
+/// none; `None` where two have none.
+fn agreeing(
+    view: &View,
+    figure: &RacketFigure,
+    camera: CameraId,
+    pose: &Isometry3<f64>,
+    places: &[(&BandCandidate, Point3<f64>)],
+) -> Option<(f64, Vec<MarkerObservation>)> {
     let mut used = Vec::with_capacity(5);
+    let mut seen = Vec::with_capacity(5);
     let mut sum = 0.0;
     for marker in 0..5 {
         let at = view.project(camera, &figure.patch_in_global(marker, pose, view.eye(camera)).0)?;
@@ -93,12 +104,13 @@ fn misses(view: &View, figure: &RacketFigure, camera: CameraId, pose: &Isometry3
         match free.min_by(|a, b| a.0.total_cmp(&b.0)).filter(|near| near.0 < GATE_PX) {
             Some((miss, k)) => {
                 used.push(k);
+                seen.push(MarkerObservation { camera, marker, point: ImagePoint { uv: places[k].0.uv, sd: Vector2::repeat(CANDIDATE_SD_PX) } });
                 sum += miss;
             }
             None => sum += 2.0 * GATE_PX,
         }
     }
-    (used.len() >= FEWEST).then_some(sum)
+    (seen.len() >= FEWEST).then_some((sum, seen))
 }
 
 /// A pose foretold from poses that one camera alone has told: what that camera sees of the motion goes on, along its line of sight and in tilt the
@@ -116,7 +128,6 @@ mod tests {
     use super::super::racket_figure::tests::figure;
     use super::super::racket_pose::tests::rig;
     use super::*;
-    use nalgebra::Vector2;
 
     #[test]
     fn truth_a_racket_is_found_in_one_picture_among_other_things() {
@@ -133,8 +144,11 @@ mod tests {
             let mut seen: Vec<BandCandidate> = (0..5).map(|m| BandCandidate { uv: uv(m), contrast: 90.0 }).collect();
             seen.extend((0..6).map(|k| BandCandidate { uv: other(k), contrast: 50.0 }));
             let found = search(&view, &figure, camera, &seen, &reach);
-            let best = found.iter().map(|pose| (0..5).map(|m| (pose * figure.points[m] - here * figure.points[m]).norm()).fold(0.0, f64::max)).fold(f64::INFINITY, f64::min);
-            assert!(best < 0.05, "{best}: {} poses", found.len());
+            // How far away it is one camera hardly tells: the markers' places in its picture, and how the racket is turned, it does.
+            let seen_at = |pose: &Isometry3<f64>, m: usize| view.project(camera, &figure.patch_in_global(m, pose, view.eye(camera)).0).expect("seen");
+            let miss_px = |pose: &Isometry3<f64>| (0..5).map(|m| (seen_at(pose, m) - uv(m)).norm()).fold(0.0, f64::max);
+            let right = |pose: &&Isometry3<f64>| miss_px(pose) < 1.0 && pose.rotation.angle_to(&here.rotation) < 0.3;
+            assert!(found.iter().any(|pose| right(&pose)), "{camera:?}: {:?}", found.iter().map(miss_px).collect::<Vec<_>>());
             // Three markers fit anywhere.
             assert!(search(&view, &figure, camera, &seen[..3], &reach).is_empty());
         }

@@ -410,7 +410,8 @@ fn find_whole(scene: &RacketScene, image: &GreyView, band: &BandView, (reach_px,
     if contrast >= least_contrast {
         let fit = |start| band::fit(image, band, scene.shape, start, BandPart::Whole, None).filter(|f| f.white - f.black > least_contrast);
         // A pixel beside it a small band may have more contrast, and no way down to it.
-        return fit((t, s)).or_else(|| if weak && t.abs().max(s.abs()) == 1.0 { fit((0.0, 0.0)).filter(|f| (f.uv - band.centre).norm() < SMALL_SHIFT_PX) } else { None });
+        let from_place = || fit((0.0, 0.0)).filter(|f| (f.uv - band.centre).norm() < SMALL_SHIFT_PX);
+        return fit((t, s)).or_else(|| if weak && t.abs().max(s.abs()) == 1.0 { from_place() } else { None });
     }
     if !weak {
         return None;

@@ -100,6 +100,11 @@ impl RacketStart {
     }
 }
 
+/// Pixels so near to a place along one axis.
+fn around(at: f64, by: f64) -> Range<usize> {
+    (at - by).max(0.0) as usize..(at + by + 1.0).max(0.0) as usize
+}
+
 /// Whether most other frames have a candidate at the same place.
 fn stands_still(candidate: &BandCandidate, others: &[&[BandCandidate]]) -> bool {
     let seen = others.iter().filter(|frame| frame.iter().any(|c| (c.uv - candidate.uv).norm() < STILL_PX)).count();
@@ -194,16 +199,13 @@ impl<S: FrameSource> Shot<'_, S> {
     fn candidates_in(&self, index: usize, most: usize) -> Result<Option<[Vec<BandCandidate>; 2]>, TrackingError> {
         self.with_buffers(|buffers| {
             let [Some(l), Some(r)] = &self.read(index, buffers)? else { return Ok(None) };
-            Ok(Some(self.band_candidates([l, r], [0..usize::MAX, 0..usize::MAX], most)))
+            Ok(Some(self.band_candidates([l, r], most)))
         })
     }
 
-    /// What may be tape in some columns of either picture.
-    fn band_candidates(&self, images: [&GreyView; 2], columns: [Range<usize>; 2], most: usize) -> [Vec<BandCandidate>; 2] {
-        let of = |camera: CameraId| {
-            let (image, columns) = (images[camera.index()], columns[camera.index()].clone());
-            band_search::candidates(image, columns, self.px_per_m(camera), self.shape.white_half_m, most)
-        };
+    /// What may be tape in either picture.
+    fn band_candidates(&self, images: [&GreyView; 2], most: usize) -> [Vec<BandCandidate>; 2] {
+        let of = |camera: CameraId| band_search::candidates(images[camera.index()], 0..usize::MAX, self.px_per_m(camera), self.shape.white_half_m, most);
         let (left, right) = rayon::join(|| of(CameraId::Left), || of(CameraId::Right));
         [left, right]
     }
@@ -410,26 +412,41 @@ impl<S: FrameSource> Shot<'_, S> {
         buffers: &mut [FrameBuffer; 2],
     ) -> Result<Option<RacketFrame>, TrackingError> {
         let reach = Reach::of(&self.figure, last, (self.source.number(index) as f64 - then) / self.setup.frame_rate_hz);
-        let circles = CameraId::BOTH.map(|c| reach.circle(self.view, c));
-        let around = |at: f64, by: f64| (at - by).max(0.0) as usize..(at + by + 1.0).max(0.0) as usize;
-        let rows = CameraId::BOTH.map(|c| {
-            circles[c.index()].map_or(Rows::ALL, |(at, radius)| {
-                let rows = around(at.y, radius + band_search::reach_px(self.px_per_m(c), self.shape.white_half_m));
-                Rows::span(rows.start, rows.len())
-            })
-        });
-        let images = self.read_rows(index, rows, buffers)?;
-        let [Some(l), Some(r)] = &images else { return Ok(None) };
-        // What lies next to the border of what is looked through is no peak.
-        let columns = circles.map(|circle| circle.map_or(0..usize::MAX, |(at, radius)| around(at.x, radius + band_search::AROUND as f64)));
-        let mut candidates = self.band_candidates([l, r], columns, MOST_BEFORE_SOME_GO);
-        for ((candidates, circle), least) in candidates.iter_mut().zip(circles).zip(least_contrast) {
-            candidates.retain(|c| c.contrast > FAINTEST * least && circle.is_none_or(|(at, radius)| (c.uv - at).norm() < radius));
-            candidates.truncate(MOST);
+        let images = self.read_rows(index, self.rows_in_reach(&reach), buffers)?;
+        if images.iter().any(Option::is_none) {
+            return Ok(None);
         }
+        let mut candidates = self.candidates_in_reach(&images, &reach, least_contrast);
+        candidates.iter_mut().for_each(|candidates| candidates.truncate(MOST));
         let poses = racket_search::search(self.view, &self.figure, &candidates, Some(&reach));
         let measured = poses.iter().filter_map(|p| racket_track::measure(&self.scene(), &images, &p.global_from_racket, START_REACH_PX, least_contrast));
         Ok(measured.filter(|f| f.count() >= 6).min_by(|a, b| a.miss_px().total_cmp(&b.miss_px())))
+    }
+
+    /// The rows of both pictures in which the racket may be.
+    fn rows_in_reach(&self, reach: &Reach) -> [Rows; 2] {
+        CameraId::BOTH.map(|c| {
+            reach.circle(self.view, c).map_or(Rows::ALL, |(at, radius)| {
+                let rows = around(at.y, radius + band_search::reach_px(self.px_per_m(c), self.shape.white_half_m));
+                Rows::span(rows.start, rows.len())
+            })
+        })
+    }
+
+    /// What looks like tape in either picture where the racket may be, strongest first.
+    fn candidates_in_reach(&self, images: &[Option<GreyView>; 2], reach: &Reach, least_contrast: &[f64; 2]) -> [Vec<BandCandidate>; 2] {
+        let of = |camera: CameraId| {
+            let Some(image) = &images[camera.index()] else { return Vec::new() };
+            let circle = reach.circle(self.view, camera);
+            // What lies next to the border of what is looked through is no peak.
+            let columns = circle.map_or(0..usize::MAX, |(at, radius)| around(at.x, radius + band_search::AROUND as f64));
+            let mut candidates = band_search::candidates(image, columns, self.px_per_m(camera), self.shape.white_half_m, MOST_BEFORE_SOME_GO);
+            let least = FAINTEST * least_contrast[camera.index()];
+            candidates.retain(|c| c.contrast > least && circle.is_none_or(|(at, radius)| (c.uv - at).norm() < radius));
+            candidates
+        };
+        let (left, right) = rayon::join(|| of(CameraId::Left), || of(CameraId::Right));
+        [left, right]
     }
 
     /// The racket in one camera's picture, all five bands of it, where the other camera does not show it. What was at the same place in the frame in
@@ -444,24 +461,18 @@ impl<S: FrameSource> Shot<'_, S> {
         buffers: &mut [FrameBuffer; 2],
     ) -> Result<Option<RacketFrame>, TrackingError> {
         let reach = Reach::of(&self.figure, last, SLOW_SHARE * (self.source.number(index) as f64 - then) / self.setup.frame_rate_hz);
-        let circles = CameraId::BOTH.map(|c| reach.circle(self.view, c));
-        let candidates_in = |images: &[Option<GreyView>; 2], camera: CameraId| {
-            let (Some(image), Some((at, radius))) = (&images[camera.index()], circles[camera.index()]) else { return Vec::new() };
-            let columns = (at.x - radius - band_search::AROUND as f64).max(0.0) as usize..(at.x + radius + band_search::AROUND as f64).max(0.0) as usize;
-            let mut candidates = band_search::candidates(image, columns, self.px_per_m(camera), self.shape.white_half_m, MOST_BEFORE_SOME_GO);
-            candidates.retain(|band| band.contrast > FAINTEST * least_contrast[camera.index()] && (band.uv - at).norm() < radius);
-            candidates
-        };
-        let images = self.read(index, buffers)?;
+        let rows = self.rows_in_reach(&reach);
+        let still =
+            self.with_buffers(|other| Ok::<_, TrackingError>(self.candidates_in_reach(&self.read_rows(lost_since, rows, other)?, &reach, least_contrast)))?;
+        let images = self.read_rows(index, rows, buffers)?;
+        let mut candidates = self.candidates_in_reach(&images, &reach, least_contrast);
         let mut best: Option<RacketFrame> = None;
         for camera in CameraId::BOTH {
             let c = camera.index();
-            let mut candidates = candidates_in(&images, camera);
-            let still = self.with_buffers(|other| Ok::<_, TrackingError>(candidates_in(&self.read(lost_since, other)?, camera)))?;
-            candidates.retain(|band| !still.iter().any(|other| (other.uv - band.uv).norm() < STILL_PX));
+            candidates[c].retain(|band| !still[c].iter().any(|other| (other.uv - band.uv).norm() < STILL_PX));
             let mut alone = [None, None];
             alone[c] = images[c];
-            let poses = racket_one_view::search(self.view, &self.figure, camera, &candidates, &reach);
+            let poses = racket_one_view::search(self.view, &self.figure, camera, &candidates[c], &reach);
             let measured = poses.iter().filter_map(|pose| racket_track::measure(&self.scene(), &alone, pose, START_REACH_PX, least_contrast));
             let whole = measured.filter(|frame| frame.count() == 5 && frame.miss_px() < ALONE_MISS_PX);
             let known = whole.filter_map(|frame| face::nearest_twin(self.view, &self.figure, frame, predicted));
@@ -531,7 +542,8 @@ impl<S: FrameSource> Shot<'_, S> {
                 if expected {
                     let frames = (now - last.0).abs() * 1000.0 / self.setup.frame_rate_hz;
                     let foretold = Foretold { pose: predicted, sd_rad: FORETOLD_SD.0 * frames, sd_m: FORETOLD_SD.1 * frames };
-                    let look = Expected { foretold, goes_on: previous.is_some() && alone.is_none(), by_few: foretold_for < LONGEST_FORETOLD, reach_px: reach, saw_it };
+                    let look =
+                        Expected { foretold, goes_on: previous.is_some() && alone.is_none(), by_few: foretold_for < LONGEST_FORETOLD, reach_px: reach, saw_it };
                     (found, known) = look.find(&scene, images, &start.least_contrast);
                 }
             }

@@ -8,7 +8,7 @@ use rand::{Rng, SeedableRng};
 use std::collections::BTreeMap;
 use std::path::Path;
 use sweetspot::calibration::CameraId;
-use sweetspot::tracking::spin::{BallView, SpinEstimate, SpinRefusal, SpinSettings, estimate_spin};
+use sweetspot::tracking::spin::{BallView, FoundSpin, SpinEstimate, SpinRefusal, SpinSettings, estimate_spin};
 
 fn numbers(v: &serde_json::Value) -> Vec<f64> {
     v.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()
@@ -248,6 +248,29 @@ fn law_fast_and_slow_spins_are_found() {
     assert!(fast.rate.len() == 5 && fast.worst_rate() < 0.01 && fast.worst_axis_deg() < 3.0);
     let slow = tally("slow", 5, (10.0, 80.0), |_, _| {});
     assert!(slow.rate.len() == 5 && slow.worst_rate() < 0.05 && slow.z2_mean() < 2.5);
+}
+
+/// Of a slow spin the frames next to the contact tell little, one in four over four times as long more.
+#[test]
+fn law_a_slow_spin_looked_at_for_longer_is_told_better() {
+    let rig = rig();
+    let (mut short, mut long) = (Tally::default(), Tally::default());
+    for (k, (omega, scene)) in scenes("longer", 5, (10.0, 80.0), |s, _| (s.frames, s.velocity) = (96, s.velocity * 0.25)).into_iter().enumerate() {
+        let pictures = scene.render(&rig);
+        let frame = |p: &Picture| (p.time_s * scene.frame_rate_hz).round() as i64;
+        let first = pictures.iter().map(frame).min().unwrap();
+        let views = |few: &dyn Fn(i64) -> bool| pictures.iter().filter(|p| few(frame(p) - first)).map(Picture::view).collect::<Vec<BallView>>();
+        let (near, far) = (views(&|n| n < 24), views(&|n| n % 4 == 0));
+        let [usual, slower] = [1.0, 0.25].map(|share| SpinSettings::new(share * scene.frame_rate_hz));
+        let found = FoundSpin::find(&near, &rig, RADIUS_M, &usual);
+        assert!(found.fastest().is_some_and(|rate| rate < 130.0), "{:?}", found.fastest());
+        short.add(&found.measure(&near, &rig, RADIUS_M, &usual), &omega, &format!("  short {k}"));
+        let longer = found.look_longer(&far, &rig, RADIUS_M, &slower);
+        long.add(&longer.measure(&far, &rig, RADIUS_M, &slower), &omega, &format!("  long {k}"));
+    }
+    short.tell("24 ms");
+    long.tell("96 ms");
+    assert!(long.rate.len() == 5 && long.worst_rate() < 0.02 && 2.0 * rms(&long.rate) < rms(&short.rate) && long.z2_mean() < 2.5);
 }
 
 #[test]

@@ -353,6 +353,50 @@ fn real_bands_and_balls_that_the_border_cuts_are_where_whole_pictures_show_them(
     }
 }
 
+/// The share of the markers visible in these frames that one camera's tracks hold.
+fn markers_found(r: &Recording, made: &InStep, camera: CameraId, frames: &[u64]) -> f64 {
+    let (mut seen, mut found) = (0, 0);
+    for f in r.truth["frames"].as_array().unwrap().iter().filter(|f| frames.contains(&f["frame"].as_u64().unwrap())) {
+        for target in Target::MARKERS {
+            let p = &f["cameras"][camera.name()][target.name()];
+            if p["visible"] == true && p["fraction"].as_f64().unwrap_or(0.0) >= 0.5 {
+                seen += 1;
+                found += usize::from(made.tracked.tracks.get(f["frame"].as_u64().unwrap(), camera, target).is_some());
+            }
+        }
+    }
+    found as f64 / f64::from(seen.max(1))
+}
+
+/// One camera is blind while the racket is swung: the other follows it alone, and it is found again at once in the first picture after that.
+#[test]
+fn real_a_racket_that_one_camera_lost_is_found_again_along_the_others_line_of_sight() {
+    let Some(r) = Recording::of("court-12") else { return };
+    let frames = r.frames();
+    let (blind, after) = (&frames[2..16], &frames[..2]);
+    blind.iter().for_each(|frame| r.paint(CameraId::Right, *frame, |p| p.fill(60)));
+    let made = r.track(SyncMode::Report).unwrap();
+    let (found, wrong) = r.score(&made, 0, blind);
+    assert!(found > 0.98 && wrong == 0, "{found} {wrong}");
+    let [left, right] = [(CameraId::Left, blind), (CameraId::Right, after)].map(|(camera, frames)| markers_found(&r, &made, camera, frames));
+    assert!(left > 0.9 && right > 0.9, "{left} {right}");
+}
+
+/// The racket is hidden for some frames, and comes out in one picture only.
+#[test]
+fn real_a_racket_that_comes_out_in_one_picture_only_is_found_there() {
+    let Some(r) = Recording::of("lab-11") else { return };
+    let frames = r.frames();
+    let (alone, hidden) = (&frames[..8], &frames[8..15]);
+    hidden.iter().for_each(|frame| CameraId::BOTH.into_iter().for_each(|camera| r.paint(camera, *frame, |p| p.fill(30))));
+    alone.iter().for_each(|frame| r.paint(CameraId::Right, *frame, |p| p.fill(30)));
+    let made = r.track(SyncMode::Report).unwrap();
+    let (found, wrong) = r.score(&made, 0, &frames[..15]);
+    let left = markers_found(&r, &made, CameraId::Left, alone);
+    assert!(found > 0.98 && wrong == 0 && left > 0.9, "{found} {wrong} {left}");
+    assert!(alone.iter().all(|frame| Target::MARKERS.iter().all(|m| made.tracked.tracks.get(*frame, CameraId::Right, *m).is_none())));
+}
+
 #[test]
 fn real_a_bright_thing_that_the_ball_touches_does_not_pull_it() {
     let Some(r) = Recording::of("lab-11") else { return };

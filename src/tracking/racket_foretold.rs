@@ -27,6 +27,8 @@ pub struct Expected {
     pub reach_px: i32,
     /// The cameras that showed it in the frame before.
     pub saw_it: [bool; 2],
+    /// One of them has not shown it for some frames: it is looked for there along the other's line of sight.
+    pub astray: bool,
 }
 
 impl Expected {
@@ -48,7 +50,7 @@ impl Expected {
         }
     }
 
-    /// What one camera alone shows, once the other has not shown it for some frames, with what that one shows along the first one's line of sight.
+    /// What one camera alone shows, with what the other one shows along the first one's line of sight.
     fn in_both(
         &self,
         scene: &RacketScene,
@@ -57,7 +59,7 @@ impl Expected {
         known: Option<KnownBands>,
         least_contrast: &[f64; 2],
     ) -> (Option<RacketFrame>, Option<KnownBands>) {
-        let alone = found.as_ref().filter(|frame| self.saw_it.contains(&false) && !frame.stereo());
+        let alone = found.as_ref().filter(|frame| self.astray && !frame.stereo());
         match alone.and_then(|frame| in_other_view(scene, pictures, frame, least_contrast)) {
             Some(frame) => {
                 let known = KnownBands::of(scene, pictures, &frame, least_contrast);

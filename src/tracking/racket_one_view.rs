@@ -5,7 +5,7 @@
 
 use super::band_search::BandCandidate;
 use super::racket_figure::RacketFigure;
-use super::racket_pose::{MarkerObservation, Triangle, View, fit_pose_in};
+use super::racket_pose::{Foretold, MarkerObservation, Triangle, View, fit_pose_near};
 use super::racket_search::Reach;
 use super::track_file::ImagePoint;
 use crate::calibration::CameraId;
@@ -20,9 +20,11 @@ const GATE_PX: f64 = 4.0;
 /// A candidate's place is good to this, px.
 const CANDIDATE_SD_PX: f64 = 0.7;
 /// Markers that must be near to candidates.
-const FEWEST: usize = 4;
+pub const FEWEST: usize = 4;
 /// Poses that are handed on: those whose markers are nearest to candidates.
 const MOST_POSES: usize = 12;
+/// How far off a pose may be that three markers seen as from infinity tell, rad and m.
+const OFF: (f64, f64) = (0.1, 0.1);
 /// Poses as near to each other are one, m and rad.
 const SAME: (f64, f64) = (0.05, 0.15);
 
@@ -68,8 +70,9 @@ pub fn search(view: &View, figure: &RacketFigure, camera: CameraId, candidates: 
             distinct.push((pose, seen));
         }
     }
-    // Seen as from infinity a marker is off by up to 3 px.
-    distinct.into_iter().map(|(pose, seen)| fit_pose_in(view, figure, &seen, Some(&pose)).map_or(pose, |fit| fit.global_from_racket)).collect()
+    // Seen as from infinity a marker is off by up to 3 px. Four of them alone would tell tilt and distance worse than that.
+    let near = |pose| Foretold { pose, sd_rad: OFF.0, sd_m: OFF.1 };
+    distinct.into_iter().map(|(pose, seen)| fit_pose_near(view, figure, &seen, &near(pose)).map_or(pose, |fit| fit.global_from_racket)).collect()
 }
 
 /// The two ways in which two sides of a triangle (squared lengths and product) are seen as these: by how much the picture must be scaled, and how far

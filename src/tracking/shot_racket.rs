@@ -59,13 +59,12 @@ const FIRST_LOOK: usize = 2;
 /// and most frames between two such looks: it crosses the volume in sixty.
 const FARTHEST_LOOKS: usize = 20;
 
-/// Most frames after which one camera alone may find it again, the same of the first looks, and how badly its bands may agree there, px.
+/// Most frames after which one camera alone may find it again, as long as it moves no faster than this share of the fastest, and how badly its bands may
+/// agree there, px.
 const LONGEST_ALONE: usize = 40;
-const CLOSE_LOOKS: usize = 6;
-/// A racket that one camera may find again moves no faster than this share of the fastest.
 const SLOW_SHARE: f64 = 0.15;
 const ALONE_MISS_PX: f64 = 0.35;
-/// Frames that a camera has not shown it, after which its depth has gone astray.
+/// Frames that a camera has not shown it, after which its depth has gone astray, and from one time to the next that it is looked for there.
 const STRAYED: usize = 3;
 /// What a swung racket's next pose is foretold to, a millisecond ahead, rad and m: two to four times what its velocity changes by.
 const FORETOLD_SD: (f64, f64) = (0.01, 0.002);
@@ -98,6 +97,19 @@ impl RacketStart {
     fn is_clear(&self, strength: f64) -> bool {
         strength > CLEAR_STRENGTH && self.frame.count() >= CLEAR_BANDS
     }
+}
+
+/// A racket that was followed and lost.
+struct LostRacket {
+    /// The first frame without it, and how many there have been.
+    since: usize,
+    frames: usize,
+    /// Number of the frame before that, and its pose there.
+    last_seen: (f64, Isometry3<f64>),
+    /// Where it would be now had it gone on as it went.
+    predicted: Isometry3<f64>,
+    /// What looked like tape in the first frame without it, once that has been asked.
+    still: Option<[Vec<BandCandidate>; 2]>,
 }
 
 /// Pixels so near to a place along one axis.
@@ -403,24 +415,32 @@ impl<S: FrameSource> Shot<'_, S> {
         Ok(())
     }
 
-    /// The racket anywhere it may have got to since it was last seen, in pictures that are read for it.
+    /// The racket anywhere it may have got to since it was last seen, in pictures that are read for it; in one of them alone where both do not show it,
+    /// as long as it has not been lost for long.
     fn look_for_racket(
         &self,
         index: usize,
-        (then, last): &(f64, Isometry3<f64>),
+        lost: &mut LostRacket,
         least_contrast: &[f64; 2],
         buffers: &mut [FrameBuffer; 2],
     ) -> Result<Option<RacketFrame>, TrackingError> {
-        let reach = Reach::of(&self.figure, last, (self.source.number(index) as f64 - then) / self.setup.frame_rate_hz);
+        let seconds = (self.source.number(index) as f64 - lost.last_seen.0) / self.setup.frame_rate_hz;
+        let reach = Reach::of(&self.figure, &lost.last_seen.1, seconds);
         let images = self.read_rows(index, self.rows_in_reach(&reach), buffers)?;
         if images.iter().any(Option::is_none) {
             return Ok(None);
         }
-        let mut candidates = self.candidates_in_reach(&images, &reach, least_contrast);
-        candidates.iter_mut().for_each(|candidates| candidates.truncate(MOST));
-        let poses = racket_search::search(self.view, &self.figure, &candidates, Some(&reach));
+        let candidates = self.candidates_in_reach(&images, &reach, least_contrast);
+        let likely = candidates.each_ref().map(|c| c.iter().take(MOST).copied().collect::<Vec<_>>());
+        let poses = racket_search::search(self.view, &self.figure, &likely, Some(&reach));
         let measured = poses.iter().filter_map(|p| racket_track::measure(&self.scene(), &images, &p.global_from_racket, START_REACH_PX, least_contrast));
-        Ok(measured.filter(|f| f.count() >= 6).min_by(|a, b| a.miss_px().total_cmp(&b.miss_px())))
+        let best = measured.filter(|f| f.count() >= 6).min_by(|a, b| a.miss_px().total_cmp(&b.miss_px()));
+        let found = best.and_then(|f| face::nearest_twin(self.view, &self.figure, f, &lost.predicted));
+        if found.is_some() || lost.frames > LONGEST_ALONE {
+            return Ok(found);
+        }
+        let near = Reach::of(&self.figure, &lost.last_seen.1, SLOW_SHARE * seconds);
+        self.look_in_one_view(&images, candidates, &near, lost, least_contrast)
     }
 
     /// The rows of both pictures in which the racket may be.
@@ -453,30 +473,37 @@ impl<S: FrameSource> Shot<'_, S> {
     /// which it was lost is another thing.
     fn look_in_one_view(
         &self,
-        index: usize,
-        lost_since: usize,
-        (then, last): &(f64, Isometry3<f64>),
-        predicted: &Isometry3<f64>,
+        images: &[Option<GreyView>; 2],
+        mut candidates: [Vec<BandCandidate>; 2],
+        reach: &Reach,
+        lost: &mut LostRacket,
         least_contrast: &[f64; 2],
-        buffers: &mut [FrameBuffer; 2],
     ) -> Result<Option<RacketFrame>, TrackingError> {
-        let reach = Reach::of(&self.figure, last, SLOW_SHARE * (self.source.number(index) as f64 - then) / self.setup.frame_rate_hz);
-        let rows = self.rows_in_reach(&reach);
-        let still =
-            self.with_buffers(|other| Ok::<_, TrackingError>(self.candidates_in_reach(&self.read_rows(lost_since, rows, other)?, &reach, least_contrast)))?;
-        let images = self.read_rows(index, rows, buffers)?;
-        let mut candidates = self.candidates_in_reach(&images, &reach, least_contrast);
+        for (candidates, camera) in candidates.iter_mut().zip(CameraId::BOTH) {
+            let circle = reach.circle(self.view, camera);
+            candidates.retain(|c| circle.is_some_and(|(at, radius)| (c.uv - at).norm() < radius));
+        }
+        if candidates.iter().all(|c| c.len() < racket_one_view::FEWEST) {
+            return Ok(None);
+        }
+        let still = match &mut lost.still {
+            Some(still) => still,
+            none => none.insert(self.with_buffers(|buffers| {
+                let whole = Reach::of(&self.figure, &lost.last_seen.1, f64::INFINITY);
+                Ok::<_, TrackingError>(self.candidates_in_reach(&self.read(lost.since, buffers)?, &whole, least_contrast))
+            })?),
+        };
         let mut best: Option<RacketFrame> = None;
         for camera in CameraId::BOTH {
             let c = camera.index();
             candidates[c].retain(|band| !still[c].iter().any(|other| (other.uv - band.uv).norm() < STILL_PX));
             let mut alone = [None, None];
             alone[c] = images[c];
-            let poses = racket_one_view::search(self.view, &self.figure, camera, &candidates[c], &reach);
+            let poses = racket_one_view::search(self.view, &self.figure, camera, &candidates[c], reach);
             let measured = poses.iter().filter_map(|pose| racket_track::measure(&self.scene(), &alone, pose, START_REACH_PX, least_contrast));
             let whole = measured.filter(|frame| frame.count() == 5 && frame.miss_px() < ALONE_MISS_PX);
-            let known = whole.filter_map(|frame| face::nearest_twin(self.view, &self.figure, frame, predicted));
-            let off = |frame: &RacketFrame| frame.pose.global_from_racket.rotation.angle_to(&predicted.rotation);
+            let known = whole.filter_map(|frame| face::nearest_twin(self.view, &self.figure, frame, &lost.predicted));
+            let off = |frame: &RacketFrame| frame.pose.global_from_racket.rotation.angle_to(&lost.predicted.rotation);
             best = best.into_iter().chain(known).min_by(|a, b| off(a).total_cmp(&off(b)));
         }
         Ok(best)
@@ -500,8 +527,9 @@ impl<S: FrameSource> Shot<'_, S> {
         let mut lost = 0;
         let mut look_next = FIRST_LOOK;
         let mut without: Vec<usize> = Vec::new();
+        let mut still = None;
         // Frames since its bands alone told its pose, and since either camera showed it.
-        let (mut foretold_for, mut unseen) = (0, [0, 0]);
+        let (mut foretold_for, mut unseen) = (0, [0usize; 2]);
         // It was found by one camera alone, and goes on from what that one tells.
         let mut alone = start.frame.seen_alone();
         for index in indices {
@@ -511,6 +539,7 @@ impl<S: FrameSource> Shot<'_, S> {
             let now = self.source.number(index) as f64;
             let mut found = None;
             let saw_it = unseen.map(|frames| frames == 0);
+            let astray = unseen.iter().any(|frames| *frames > 0 && frames.is_multiple_of(STRAYED));
             let mut predicted = racket_track::predict(previous.as_ref().map(|p| &p.1), &last.1, previous.map_or(1.0, |p| last.0 - p.0), now - last.0);
             if let Some(camera) = alone {
                 predicted = racket_one_view::foretold(self.view.eye(camera), &last.1, &predicted);
@@ -542,22 +571,17 @@ impl<S: FrameSource> Shot<'_, S> {
                 if expected {
                     let frames = (now - last.0).abs() * 1000.0 / self.setup.frame_rate_hz;
                     let foretold = Foretold { pose: predicted, sd_rad: FORETOLD_SD.0 * frames, sd_m: FORETOLD_SD.1 * frames };
-                    let look =
-                        Expected { foretold, goes_on: previous.is_some() && alone.is_none(), by_few: foretold_for < LONGEST_FORETOLD, reach_px: reach, saw_it };
+                    let (goes_on, by_few) = (previous.is_some() && alone.is_none(), foretold_for < LONGEST_FORETOLD);
+                    let look = Expected { foretold, goes_on, by_few, reach_px: reach, saw_it, astray };
                     (found, known) = look.find(&scene, images, &start.least_contrast);
                 }
             }
             if found.is_none() && look_for && lost >= look_next {
-                found = self
-                    .look_for_racket(index, &last, &start.least_contrast, &mut buffers)?
-                    .and_then(|f| face::nearest_twin(self.view, &self.figure, f, &predicted));
-                if found.is_none()
-                    && lost <= LONGEST_ALONE
-                    && let Some(lost_since) = without.first()
-                {
-                    found = self.look_in_one_view(index, *lost_since, &last, &predicted, &start.least_contrast, &mut buffers)?;
-                }
-                look_next = lost + 1 + (lost / 2).min(if lost < LONGEST_ALONE { CLOSE_LOOKS } else { FARTHEST_LOOKS });
+                let since = without.first().copied().unwrap_or(index);
+                let mut racket = LostRacket { since, frames: lost, last_seen: last, predicted, still: still.take() };
+                found = self.look_for_racket(index, &mut racket, &start.least_contrast, &mut buffers)?;
+                still = racket.still;
+                look_next = lost + 1 + (lost / 2).min(FARTHEST_LOOKS);
                 if let Some(frame) = &found {
                     let found = RacketStart { index, frame: frame.clone(), least_contrast: start.least_contrast };
                     out.append(&mut self.follow_racket_through(&found, without.iter().rev().copied(), false)?.0);
@@ -580,6 +604,7 @@ impl<S: FrameSource> Shot<'_, S> {
                         foretold_for = if frame.foretold { foretold_for + 1 } else { 0 };
                         (lost, look_next) = (0, FIRST_LOOK);
                         without.clear();
+                        still = None;
                     }
                     out.push((index, frame));
                 }

@@ -41,6 +41,7 @@ mod flight_sample;
 mod free_flight;
 mod in_step;
 mod lanes;
+mod lost_racket;
 mod other_thing;
 mod overlay;
 mod part_of_racket;

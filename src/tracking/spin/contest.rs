@@ -3,6 +3,7 @@
 use super::registration::{Effort, Registrar, Registration};
 use super::search::Candidate;
 use nalgebra::{Matrix3, Vector3};
+use rayon::prelude::*;
 
 /// Least lead over a rival behind a barrier, as a share of what the markings explain; twice that for a best solution that
 /// stands still. Measured (docs/spin.md, "Rivals"): a line that slides along itself leads by up to 0.18 where it stands
@@ -60,9 +61,7 @@ pub(super) fn contest(coarse: &Registrar, candidates: &[Candidate], span_s: f64)
     fits.sort_by(|a, b| cost(a).total_cmp(&cost(b)));
     // Those that are near go on until they have arrived, or have met.
     let limit = cost(&fits[0]) + 2.5 * LEAST_LEAD * explained(&fits[0]);
-    for f in fits.iter_mut().filter(|f| cost(f) <= limit) {
-        *f = coarse.refine(f.omega, &Effort { steps: 6, ..COARSE });
-    }
+    fits.par_iter_mut().filter(|f| cost(f) <= limit).for_each(|f| *f = coarse.refine(f.omega, &Effort { steps: 6, ..COARSE }));
     fits.sort_by(|a, b| cost(a).total_cmp(&cost(b)));
     let best = fits.first()?;
     let at_best = coarse.cost_at(&best.omega, noise, &COARSE);
@@ -103,7 +102,8 @@ pub(super) fn contest(coarse: &Registrar, candidates: &[Candidate], span_s: f64)
             let ((s, c), r) = ((golden * f64::from(i)).sin_cos(), (1.0 - z * z).sqrt());
             Vector3::new(r * c, r * s, z) / span_s.max(1e-6)
         });
-        let slides = turns.map(|omega| ((coarse.cost_at(&omega, noise, &COARSE) - at_best) / gain, omega)).min_by(|a, b| a.0.total_cmp(&b.0));
+        let slides: Vec<_> = turns.collect::<Vec<_>>().into_par_iter().map(|omega| ((coarse.cost_at(&omega, noise, &COARSE) - at_best) / gain, omega)).collect();
+        let slides = slides.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
         strongest = slides.map(|(lead, omega)| (lead - 2.0 * LEAST_LEAD, lead, omega)).or(strongest);
     }
     let rival = strongest.filter(|s| s.0 < 0.0).map(|s| s.2);

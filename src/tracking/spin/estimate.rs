@@ -8,6 +8,7 @@ use super::sphere_map::SphereMap;
 use super::view::{BallView, Sample, ViewInfo, sample_views};
 use crate::calibration::StereoRig;
 use nalgebra::{Matrix3, Rotation3, Vector3};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// What the estimator must know about the recording.
@@ -233,13 +234,13 @@ impl FoundSpin {
         // The lines darken the first estimate of the shading where they pass most often; now that they are known, again.
         let map = SphereMap::new(FINE_EDGE);
         let (shading, marks) = divide_out(&infos, &samples, Some(&start.markings.at(&map, &infos, &samples)));
-        let mut registrar = Registrar::new(&map, &infos, &marks, &shading, Some(&settings.blur_px));
+        let registrar = Registrar::new(&map, &infos, &marks, &shading, Some(&settings.blur_px));
         let best = registrar.refine(start.omega, &Effort { memory_s: MEMORY_FRAMES / settings.frame_rate_hz, ..FINAL });
         if let Some(reason) = refused(&best, &start.contest, settings, SETTLED.1) {
             return SpinEstimate::Refused { reason };
         }
         let on_first = stated(&best, &widened(&registrar, &best), &infos);
-        let (omega, scatter) = over_cells(&mut registrar, &best.omega, &start.omega, &start.contest.near);
+        let (omega, scatter) = over_cells(&registrar, &best.omega, &start.omega, &start.contest.near);
         held(&infos, &best, omega, on_first + scatter * CELLS_SHARE + start.contest.flat, &start.contest, settings)
     }
 }
@@ -318,14 +319,15 @@ fn held(infos: &[ViewInfo], best: &Registration, omega: Vector3<f64>, covariance
 /// The mean spin over maps whose cells lie differently on the ball, and the scatter of one of them. Along a line that slides
 /// along itself the cost is nearly flat, and the cells' own corners make dents in it, in one of which every registration
 /// stays; on other cells the dents lie elsewhere. `near`: where else in the same valley to begin.
-fn over_cells(registrar: &mut Registrar, on_first: &Vector3<f64>, start: &Vector3<f64>, near: &[Vector3<f64>]) -> (Vector3<f64>, Matrix3<f64>) {
-    let mut all = vec![*on_first];
-    for i in 0..OTHER_CELLS {
+fn over_cells(registrar: &Registrar, on_first: &Vector3<f64>, start: &Vector3<f64>, near: &[Vector3<f64>]) -> (Vector3<f64>, Matrix3<f64>) {
+    let on_others = (0..OTHER_CELLS).into_par_iter().map(|i| {
         // Attitudes far from one another and from the cube's own symmetries.
         let k = i as f64;
-        registrar.lay_cells(Rotation3::new(Vector3::new((1.7 * k + 0.3).sin(), (2.9 * k + 1.0).cos(), (0.77 * k).sin()) * 1.3));
-        all.push(registrar.refine(*near.get(i).unwrap_or(start), &FINAL).omega);
-    }
+        let cells = Rotation3::new(Vector3::new((1.7 * k + 0.3).sin(), (2.9 * k + 1.0).cos(), (0.77 * k).sin()) * 1.3);
+        registrar.refine_on(cells, *near.get(i).unwrap_or(start), &FINAL).omega
+    });
+    let mut all = vec![*on_first];
+    all.par_extend(on_others);
     let mean = all.iter().sum::<Vector3<f64>>() / all.len() as f64;
     let scatter = all.iter().map(|w| (w - mean) * (w - mean).transpose()).sum::<Matrix3<f64>>() / (all.len() - 1) as f64;
     (mean, scatter)

@@ -1,7 +1,7 @@
 //! The ball's pixels as directions in the axes of the map's cells, side by side.
 
 use super::sphere_map::{SphereMap, Spots};
-use nalgebra::Vector3;
+use nalgebra::{Rotation3, Vector3};
 use std::ops::Range;
 
 /// Directions, their coordinates in three rows.
@@ -48,12 +48,15 @@ pub(super) struct Design {
     /// In the axes of the map's cells.
     pub body: Rows,
     pub omega: Vector3<f64>,
+    /// Attitude of the map's cells on the ball.
+    pub cells: Rotation3<f64>,
 }
 
 impl Design {
-    pub fn new(pixels: usize) -> Self {
+    pub fn new(pixels: usize, cells: Rotation3<f64>) -> Self {
         let row = || vec![0.0; pixels];
-        Design { spots: Spots { cell: vec![0; pixels], at: [row(), row()] }, body: Rows([row(), row(), row()]), omega: Vector3::zeros() }
+        let spots = Spots { cell: vec![0; pixels], at: [row(), row()] };
+        Design { spots, body: Rows([row(), row(), row()]), omega: Vector3::zeros(), cells }
     }
 
     /// Turns every view's pixels back.

@@ -95,7 +95,7 @@ impl FoundMarkings {
             looks_at.push(&(view.axes * blurred_direction(&s.disc, &self.shading, view, &self.blur_px)));
             of_view[s.view] = if of_view[s.view].is_empty() { i..i + 1 } else { of_view[s.view].start..i + 1 };
         }
-        let mut design = Design::new(samples.len());
+        let mut design = Design::new(samples.len(), Rotation3::identity());
         design.turn(map, &looks_at, &of_view, &back);
         design.spots.values(&map.by_cell(&self.map))
     }
@@ -124,8 +124,6 @@ pub(super) struct Registrar<'a> {
     of_view: Vec<Range<usize>>,
     /// Where on the ball, in global axes, each pixel looks on the whole.
     looks_at: Rows,
-    /// Attitude of the map's cells on the ball.
-    cells: Rotation3<f64>,
     middle_s: f64,
     variance: f32,
 }
@@ -162,7 +160,6 @@ impl<'a> Registrar<'a> {
         let (contrasts, weights): (Vec<f32>, Vec<f32>) = marks.iter().map(|m| (m.contrast as f32, m.weight as f32)).unzip();
         let roots = weights.iter().map(|w| w.sqrt()).collect();
         let missed = weights.iter().zip(&contrasts).map(|(w, c)| w * (MISSED_SHARE * c).powi(2)).collect();
-        let cells = Rotation3::identity();
         let lit = CameraId::BOTH.map(|camera| {
             let own: Vec<usize> = (0..marks.len()).filter(|&i| views[marks[i].view].camera == camera).collect();
             let some: Vec<usize> = own.iter().copied().step_by(LIGHT_STEP).collect();
@@ -170,12 +167,7 @@ impl<'a> Registrar<'a> {
             let harmonics = |of: &[usize]| Harmonics::of(of.iter().map(|&i| factors(0.0, &marks[i].disc)));
             Lit { of_own: harmonics(&own), of_some: harmonics(&some), own, some }
         });
-        Registrar { map, views, marks, contrasts, weights, roots, missed, lit, of_view, looks_at, cells, middle_s, variance: variance.max(1e-6) as f32 }
-    }
-
-    /// Goes on with a map whose cells lie otherwise on the ball.
-    pub fn lay_cells(&mut self, cells: Rotation3<f64>) {
-        self.cells = cells;
+        Registrar { map, views, marks, contrasts, weights, roots, missed, lit, of_view, looks_at, middle_s, variance: variance.max(1e-6) as f32 }
     }
 
     /// Every pixel's relative information: of its noise, and of what the map may miss there.
@@ -190,8 +182,13 @@ impl<'a> Registrar<'a> {
 
     /// Refines from `start`.
     pub fn refine(&self, start: Vector3<f64>, effort: &Effort) -> Registration {
+        self.refine_on(Rotation3::identity(), start, effort)
+    }
+
+    /// The same on a map whose cells lie otherwise on the ball.
+    pub fn refine_on(&self, cells: Rotation3<f64>, start: Vector3<f64>, effort: &Effort) -> Registration {
         let mut omega = start;
-        let mut design = Design::new(self.marks.len());
+        let mut design = Design::new(self.marks.len(), cells);
         self.design(&omega, &mut design);
         let mut state = self.first_map(&design, effort);
         let (mut length, mut sizes) = (0.0, Vector3::repeat(1.0));
@@ -263,7 +260,7 @@ impl<'a> Registrar<'a> {
 
     /// Robust cost at a fixed spin, everything else fitted.
     pub fn cost_at(&self, omega: &Vector3<f64>, noise: f64, effort: &Effort) -> f64 {
-        let mut design = Design::new(self.marks.len());
+        let mut design = Design::new(self.marks.len(), Rotation3::identity());
         self.design(omega, &mut design);
         let state = self.first_map(&design, effort);
         self.cost(&self.residuals(&self.markings(&design, &state.map), &state), noise)
@@ -295,7 +292,8 @@ impl<'a> Registrar<'a> {
     }
 
     fn design(&self, omega: &Vector3<f64>, design: &mut Design) {
-        design.turn(self.map, &self.looks_at, &self.of_view, &turned_back(self.views, omega, self.middle_s, &self.cells));
+        let back = turned_back(self.views, omega, self.middle_s, &design.cells);
+        design.turn(self.map, &self.looks_at, &self.of_view, &back);
         design.omega = *omega;
     }
 
@@ -346,7 +344,7 @@ impl<'a> Registrar<'a> {
         let mut slopes = self.map.gradients(d.body.of(&(0..self.marks.len())), &d.spots, &self.map.by_cell(map));
         for (pixels, v) in self.of_view.iter().zip(self.views) {
             let t = v.time_s - self.middle_s;
-            let m = (left_jacobian(&(omega * t)).transpose() * t) * (Rotation3::new(omega * t) * self.cells.inverse()).matrix();
+            let m = (left_jacobian(&(omega * t)).transpose() * t) * (Rotation3::new(omega * t) * d.cells.inverse()).matrix();
             let by = std::array::from_fn(|i| std::array::from_fn(|j| m[(i, j)] as f32));
             pulp::Arch::new().dispatch(Moment { by, body: d.body.of(pixels), slopes: slopes.each_mut().map(|row| &mut row[pixels.clone()]) });
         }
@@ -377,7 +375,7 @@ impl<'a> Registrar<'a> {
         let mut scores = vec![Vector3::zeros(); self.views.len()];
         // What the score gains when a picture's disc moves a pixel to the right, and down.
         let mut moved = vec![[Vector3::<f64>::zeros(); 2]; self.views.len()];
-        let to_body: Vec<Matrix3<f64>> = turned_back(self.views, &d.omega, self.middle_s, &self.cells)
+        let to_body: Vec<Matrix3<f64>> = turned_back(self.views, &d.omega, self.middle_s, &d.cells)
             .iter()
             .zip(self.views)
             .map(|(back, v)| Matrix3::from_fn(|i, k| f64::from(back[i][k])) * v.axes)

@@ -11,6 +11,7 @@ use super::shading::Mark;
 use super::view::{USED_RADIUS, ViewInfo};
 use crate::calibration::CameraId;
 use nalgebra::{Matrix3, Vector3};
+use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
@@ -34,6 +35,8 @@ const KEPT: usize = 40;
 const SOME: usize = 2;
 /// Those that are improved before they are ranked for good.
 const RANKED: usize = 10;
+/// Fewest places of a lattice that another thread is worth.
+const AT_ONCE: usize = 64;
 
 pub(super) struct Search<'a> {
     views: &'a [ViewInfo],
@@ -162,7 +165,8 @@ impl<'a> Search<'a> {
 
     fn apart(&self, frames: &BTreeSet<usize>) -> Vec<Apart> {
         let one = |camera: usize, frames: usize| Apart::new(&self.cameras[camera], camera, frames);
-        frames.iter().flat_map(|f| (0..self.cameras.len()).map(move |c| one(c, *f))).filter(|a| a.weight > 0.0).collect()
+        let all: Vec<(usize, usize)> = frames.iter().flat_map(|f| (0..self.cameras.len()).map(move |c| (c, *f))).collect();
+        all.into_par_iter().map(|(camera, frames)| one(camera, frames)).filter(|a| a.weight > 0.0).collect()
     }
 
     /// Mean squared difference over all places that are seen twice, with some that are taken for unlike.
@@ -226,7 +230,7 @@ impl<'a> Search<'a> {
                 let own = self.cost(&rate(&p.at, step), &tables);
                 (own, Place { so_far: p.so_far + own, ..p })
             };
-            let mut costs: Vec<(f32, Place)> = places.into_iter().map(cost).collect();
+            let mut costs: Vec<(f32, Place)> = places.into_par_iter().with_min_len(AT_ONCE).map(cost).collect();
             costs.sort_by(|a, b| a.0.total_cmp(&b.0));
             if beam == Beam::AllLevels
                 && let Some(others) = costs.get_mut(kept / 2..)
@@ -256,7 +260,8 @@ impl<'a> Search<'a> {
             }
             places = finer.into_iter().map(|(at, so_far)| Place { at, so_far }).filter(|p| rate(&p.at, step).norm() <= limit_rad_s).collect();
         }
-        let mut ranked: Vec<(Vector3<f64>, f32)> = places.iter().map(|p| rate(&p.at, step)).map(|omega| (omega, self.spread(&omega, &self.pixels))).collect();
+        let mut ranked: Vec<(Vector3<f64>, f32)> =
+            places.par_iter().map(|p| rate(&p.at, step)).map(|omega| (omega, self.spread(&omega, &self.pixels))).collect();
         ranked.sort_by(|a, b| a.1.total_cmp(&b.1));
         let distinct = |found: Vec<(Vector3<f64>, f32)>, apart: f64, most: usize| {
             let mut kept: Vec<(Vector3<f64>, f32)> = Vec::new();
@@ -267,7 +272,7 @@ impl<'a> Search<'a> {
             }
             kept
         };
-        let mut ranked: Vec<_> = distinct(ranked, 1.5 * step, RANKED).into_iter().map(|c| self.descend(c.0, 0.5 * step)).collect();
+        let mut ranked: Vec<_> = distinct(ranked, 1.5 * step, RANKED).into_par_iter().map(|c| self.descend(c.0, 0.5 * step)).collect();
         ranked.sort_by(|a, b| a.1.total_cmp(&b.1));
         let apart = STEP_RAD / (self.longest as f64 * self.frame_s);
         distinct(ranked, apart, RANKED).into_iter().map(|c| Candidate { omega: c.0 }).collect()
@@ -301,7 +306,7 @@ impl<'a> Search<'a> {
 }
 
 /// Nearest whole number to a value between 0 and 2^22: the sum's last bits (a cast would have to look for other values).
-#[inline]
+#[inline(always)]
 fn whole(x: f32) -> u32 {
     (x + 8_388_608.0).to_bits() & 0x3f_ffff
 }
@@ -320,11 +325,13 @@ fn turn(phi: &[f32; 3]) -> [[f32; 3]; 3] {
     ]
 }
 
-/// Cell of a place on the disc in the square around it.
+/// Cells of the square to the unit of the disc.
+const PER_UNIT: f32 = PLACES as f32 / USED_RADIUS as f32;
+
+/// Cell of a place on the disc, in cells from its middle, in the square around it.
 #[inline(always)]
 fn cell(x: f32, y: f32) -> u32 {
-    const SCALE: f32 = PLACES as f32 / USED_RADIUS as f32;
-    let at = |v: f32| whole(v * SCALE + 0.5 * SIDE as f32) & (SIDE as u32 - 1);
+    let at = |v: f32| whole(v + 0.5 * SIDE as f32) & (SIDE as u32 - 1);
     at(y) * SIDE as u32 + at(x)
 }
 
@@ -342,7 +349,9 @@ impl pulp::NullaryFnOnce for Turned<'_> {
     fn call(self) {
         let [x, y, z] = self.places;
         let n = x.len().min(y.len()).min(z.len()).min(SIDE * SIDE);
-        let (x, y, z, out, r) = (&x[..n], &y[..n], &z[..n], &mut self.out[..n], self.rows);
+        let (x, y, z, out) = (&x[..n], &y[..n], &z[..n], &mut self.out[..n]);
+        let [right, down, toward] = *self.rows;
+        let r = [right.map(|v| v * PER_UNIT), down.map(|v| v * PER_UNIT), toward];
         for i in 0..n {
             let at = |k: usize| r[k][0] * x[i] + r[k][1] * y[i] + r[k][2] * z[i];
             out[i] = if at(2) > 0.0 { cell(at(0), at(1)) } else { (SIDE * SIDE) as u32 };
@@ -379,7 +388,7 @@ impl OneCamera {
         for m in marks.iter().filter(|m| views[m.view].camera == camera) {
             let frame = (views[m.view].time_s / frame_s).round() as i64;
             let d = axes.transpose() * m.normal;
-            let at = usize::from(number[cell(d.x as f32, d.y as f32) as usize]);
+            let at = usize::from(number[cell(d.x as f32 * PER_UNIT, d.y as f32 * PER_UNIT) as usize]);
             let places = frames.entry(frame).or_insert_with(|| vec![[0.0; 2]; usize::from(none) + 1]);
             places[at][0] += (m.weight * m.contrast) as f32;
             places[at][1] += m.weight as f32;

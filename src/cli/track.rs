@@ -12,10 +12,13 @@ use crate::tracking::{
     Flattening, InStep, Overlay, PointState, PressedFrame, RacketFigure, ShotSetup, SyncMode, Throat, TrackExport, TrackingError, Tracks, c3d_bytes, contact_frames, dltdv_tables, measure_spin, points_to_csv,
     read_points, track_in_step,
 };
+use indicatif::ProgressBar;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-use std::sync::LazyLock;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{LazyLock, Mutex};
 
 /// Footage to tracks.csv, points.csv and spin.json
 #[derive(Debug, clap::Args)]
@@ -95,6 +98,8 @@ struct TrackRecord {
 }
 
 const TRACK_FILE: &str = "track.json";
+/// Most shots tracked at a time: each holds some tens of megabytes.
+const MOST_AT_ONCE: usize = 16;
 
 pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     // On one of the threads that share the work: each of a score of shared steps would have to wake one first.
@@ -111,33 +116,87 @@ fn track(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     // The first shot's folders are listed meanwhile.
     let (rig, (rig_hash, mut listed)) = rayon::join(|| rig_to_measure_with(&rig_file), || rayon::join(hash, || shots.first().map(|shot| list(shot))));
     let (rig, rig_hash) = (rig?, rig_hash?);
-    let mut summaries = Vec::new();
-    let mut failed: Vec<String> = session.broken_shots.iter().filter(|_| arguments.shot.is_empty()).map(|(id, why)| format!("{id}: {why}")).collect();
-    for shot in shots {
-        shell.check_cancelled()?;
-        let folder = results.join("shots").join(&shot.id);
-        let clip = listed.take().unwrap_or_else(|| list(shot));
-        match clip.map_err(Failure::from).and_then(|clip| one(&arguments, &session, shot, clip, (&rig, &rig_hash), &folder, shell)) {
-            Ok(summary) => {
-                if let Err(e) = for_others(&arguments, &session, shot, &rig, summary.right_shift, &folder, shell) {
-                    shell.say(format!("{}: {}", shot.id, e.message));
-                    failed.push(format!("{}: {}", shot.id, e.message));
-                }
-                // The shot is measured all the same, but nobody should find out by chance that a picture is broken.
-                failed.extend(summary.unreadable.iter().map(|why| format!("{}: {why}; it counts as missing until it is mended", shot.id)));
-                summaries.push(summary);
+    let bar = shell.progress(0, "tracking");
+    let (next, stop, listed) = (AtomicUsize::new(0), AtomicBool::new(false), Mutex::new(listed.take()));
+    let outcomes = Mutex::new(Outcomes::default());
+    // Each of several shots mostly keeps to one core; whoever has no shot left helps with those of the others.
+    let lane = || {
+        while let Some((at, shot)) = Some(next.fetch_add(1, Ordering::Relaxed)).and_then(|at| Some((at, shots.get(at)?))) {
+            if stop.load(Ordering::Relaxed) || shell.check_cancelled().is_err() {
+                break;
             }
-            Err(Failure::Shot(TrackingError::Cancelled)) => return Err(CliError::interrupted()),
-            Err(Failure::Shot(e)) => {
-                shell.say(format!("{}: {e}", shot.id));
-                failed.push(format!("{}: {e}", shot.id));
-                summaries.push(ShotSummary { id: shot.id.clone(), error: Some(e.to_string()), ..ShotSummary::default() });
+            let folder = results.join("shots").join(&shot.id);
+            let first = listed.lock().ok().filter(|_| at == 0).and_then(|mut listed| listed.take());
+            let clip = first.unwrap_or_else(|| list(shot));
+            let mut said = Vec::new();
+            let made = clip.map_err(Failure::from).and_then(|clip| {
+                let summary = one(&arguments, &session, shot, clip, (&rig, &rig_hash), &folder, (shell, &bar, &mut said))?;
+                Ok((for_others(&arguments, &session, shot, &rig, summary.right_shift, &folder, shell), summary))
+            });
+            if matches!(made, Err(Failure::All(_))) {
+                stop.store(true, Ordering::Relaxed);
             }
-            Err(Failure::All(e)) => return Err(e),
+            if let Ok(mut outcomes) = outcomes.lock() {
+                bar.suspend(|| outcomes.add(at, &shot.id, made, said, shell));
+            }
         }
+    };
+    rayon::scope(|threads| {
+        (1..shots.len().min(rayon::current_num_threads()).min(MOST_AT_ONCE)).for_each(|_| threads.spawn(|_| lane()));
+        lane();
+    });
+    bar.finish_and_clear();
+    shell.check_cancelled()?;
+    let outcomes = outcomes.into_inner().unwrap_or_default();
+    if let Some(e) = outcomes.ended {
+        return Err(e);
     }
+    let (summaries, failed): (Vec<ShotSummary>, Vec<Vec<String>>) = outcomes.done.into_values().unzip();
+    let broken = session.broken_shots.iter().filter(|_| arguments.shot.is_empty()).map(|(id, why)| format!("{id}: {why}"));
+    let failed: Vec<String> = broken.chain(failed.into_iter().flatten()).collect();
     shell.print_json(&summaries)?;
     if failed.is_empty() { Ok(()) } else { Err(CliError::some_failed(failed.join("\n"))) }
+}
+
+/// What became of the shots, by their place in the session.
+#[derive(Default)]
+struct Outcomes {
+    /// Summaries, and what is to be said in the end.
+    done: BTreeMap<usize, (ShotSummary, Vec<String>)>,
+    /// What was said of shots before which others are not done yet.
+    waiting: BTreeMap<usize, Vec<String>>,
+    /// Shots of which everything was said.
+    said: usize,
+    /// Why the command ends early.
+    ended: Option<CliError>,
+}
+
+impl Outcomes {
+    /// Notes what became of a shot, and says what can be said in the session's order.
+    fn add(&mut self, at: usize, id: &str, made: Result<(Result<(), CliError>, ShotSummary), Failure>, mut said: Vec<String>, shell: &Shell) {
+        match made {
+            Ok((for_others, summary)) => {
+                let failed = for_others.err().map(|e| format!("{id}: {}", e.message));
+                said.extend(failed.clone());
+                // The shot is measured all the same, but nobody should find out by chance that a picture is broken.
+                let unreadable = summary.unreadable.iter().map(|why| format!("{id}: {why}; it counts as missing until it is mended"));
+                let failed = failed.into_iter().chain(unreadable).collect();
+                self.done.insert(at, (summary, failed));
+            }
+            Err(Failure::Shot(TrackingError::Cancelled)) => self.ended = Some(CliError::interrupted()),
+            Err(Failure::Shot(e)) => {
+                said.push(format!("{id}: {e}"));
+                let summary = ShotSummary { id: id.to_owned(), error: Some(e.to_string()), ..ShotSummary::default() };
+                self.done.insert(at, (summary, vec![format!("{id}: {e}")]));
+            }
+            Err(Failure::All(e)) => self.ended = Some(e),
+        }
+        self.waiting.insert(at, said);
+        while let Some(lines) = self.waiting.remove(&self.said) {
+            lines.iter().for_each(|line| shell.say(line));
+            self.said += 1;
+        }
+    }
 }
 
 /// A shot that cannot be tracked leaves the others to go on; results that cannot be written end the command.
@@ -153,32 +212,36 @@ impl<E: Into<TrackingError>> From<E> for Failure {
 }
 
 /// Tracks one shot and writes what was found, unless an earlier run has done so from the same input.
-fn one(arguments: &Arguments, session: &Session, shot: &ShotFolder, clip: Clip, rig: (&StereoRig, &str), folder: &Path, shell: &Shell) -> Result<ShotSummary, Failure> {
+fn one(
+    arguments: &Arguments,
+    session: &Session,
+    shot: &ShotFolder,
+    clip: Clip,
+    rig: (&StereoRig, &str),
+    folder: &Path,
+    (shell, bar, said): (&Shell, &ProgressBar, &mut Vec<String>),
+) -> Result<ShotSummary, Failure> {
     let provenance = LazyLock::new(|| provenance(session, shot, rig.1, &clip));
     if !shell.args.force {
         let record = earlier(folder);
         if record.as_ref().is_some_and(|r| still_holds(r, arguments, folder, &provenance, &clip)) {
-            shell.say(format!("{}: already tracked (--force tracks again)", shot.id));
+            said.push(format!("{}: already tracked (--force tracks again)", shot.id));
             return Ok(record.map(|r| r.summary).unwrap_or_default());
         }
         if let Some(summary) = by_hand(&shot.id, record, folder) {
-            shell.say(format!("{}: {}", shot.id, summary.notes.join("; ")));
+            said.push(format!("{}: {}", shot.id, summary.notes.join("; ")));
             return Ok(summary);
         }
     }
-    let bar = shell.progress(clip.pairs.len() as u64, "tracking");
+    bar.inc_length(clip.pairs.len() as u64);
     let setup = ShotSetup { rig: rig.0, racket: &shot.racket, ball: &shot.ball, frame_rate_hz: session.frame_rate_hz };
     let mode = if arguments.sync == Sync::Auto { SyncMode::Auto } else { SyncMode::Report };
-    let made = track_in_step(&clip, &setup, mode, shell.cancel_flag(), &|n| bar.inc(n as u64));
-    bar.finish_and_clear();
-    let mut made = made?;
+    let mut made = track_in_step(&clip, &setup, mode, shell.cancel_flag(), &|n| bar.inc(n as u64))?;
     let spin = if arguments.no_spin { None } else { Some(measure_spin(&made.clip, &setup, &mut made.tracked)?) };
     let tracked = &made.tracked;
     let summary = summary(&shot.id, &setup, &made, clip.gap_notes());
-    shell.say(format!("{}: {} points measured, {} occluded, in {} frames", shot.id, summary.measured, summary.occluded, summary.frames));
-    for note in &summary.notes {
-        shell.say(format!("{}: {note}", shot.id));
-    }
+    said.push(format!("{}: {} points measured, {} occluded, in {} frames", shot.id, summary.measured, summary.occluded, summary.frames));
+    said.extend(summary.notes.iter().map(|note| format!("{}: {note}", shot.id)));
     if spin.is_none() {
         // An earlier run's spin does not belong to these tracks.
         let _ = std::fs::remove_file(folder.join(SPIN_FILE));

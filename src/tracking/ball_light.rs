@@ -12,6 +12,8 @@ const UNKNOWNS: usize = 6;
 const FEW: usize = 5;
 /// What the sky adds, as a share of the light from all around, before pictures tell: 0, with this deviation.
 const SKY: f64 = 0.5;
+/// Steps end when the cost changes by less than this share of it.
+const SETTLED: f64 = 1e-5;
 /// Light tried first, in one camera's axes: from the camera, from above, from either side, from behind either side.
 const STARTS: [[f64; 3]; 6] = [[0.0, -0.3, -0.95], [0.0, -0.95, -0.3], [0.7, -0.6, -0.4], [-0.7, -0.6, -0.4], [0.7, -0.6, 0.4], [-0.7, -0.6, 0.4]];
 
@@ -184,9 +186,13 @@ impl BallLight {
             let mut light = BallLight { ambient: 40.0, light: axes.tr_mul(&Vector3::from(*start)) * 100.0, limb: 0.0, sky: 0.0 };
             let mut cost = f64::INFINITY;
             for _ in 0..10 {
-                let mut sums = LightSums::default();
-                pixels.iter().for_each(|p| sums.add(&light, &light.directions(&Matrix3::identity()), p));
+                let (mut sums, before) = (LightSums::default(), cost);
+                let directions = light.directions(&Matrix3::identity());
+                pixels.iter().for_each(|p| sums.add(&light, &directions, p));
                 cost = sums.cost;
+                if (before - cost).abs() < SETTLED * cost {
+                    break;
+                }
                 let Some(next) = sums.step_of(&light, FEW) else { break };
                 light = next;
             }

@@ -145,3 +145,30 @@ fn cli_broken_pictures_in_shots_are_named_and_the_others_go_on() {
     let impacts = std::fs::read_to_string(session.join("results/impacts.csv")).unwrap();
     assert!(impacts.contains(&ids[0]) && impacts.contains(&ids[1]) && !impacts.contains(&ids[2]), "{impacts}");
 }
+
+/// Shots that are tracked at the same time, the first of them refused at once: what is said, and written, is as if they had come one by one.
+#[test]
+fn cli_shots_tracked_at_a_time_are_told_in_the_sessions_order() {
+    let (_keep, session, ids) = sample(4);
+    for camera in ["left", "right"] {
+        for entry in std::fs::read_dir(session.join("shots").join(&ids[1]).join(camera)).unwrap() {
+            std::fs::write(entry.unwrap().path(), "no picture").unwrap();
+        }
+    }
+    let place = text(&session);
+    assert_eq!(sweetspot(&["calibrate", &place]).status.code(), Some(0));
+    let track = |threads: &str| {
+        let output = sweetspot(&["track", &place, "--force", "--no-spin", "--json", "-j", threads]);
+        assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
+        let tables: Vec<Vec<u8>> = [0, 2, 3].map(|k| std::fs::read(session.join("results/shots").join(&ids[k]).join("tracks.csv")).unwrap()).into();
+        (stderr(&output), output.stdout, tables)
+    };
+    let (said, json, tables) = track("1");
+    let at: Vec<usize> = ids.iter().map(|id| said.find(&format!("{id}: ")).unwrap()).collect();
+    assert!(at.is_sorted(), "{said}");
+    for _ in 0..2 {
+        let (said_too, json_too, tables_too) = track("4");
+        assert_eq!(said_too, said);
+        assert!(json_too == json && tables_too == tables);
+    }
+}

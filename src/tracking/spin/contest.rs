@@ -41,6 +41,11 @@ pub(super) struct Contest {
     pub margin: Option<f64>,
 }
 
+/// Whether a solution hardly moves the markings; everything that stands still favours it: shading, strings, dirt.
+pub(super) fn stands_still(omega: &Vector3<f64>, span_s: f64) -> bool {
+    omega.norm() * span_s < 0.3
+}
+
 /// Registers the candidates on a coarse map and finds whether one clearly wins. Rivals closer than a twelfth of the rate
 /// are the same valley, whose width is the covariance's business.
 pub(super) fn contest(coarse: &Registrar, candidates: &[Candidate], span_s: f64) -> Option<Contest> {
@@ -66,8 +71,7 @@ pub(super) fn contest(coarse: &Registrar, candidates: &[Candidate], span_s: f64)
     let best = fits.first()?;
     let at_best = coarse.cost_at(&best.omega, noise, &COARSE);
     let gain = explained(best).max(1.0);
-    // A solution that hardly moves the markings is favoured by everything that stands still: shading, strings, dirt.
-    let still = best.omega.norm() * span_s < 0.3;
+    let still = stands_still(&best.omega, span_s);
     let mut strongest: Option<(f64, f64, Vector3<f64>)> = None;
     let mut flat: Matrix3<f64> = Matrix3::zeros();
     for f in fits.iter().skip(1).filter(|f| apart(&best.omega, &f.omega)) {
@@ -102,7 +106,8 @@ pub(super) fn contest(coarse: &Registrar, candidates: &[Candidate], span_s: f64)
             let ((s, c), r) = ((golden * f64::from(i)).sin_cos(), (1.0 - z * z).sqrt());
             Vector3::new(r * c, r * s, z) / span_s.max(1e-6)
         });
-        let slides: Vec<_> = turns.collect::<Vec<_>>().into_par_iter().map(|omega| ((coarse.cost_at(&omega, noise, &COARSE) - at_best) / gain, omega)).collect();
+        let slides: Vec<_> =
+            turns.collect::<Vec<_>>().into_par_iter().map(|omega| ((coarse.cost_at(&omega, noise, &COARSE) - at_best) / gain, omega)).collect();
         let slides = slides.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
         strongest = slides.map(|(lead, omega)| (lead - 2.0 * LEAST_LEAD, lead, omega)).or(strongest);
     }

@@ -1,6 +1,6 @@
 //! From views to a spin estimate: search, registration, and the verdict whether it may be believed.
 
-use super::contest::{Contest, contest};
+use super::contest::{Contest, contest, stands_still};
 use super::registration::{Effort, FoundMarkings, Registrar, Registration};
 use super::search::{Beam, Candidate, Search};
 use super::shading::{Mark, Shading, divide_out};
@@ -191,8 +191,15 @@ impl FoundSpin {
         let (infos, samples) = sample_views(views, rig, radius_m);
         let (Some(start), None) = (&self.start, too_few(&infos, &samples, settings)) else { return self.clone() };
         let (shading, marks) = divide_out(&infos, &samples, None);
-        let possible = [start.omega].into_iter().chain(start.contest.rival).chain(start.contest.near.iter().copied());
-        Self::among(&possible.map(|omega| Candidate { omega }).collect::<Vec<_>>(), &infos, &marks, &shading, settings)
+        let possible: Vec<Vector3<f64>> = [start.omega].into_iter().chain(start.contest.rival).chain(start.contest.near.iter().copied()).collect();
+        match possible[..] {
+            // Nothing to choose from.
+            [omega] if !stands_still(&omega, span_s(&infos)) => {
+                let contest = Contest { omega, flat: Matrix3::zeros(), ..start.contest.clone() };
+                Self::refined(contest, &infos, &marks, &shading, settings)
+            }
+            _ => Self::among(&possible.into_iter().map(|omega| Candidate { omega }).collect::<Vec<_>>(), &infos, &marks, &shading, settings),
+        }
     }
 
     /// How fast the ball may turn, rad/s, as far as it is known.
@@ -208,12 +215,18 @@ impl FoundSpin {
     /// Which of the candidates is the ball's spin: on a coarse map, from every second pixel, without blur.
     fn among(candidates: &[Candidate], infos: &[ViewInfo], marks: &[Mark], shading: &Shading, settings: &SpinSettings) -> Self {
         let few: Vec<Mark> = marks.iter().copied().step_by(2).collect();
-        let (coarse_map, map) = (SphereMap::new(COARSE_EDGE), SphereMap::new(FINE_EDGE));
+        let coarse_map = SphereMap::new(COARSE_EDGE);
         let coarse = Registrar::new(&coarse_map, infos, &few, shading, None);
         let Some(contest) = contest(&coarse, candidates, span_s(infos)) else {
             let seen = distinct_times(infos, settings.frame_rate_hz);
             return FoundSpin { rough: SpinEstimate::Refused { reason: SpinRefusal::TooFewFrames { seen, needed: LEAST_FRAMES } }, start: None };
         };
+        Self::refined(contest, infos, marks, shading, settings)
+    }
+
+    /// The winner on a fine map, from all pixels, with blur.
+    fn refined(contest: Contest, infos: &[ViewInfo], marks: &[Mark], shading: &Shading, settings: &SpinSettings) -> Self {
+        let map = SphereMap::new(FINE_EDGE);
         let registrar = Registrar::new(&map, infos, marks, shading, Some(&settings.blur_px));
         let first = registrar.refine(contest.omega, &Effort { memory_s: MEMORY_FRAMES / settings.frame_rate_hz, ..FIRST });
         let start = Start { contest, omega: first.omega, markings: registrar.found(&first, shading, settings.blur_px) };
@@ -235,12 +248,16 @@ impl FoundSpin {
         let map = SphereMap::new(FINE_EDGE);
         let (shading, marks) = divide_out(&infos, &samples, Some(&start.markings.at(&map, &infos, &samples)));
         let registrar = Registrar::new(&map, &infos, &marks, &shading, Some(&settings.blur_px));
-        let best = registrar.refine(start.omega, &Effort { memory_s: MEMORY_FRAMES / settings.frame_rate_hz, ..FINAL });
+        let first = || registrar.refine(start.omega, &Effort { memory_s: MEMORY_FRAMES / settings.frame_rate_hz, ..FINAL });
+        let others = || on_other_cells(&registrar, &start.omega, &start.contest.near);
+        // Side by side, unless it is likely to be refused.
+        let hopeful = matches!(self.rough, SpinEstimate::Vector { .. });
+        let (best, ready) = if hopeful { rayon::join(first, || Some(others())) } else { (first(), None) };
         if let Some(reason) = refused(&best, &start.contest, settings, SETTLED.1) {
             return SpinEstimate::Refused { reason };
         }
         let on_first = stated(&best, &widened(&registrar, &best), &infos);
-        let (omega, scatter) = over_cells(&registrar, &best.omega, &start.omega, &start.contest.near);
+        let (omega, scatter) = over_cells(&best.omega, &ready.unwrap_or_else(others));
         held(&infos, &best, omega, on_first + scatter * CELLS_SHARE + start.contest.flat, &start.contest, settings)
     }
 }
@@ -316,20 +333,25 @@ fn held(infos: &[ViewInfo], best: &Registration, omega: Vector3<f64>, covariance
     SpinEstimate::Refused { reason: SpinRefusal::TooUncertain { sd_rad_s: sd } }
 }
 
-/// The mean spin over maps whose cells lie differently on the ball, and the scatter of one of them. Along a line that slides
-/// along itself the cost is nearly flat, and the cells' own corners make dents in it, in one of which every registration
-/// stays; on other cells the dents lie elsewhere. `near`: where else in the same valley to begin.
-fn over_cells(registrar: &Registrar, on_first: &Vector3<f64>, start: &Vector3<f64>, near: &[Vector3<f64>]) -> (Vector3<f64>, Matrix3<f64>) {
-    let on_others = (0..OTHER_CELLS).into_par_iter().map(|i| {
+/// The spin on maps whose cells lie otherwise on the ball. Along a line that slides along itself the cost is nearly flat, and the cells' own
+/// corners make dents in it, in one of which every registration stays; on other cells the dents lie elsewhere. `near`: where else in the
+/// same valley to begin.
+fn on_other_cells(registrar: &Registrar, start: &Vector3<f64>, near: &[Vector3<f64>]) -> [Vector3<f64>; OTHER_CELLS] {
+    let mut all = [*start; OTHER_CELLS];
+    all.par_iter_mut().enumerate().for_each(|(i, omega)| {
         // Attitudes far from one another and from the cube's own symmetries.
         let k = i as f64;
         let cells = Rotation3::new(Vector3::new((1.7 * k + 0.3).sin(), (2.9 * k + 1.0).cos(), (0.77 * k).sin()) * 1.3);
-        registrar.refine_on(cells, *near.get(i).unwrap_or(start), &FINAL).omega
+        *omega = registrar.refine_on(cells, *near.get(i).unwrap_or(start), &FINAL).omega;
     });
-    let mut all = vec![*on_first];
-    all.par_extend(on_others);
-    let mean = all.iter().sum::<Vector3<f64>>() / all.len() as f64;
-    let scatter = all.iter().map(|w| (w - mean) * (w - mean).transpose()).sum::<Matrix3<f64>>() / (all.len() - 1) as f64;
+    all
+}
+
+/// The mean spin over all cells, and the scatter of one of them.
+fn over_cells(on_first: &Vector3<f64>, on_others: &[Vector3<f64>; OTHER_CELLS]) -> (Vector3<f64>, Matrix3<f64>) {
+    let all = || std::iter::once(on_first).chain(on_others);
+    let mean = all().sum::<Vector3<f64>>() / (1 + OTHER_CELLS) as f64;
+    let scatter = all().map(|w| (w - mean) * (w - mean).transpose()).sum::<Matrix3<f64>>() / OTHER_CELLS as f64;
     (mean, scatter)
 }
 

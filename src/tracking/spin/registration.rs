@@ -6,7 +6,7 @@
 
 use super::map_equations::{MapEquations, right_of};
 use super::pixels::{Design, Moment, Rows};
-use super::shading::{Harmonics, Mark, Shading, factors, median};
+use super::shading::{Harmonics, Mark, Shading, factors, median_of_sizes};
 use super::sphere_map::SphereMap;
 use super::view::{Sample, TRACK_TERMS, ViewInfo};
 use crate::calibration::CameraId;
@@ -204,7 +204,7 @@ impl<'a> Registrar<'a> {
             let mut holds = match curvature {
                 Some(holds) => holds,
                 None => {
-                    let found = self.information(&design, &state, &slopes, &equations, &weights, effort.memory_s);
+                    let found = self.information(&design, &state, &slopes, &equations, &weights, 0.0);
                     sizes = found.model_covariance.diagonal().map(f64::sqrt);
                     found.information * unit
                 }
@@ -268,7 +268,8 @@ impl<'a> Registrar<'a> {
 
     /// The map at the start's attitude, without turning it: the slopes need a map first.
     fn first_map(&self, design: &Design, effort: &Effort) -> State {
-        let noise = f64::from(1.5 * median(self.contrasts.iter().zip(&self.roots).map(|(c, r)| (c * r).abs()).collect())).max(1e-4);
+        let sizes: Vec<f32> = self.contrasts.iter().zip(&self.roots).map(|(c, r)| (c * r).abs()).collect();
+        let noise = f64::from(1.5 * median_of_sizes(&sizes)).max(1e-4);
         let mut state = State { map: vec![0.0; self.map.nodes()], light: vec![0.0; self.marks.len()], robust: vec![1.0; self.marks.len()], noise };
         for rounds in [ROUNDS, MORE_ROUNDS] {
             let (equations, _) = self.equations(design, &state);
@@ -286,7 +287,7 @@ impl<'a> Registrar<'a> {
         }
         let (contrasts, light, informed) = (&self.contrasts, &state.light, &self.informed(state.noise));
         let scaled = pulp::Arch::new().dispatch(Scaled { contrasts, markings: &markings, light, informed });
-        let noise = (1.4826 * median(scaled.clone())).max(1e-4);
+        let noise = (1.4826 * median_of_sizes(&scaled)).max(1e-4);
         state.noise = f64::from(noise);
         pulp::Arch::new().dispatch(Robust { scaled: &scaled, noise, robust: &mut state.robust });
     }
@@ -361,17 +362,27 @@ impl<'a> Registrar<'a> {
         })
     }
 
-    /// Covariance from the curvature with the map profiled out, and from the scatter of the views' scores.
+    /// Covariance from the curvature with the map profiled out and, where residuals stay correlated for a time, from the scatter of
+    /// the views' scores.
     fn information(&self, d: &Design, state: &State, slopes: &[Vec<f32>; 3], e: &MapEquations, weights: &[f32], memory_s: f64) -> Information {
-        let residuals = self.residuals(&self.markings(d, &state.map), state);
         // What a change of the map can imitate of the slopes: taken out of them.
         let imitated = slopes.each_ref().map(|slopes| {
             let mut x = vec![0.0; self.map.nodes()];
             e.solve(&right_of(self.map, &d.spots, slopes, weights), &mut x, ROUNDS);
             d.spots.values(&self.map.by_cell(&x))
         });
-        let gradients = self.map.gradients(d.body.of(&(0..self.marks.len())), &d.spots, &self.map.by_cell(&state.map));
+        let own = |i: usize| Vector3::from_fn(|k, _| f64::from(slopes[k][i]) - f64::from(imitated[k][i]));
         let mut information = Matrix3::identity() * 1e-6;
+        for (i, w) in weights.iter().enumerate() {
+            information += own(i) * Vector3::from_fn(|k, _| f64::from(slopes[k][i])).transpose() * f64::from(*w);
+        }
+        information = 0.5 * (information + information.transpose());
+        let covariance = information.try_inverse().unwrap_or_else(|| Matrix3::identity() * 1e6);
+        if memory_s <= 0.0 {
+            return Information { model_covariance: covariance, information, ..Information::default() };
+        }
+        let gradients = self.map.gradients(d.body.of(&(0..self.marks.len())), &d.spots, &self.map.by_cell(&state.map));
+        let residuals = self.residuals(&self.markings(d, &state.map), state);
         let mut scores = vec![Vector3::zeros(); self.views.len()];
         // What the score gains when a picture's disc moves a pixel to the right, and down.
         let mut moved = vec![[Vector3::<f64>::zeros(); 2]; self.views.len()];
@@ -381,17 +392,13 @@ impl<'a> Registrar<'a> {
             .map(|(back, v)| Matrix3::from_fn(|i, k| f64::from(back[i][k])) * v.axes)
             .collect();
         for (i, ((&w, r), m)) in weights.iter().zip(&residuals).zip(self.marks).enumerate() {
-            let whole = Vector3::from_fn(|k, _| f64::from(slopes[k][i]));
-            let own = whole - Vector3::from_fn(|k, _| f64::from(imitated[k][i]));
-            information += own * whole.transpose() * f64::from(w);
+            let own = own(i);
             scores[m.view] += own * f64::from(w * r);
             let slope = to_body[m.view].tr_mul(&Vector3::from_fn(|k, _| f64::from(gradients[k][i]))) / self.views[m.view].radius_px;
             for (moved, (along, at)) in moved[m.view].iter_mut().zip([(slope.x, m.disc.x), (slope.y, m.disc.y)]) {
                 *moved += own * (f64::from(w) * (along - slope.z * at / m.disc.z));
             }
         }
-        information = 0.5 * (information + information.transpose());
-        let covariance = information.try_inverse().unwrap_or_else(|| Matrix3::identity() * 1e6);
         // What the model misses (a line's edge, a step of the shading) stays nearly the same from one frame to the next:
         // scores of neighbouring frames of one camera count as correlated, with weights falling to 0 (Newey and West 1987).
         let mut scatter = Matrix3::zeros();

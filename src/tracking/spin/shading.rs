@@ -91,7 +91,8 @@ pub(super) fn divide_out(views: &[ViewInfo], samples: &[Sample], markings: Optio
         for _ in 0..4 {
             let Some(solution) = harmonics.least_squares(&values, &weights, 1e-6) else { break };
             let misses: Vec<f32> = values.iter().zip(&harmonics.sums(&solution)).map(|(v, sum)| v - sum).collect();
-            let scale = 1.5 * median(misses.iter().map(|m| m.abs()).collect()).max(1e-3);
+            let sizes: Vec<f32> = misses.iter().map(|m| m.abs()).collect();
+            let scale = 1.5 * median_of_sizes(&sizes).max(1e-3);
             for (weight, miss) in weights.iter_mut().zip(&misses) {
                 let square = (miss / (2.0 * scale)) * (miss / (2.0 * scale));
                 *weight = 1.0 / ((1.0 + square) * (1.0 + square));
@@ -254,10 +255,44 @@ impl pulp::NullaryFnOnce for Products<'_> {
 }
 
 /// Median; 0 of nothing.
-pub(super) fn median(mut x: Vec<f32>) -> f32 {
+fn median(mut x: Vec<f32>) -> f32 {
     if x.is_empty() {
         return 0.0;
     }
     let mid = x.len() / 2;
     *x.select_nth_unstable_by(mid, f32::total_cmp).1
+}
+
+/// Leading bits by which values are sorted: exponent and four bits more, a sixteenth of an octave.
+const LEADING: u32 = 12;
+
+/// Median of values that are not negative; 0 of nothing. Such numbers rank as their bits do.
+pub(super) fn median_of_sizes(x: &[f32]) -> f32 {
+    let leading = |v: &f32| (v.to_bits() << 1 >> (32 - LEADING)) as usize;
+    let mut counts = [0usize; 1 << LEADING];
+    x.iter().for_each(|v| counts[leading(v)] += 1);
+    let (mid, mut below) = (x.len() / 2, 0);
+    for (k, count) in counts.iter().enumerate() {
+        if below + count > mid {
+            let mut alike: Vec<f32> = x.iter().copied().filter(|v| leading(v) == k).collect();
+            return *alike.select_nth_unstable_by(mid - below, f32::total_cmp).1;
+        }
+        below += count;
+    }
+    0.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn agrees_with_the_median_of_sorted_values() {
+        for n in [0usize, 1, 2, 3, 10, 1001] {
+            let x: Vec<f32> = (0..n).map(|i| ((i * i) as f32 * 0.37).sin().powi(3).abs() * 10f32.powi(i as i32 % 5 - 2)).collect();
+            assert_eq!(median_of_sizes(&x), median(x), "{n}");
+        }
+        assert_eq!(median_of_sizes(&[0.0, 0.0, 3.0]), 0.0);
+        assert_eq!(median_of_sizes(&[f32::MAX, f32::MIN_POSITIVE, f32::INFINITY]), f32::MAX);
+    }
 }

@@ -114,17 +114,16 @@ fn track(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let list = |shot: &ShotFolder| Clip::list(&shot.camera("left"), &shot.camera("right"));
     let hash = || sha256_file(&rig_file).map_err(CliError::input);
     // The first shot's folders are listed meanwhile.
-    let (rig, (rig_hash, mut listed)) = rayon::join(|| rig_to_measure_with(&rig_file), || rayon::join(hash, || shots.first().map(|shot| list(shot))));
+    let (rig, (rig_hash, listed)) = rayon::join(|| rig_to_measure_with(&rig_file), || rayon::join(hash, || shots.first().map(|shot| list(shot))));
     let (rig, rig_hash) = (rig?, rig_hash?);
     let bar = shell.progress(0, "tracking");
-    let (next, stop, listed) = (AtomicUsize::new(0), AtomicBool::new(false), Mutex::new(listed.take()));
+    let (next, stop, listed) = (AtomicUsize::new(0), AtomicBool::new(false), Mutex::new(listed));
     let outcomes = Mutex::new(Outcomes::default());
     // Each of several shots mostly keeps to one core; whoever has no shot left helps with those of the others.
     let lane = || {
-        while let Some((at, shot)) = Some(next.fetch_add(1, Ordering::Relaxed)).and_then(|at| Some((at, shots.get(at)?))) {
-            if stop.load(Ordering::Relaxed) || shell.check_cancelled().is_err() {
-                break;
-            }
+        while !stop.load(Ordering::Relaxed) && shell.check_cancelled().is_ok() {
+            let at = next.fetch_add(1, Ordering::Relaxed);
+            let Some(shot) = shots.get(at) else { break };
             let folder = results.join("shots").join(&shot.id);
             let first = listed.lock().ok().filter(|_| at == 0).and_then(|mut listed| listed.take());
             let clip = first.unwrap_or_else(|| list(shot));

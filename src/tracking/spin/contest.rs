@@ -101,13 +101,13 @@ pub(super) fn contest(coarse: &Registrar, candidates: &[Candidate], span_s: f64)
         // A line that slides along itself seems to stand still, and no search finds its rate: so a turn of one radian is
         // tried about axes all around.
         let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
-        let turns = (0..PROBES).map(|i| {
+        let turned = |i: u32| {
             let z = (f64::from(i) + 0.5) / f64::from(PROBES);
             let ((s, c), r) = ((golden * f64::from(i)).sin_cos(), (1.0 - z * z).sqrt());
-            Vector3::new(r * c, r * s, z) / span_s.max(1e-6)
-        });
-        let slides: Vec<_> =
-            turns.collect::<Vec<_>>().into_par_iter().map(|omega| ((coarse.cost_at(&omega, noise, &COARSE) - at_best) / gain, omega)).collect();
+            let omega = Vector3::new(r * c, r * s, z) / span_s.max(1e-6);
+            ((coarse.cost_at(&omega, noise, &COARSE) - at_best) / gain, omega)
+        };
+        let slides: Vec<_> = (0..PROBES).into_par_iter().map(turned).collect();
         let slides = slides.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
         strongest = slides.map(|(lead, omega)| (lead - 2.0 * LEAST_LEAD, lead, omega)).or(strongest);
     }

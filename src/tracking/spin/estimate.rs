@@ -248,16 +248,12 @@ impl FoundSpin {
         let map = SphereMap::new(FINE_EDGE);
         let (shading, marks) = divide_out(&infos, &samples, Some(&start.markings.at(&map, &infos, &samples)));
         let registrar = Registrar::new(&map, &infos, &marks, &shading, Some(&settings.blur_px));
-        let first = || registrar.refine(start.omega, &Effort { memory_s: MEMORY_FRAMES / settings.frame_rate_hz, ..FINAL });
-        let others = || on_other_cells(&registrar, &start.omega, &start.contest.near);
-        // Side by side, unless it is likely to be refused.
-        let hopeful = matches!(self.rough, SpinEstimate::Vector { .. });
-        let (best, ready) = if hopeful { rayon::join(first, || Some(others())) } else { (first(), None) };
+        let best = registrar.refine(start.omega, &Effort { memory_s: MEMORY_FRAMES / settings.frame_rate_hz, ..FINAL });
         if let Some(reason) = refused(&best, &start.contest, settings, SETTLED.1) {
             return SpinEstimate::Refused { reason };
         }
         let on_first = stated(&best, &widened(&registrar, &best), &infos);
-        let (omega, scatter) = over_cells(&best.omega, &ready.unwrap_or_else(others));
+        let (omega, scatter) = over_cells(&registrar, &best.omega, &start.omega, &start.contest.near);
         held(&infos, &best, omega, on_first + scatter * CELLS_SHARE + start.contest.flat, &start.contest, settings)
     }
 }
@@ -333,25 +329,20 @@ fn held(infos: &[ViewInfo], best: &Registration, omega: Vector3<f64>, covariance
     SpinEstimate::Refused { reason: SpinRefusal::TooUncertain { sd_rad_s: sd } }
 }
 
-/// The spin on maps whose cells lie otherwise on the ball. Along a line that slides along itself the cost is nearly flat, and the cells' own
-/// corners make dents in it, in one of which every registration stays; on other cells the dents lie elsewhere. `near`: where else in the
-/// same valley to begin.
-fn on_other_cells(registrar: &Registrar, start: &Vector3<f64>, near: &[Vector3<f64>]) -> [Vector3<f64>; OTHER_CELLS] {
-    let mut all = [*start; OTHER_CELLS];
-    all.par_iter_mut().enumerate().for_each(|(i, omega)| {
+/// The mean spin over maps whose cells lie differently on the ball, and the scatter of one of them. Along a line that slides
+/// along itself the cost is nearly flat, and the cells' own corners make dents in it, in one of which every registration
+/// stays; on other cells the dents lie elsewhere. `near`: where else in the same valley to begin.
+fn over_cells(registrar: &Registrar, on_first: &Vector3<f64>, start: &Vector3<f64>, near: &[Vector3<f64>]) -> (Vector3<f64>, Matrix3<f64>) {
+    let on_others = (0..OTHER_CELLS).into_par_iter().map(|i| {
         // Attitudes far from one another and from the cube's own symmetries.
         let k = i as f64;
         let cells = Rotation3::new(Vector3::new((1.7 * k + 0.3).sin(), (2.9 * k + 1.0).cos(), (0.77 * k).sin()) * 1.3);
-        *omega = registrar.refine_on(cells, *near.get(i).unwrap_or(start), &FINAL).omega;
+        registrar.refine_on(cells, *near.get(i).unwrap_or(start), &FINAL).omega
     });
-    all
-}
-
-/// The mean spin over all cells, and the scatter of one of them.
-fn over_cells(on_first: &Vector3<f64>, on_others: &[Vector3<f64>; OTHER_CELLS]) -> (Vector3<f64>, Matrix3<f64>) {
-    let all = || std::iter::once(on_first).chain(on_others);
-    let mean = all().sum::<Vector3<f64>>() / (1 + OTHER_CELLS) as f64;
-    let scatter = all().map(|w| (w - mean) * (w - mean).transpose()).sum::<Matrix3<f64>>() / OTHER_CELLS as f64;
+    let mut all = vec![*on_first];
+    all.par_extend(on_others);
+    let mean = all.iter().sum::<Vector3<f64>>() / all.len() as f64;
+    let scatter = all.iter().map(|w| (w - mean) * (w - mean).transpose()).sum::<Matrix3<f64>>() / (all.len() - 1) as f64;
     (mean, scatter)
 }
 

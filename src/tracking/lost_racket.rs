@@ -2,11 +2,13 @@
 
 use super::band_search::{self, BandCandidate, MOST};
 use super::face;
+use super::racket_near;
 use super::racket_one_view;
+use super::racket_pose::{Foretold, fit_pose_near};
 use super::racket_search::{self, Reach};
 use super::racket_track::{self, RacketFrame};
 use super::shot_frames::Shot;
-use super::shot_racket::{MOST_BEFORE_SOME_GO, START_REACH_PX, STILL_PX};
+use super::shot_racket::{MOST_BEFORE_SOME_GO, RacketStart, START_REACH_PX, STILL_PX};
 use super::shot_tracks::TrackingError;
 use crate::calibration::CameraId;
 use crate::footage::{FrameBuffer, FrameSource, GreyView, Rows};
@@ -20,6 +22,13 @@ const FAINTEST: f64 = 0.25;
 const LONGEST_ALONE: usize = 40;
 const SLOW_SHARE: f64 = 0.15;
 const ALONE_MISS_PX: f64 = 0.35;
+
+/// Near where it was foretold: strongest candidates that are asked in either picture, and most that its pose may be off, in
+/// deviations of its six numbers together.
+const STRONGEST_NEAR: usize = 24;
+const MOST_OFF: f64 = 4.0;
+/// What was found there must be seen in so many more frames, but one.
+const GOES_ON: usize = 6;
 
 /// A racket that was followed and lost.
 pub(super) struct LostRacket {
@@ -68,6 +77,60 @@ impl<S: FrameSource> Shot<'_, S> {
         self.look_in_one_view(&images, candidates, &near, lost, least_contrast)
     }
 
+    /// The racket near where it was foretold, by four bands at least, after it has not been seen for some frames. What was at the same
+    /// place in the first of them is another thing, and so is what cannot be followed for some frames.
+    pub(super) fn look_near(
+        &self,
+        index: usize,
+        foretold: &Foretold,
+        lost: &mut LostRacket,
+        least_contrast: &[f64; 2],
+        buffers: &mut [FrameBuffer; 2],
+    ) -> Result<Option<RacketFrame>, TrackingError> {
+        let spread = foretold.covariance().diagonal().map(f64::sqrt);
+        let reach = Reach::around(&self.figure, &foretold.pose, MOST_OFF * spread.rows(3, 3).max(), MOST_OFF * spread.rows(0, 3).max());
+        let images = self.read_rows(index, self.rows_in_reach(&reach), buffers)?;
+        let mut candidates = self.candidates_in_reach(&images, &reach, least_contrast);
+        if candidates.iter().map(Vec::len).sum::<usize>() < racket_near::FEWEST {
+            return Ok(None);
+        }
+        let still = self.still(lost, least_contrast)?;
+        for (candidates, still) in candidates.iter_mut().zip(still) {
+            candidates.retain(|band| !still.iter().any(|other| (other.uv - band.uv).norm() < STILL_PX));
+            candidates.truncate(STRONGEST_NEAR);
+        }
+        let poses = racket_near::search(self.view, &self.figure, &candidates, foretold);
+        let measured = poses.iter().filter_map(|pose| racket_track::measure(&self.scene(), &images, pose, START_REACH_PX, least_contrast));
+        let known = measured.filter_map(|mut frame| {
+            let enough = if frame.stereo() { frame.count() >= 6 } else { frame.count() >= racket_near::FEWEST && frame.miss_px() < ALONE_MISS_PX };
+            let pose = fit_pose_near(self.view, &self.figure, &frame.observations(), foretold).ok()?;
+            (enough && foretold.off(&pose.global_from_racket) < MOST_OFF).then(|| {
+                if !frame.stereo() {
+                    (frame.pose, frame.foretold) = (pose, true);
+                }
+                frame
+            })
+        });
+        let Some(frame) = known.max_by_key(RacketFrame::count) else { return Ok(None) };
+        let forth = self.source.number(index) as f64 > lost.last_seen.0;
+        let next: Vec<usize> =
+            (1..=GOES_ON).map_while(|k| if forth { Some(index + k).filter(|i| *i < self.source.len()) } else { index.checked_sub(k) }).collect();
+        let start = RacketStart { index, frame, least_contrast: *least_contrast };
+        let seen = self.follow_racket_through(&start, next.iter().copied(), false)?.0.len();
+        Ok((seen + 1 >= next.len()).then_some(start.frame))
+    }
+
+    /// What looked like tape in the first frame without it.
+    fn still<'a>(&self, lost: &'a mut LostRacket, least_contrast: &[f64; 2]) -> Result<&'a [Vec<BandCandidate>; 2], TrackingError> {
+        Ok(match &mut lost.still {
+            Some(still) => still,
+            none => none.insert(self.with_buffers(|buffers| {
+                let whole = Reach::of(&self.figure, &lost.last_seen.1, f64::INFINITY);
+                Ok::<_, TrackingError>(self.candidates_in_reach(&self.read(lost.since, buffers)?, &whole, least_contrast))
+            })?),
+        })
+    }
+
     /// The rows of both pictures in which the racket may be.
     fn rows_in_reach(&self, reach: &Reach) -> [Rows; 2] {
         CameraId::BOTH.map(|c| {
@@ -111,13 +174,8 @@ impl<S: FrameSource> Shot<'_, S> {
         if candidates.iter().all(|c| c.len() < racket_one_view::FEWEST) {
             return Ok(None);
         }
-        let still = match &mut lost.still {
-            Some(still) => still,
-            none => none.insert(self.with_buffers(|buffers| {
-                let whole = Reach::of(&self.figure, &lost.last_seen.1, f64::INFINITY);
-                Ok::<_, TrackingError>(self.candidates_in_reach(&self.read(lost.since, buffers)?, &whole, least_contrast))
-            })?),
-        };
+        let predicted = lost.predicted;
+        let still = self.still(lost, least_contrast)?;
         let mut best: Option<RacketFrame> = None;
         for camera in CameraId::BOTH {
             let c = camera.index();
@@ -127,8 +185,8 @@ impl<S: FrameSource> Shot<'_, S> {
             let poses = racket_one_view::search(self.view, &self.figure, camera, &candidates[c], reach);
             let measured = poses.iter().filter_map(|pose| racket_track::measure(&self.scene(), &alone, pose, START_REACH_PX, least_contrast));
             let whole = measured.filter(|frame| frame.count() == 5 && frame.miss_px() < ALONE_MISS_PX);
-            let known = whole.filter_map(|frame| face::nearest_twin(self.view, &self.figure, frame, &lost.predicted));
-            let off = |frame: &RacketFrame| frame.pose.global_from_racket.rotation.angle_to(&lost.predicted.rotation);
+            let known = whole.filter_map(|frame| face::nearest_twin(self.view, &self.figure, frame, &predicted));
+            let off = |frame: &RacketFrame| frame.pose.global_from_racket.rotation.angle_to(&predicted.rotation);
             best = best.into_iter().chain(known).min_by(|a, b| off(a).total_cmp(&off(b)));
         }
         Ok(best)

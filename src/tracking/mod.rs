@@ -47,6 +47,8 @@ mod overlay;
 mod part_of_racket;
 mod racket_figure;
 mod racket_foretold;
+mod racket_motion;
+mod racket_near;
 mod racket_one_view;
 mod racket_other_view;
 mod racket_pose;

@@ -13,6 +13,9 @@ use crate::footage::GreyView;
 /// Fewest markers whose bands tell with what was foretold where the racket is, and most bands that may disagree.
 const FEWEST_FORETOLD: usize = 2;
 const MOST_DISAGREE: usize = 1;
+/// Bands that are few for a pose, and how far off, in the same deviations, such a pose is not believed.
+const FEW_BANDS: usize = 6;
+const FAR_OFF: f64 = 8.0;
 /// Most that a foretold pose may be off, in deviations of its six numbers together.
 const MOST_OFF: f64 = 4.0;
 
@@ -43,6 +46,10 @@ impl Expected {
             if self.goes_on && self.by_few && !found.as_ref().is_some_and(RacketFrame::stereo) {
                 found = measure_foretold(scene, &images, &self.foretold, self.reach_px, least_contrast).or(found);
             }
+            // A few bands on other things agree on some pose as well.
+            if self.goes_on && found.as_ref().is_some_and(|frame| self.is_far_off(frame)) {
+                found = measure_foretold(scene, &images, &self.foretold, self.reach_px, least_contrast);
+            }
             match found.as_ref().and_then(|frame| self.lone_in(frame)) {
                 Some(camera) => images[camera] = None,
                 None => break self.in_both(scene, &pictures, found, known, least_contrast),
@@ -67,6 +74,11 @@ impl Expected {
             }
             None => (found, known),
         }
+    }
+
+    /// Whether few bands put it where it can hardly have got to.
+    fn is_far_off(&self, frame: &RacketFrame) -> bool {
+        frame.stereo() && !frame.foretold && frame.count() <= FEW_BANDS && self.foretold.off(&frame.pose.global_from_racket) > FAR_OFF
     }
 
     /// The camera that shows a single band and did not show the racket before: that may be another thing, and would tell the depth.

@@ -9,7 +9,7 @@ use super::racket_pose::{Foretold, MarkerObservation, Triangle, View, fit_pose_n
 use super::racket_search::Reach;
 use super::track_file::ImagePoint;
 use crate::calibration::CameraId;
-use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector2};
+use nalgebra::{Isometry3, Point3, Vector2};
 
 /// Candidates that are tried, strongest first: the tape is among them, or it is not believed.
 const STRONGEST: usize = 16;
@@ -71,7 +71,7 @@ pub fn search(view: &View, figure: &RacketFigure, camera: CameraId, candidates: 
         }
     }
     // Seen as from infinity a marker is off by up to 3 px. Four of them alone would tell tilt and distance worse than that.
-    let near = |pose| Foretold { pose, sd_rad: OFF.0, sd_m: OFF.1 };
+    let near = |pose| Foretold::within(pose, OFF.0, OFF.1);
     distinct.into_iter().map(|(pose, seen)| fit_pose_near(view, figure, &seen, &near(pose)).map_or(pose, |fit| fit.global_from_racket)).collect()
 }
 
@@ -116,21 +116,12 @@ fn agreeing(
     (seen.len() >= FEWEST).then_some((sum, seen))
 }
 
-/// A pose foretold from poses that one camera alone has told: what that camera sees of the motion goes on, along its line of sight and in tilt the
-/// racket stays as it was last, for of these two poses differ by chance.
-pub fn foretold(eye: &Point3<f64>, last: &Isometry3<f64>, foretold: &Isometry3<f64>) -> Isometry3<f64> {
-    let axis = (last.translation.vector - eye.coords).normalize();
-    let shift = foretold.translation.vector - last.translation.vector;
-    let turn = (foretold.rotation * last.rotation.inverse()).scaled_axis();
-    let across = Translation3::from(last.translation.vector + shift - axis * axis.dot(&shift));
-    Isometry3::from_parts(across, UnitQuaternion::from_scaled_axis(axis * axis.dot(&turn)) * last.rotation)
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::racket_figure::tests::figure;
     use super::super::racket_pose::tests::rig;
     use super::*;
+    use nalgebra::{Translation3, UnitQuaternion};
 
     #[test]
     fn truth_a_racket_is_found_in_one_picture_among_other_things() {

@@ -7,7 +7,7 @@ use super::cholesky::Cholesky;
 use super::racket_figure::RacketFigure;
 use super::track_file::ImagePoint;
 use crate::calibration::{CameraId, StereoRig};
-use nalgebra::{Isometry3, Matrix2x3, Matrix3, Matrix6, Point3, Rotation3, SMatrix, Translation3, UnitQuaternion, Vector2, Vector3};
+use nalgebra::{Isometry3, Matrix2x3, Matrix3, Matrix6, Point3, Rotation3, SMatrix, Translation3, UnitQuaternion, Vector2, Vector3, Vector6};
 
 /// One marker in one image: the centroid of the visible tape.
 #[derive(Debug, Clone, Copy)]
@@ -165,24 +165,35 @@ pub fn fit_pose_in(view: &View, figure: &RacketFigure, observations: &[MarkerObs
     settle(view, figure, observations, start, None)
 }
 
-/// A pose as it is foretold: normal deviations about it, of either angle (rad) and of either coordinate (m).
+/// A pose as it is foretold, and what it is known to: rotation vector about the global axes (rad), then shift (m).
 #[derive(Debug, Clone, Copy)]
 pub struct Foretold {
     pub pose: Isometry3<f64>,
-    pub sd_rad: f64,
-    pub sd_m: f64,
+    covariance: Matrix6<f64>,
+    /// Its inverse.
+    precision: Matrix6<f64>,
 }
 
 impl Foretold {
-    /// How far off a pose is, in deviations of its six numbers together.
-    pub fn off(&self, pose: &Isometry3<f64>) -> f64 {
-        let (turn, shift) = self.from(pose);
-        (turn / self.sd_rad).norm().hypot((shift / self.sd_m).norm())
+    /// `None` where the covariance is none.
+    pub fn new(pose: Isometry3<f64>, covariance: &Matrix6<f64>) -> Option<Self> {
+        Some(Foretold { pose, covariance: *covariance, precision: covariance.try_inverse()? })
     }
 
-    /// Turn (rotation vector about the global axes) and shift from a pose to the foretold one.
-    fn from(&self, pose: &Isometry3<f64>) -> (Vector3<f64>, Vector3<f64>) {
-        ((self.pose.rotation * pose.rotation.inverse()).scaled_axis(), self.pose.translation.vector - pose.translation.vector)
+    /// Known to the same deviation of either angle (rad) and of either coordinate (m).
+    pub fn within(pose: Isometry3<f64>, sd_rad: f64, sd_m: f64) -> Self {
+        let covariance = Matrix6::from_diagonal(&Vector6::from_fn(|k, _| if k < 3 { sd_rad * sd_rad } else { sd_m * sd_m }));
+        Foretold { pose, covariance, precision: Matrix6::from_diagonal(&covariance.diagonal().map(f64::recip)) }
+    }
+
+    pub fn covariance(&self) -> &Matrix6<f64> {
+        &self.covariance
+    }
+
+    /// How far off a pose is, in deviations of its six numbers together.
+    pub fn off(&self, pose: &Isometry3<f64>) -> f64 {
+        let off = turn_and_shift(pose, &self.pose);
+        off.dot(&(self.precision * off)).sqrt()
     }
 }
 
@@ -215,23 +226,18 @@ fn normal_equations(
 ) -> Option<Normal> {
     let mut n = Normal { jtj: [[0.0; 6]; 6], jtr: [0.0; 6], chi2: 0.0 };
     if let Some(foretold) = foretold {
-        let (turn, shift) = foretold.from(pose);
-        for i in 0..6 {
-            let (off, sd) = if i < 3 { (turn[i], foretold.sd_rad) } else { (shift[i - 3], foretold.sd_m) };
-            let weight = sd.powi(-2);
-            n.jtj[i][i] += weight;
-            n.jtr[i] += weight * off;
-            n.chi2 += weight * off * off;
-        }
+        let off = turn_and_shift(pose, &foretold.pose);
+        let pull = foretold.precision * off;
+        n.jtj = std::array::from_fn(|i| std::array::from_fn(|k| foretold.precision[(i, k)]));
+        n.jtr = pull.into();
+        n.chi2 = off.dot(&pull);
     }
     for o in observations {
-        let (p, by_rotation) = figure.patch_in_global(o.marker, pose, view.eye(o.camera));
-        let (uv, by_point) = view.project_with_jacobian(o.camera, &p)?;
-        let turned = by_point * by_rotation;
+        let (uv, by_pose) = seen_at(view, figure, o.camera, o.marker, pose)?;
         for row in 0..2 {
             let w = 1.0 / o.point.sd[row];
             let r = w * (o.point.uv[row] - uv[row]);
-            let j: [f64; 6] = std::array::from_fn(|k| w * if k < 3 { turned[(row, k)] } else { by_point[(row, k - 3)] });
+            let j: [f64; 6] = std::array::from_fn(|k| w * by_pose[(row, k)]);
             for i in 0..6 {
                 for k in 0..6 {
                     n.jtj[i][k] += j[i] * j[k];
@@ -244,7 +250,29 @@ fn normal_equations(
     Some(n)
 }
 
-fn moved(pose: &Isometry3<f64>, [a, b, c, x, y, z]: &[f64; 6]) -> Isometry3<f64> {
+/// Where a camera sees a marker's tape, px, and how that changes with the racket's turn and shift; `None` behind the camera.
+#[inline]
+pub(super) fn seen_at(
+    view: &View,
+    figure: &RacketFigure,
+    camera: CameraId,
+    marker: usize,
+    pose: &Isometry3<f64>,
+) -> Option<(Vector2<f64>, SMatrix<f64, 2, 6>)> {
+    let (place, by_rotation) = figure.patch_in_global(marker, pose, view.eye(camera));
+    let (uv, by_place) = view.project_with_jacobian(camera, &place)?;
+    let turned = by_place * by_rotation;
+    Some((uv, SMatrix::from_fn(|row, k| if k < 3 { turned[(row, k)] } else { by_place[(row, k - 3)] })))
+}
+
+/// Turn (rotation vector about the global axes) and shift from a pose to another.
+pub(super) fn turn_and_shift(from: &Isometry3<f64>, to: &Isometry3<f64>) -> Vector6<f64> {
+    let turn = (to.rotation * from.rotation.inverse()).scaled_axis();
+    let shift = to.translation.vector - from.translation.vector;
+    Vector6::new(turn.x, turn.y, turn.z, shift.x, shift.y, shift.z)
+}
+
+pub(super) fn moved(pose: &Isometry3<f64>, [a, b, c, x, y, z]: &[f64; 6]) -> Isometry3<f64> {
     let turn = UnitQuaternion::from_scaled_axis(Vector3::new(*a, *b, *c));
     Isometry3::from_parts(Translation3::from(pose.translation.vector + Vector3::new(*x, *y, *z)), turn * pose.rotation)
 }
@@ -395,7 +423,6 @@ pub(crate) mod tests {
     use super::super::racket_figure::tests::figure;
     use super::*;
     use crate::calibration::{Camera, RigidTransform};
-    use nalgebra::Vector6;
     use rand::{Rng, SeedableRng};
     use rand_distr::{Distribution, Normal as Gauss};
     use std::collections::BTreeMap;
@@ -482,11 +509,7 @@ pub(crate) mod tests {
     fn truth_what_few_markers_leave_open_stays_as_foretold() {
         let (rig, f) = (rig(), figure());
         let view = View::new(&rig);
-        let off = |mm: f64| Foretold {
-            pose: Isometry3::from_parts(Translation3::from(pose().translation.vector + Vector3::new(0.0, 1e-3 * mm, 0.0)), pose().rotation),
-            sd_rad: 0.01,
-            sd_m: 0.002,
-        };
+        let off = |mm: f64| Foretold::within(Translation3::new(0.0, 1e-3 * mm, 0.0) * pose(), 0.01, 0.002);
         // Two markers: the turn about the line through them is free.
         let two = observe(&view, &f, &pose(), 0.05, || 0.0, |_, marker| marker < 2);
         assert!(fit_pose_in(&view, &f, &two, Some(&off(2.0).pose)).is_err());

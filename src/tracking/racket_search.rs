@@ -57,22 +57,20 @@ pub struct Reach {
 impl Reach {
     /// Its markers so many seconds after or before a pose.
     pub fn of(figure: &RacketFigure, last: &Isometry3<f64>, seconds: f64) -> Self {
+        let (moved_m, turn_rad) = (FASTEST_M_S * seconds.abs() + DISTANCE_TOLERANCE_M, FASTEST_RAD_S * seconds.abs() + ATTITUDE_TOLERANCE_RAD);
+        Self::around(figure, last, moved_m, turn_rad)
+    }
+
+    /// Its markers not farther from a pose than this, m, and however it is turned by an angle of this, rad.
+    pub fn around(figure: &RacketFigure, last: &Isometry3<f64>, moved_m: f64, turn_rad: f64) -> Self {
         let mean = Point3::from(figure.points.iter().map(|p| p.coords).sum::<Vector3<f64>>() / figure.points.len() as f64);
         let figure_m = figure.points.iter().map(|p| (p - mean).norm()).fold(0.0, f64::max);
-        let moved_m = FASTEST_M_S * seconds.abs() + DISTANCE_TOLERANCE_M;
         let symmetric = face::symmetric(figure);
         let marker = |p: &Point3<f64>| {
             let twin = if symmetric { face::half_turn() * p } else { *p };
             ([last * p, last * twin], moved_m + ATTITUDE_TOLERANCE_RAD * (p - mean).norm())
         };
-        Reach {
-            centre: last * mean,
-            radius_m: figure_m + moved_m,
-            markers: figure.points.each_ref().map(marker),
-            attitude: last.rotation,
-            turn_rad: FASTEST_RAD_S * seconds.abs() + ATTITUDE_TOLERANCE_RAD,
-            symmetric,
-        }
+        Reach { centre: last * mean, radius_m: figure_m + moved_m, markers: figure.points.each_ref().map(marker), attitude: last.rotation, turn_rad, symmetric }
     }
 
     /// Where its middle was.

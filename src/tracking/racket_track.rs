@@ -6,7 +6,7 @@ use super::racket_pose::{MarkerObservation, RacketPose, View, fit_pose_in};
 use super::track_file::ImagePoint;
 use crate::calibration::CameraId;
 use crate::footage::{GreyView, Rows};
-use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector2, Vector3};
+use nalgebra::{Isometry3, Point3, Vector2};
 use rayon::prelude::*;
 
 /// Least deviation of a marker's image point, px: what the model of the tape itself is good to.
@@ -570,12 +570,3 @@ const MOST_SD_PX: f64 = 0.9;
 /// Deviations shrink to no less than this share: what stays the same over a clip are few numbers (20 coordinates of ten bands, of which a
 /// pose takes six), and they may be small by chance.
 const LEAST_SHRUNK: f64 = 0.5;
-
-/// Constant velocity and constant spin over one more frame; from one pose alone, the same pose.
-pub fn predict(previous: Option<&Isometry3<f64>>, last: &Isometry3<f64>, frames_between: f64, frames_ahead: f64) -> Isometry3<f64> {
-    let Some(previous) = previous else { return *last };
-    let k = frames_ahead / frames_between;
-    let shift: Vector3<f64> = (last.translation.vector - previous.translation.vector) * k;
-    let turn = (last.rotation * previous.rotation.inverse()).scaled_axis() * k;
-    Isometry3::from_parts(Translation3::from(last.translation.vector + shift), UnitQuaternion::from_scaled_axis(turn) * last.rotation)
-}

@@ -5,8 +5,7 @@ use super::band_search::{self, BandCandidate, MOST};
 use super::lost_racket::LostRacket;
 use super::racket_figure::RacketFigure;
 use super::racket_foretold::Expected;
-use super::racket_one_view;
-use super::racket_pose::Foretold;
+use super::racket_motion::RacketMotion;
 use super::racket_search;
 use super::racket_track::{self, KnownBands, LEAST_CONTRAST, RacketFrame};
 use super::recording::{Fingerprint, Fingerprints};
@@ -56,10 +55,12 @@ const FIRST_LOOK: usize = 2;
 /// and most frames between two such looks: it crosses the volume in sixty.
 const FARTHEST_LOOKS: usize = 20;
 
+/// So many frames it is looked for near where it is foretold, in one of so many.
+const LONGEST_NEAR: usize = 40;
+const EVERY_NEAR: usize = 2;
+
 /// Frames that a camera has not shown it, after which its depth has gone astray, and from one time to the next that it is looked for there.
 const STRAYED: usize = 3;
-/// What a swung racket's next pose is foretold to, a millisecond ahead, rad and m: two to four times what its velocity changes by.
-const FORETOLD_SD: (f64, f64) = (0.01, 0.002);
 /// Most frames in a row whose pose is told by few bands and what was foretold.
 const LONGEST_FORETOLD: usize = 60;
 /// Farthest that a racket followed is looked for from where it is expected, px: with a camera that did not see it, its depth is not known well.
@@ -70,9 +71,9 @@ pub type OneWay = (Vec<(usize, RacketFrame)>, Vec<(usize, [Option<Fingerprint>; 
 
 /// The racket where it was found, and the contrast its bands must have, by camera.
 pub struct RacketStart {
-    index: usize,
-    frame: RacketFrame,
-    least_contrast: [f64; 2],
+    pub(super) index: usize,
+    pub(super) frame: RacketFrame,
+    pub(super) least_contrast: [f64; 2],
 }
 
 impl RacketStart {
@@ -393,25 +394,27 @@ impl<S: FrameSource> Shot<'_, S> {
         self.follow_racket_through(start, indices, true)
     }
 
-    /// Once lost it is looked for where it can have got to, in frames ever farther apart, and from where it is found followed back into those
-    /// between; or, without `look_for`, given up after [`PATIENCE`] frames.
-    fn follow_racket_through(&self, start: &RacketStart, indices: impl Iterator<Item = usize>, look_for: bool) -> Result<OneWay, TrackingError> {
+    /// Once lost it is looked for near where it is foretold and where it can have got to, in frames ever farther apart. From where it is found, and from where its
+    /// bands alone tell its pose again, it is followed back into the frames without it and those in which it was foretold: what more of it is seen so
+    /// counts. Without `look_for` it is given up after [`PATIENCE`] frames.
+    pub(super) fn follow_racket_through(&self, start: &RacketStart, indices: impl Iterator<Item = usize>, look_for: bool) -> Result<OneWay, TrackingError> {
         let scene = self.scene();
         let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
         let mut out: Vec<(usize, RacketFrame)> = Vec::new();
-        let mut last = (self.source.number(start.index) as f64, start.frame.pose.global_from_racket);
-        let mut previous: Option<(f64, Isometry3<f64>)> = None;
+        let found_at = |index: usize, frame: &RacketFrame| RacketMotion::start(self.source.number(index) as f64, &frame.pose, self.setup.frame_rate_hz);
+        let mut motion = found_at(start.index, &start.frame);
+        // It has been seen to move.
+        let mut goes_on = false;
         let mut prints = Vec::new();
         // The bands seen in the frame before, as long as they are seen where they are expected.
         let mut known: Option<KnownBands> = None;
         let mut lost = 0;
         let mut look_next = FIRST_LOOK;
-        let mut without: Vec<usize> = Vec::new();
+        // Frames since its bands alone told its pose: those without it, the last so many, and those in which it was foretold.
+        let mut between: Vec<usize> = Vec::new();
         let mut still = None;
         // Frames since its bands alone told its pose, and since either camera showed it.
         let (mut foretold_for, mut unseen) = (0, [0usize; 2]);
-        // It was found by one camera alone, and goes on from what that one tells.
-        let mut alone = start.frame.seen_alone();
         for index in indices {
             if !look_for && lost > PATIENCE {
                 break;
@@ -420,14 +423,12 @@ impl<S: FrameSource> Shot<'_, S> {
             let mut found = None;
             let saw_it = unseen.map(|frames| frames == 0);
             let astray = unseen.iter().any(|frames| *frames > 0 && frames.is_multiple_of(STRAYED));
-            let mut predicted = racket_track::predict(previous.as_ref().map(|p| &p.1), &last.1, previous.map_or(1.0, |p| last.0 - p.0), now - last.0);
-            if let Some(camera) = alone {
-                predicted = racket_one_view::foretold(self.view.eye(camera), &last.1, &predicted);
-            }
-            let reach = match previous {
-                None => 5,
-                Some(_) if saw_it.contains(&false) => MOST_REACH_PX,
-                Some(_) => (3 + 2 * lost as i32).min(MOST_REACH_PX),
+            let foretold = motion.foretold(now);
+            let predicted = foretold.pose;
+            let reach = match goes_on {
+                false => 5,
+                true if saw_it.contains(&false) => MOST_REACH_PX,
+                true => (3 + 2 * lost as i32).min(MOST_REACH_PX),
             };
             let expected = lost <= PATIENCE;
             if expected
@@ -449,48 +450,63 @@ impl<S: FrameSource> Shot<'_, S> {
                 }
                 prints.push((index, images.map(|v| v.map(|v| Fingerprint::of(&v)))));
                 if expected {
-                    let frames = (now - last.0).abs() * 1000.0 / self.setup.frame_rate_hz;
-                    let foretold = Foretold { pose: predicted, sd_rad: FORETOLD_SD.0 * frames, sd_m: FORETOLD_SD.1 * frames };
-                    let (goes_on, by_few) = (previous.is_some() && alone.is_none(), foretold_for < LONGEST_FORETOLD);
+                    let by_few = foretold_for < LONGEST_FORETOLD;
                     let look = Expected { foretold, goes_on, by_few, reach_px: reach, saw_it, astray };
                     (found, known) = look.find(&scene, images, &start.least_contrast);
                 }
             }
-            if found.is_none() && look_for && lost >= look_next {
-                let since = without.first().copied().unwrap_or(index);
-                let mut racket = LostRacket { since, frames: lost, last_seen: last, predicted, still: still.take() };
-                found = self.look_for_racket(index, &mut racket, &start.least_contrast, &mut buffers)?;
+            let (mut near, mut afresh) = (false, false);
+            if found.is_none() && look_for && lost >= FIRST_LOOK {
+                let since = between.len().checked_sub(lost).and_then(|first| between.get(first)).copied().unwrap_or(index);
+                let mut racket = LostRacket { since, frames: lost, last_seen: (motion.number(), *motion.pose()), predicted, still: still.take() };
+                if lost <= LONGEST_NEAR && lost.is_multiple_of(EVERY_NEAR) {
+                    found = self.look_near(index, &foretold, &mut racket, &start.least_contrast, &mut buffers)?;
+                    near = found.is_some();
+                }
+                if found.is_none() && lost >= look_next {
+                    found = self.look_for_racket(index, &mut racket, &start.least_contrast, &mut buffers)?;
+                    look_next = lost + 1 + (lost / 2).min(FARTHEST_LOOKS);
+                }
                 still = racket.still;
-                look_next = lost + 1 + (lost / 2).min(FARTHEST_LOOKS);
-                if let Some(frame) = &found {
-                    let found = RacketStart { index, frame: frame.clone(), least_contrast: start.least_contrast };
-                    out.append(&mut self.follow_racket_through(&found, without.iter().rev().copied(), false)?.0);
+                afresh = found.is_some();
+            }
+            if look_for
+                && !between.is_empty()
+                && let Some(frame) = found.as_ref().filter(|frame| afresh || !frame.foretold)
+            {
+                let found = RacketStart { index, frame: frame.clone(), least_contrast: start.least_contrast };
+                for (index, frame) in self.follow_racket_through(&found, between.iter().rev().copied(), false)?.0 {
+                    match out.iter_mut().rev().find(|(there, _)| *there == index) {
+                        Some((_, before)) if before.count() >= frame.count() => {}
+                        Some((_, before)) => *before = frame,
+                        None => out.push((index, frame)),
+                    }
                 }
             }
             match found {
                 Some(frame) => {
-                    let pose = frame.pose.global_from_racket;
-                    // What was not seen for some frames has gone astray: it goes on as it went, from where it is.
-                    let strayed = frame.stereo() && unseen.iter().any(|frames| *frames >= STRAYED);
                     for (unseen, points) in unseen.iter_mut().zip(&frame.points) {
                         *unseen = if points.iter().any(Option::is_some) { 0 } else { *unseen + 1 };
                     }
-                    alone = if alone.is_some() || lost > PATIENCE { frame.seen_alone() } else { None };
-                    // One camera alone tells depth poorly: recorded, but the motion goes on from the frames before.
-                    if frame.foretold || frame.stereo() || alone.is_some() {
-                        let before = if strayed { (last.0, pose * predicted.inverse() * last.1) } else { last };
-                        previous = if lost <= PATIENCE { Some(before) } else { None };
-                        last = (now, pose);
-                        foretold_for = if frame.foretold { foretold_for + 1 } else { 0 };
-                        (lost, look_next) = (0, FIRST_LOOK);
-                        without.clear();
-                        still = None;
+                    goes_on = near || lost <= PATIENCE;
+                    if goes_on {
+                        motion.go_on(now, &frame);
+                    } else {
+                        motion = found_at(index, &frame);
+                    }
+                    foretold_for = if frame.foretold { foretold_for + 1 } else { 0 };
+                    (lost, look_next) = (0, FIRST_LOOK);
+                    still = None;
+                    if frame.foretold && !afresh {
+                        between.push(index);
+                    } else {
+                        between.clear();
                     }
                     out.push((index, frame));
                 }
                 None => {
                     lost += 1;
-                    without.push(index);
+                    between.push(index);
                 }
             }
         }

@@ -382,19 +382,30 @@ fn real_a_racket_that_one_camera_lost_is_found_again_along_the_others_line_of_si
     assert!(left > 0.9 && right > 0.9, "{left} {right}");
 }
 
-/// The racket is hidden for some frames, and comes out in one picture only.
+/// The racket is hidden for some frames, and comes out in one picture only: all of it, or with one marker less.
 #[test]
 fn real_a_racket_that_comes_out_in_one_picture_only_is_found_there() {
-    let Some(r) = Recording::of("lab-11") else { return };
-    let frames = r.frames();
-    let (alone, hidden) = (&frames[..8], &frames[8..15]);
-    hidden.iter().for_each(|frame| CameraId::BOTH.into_iter().for_each(|camera| r.paint(camera, *frame, |p| p.fill(30))));
-    alone.iter().for_each(|frame| r.paint(CameraId::Right, *frame, |p| p.fill(30)));
-    let made = r.track(SyncMode::Report).unwrap();
-    let (found, wrong) = r.score(&made, 0, &frames[..15]);
-    let left = markers_found(&r, &made, CameraId::Left, alone);
-    assert!(found > 0.98 && wrong == 0 && left > 0.9, "{found} {wrong} {left}");
-    assert!(alone.iter().all(|frame| Target::MARKERS.iter().all(|m| made.tracked.tracks.get(*frame, CameraId::Right, *m).is_none())));
+    for covered in [None, Some(Target::MARKERS[3])] {
+        let Some(r) = Recording::of("lab-11") else { return };
+        let frames = r.frames();
+        let (alone, hidden) = (&frames[..8], &frames[8..15]);
+        hidden.iter().for_each(|frame| CameraId::BOTH.into_iter().for_each(|camera| r.paint(camera, *frame, |p| p.fill(30))));
+        alone.iter().for_each(|frame| r.paint(CameraId::Right, *frame, |p| p.fill(30)));
+        if let Some(marker) = covered {
+            for frame in alone {
+                let (u, v) = r.place(CameraId::Left, *frame, marker);
+                let near = |x: u32, y: u32| (f64::from(x) - u).hypot(f64::from(y) - v) < 9.0;
+                r.paint(CameraId::Left, *frame, |p| p.enumerate_pixels_mut().filter(|(x, y, _)| near(*x, *y)).for_each(|(_, _, pixel)| pixel.0[0] = 30));
+            }
+        }
+        let made = r.track(SyncMode::Report).unwrap();
+        let (found, wrong) = r.score(&made, 0, &frames[..15]);
+        let left = markers_found(&r, &made, CameraId::Left, alone);
+        let least = if covered.is_some() { 0.7 } else { 0.9 };
+        assert!(found > 0.98 && wrong == 0 && left > least, "{covered:?}: {found} {wrong} {left}");
+        let seen = |camera, marker| alone.iter().any(|frame| made.tracked.tracks.get(*frame, camera, marker).is_some());
+        assert!(!Target::MARKERS.iter().any(|m| seen(CameraId::Right, *m)) && !covered.is_some_and(|m| seen(CameraId::Left, m)));
+    }
 }
 
 #[test]

@@ -6,7 +6,7 @@ use super::racket_figure::RacketFigure;
 use super::racket_pose::{Foretold, MarkerObservation, View, fit_pose_near, moved, seen_at};
 use super::track_file::ImagePoint;
 use crate::calibration::CameraId;
-use nalgebra::{Isometry3, Matrix2, Matrix6, Vector2};
+use nalgebra::{Isometry3, Matrix2, Matrix6, SMatrix, Vector2};
 
 /// A candidate's place is good to this, px.
 const CANDIDATE_SD_PX: f64 = 0.7;
@@ -24,6 +24,13 @@ struct Given {
     camera: CameraId,
     marker: usize,
     candidate: usize,
+}
+
+/// A band's place, px, how it changes with the pose, and one over the covariance of a candidate's distance from it.
+struct Expected {
+    uv: Vector2<f64>,
+    by_pose: SMatrix<f64, 2, 6>,
+    precision: Matrix2<f64>,
 }
 
 /// What has been given so far, and the pose it tells.
@@ -72,11 +79,8 @@ impl Hypothesis {
         let bands = CameraId::BOTH.into_iter().flat_map(|camera| (0..5).map(move |marker| (camera, marker)));
         let free = bands.filter(|(camera, marker)| !self.given.iter().any(|g| g.camera == *camera && g.marker == *marker));
         free.flat_map(move |(camera, marker)| {
-            let seen = seen_at(view, figure, camera, marker, &self.pose).and_then(|(uv, by_pose)| {
-                let spread = by_pose * self.covariance * by_pose.transpose() + Matrix2::identity() * CANDIDATE_SD_PX.powi(2);
-                Some((uv, spread.try_inverse()?))
-            });
-            seen.into_iter().flat_map(move |(uv, precision)| {
+            let seen = self.expects(view, figure, camera, marker);
+            seen.into_iter().flat_map(move |Expected { uv, precision, .. }| {
                 candidates[camera.index()].iter().enumerate().filter_map(move |(candidate, c)| {
                     let off = c.uv - uv;
                     let squared = off.dot(&(precision * off));
@@ -87,11 +91,17 @@ impl Hypothesis {
         })
     }
 
+    /// Where this pose has a band.
+    fn expects(&self, view: &View, figure: &RacketFigure, camera: CameraId, marker: usize) -> Option<Expected> {
+        let (uv, by_pose) = seen_at(view, figure, camera, marker, &self.pose)?;
+        let spread = by_pose * self.covariance * by_pose.transpose() + Matrix2::identity() * CANDIDATE_SD_PX.powi(2);
+        Some(Expected { uv, by_pose, precision: spread.try_inverse()? })
+    }
+
     /// The pose with one more band.
     fn give(&mut self, view: &View, figure: &RacketFigure, candidates: &[Vec<BandCandidate>; 2], given: Given) -> Option<()> {
-        let (uv, by_pose) = seen_at(view, figure, given.camera, given.marker, &self.pose)?;
-        let spread = by_pose * self.covariance * by_pose.transpose() + Matrix2::identity() * CANDIDATE_SD_PX.powi(2);
-        let gain = self.covariance * by_pose.transpose() * spread.try_inverse()?;
+        let Expected { uv, by_pose, precision } = self.expects(view, figure, given.camera, given.marker)?;
+        let gain = self.covariance * by_pose.transpose() * precision;
         let step = gain * (candidates[given.camera.index()][given.candidate].uv - uv);
         let left = self.covariance - gain * by_pose * self.covariance;
         self.covariance = 0.5 * (left + left.transpose());

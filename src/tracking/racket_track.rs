@@ -63,12 +63,6 @@ impl RacketFrame {
         self.points.iter().all(|c| c.iter().any(Option::is_some))
     }
 
-    /// The camera that alone shows it.
-    pub fn seen_alone(&self) -> Option<CameraId> {
-        let shown = self.points.map(|c| c.iter().any(Option::is_some));
-        (!self.stereo()).then(|| CameraId::BOTH[usize::from(shown[1])])
-    }
-
     pub fn observations(&self) -> Vec<MarkerObservation> {
         let mut out = Vec::with_capacity(10);
         for camera in CameraId::BOTH {

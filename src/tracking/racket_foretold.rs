@@ -3,16 +3,19 @@
 
 use super::band::BandFit;
 use super::racket_other_view::in_other_view;
-use super::racket_pose::{Foretold, RacketPose, fit_pose_near};
+use super::racket_pose::{Foretold, RacketPose, fit_pose_near, seen_at};
 use super::racket_track::{
     ALL_BANDS, KnownBands, OUTLIER, RacketFrame, RacketScene, add_bands, measure, measure_following, observations_of, points_of, worst_miss,
 };
 use crate::calibration::CameraId;
 use crate::footage::GreyView;
+use nalgebra::{SMatrix, Vector2};
 
-/// Fewest markers whose bands tell with what was foretold where the racket is, and most bands that may disagree.
+/// Markers whose bands tell with what was foretold where the racket is, and most bands that may disagree.
 const FEWEST_FORETOLD: usize = 2;
 const MOST_DISAGREE: usize = 1;
+/// A single marker's bands do where they were foretold to this, px (one deviation).
+const WELL_FORETOLD_PX: f64 = 1.0;
 /// Bands that are few for a pose, and how far off, in the same deviations, such a pose is not believed.
 const FEW_BANDS: usize = 6;
 const FAR_OFF: f64 = 8.0;
@@ -50,7 +53,7 @@ impl Expected {
             if self.goes_on && found.as_ref().is_some_and(|frame| self.is_far_off(frame)) {
                 found = measure_foretold(scene, &images, &self.foretold, self.reach_px, least_contrast);
             }
-            match found.as_ref().and_then(|frame| self.lone_in(frame)) {
+            match found.as_ref().and_then(|frame| self.lone_in(scene, frame)) {
                 Some(camera) => images[camera] = None,
                 None => break self.in_both(scene, &pictures, found, known, least_contrast),
             }
@@ -81,9 +84,15 @@ impl Expected {
         frame.stereo() && !frame.foretold && frame.count() <= FEW_BANDS && self.foretold.off(&frame.pose.global_from_racket) > FAR_OFF
     }
 
-    /// The camera that shows a single band and did not show the racket before: that may be another thing, and would tell the depth.
-    fn lone_in(&self, frame: &RacketFrame) -> Option<usize> {
-        (0..2).find(|camera| !self.saw_it[*camera] && frame.points[*camera].iter().flatten().count() == 1)
+    /// The camera that shows a single band, not where it was foretold to a pixel, and did not show the racket before: that may be another thing, and
+    /// would tell the depth.
+    fn lone_in(&self, scene: &RacketScene, frame: &RacketFrame) -> Option<usize> {
+        let lone = |camera: &CameraId| {
+            let mut seen = (0..5).filter(|marker| frame.points[camera.index()][*marker].is_some());
+            let only = seen.next().filter(|_| seen.next().is_none());
+            only.is_some_and(|marker| !is_well_foretold(scene, &self.foretold, *camera, marker))
+        };
+        CameraId::BOTH.into_iter().filter(|camera| !self.saw_it[camera.index()]).find(lone).map(CameraId::index)
     }
 }
 
@@ -104,7 +113,8 @@ fn agree_foretold(scene: &RacketScene, fits: &mut Vec<(CameraId, usize, BandFit)
     for _ in 0..=MOST_DISAGREE {
         let mut markers = [false; 5];
         fits.iter().for_each(|f| markers[f.1] = true);
-        if markers.iter().filter(|m| **m).count() < FEWEST_FORETOLD {
+        let known = markers.iter().filter(|m| **m).count();
+        if known < FEWEST_FORETOLD && !fits.iter().all(|(camera, marker, _)| is_well_foretold(scene, foretold, *camera, *marker)) || known == 0 {
             return None;
         }
         let observations = observations_of(fits);
@@ -115,4 +125,10 @@ fn agree_foretold(scene: &RacketScene, fits: &mut Vec<(CameraId, usize, BandFit)
         };
     }
     None
+}
+
+/// Whether a band's place in a picture was foretold to [`WELL_FORETOLD_PX`].
+fn is_well_foretold(scene: &RacketScene, foretold: &Foretold, camera: CameraId, marker: usize) -> bool {
+    let spread = |(_, by_pose): (Vector2<f64>, SMatrix<f64, 2, 6>)| (by_pose * foretold.covariance() * by_pose.transpose()).trace().sqrt();
+    seen_at(scene.view, scene.figure, camera, marker, &foretold.pose).map(spread).is_some_and(|px| px < WELL_FORETOLD_PX)
 }

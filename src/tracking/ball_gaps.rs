@@ -29,6 +29,8 @@ pub(super) const STARTS: [usize; 7] = [2, 6, 10, 14, 18, 23, 28];
 const SAME_BALL_M: f64 = 0.03;
 /// Most frames over which a flight that one camera sees off goes on unseen, before lettering or a wall of the ball's own grey.
 const LONGEST_UNSEEN: f64 = 16.0;
+/// So near to the border some of a ball's surroundings are cut off, px.
+const AT_THE_BORDER_PX: f64 = 6.0;
 /// A ball on the strings changes its velocity by this per frame at 1000 frames a second, m: 50 m/s over 4 ms.
 const TURN_M: f64 = 0.0125;
 
@@ -67,7 +69,8 @@ impl<S: FrameSource> Shot<'_, S> {
         Ok(())
     }
 
-    /// Goes on from the ball's known end where it has left one camera's picture, as long as the other sees it clearly and straight ahead.
+    /// Goes on from the ball's known end where it has left one camera's picture, as long as the other sees it clearly and straight ahead: to the border,
+    /// which cuts off some of it at last.
     fn see_off(&self, stage: &Stage, gap: &Range<usize>, flight: &mut Flight, forth: bool) -> Result<(), TrackingError> {
         let scene = stage.ball;
         let (_, piece) = self.known_beside(&flight.frames, stage.racket, gap, forth);
@@ -76,11 +79,13 @@ impl<S: FrameSource> Shot<'_, S> {
         let Some(last) = piece.last().filter(beside) else { return Ok(()) };
         let (mut last, mut way) = (last.number, BallWay::new(piece.iter().map(|s| (s.number, s.place))));
         let (mut ahead, mut buffers) = (gap.clone(), [FrameBuffer::default(), FrameBuffer::default()]);
+        let cut = BallScene { faint: true, ..scene.clone() };
         while let Some(index) = nearest(&mut ahead, forth) {
             let number = self.source.number(index) as f64;
             let there = way.foretold(number);
+            let radius_px = |camera: CameraId| scene.radius_px(camera, &there).unwrap_or(0.0);
             let shown = CameraId::BOTH.map(|camera| self.is_whole(scene, camera, &there));
-            if (number - last).abs() > LONGEST_UNSEEN || shown == [false, false] {
+            if (number - last).abs() > LONGEST_UNSEEN || !CameraId::BOTH.iter().any(|camera| self.is_inside(scene, *camera, &there, 0.0)) {
                 break;
             }
             if shown == [true, true] {
@@ -92,7 +97,9 @@ impl<S: FrameSource> Shot<'_, S> {
                 continue;
             }
             let images = self.read_rows(index, self.ball_rows(scene, &there, 1), &mut buffers)?;
-            if let Some(ball) = scene.measure(&images, &there, [1, 1], 1.0, &[None, None]) {
+            let measured = |scene: &BallScene| scene.measure(&images, &there, [1, 1], 1.0, &[None, None]);
+            let at_the_border = || !CameraId::BOTH.iter().any(|camera| self.is_inside(scene, *camera, &there, AT_THE_BORDER_PX + radius_px(*camera)));
+            if let Some(ball) = measured(scene).or_else(|| if at_the_border() { measured(&cut) } else { None }) {
                 way.go_on(number, ball.position, true);
                 last = number;
                 flight.set(index, Some(ball));
@@ -329,9 +336,14 @@ impl<S: FrameSource> Shot<'_, S> {
 
     /// Whether a picture holds all of a ball there: cut by the border it is not looked for.
     fn is_whole(&self, scene: &BallScene, camera: CameraId, there: &Point3<f64>) -> bool {
+        scene.radius_px(camera, there).is_some_and(|radius| self.is_inside(scene, camera, there, radius))
+    }
+
+    /// Whether a picture holds a place, and so many px beside it.
+    fn is_inside(&self, scene: &BallScene, camera: CameraId, there: &Point3<f64>, beside: f64) -> bool {
         let [width, height] = self.setup.rig.image_size.map(|n| n as f64);
-        let inside = |uv: Vector2<f64>, radius: f64| uv.x > radius && uv.y > radius && uv.x < width - radius && uv.y < height - radius;
-        scene.view.project(camera, there).zip(scene.radius_px(camera, there)).is_some_and(|(uv, radius)| inside(uv, radius))
+        let inside = |uv: Vector2<f64>| uv.x > beside && uv.y > beside && uv.x < width - beside && uv.y < height - beside;
+        scene.view.project(camera, there).is_some_and(inside)
     }
 }
 

@@ -2,9 +2,10 @@
 
 use super::band_search::{self, BandCandidate, MOST};
 use super::face;
+use super::foretold_pose::Foretold;
 use super::racket_near;
 use super::racket_one_view;
-use super::racket_pose::{Foretold, fit_pose_near};
+use super::racket_pose::fit_pose_near;
 use super::racket_search::{self, Reach};
 use super::racket_track::{self, RacketFrame};
 use super::shot_frames::Shot;
@@ -23,10 +24,8 @@ const LONGEST_ALONE: usize = 40;
 const SLOW_SHARE: f64 = 0.15;
 const ALONE_MISS_PX: f64 = 0.35;
 
-/// Near where it was foretold: strongest candidates that are asked in either picture, and most that its pose may be off, in
-/// deviations of its six numbers together.
+/// Strongest candidates that are asked in either picture near where it was foretold.
 const STRONGEST_NEAR: usize = 24;
-const MOST_OFF: f64 = 4.0;
 /// What was found there must be seen in so many more frames, but one.
 const GOES_ON: usize = 6;
 
@@ -38,7 +37,7 @@ pub(super) struct LostRacket {
     /// Number of the frame before that, and its pose there.
     pub last_seen: (f64, Isometry3<f64>),
     /// Where it would be now had it gone on as it went.
-    pub predicted: Isometry3<f64>,
+    pub foretold: Foretold,
     /// What looked like tape in the first frame without it, once that has been asked.
     pub still: Option<[Vec<BandCandidate>; 2]>,
 }
@@ -69,7 +68,7 @@ impl<S: FrameSource> Shot<'_, S> {
         let poses = racket_search::search(self.view, &self.figure, &likely, Some(&reach));
         let measured = poses.iter().filter_map(|p| racket_track::measure(&self.scene(), &images, &p.global_from_racket, START_REACH_PX, least_contrast));
         let best = measured.filter(|f| f.count() >= 6).min_by(|a, b| a.miss_px().total_cmp(&b.miss_px()));
-        let found = best.and_then(|f| face::nearest_twin(self.view, &self.figure, f, &lost.predicted));
+        let found = best.and_then(|f| face::nearest_twin(self.view, &self.figure, f, &lost.foretold.pose));
         if found.is_some() || lost.frames > LONGEST_ALONE {
             return Ok(found);
         }
@@ -82,13 +81,13 @@ impl<S: FrameSource> Shot<'_, S> {
     pub(super) fn look_near(
         &self,
         index: usize,
-        foretold: &Foretold,
         lost: &mut LostRacket,
         least_contrast: &[f64; 2],
         buffers: &mut [FrameBuffer; 2],
     ) -> Result<Option<RacketFrame>, TrackingError> {
-        let spread = foretold.covariance().diagonal().map(f64::sqrt);
-        let reach = Reach::around(&self.figure, &foretold.pose, MOST_OFF * spread.rows(3, 3).max(), MOST_OFF * spread.rows(0, 3).max());
+        let foretold = lost.foretold;
+        let (turn, shift) = foretold.reach();
+        let reach = Reach::around(&self.figure, &foretold.pose, shift, turn);
         let images = self.read_rows(index, self.rows_in_reach(&reach), buffers)?;
         let mut candidates = self.candidates_in_reach(&images, &reach, least_contrast);
         if candidates.iter().map(Vec::len).sum::<usize>() < racket_near::FEWEST {
@@ -99,12 +98,12 @@ impl<S: FrameSource> Shot<'_, S> {
             candidates.retain(|band| !still.iter().any(|other| (other.uv - band.uv).norm() < STILL_PX));
             candidates.truncate(STRONGEST_NEAR);
         }
-        let poses = racket_near::search(self.view, &self.figure, &candidates, foretold);
+        let poses = racket_near::search(self.view, &self.figure, &candidates, &foretold);
         let measured = poses.iter().filter_map(|pose| racket_track::measure(&self.scene(), &images, pose, START_REACH_PX, least_contrast));
         let known = measured.filter_map(|mut frame| {
             let enough = if frame.stereo() { frame.count() >= 6 } else { frame.count() >= racket_near::FEWEST && frame.miss_px() < ALONE_MISS_PX };
-            let pose = fit_pose_near(self.view, &self.figure, &frame.observations(), foretold).ok()?;
-            (enough && foretold.off(&pose.global_from_racket) < MOST_OFF).then(|| {
+            let pose = fit_pose_near(self.view, &self.figure, &frame.observations(), &foretold).ok()?;
+            (enough && foretold.allows(&pose.global_from_racket)).then(|| {
                 if !frame.stereo() {
                     (frame.pose, frame.foretold) = (pose, true);
                 }
@@ -174,7 +173,7 @@ impl<S: FrameSource> Shot<'_, S> {
         if candidates.iter().all(|c| c.len() < racket_one_view::FEWEST) {
             return Ok(None);
         }
-        let predicted = lost.predicted;
+        let predicted = lost.foretold.pose;
         let still = self.still(lost, least_contrast)?;
         let mut best: Option<RacketFrame> = None;
         for camera in CameraId::BOTH {

@@ -2,8 +2,9 @@
 //! the frames before foretell.
 
 use super::band::BandFit;
+use super::foretold_pose::Foretold;
 use super::racket_other_view::in_other_view;
-use super::racket_pose::{Foretold, RacketPose, fit_pose_near, seen_at};
+use super::racket_pose::{RacketPose, fit_pose_near, seen_at};
 use super::racket_track::{
     ALL_BANDS, KnownBands, OUTLIER, RacketFrame, RacketScene, add_bands, measure, measure_following, observations_of, points_of, worst_miss,
 };
@@ -19,8 +20,6 @@ const WELL_FORETOLD_PX: f64 = 1.0;
 /// Bands that are few for a pose, and how far off, in the same deviations, such a pose is not believed.
 const FEW_BANDS: usize = 6;
 const FAR_OFF: f64 = 8.0;
-/// Most that a foretold pose may be off, in deviations of its six numbers together.
-const MOST_OFF: f64 = 4.0;
 
 /// A racket that is followed: where it is expected in a frame.
 pub struct Expected {
@@ -97,13 +96,19 @@ impl Expected {
 }
 
 /// The racket where too few bands are seen to tell its pose: those near their foretold places, and the pose that they and what was foretold agree
-/// on. `None` where those of fewer than [`FEWEST_FORETOLD`] markers agree.
+/// on. `None` where those of fewer than [`FEWEST_FORETOLD`] markers agree, but for one that was well foretold.
 fn measure_foretold(scene: &RacketScene, images: &[Option<GreyView>; 2], foretold: &Foretold, reach_px: i32, least_contrast: &[f64; 2]) -> Option<RacketFrame> {
     let mut fits: Vec<(CameraId, usize, BandFit)> = Vec::with_capacity(ALL_BANDS);
     add_bands(scene, images, &foretold.pose, (reach_px, false), least_contrast, &mut fits);
-    let pose = agree_foretold(scene, &mut fits, foretold)?;
-    // Once more from where the first ones say that the others are.
-    add_bands(scene, images, &pose.global_from_racket, (1, true), least_contrast, &mut fits);
+    if fits.is_empty() {
+        // The border may cut what is seen: it is looked for where it was well foretold.
+        add_bands(scene, images, &foretold.pose, (1, true), least_contrast, &mut fits);
+        fits.retain(|(camera, marker, _)| is_well_foretold(scene, foretold, *camera, *marker));
+    } else {
+        // Once more from where the first ones say that the others are.
+        let pose = agree_foretold(scene, &mut fits, foretold)?.global_from_racket;
+        add_bands(scene, images, &pose, (1, true), least_contrast, &mut fits);
+    }
     let pose = agree_foretold(scene, &mut fits, foretold)?;
     Some(RacketFrame { pose, points: points_of(&fits), foretold: true })
 }
@@ -113,15 +118,15 @@ fn agree_foretold(scene: &RacketScene, fits: &mut Vec<(CameraId, usize, BandFit)
     for _ in 0..=MOST_DISAGREE {
         let mut markers = [false; 5];
         fits.iter().for_each(|f| markers[f.1] = true);
-        let known = markers.iter().filter(|m| **m).count();
-        if known < FEWEST_FORETOLD && !fits.iter().all(|(camera, marker, _)| is_well_foretold(scene, foretold, *camera, *marker)) || known == 0 {
+        let well_foretold = || !fits.is_empty() && fits.iter().all(|(camera, marker, _)| is_well_foretold(scene, foretold, *camera, *marker));
+        if markers.iter().filter(|m| **m).count() < FEWEST_FORETOLD && !well_foretold() {
             return None;
         }
         let observations = observations_of(fits);
         let pose = fit_pose_near(scene.view, scene.figure, &observations, foretold).ok()?;
         match worst_miss(scene, &observations, &pose)? {
             (i, z) if z > OUTLIER => fits.remove(i),
-            _ => return (foretold.off(&pose.global_from_racket) < MOST_OFF).then_some(pose),
+            _ => return foretold.allows(&pose.global_from_racket).then_some(pose),
         };
     }
     None

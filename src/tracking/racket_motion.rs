@@ -1,7 +1,8 @@
 //! How a racket that is followed moves: its pose and velocity and what both are known to (a filter after Kalman 1960), so that what few bands leave
 //! open goes on as it went over many frames, not as two neighbouring poses differ by chance.
 
-use super::racket_pose::{Foretold, RacketPose, moved, turn_and_shift};
+use super::foretold_pose::{Foretold, moved, turn_and_shift};
+use super::racket_pose::RacketPose;
 use super::racket_track::RacketFrame;
 use nalgebra::{Isometry3, Matrix6, Vector6};
 

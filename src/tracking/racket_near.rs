@@ -2,8 +2,9 @@
 //! given to the markers one by one, and each tells where the others should be (joint compatibility, after Neira and Tardos 2001).
 
 use super::band_search::BandCandidate;
+use super::foretold_pose::{Foretold, moved};
 use super::racket_figure::RacketFigure;
-use super::racket_pose::{Foretold, MarkerObservation, View, fit_pose_near, moved, seen_at};
+use super::racket_pose::{MarkerObservation, View, fit_pose_near, seen_at};
 use super::track_file::ImagePoint;
 use crate::calibration::CameraId;
 use nalgebra::{Isometry3, Matrix2, Matrix6, SMatrix, Vector2};

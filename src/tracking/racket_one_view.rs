@@ -4,9 +4,11 @@
 //! tilted one way or the other, and both are tried (Huttenlocher and Ullman 1990, "Recognizing solid objects by alignment with an image").
 
 use super::band_search::BandCandidate;
+use super::foretold_pose::Foretold;
 use super::racket_figure::RacketFigure;
-use super::racket_pose::{Foretold, MarkerObservation, Triangle, View, fit_pose_near};
+use super::racket_pose::{MarkerObservation, View, fit_pose_near};
 use super::racket_search::Reach;
+use super::rigid_points::Triangle;
 use super::track_file::ImagePoint;
 use crate::calibration::CameraId;
 use nalgebra::{Isometry3, Point3, Vector2};

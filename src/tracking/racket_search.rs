@@ -8,7 +8,8 @@
 use super::band_search::BandCandidate;
 use super::face;
 use super::racket_figure::RacketFigure;
-use super::racket_pose::{MarkerObservation, RacketPose, Triangle, View, fit_pose_in};
+use super::racket_pose::{MarkerObservation, RacketPose, View, fit_pose_in};
+use super::rigid_points::Triangle;
 use super::track_file::ImagePoint;
 use crate::calibration::CameraId;
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector2, Vector3};

@@ -62,7 +62,7 @@ const EVERY_NEAR: usize = 2;
 /// Frames that a camera has not shown it, after which its depth has gone astray, and from one time to the next that it is looked for there.
 const STRAYED: usize = 3;
 /// Most frames in a row whose pose is told by few bands and what was foretold.
-const LONGEST_FORETOLD: usize = 60;
+const LONGEST_FORETOLD: usize = 200;
 /// Farthest that a racket followed is looked for from where it is expected, px: with a camera that did not see it, its depth is not known well.
 const MOST_REACH_PX: i32 = 7;
 
@@ -458,9 +458,9 @@ impl<S: FrameSource> Shot<'_, S> {
             let (mut near, mut afresh) = (false, false);
             if found.is_none() && look_for && lost >= FIRST_LOOK {
                 let since = between.len().checked_sub(lost).and_then(|first| between.get(first)).copied().unwrap_or(index);
-                let mut racket = LostRacket { since, frames: lost, last_seen: (motion.number(), *motion.pose()), predicted, still: still.take() };
+                let mut racket = LostRacket { since, frames: lost, last_seen: (motion.number(), *motion.pose()), foretold, still: still.take() };
                 if lost <= LONGEST_NEAR && lost.is_multiple_of(EVERY_NEAR) {
-                    found = self.look_near(index, &foretold, &mut racket, &start.least_contrast, &mut buffers)?;
+                    found = self.look_near(index, &mut racket, &start.least_contrast, &mut buffers)?;
                     near = found.is_some();
                 }
                 if found.is_none() && lost >= look_next {

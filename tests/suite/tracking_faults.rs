@@ -353,6 +353,37 @@ fn real_bands_and_balls_that_the_border_cuts_are_where_whole_pictures_show_them(
     }
 }
 
+/// The other camera sees no ball where the border begins to cut it: it is followed out of the picture that shows it all the same.
+#[test]
+fn real_a_ball_that_one_camera_alone_sees_is_followed_to_the_border() {
+    let Some(mut r) = Recording::of("lab-11") else { return };
+    let whole = r.track(SyncMode::Report).unwrap();
+    let height = 282u32;
+    let inside = |frame: u64| whole.tracked.tracks.get(frame, CameraId::Left, Target::Ball).map(|ball| (f64::from(height) - 0.5 - ball.uv.y, ball));
+    for frame in r.frames() {
+        let near = inside(frame).is_none_or(|(inside, _)| inside < 10.0);
+        for camera in CameraId::BOTH {
+            r.paint(camera, frame, |p| *p = image::imageops::crop_imm(p, 0, 0, 512, height).to_image());
+        }
+        if near {
+            r.paint(CameraId::Right, frame, |p| p.fill(30));
+        }
+    }
+    r.rig.image_size = [512, height as usize];
+    let cut = r.track(SyncMode::Report).unwrap();
+    let (mut asked, mut squares) = (0, Vec::new());
+    for (frame, (inside, ball)) in r.frames().into_iter().filter_map(|frame| Some((frame, inside(frame)?))) {
+        let found = cut.tracked.tracks.get(frame, CameraId::Left, Target::Ball);
+        assert!(inside > -1.0 || found.is_none(), "{frame}: a ball beyond the border");
+        if (0.5..12.0).contains(&inside) {
+            asked += 1;
+            squares.extend(found.map(|found| (found.uv - ball.uv).component_div(&found.sd).norm_squared() / 2.0));
+        }
+    }
+    let z2 = squares.iter().sum::<f64>() / squares.len() as f64;
+    assert!(asked >= 4 && squares.len() + 1 >= asked && z2 < 2.5, "{} of {asked}, {z2}", squares.len());
+}
+
 /// The share of the markers visible in these frames that one camera's tracks hold.
 fn markers_found(r: &Recording, made: &InStep, camera: CameraId, frames: &[u64]) -> f64 {
     let (mut seen, mut found) = (0, 0);
@@ -405,6 +436,35 @@ fn real_a_racket_that_comes_out_in_one_picture_only_is_found_there() {
         assert!(found > 0.98 && wrong == 0 && left > least, "{covered:?}: {found} {wrong} {left}");
         let seen = |camera, marker| alone.iter().any(|frame| made.tracked.tracks.get(*frame, camera, marker).is_some());
         assert!(!Target::MARKERS.iter().any(|m| seen(CameraId::Right, *m)) && !covered.is_some_and(|m| seen(CameraId::Left, m)));
+    }
+}
+
+/// All markers but one are covered from some frame on: the one is followed where it goes, in either picture, until it is covered too.
+#[test]
+fn real_a_single_marker_that_is_left_is_followed_where_it_goes() {
+    for (kind, left) in [("lab-11", Target::MARKERS[1]), ("court-12", Target::MARKERS[3])] {
+        let Some(r) = Recording::of(kind) else { return };
+        let frames = r.frames();
+        let (gone, alone) = (&frames[..4], &frames[4..12]);
+        for frame in &frames[..12] {
+            for (camera, marker) in CameraId::BOTH.into_iter().flat_map(|camera| Target::MARKERS.map(|marker| (camera, marker))) {
+                if marker != left || gone.contains(frame) {
+                    let (u, v) = r.place(camera, *frame, marker);
+                    let near = |x: u32, y: u32| (f64::from(x) - u).hypot(f64::from(y) - v) < 9.0;
+                    r.paint(camera, *frame, |p| p.enumerate_pixels_mut().filter(|(x, y, _)| near(*x, *y)).for_each(|(_, _, pixel)| pixel.0[0] = 60));
+                }
+            }
+        }
+        let made = r.track(SyncMode::Report).unwrap();
+        let (found, wrong) = r.score(&made, 0, &frames[..12]);
+        let (_, wrong_too) = r.score(&made, 0, &[]);
+        let seen = |camera, frames: &[u64], marker| frames.iter().filter(|frame| made.tracked.tracks.get(**frame, camera, marker).is_some()).count();
+        let one = CameraId::BOTH.map(|camera| seen(camera, alone, left));
+        let others = CameraId::BOTH.into_iter().flat_map(|camera| Target::MARKERS.map(|marker| seen(camera, gone, marker))).sum::<usize>();
+        assert!(
+            found > 0.98 && wrong + wrong_too + others == 0 && one.iter().all(|n| n + 1 >= alone.len()),
+            "{kind}: {found} {wrong} {wrong_too} {one:?} {others}"
+        );
     }
 }
 

@@ -230,7 +230,7 @@ const MISFIT: f64 = 0.1;
 const ROUNDS: usize = 8;
 /// Half the length of a tape seen nearly end-on, px: below the first it is a speck, below the second nothing.
 pub const SPECK_HALF_PX: f64 = 1.2;
-const LEAST_HALF_PX: f64 = 0.3;
+const LEAST_HALF_PX: f64 = 0.15;
 /// Levels from this one on are the white's shading.
 const SHADING: usize = 6;
 /// Levels of what lies beside the band, on either side, and the deviation of their share in the picture of its sides from one.

@@ -17,6 +17,8 @@ const FEWEST_FORETOLD: usize = 2;
 const MOST_DISAGREE: usize = 1;
 /// A single marker's bands do where they were foretold to this, px (one deviation).
 const WELL_FORETOLD_PX: f64 = 1.0;
+/// What a band may be off that too few others check, px: something covers some of it, or it is the edge of another thing.
+const UNCHECKED_PX: f64 = 0.5;
 /// Bands that are few for a pose, and how far off, in the same deviations, such a pose is not believed.
 const FEW_BANDS: usize = 6;
 const FAR_OFF: f64 = 8.0;
@@ -122,7 +124,8 @@ fn agree_foretold(scene: &RacketScene, fits: &mut Vec<(CameraId, usize, BandFit)
         if markers.iter().filter(|m| **m).count() < FEWEST_FORETOLD && !well_foretold() {
             return None;
         }
-        let observations = observations_of(fits);
+        let mut observations = observations_of(fits);
+        observations.iter_mut().for_each(|o| o.point.sd = o.point.sd.map(|sd| sd.hypot(UNCHECKED_PX)));
         let pose = fit_pose_near(scene.view, scene.figure, &observations, foretold).ok()?;
         match worst_miss(scene, &observations, &pose)? {
             (i, z) if z > OUTLIER => fits.remove(i),

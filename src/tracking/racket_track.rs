@@ -29,7 +29,9 @@ const HALF_SEEN_SHIFT_PX: f64 = 1.5;
 /// One that is fitted from there though a pixel beside has more contrast, this near.
 const SMALL_SHIFT_PX: f64 = 0.5;
 /// A speck, or what the border leaves, must tell its place this well, px.
-const SPECK_SD_PX: f64 = 0.5;
+const SPECK_SD_PX: f64 = 0.7;
+/// Of the least contrast, what a speck must show: how bright it is depends on how much of it is seen.
+const SPECK_CONTRAST: f64 = 0.6;
 /// Misses of the pose, in deviations, beyond which a single point is doubtful.
 const DOUBTFUL: f64 = 3.0;
 /// How far a pose from one camera may be from the predicted one: m (depth from the racket's size: 0.1 px of 80 is 15 mm at
@@ -413,7 +415,7 @@ fn find_whole(scene: &RacketScene, image: &GreyView, band: &BandView, (reach_px,
     // A racket seen edge-on shows the tape at its tip as a speck: fainter than a band, but its place is known from the others.
     if scene.shape.white_half_m * band.px_per_m < SPECK_HALF_PX {
         let f = band::fit(image, band, scene.shape, (0.0, 0.0), BandPart::Whole, None)?;
-        return (f.white - f.black > least_contrast && is_sure(&f, band)).then_some(f);
+        return (f.white - f.black > SPECK_CONTRAST * least_contrast && is_sure(&f, band)).then_some(f);
     }
     // The ball or the arm may cover one of the black bands: the other and the white still tell the place, where the pose is known.
     let [ahead, behind] = band.contrasts(image, scene.shape, 0.0, 0.0)?;

@@ -115,7 +115,7 @@ impl<S: FrameSource> Shot<'_, S> {
         let next: Vec<usize> =
             (1..=GOES_ON).map_while(|k| if forth { Some(index + k).filter(|i| *i < self.source.len()) } else { index.checked_sub(k) }).collect();
         let start = RacketStart { index, frame, least_contrast: *least_contrast };
-        let seen = self.follow_racket_through(&start, next.iter().copied(), false)?.0.len();
+        let seen = self.follow_racket_through(&start, None, next.iter().copied(), false)?.0.len();
         Ok((seen + 1 >= next.len()).then_some(start.frame))
     }
 

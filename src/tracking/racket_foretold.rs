@@ -19,6 +19,7 @@ const MOST_DISAGREE: usize = 1;
 const WELL_FORETOLD_PX: f64 = 1.0;
 /// What a band may be off that too few others check, px: something covers some of it, or it is the edge of another thing.
 const UNCHECKED_PX: f64 = 0.5;
+const MOST_UNCHECKED: usize = 7;
 /// Bands that are few for a pose, and how far off, in the same deviations, such a pose is not believed.
 const FEW_BANDS: usize = 6;
 const FAR_OFF: f64 = 8.0;
@@ -117,6 +118,7 @@ fn measure_foretold(scene: &RacketScene, images: &[Option<GreyView>; 2], foretol
 
 /// The pose that bands and what was foretold agree on; one that does not is removed.
 fn agree_foretold(scene: &RacketScene, fits: &mut Vec<(CameraId, usize, BandFit)>, foretold: &Foretold) -> Option<RacketPose> {
+    let unchecked_px = if fits.len() <= MOST_UNCHECKED { UNCHECKED_PX } else { 0.0 };
     for _ in 0..=MOST_DISAGREE {
         let mut markers = [false; 5];
         fits.iter().for_each(|f| markers[f.1] = true);
@@ -125,7 +127,7 @@ fn agree_foretold(scene: &RacketScene, fits: &mut Vec<(CameraId, usize, BandFit)
             return None;
         }
         let mut observations = observations_of(fits);
-        observations.iter_mut().for_each(|o| o.point.sd = o.point.sd.map(|sd| sd.hypot(UNCHECKED_PX)));
+        observations.iter_mut().for_each(|o| o.point.sd = o.point.sd.map(|sd| sd.hypot(unchecked_px)));
         let pose = fit_pose_near(scene.view, scene.figure, &observations, foretold).ok()?;
         match worst_miss(scene, &observations, &pose)? {
             (i, z) if z > OUTLIER => fits.remove(i),

@@ -78,6 +78,11 @@ impl RacketMotion {
         Foretold::new(there.pose, &there.pose_covariance).unwrap_or(Foretold::within(there.pose, OFF.0, OFF.1))
     }
 
+    /// The same motion followed the other way in time.
+    pub fn turned_back(&self) -> Self {
+        RacketMotion { velocity: -self.velocity, both: -self.both, ..*self }
+    }
+
     /// Goes on to a frame in which it was found.
     pub fn go_on(&mut self, number: f64, frame: &RacketFrame) {
         let before = self.at(number);
@@ -176,6 +181,20 @@ mod tests {
         for ahead in [1.0, 4.0, 12.0] {
             let off = turn_and_shift(&motion.foretold(10.0 + ahead).pose, &swung(10.0 + ahead));
             assert!(off.rows(0, 3).norm() < 1e-3 * ahead && off.rows(3, 3).norm() < 1e-4 * ahead, "{ahead}: {off}");
+        }
+    }
+
+    #[test]
+    fn law_turned_back_it_is_foretold_where_it_came_from() {
+        let sd = Matrix6::from_diagonal(&Vector6::new(1e-3, 1e-3, 1e-3, 2e-4, 2e-4, 2e-4).map(|sd| sd * sd));
+        let mut motion = RacketMotion::start(0.0, &seen(swung(0.0), sd, false).pose, RATE_HZ);
+        (1..=10).for_each(|frame| motion.go_on(f64::from(frame), &seen(swung(f64::from(frame)), sd, false)));
+        let back = motion.turned_back();
+        for ago in [1.0, 4.0, 8.0] {
+            let before = back.foretold(10.0 - ago);
+            let off = turn_and_shift(&before.pose, &swung(10.0 - ago));
+            assert!(off.rows(0, 3).norm() < 1e-3 * ago && off.rows(3, 3).norm() < 1e-4 * ago, "{ago}: {off}");
+            assert!(before.allows(&swung(10.0 - ago)) && !motion.foretold(10.0 + ago).allows(&swung(10.0 - ago)));
         }
     }
 

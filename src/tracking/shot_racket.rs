@@ -391,20 +391,26 @@ impl<S: FrameSource> Shot<'_, S> {
     }
 
     fn follow_racket_one_way(&self, start: &RacketStart, indices: impl Iterator<Item = usize>) -> Result<OneWay, TrackingError> {
-        self.follow_racket_through(start, indices, true)
+        self.follow_racket_through(start, None, indices, true)
     }
 
     /// Once lost it is looked for near where it is foretold and where it can have got to, in frames ever farther apart. From where it is found, and from where its
     /// bands alone tell its pose again, it is followed back into the frames without it and those in which it was foretold: what more of it is seen so
     /// counts. Without `look_for` it is given up after [`PATIENCE`] frames.
-    pub(super) fn follow_racket_through(&self, start: &RacketStart, indices: impl Iterator<Item = usize>, look_for: bool) -> Result<OneWay, TrackingError> {
+    pub(super) fn follow_racket_through(
+        &self,
+        start: &RacketStart,
+        moves: Option<RacketMotion>,
+        indices: impl Iterator<Item = usize>,
+        look_for: bool,
+    ) -> Result<OneWay, TrackingError> {
         let scene = self.scene();
         let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
         let mut out: Vec<(usize, RacketFrame)> = Vec::new();
         let found_at = |index: usize, frame: &RacketFrame| RacketMotion::start(self.source.number(index) as f64, &frame.pose, self.setup.frame_rate_hz);
-        let mut motion = found_at(start.index, &start.frame);
         // It has been seen to move.
-        let mut goes_on = false;
+        let mut goes_on = moves.is_some();
+        let mut motion = moves.unwrap_or_else(|| found_at(start.index, &start.frame));
         let mut prints = Vec::new();
         // The bands seen in the frame before, as long as they are seen where they are expected.
         let mut known: Option<KnownBands> = None;
@@ -470,19 +476,6 @@ impl<S: FrameSource> Shot<'_, S> {
                 still = racket.still;
                 afresh = found.is_some();
             }
-            if look_for
-                && !between.is_empty()
-                && let Some(frame) = found.as_ref().filter(|frame| afresh || !frame.foretold)
-            {
-                let found = RacketStart { index, frame: frame.clone(), least_contrast: start.least_contrast };
-                for (index, frame) in self.follow_racket_through(&found, between.iter().rev().copied(), false)?.0 {
-                    match out.iter_mut().rev().find(|(there, _)| *there == index) {
-                        Some((_, before)) if before.count() >= frame.count() => {}
-                        Some((_, before)) => *before = frame,
-                        None => out.push((index, frame)),
-                    }
-                }
-            }
             match found {
                 Some(frame) => {
                     for (unseen, points) in unseen.iter_mut().zip(&frame.points) {
@@ -493,6 +486,17 @@ impl<S: FrameSource> Shot<'_, S> {
                         motion.go_on(now, &frame);
                     } else {
                         motion = found_at(index, &frame);
+                    }
+                    if look_for && !between.is_empty() && (afresh || !frame.foretold) {
+                        let found = RacketStart { index, frame: frame.clone(), least_contrast: start.least_contrast };
+                        let back = goes_on.then(|| motion.turned_back());
+                        for (index, frame) in self.follow_racket_through(&found, back, between.iter().rev().copied(), false)?.0 {
+                            match out.iter_mut().rev().find(|(there, _)| *there == index) {
+                                Some((_, before)) if before.count() >= frame.count() => {}
+                                Some((_, before)) => *before = frame,
+                                None => out.push((index, frame)),
+                            }
+                        }
                     }
                     foretold_for = if frame.foretold { foretold_for + 1 } else { 0 };
                     (lost, look_next) = (0, FIRST_LOOK);

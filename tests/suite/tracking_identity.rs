@@ -92,6 +92,13 @@ fn truth_a_racket_that_comes_from_afar_keeps_the_face_it_meets_the_ball_with() {
     assert!(found > 0.93, "{found}");
 }
 
+/// In the laboratory a racket turns edge-on: of the tape at its sides two pixels are seen. A speck had to be as bright as a band, and 0.979 were found.
+#[test]
+fn truth_tape_of_which_two_pixels_are_seen_is_found() {
+    let found = found_share(&FootageSpec { boards: 1, frames_before: 20, frames_after: 130, ..FootageSpec::new(Setting::Lab, 1, 96) });
+    assert!(found > 0.987, "{found}");
+}
+
 /// Share of the visible tape that was found over all shots; what is found must be where it is.
 fn found_share(spec: &FootageSpec) -> f64 {
     let folder = tempfile::tempdir().unwrap();

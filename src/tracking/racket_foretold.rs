@@ -5,9 +5,7 @@ use super::band::BandFit;
 use super::foretold_pose::Foretold;
 use super::racket_other_view::in_other_view;
 use super::racket_pose::{RacketPose, fit_pose_near, seen_at};
-use super::racket_track::{
-    ALL_BANDS, KnownBands, OUTLIER, RacketFrame, RacketScene, add_bands, measure, measure_following, observations_of, points_of, worst_miss,
-};
+use super::racket_track::{ALL_BANDS, KnownBands, RacketFrame, RacketScene, add_bands, measure, measure_following, observations_of, points_of, worst_miss};
 use crate::calibration::CameraId;
 use crate::footage::GreyView;
 use nalgebra::{SMatrix, Vector2};
@@ -17,9 +15,11 @@ const FEWEST_FORETOLD: usize = 2;
 const MOST_DISAGREE: usize = 1;
 /// A single marker's bands do where they were foretold to this, px (one deviation).
 const WELL_FORETOLD_PX: f64 = 1.0;
-/// What a band may be off that too few others check, px: something covers some of it, or it is the edge of another thing.
+/// What a band may be off that so few or fewer in all cannot check, px: something covers some of it, or it is the edge of another thing.
 const UNCHECKED_PX: f64 = 0.5;
 const MOST_UNCHECKED: usize = 7;
+/// One farther from the pose than so many of these deviations does not agree.
+const OUTLIER_OF_FEW: f64 = 2.5;
 /// Bands that are few for a pose, and how far off, in the same deviations, such a pose is not believed.
 const FEW_BANDS: usize = 6;
 const FAR_OFF: f64 = 8.0;
@@ -130,7 +130,7 @@ fn agree_foretold(scene: &RacketScene, fits: &mut Vec<(CameraId, usize, BandFit)
         observations.iter_mut().for_each(|o| o.point.sd = o.point.sd.map(|sd| sd.hypot(unchecked_px)));
         let pose = fit_pose_near(scene.view, scene.figure, &observations, foretold).ok()?;
         match worst_miss(scene, &observations, &pose)? {
-            (i, z) if z > OUTLIER => fits.remove(i),
+            (i, z) if z > OUTLIER_OF_FEW => fits.remove(i),
             _ => return foretold.allows(&pose.global_from_racket).then_some(pose),
         };
     }

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 /// Least deviation of a marker's image point, px: what the model of the tape itself is good to.
 const FLOOR_SD_PX: f64 = 0.03;
 /// A point farther than this many deviations (with the tolerance below) from the common pose is another thing.
-pub(super) const OUTLIER: f64 = 4.0;
+const OUTLIER: f64 = 4.0;
 /// What a good point may miss the pose by, px, beyond its own deviation (tape put on by hand, tube of another shape).
 const MODEL_TOLERANCE_PX: f64 = 0.25;
 

@@ -61,6 +61,12 @@ impl Clip {
         Clip::of(files.into_iter().map(|(number, files)| FramePair { number, files }).collect(), self.decoded.clone())
     }
 
+    /// The clip with the two cameras' pictures exchanged.
+    pub fn exchanged(&self) -> Clip {
+        let pairs = self.pairs.iter().map(|FramePair { number, files: [left, right] }| FramePair { number: *number, files: [right.clone(), left.clone()] });
+        Clip::of(pairs.collect(), self.decoded.clone())
+    }
+
     /// So many successive pairs of it, those around the frame of that number.
     pub fn around(&self, number: u64, frames: usize) -> Clip {
         let middle = self.pairs.partition_point(|p| p.number < number);

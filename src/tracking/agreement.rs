@@ -83,6 +83,11 @@ impl Agreement {
         self.alone > CONTRADICTED || self.doubtful() && self.both < FEWEST_CONFIRMED
     }
 
+    /// Whether the two cameras confirm each other without any doubt.
+    pub fn confirms(&self) -> bool {
+        !self.doubtful() && self.both >= FEWEST_CONFIRMED
+    }
+
     /// For a sentence.
     pub fn words(&self) -> String {
         let px = |what: &str, px: Option<f64>| px.map(|px| format!("{what} {px:.2} px off its place in both views"));
@@ -99,7 +104,7 @@ mod tests {
     #[test]
     fn bound_what_both_cameras_confirm_raises_no_doubt_and_what_either_denies_does() {
         let good = Agreement { both: 250, alone: 0.25, ball_px: Some(0.02), tape_px: Some(0.1) };
-        assert!(!good.doubtful() && !good.contradicts());
+        assert!(!good.doubtful() && !good.contradicts() && good.confirms() && !Agreement { both: 9, ..good }.confirms());
         assert!(!Agreement { ball_px: None, ..good }.doubtful());
         for bad in [Agreement { ball_px: Some(0.5), ..good }, Agreement { tape_px: Some(0.4), ..good }, Agreement { alone: 0.6, ..good }] {
             assert!(bad.doubtful() && !bad.contradicts(), "{bad:?}");

@@ -80,6 +80,16 @@ pub fn track_in_step(clip: &Clip, setup: &ShotSetup, mode: SyncMode, cancel: &At
         Err(_) => Ok(None),
     };
     let around = first.as_ref().ok().and_then(|f| middle_of_the_ball(clip, &f.tracked)).unwrap_or_else(|| clip.number(clip.len() / 2));
+    if first.as_ref().ok().is_none_or(|f| f.agreement.contradicts())
+        && let Some(exchanged) = tracked_as(&clip.exchanged().around(around, EXCERPT))?
+        && exchanged.agreement.confirms()
+    {
+        let as_they_are = first.map_or("as they are no racket is found in both views".into(), |f| {
+            format!("as they are both views agree on {} points in {} frames", f.agreement.both, clip.len())
+        });
+        let (points, frames) = (exchanged.agreement.both, exchanged.tracked.racket.len());
+        return Err(TrackingError::Exchanged { found: format!("{as_they_are}, exchanged on {points} in {frames} frames") });
+    }
     let mut best: Option<(i64, Clip, Paired)> = None;
     for shift in shifts_to_try(first.as_ref().ok()) {
         let shifted = clip.shifted(shift);

@@ -76,6 +76,7 @@ mod throat;
 mod throat_bend;
 mod track_file;
 mod tube_width;
+mod visible_patches;
 
 pub use ball_pressed::{Flattening, PressedFrame};
 pub use ball_track::BallFrame;

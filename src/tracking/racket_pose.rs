@@ -88,6 +88,15 @@ impl<'a> View<'a> {
         &self.eye[camera.index()]
     }
 
+    /// Pose `camera_from_global`.
+    pub fn rotation(&self, camera: CameraId) -> &Matrix3<f64> {
+        &self.rotation[camera.index()]
+    }
+
+    pub fn shift(&self, camera: CameraId) -> &Vector3<f64> {
+        &self.shift[camera.index()]
+    }
+
     #[inline]
     fn in_camera(&self, camera: CameraId, p: &Point3<f64>) -> Point3<f64> {
         Point3::from(self.rotation[camera.index()] * p.coords + self.shift[camera.index()])

@@ -11,9 +11,11 @@ use super::racket_figure::RacketFigure;
 use super::racket_pose::{MarkerObservation, RacketPose, View, fit_pose_in};
 use super::rigid_points::Triangle;
 use super::track_file::ImagePoint;
+use super::visible_patches::VisiblePatches;
 use crate::calibration::CameraId;
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector2, Vector3};
 use rayon::prelude::*;
+use std::cmp::Ordering;
 
 /// Two rays of one marker may miss each other by this, m: two pixels at 12 m, and the two cameras see different sides of
 /// the tube.
@@ -33,6 +35,8 @@ const ATTITUDE_TOLERANCE_RAD: f64 = 0.3;
 /// Most hypotheses followed up: of those on which most image points agree, and of those that explain most contrast. Three clear tapes before
 /// a dark curtain are fewer than what its folds bring together by chance.
 const FOLLOWED: [usize; 2] = [12, 12];
+/// Among so many of the likeliest hypotheses they are chosen: one racket makes some tens of them.
+const ORDERED: usize = 1000;
 
 /// Candidates per picture, strongest first, that are tried before all of them: on a decent recording the tape is among
 /// them, and chance triples grow with the sixth power of their number.
@@ -134,24 +138,28 @@ fn search_among(view: &View, figure: &RacketFigure, candidates: &[Vec<BandCandid
     let mut places = space_candidates(view, candidates);
     places.retain(|p| reach.is_none_or(|r| (0..5).any(|marker| r.holds(marker, p))));
     let points = SpacePoints::of(figure, places, reach);
-    let neighbours = CameraId::BOTH.map(|c| Neighbours::of(view.rig.image_size, &candidates[c.index()]));
+    let seen = Seen { patches: VisiblePatches::of(view, figure), near: CameraId::BOTH.map(|c| Neighbours::of(view.rig.image_size, &candidates[c.index()])) };
     // Markers 2-3 or 1-4, ... : each pair of markers may be the one that is seen well.
-    let mut hypotheses: Vec<Hypothesis> = PAIRS.into_par_iter().flat_map_iter(|pair| hypotheses(view, figure, &points, &neighbours, reach, pair)).collect();
+    let mut hypotheses: Vec<Hypothesis> = PAIRS.into_par_iter().flat_map_iter(|pair| hypotheses(figure, &points, &seen, reach, pair)).collect();
     let mut tried: Vec<Isometry3<f64>> = Vec::new();
-    let mut take = |hypotheses: &[Hypothesis], most: usize| {
+    let mut take = |most: usize, likelier: &dyn Fn(&Hypothesis, &Hypothesis) -> Ordering| {
+        // Of a hundred thousand only the likeliest are put in order.
+        if hypotheses.len() > ORDERED {
+            hypotheses.select_nth_unstable_by(ORDERED, likelier);
+        }
+        let likeliest = hypotheses.len().min(ORDERED);
+        hypotheses[..likeliest].sort_by(likelier);
         let most = tried.len() + most;
-        for Hypothesis { pose, .. } in hypotheses {
+        for Hypothesis { pose, .. } in &hypotheses[..likeliest] {
             let near = |q: &Isometry3<f64>| (q.translation.vector - pose.translation.vector).norm() < 0.02 && q.rotation.angle_to(&pose.rotation) < 0.15;
             if tried.len() < most && !tried.iter().any(near) {
                 tried.push(*pose);
             }
         }
     };
-    hypotheses.sort_by(|a, b| b.seen.cmp(&a.seen).then(a.miss_px.total_cmp(&b.miss_px)));
-    take(&hypotheses, FOLLOWED[0]);
-    hypotheses.sort_by(|a, b| b.contrast.total_cmp(&a.contrast));
-    take(&hypotheses, FOLLOWED[1]);
-    let followed: Vec<_> = tried.par_iter().map(|pose| follow(view, figure, &neighbours, pose)).collect();
+    take(FOLLOWED[0], &|a, b| b.seen.cmp(&a.seen).then(a.miss_px.total_cmp(&b.miss_px)));
+    take(FOLLOWED[1], &|a, b| b.contrast.total_cmp(&a.contrast));
+    let followed: Vec<_> = tried.par_iter().map(|pose| follow(view, figure, &seen, pose)).collect();
     let mut found: Vec<Followed> = followed.into_iter().flatten().collect();
     // The first of equals stays first.
     found.sort_by(|a, b| b.score.total_cmp(&a.score));
@@ -168,14 +176,7 @@ struct Hypothesis {
 }
 
 /// The poses that put three markers, two of them given, on space points.
-fn hypotheses(
-    view: &View,
-    figure: &RacketFigure,
-    points: &SpacePoints,
-    near: &[Neighbours; 2],
-    reach: Option<&Reach>,
-    (i, j): (usize, usize),
-) -> Vec<Hypothesis> {
+fn hypotheses(figure: &RacketFigure, points: &SpacePoints, seen: &Seen, reach: Option<&Reach>, (i, j): (usize, usize)) -> Vec<Hypothesis> {
     let mut out = Vec::new();
     for k in j + 1..5 {
         let Some(local) = Triangle::of([i, j, k].map(|m| &figure.points[m])) else { continue };
@@ -189,10 +190,12 @@ fn hypotheses(
                     if reach.is_some_and(|r| !r.turns_to(&pose.rotation)) {
                         continue;
                     }
-                    let seen = associate(view, figure, &pose, near, GATE_PX);
-                    if seen.len() >= LEAST_POINTS {
-                        let (miss, contrast) = seen.iter().fold((0.0, 0.0), |(m, c), (_, miss, contrast)| (m + miss, c + contrast));
-                        out.push(Hypothesis { pose, seen: seen.len(), miss_px: miss / seen.len() as f64, contrast });
+                    let (mut agree, mut miss, mut contrast) = (0, 0.0, 0.0);
+                    for (_, _, miss_px, band) in seen.around(&pose, GATE_PX) {
+                        (agree, miss, contrast) = (agree + 1, miss + miss_px, contrast + band.contrast);
+                    }
+                    if agree >= LEAST_POINTS {
+                        out.push(Hypothesis { pose, seen: agree, miss_px: miss / agree as f64, contrast });
                     }
                 }
             }
@@ -261,30 +264,55 @@ fn bits(words: impl Iterator<Item = u64>) -> impl Iterator<Item = usize> {
 }
 
 /// Refines a rough pose on the candidates; scores it by the tape it explains and counts the points that agree.
-fn follow(view: &View, figure: &RacketFigure, near: &[Neighbours; 2], rough: &Isometry3<f64>) -> Option<Followed> {
+fn follow(view: &View, figure: &RacketFigure, seen: &Seen, rough: &Isometry3<f64>) -> Option<Followed> {
     let mut pose = *rough;
     let mut fitted = None;
     for gate in [GATE_PX, 4.0, 2.5] {
-        let seen = associate(view, figure, &pose, near, gate);
-        let observations: Vec<MarkerObservation> = seen.iter().map(|s| s.0).collect();
+        let (mut observations, mut strength) = (Vec::with_capacity(10), 0.0);
+        for (camera, marker, _, band) in seen.around(&pose, gate) {
+            observations.push(MarkerObservation { camera, marker, point: ImagePoint { uv: band.uv, sd: Vector2::new(0.7, 0.7) } });
+            strength += band.contrast;
+        }
         let fit = fit_pose_in(view, figure, &observations, Some(&pose)).ok()?;
         pose = fit.global_from_racket;
-        fitted = Some((seen, fit));
+        fitted = Some((observations.len(), strength, fit));
     }
-    let (seen, fit) = fitted?;
+    let (agree, strength, fit) = fitted?;
     // A candidate is good to about 0.7 px; more than three times that is another thing.
-    if seen.len() < LEAST_POINTS || fit.misfit() > 6.0 {
+    if agree < LEAST_POINTS || fit.misfit() > 6.0 {
         return None;
     }
-    let strength: f64 = seen.iter().map(|s| s.2).sum();
-    Some(Followed { score: strength * (1.0 - 0.1 * fit.misfit().sqrt()), seen: seen.len(), pose: fit })
+    Some(Followed { score: strength * (1.0 - 0.1 * fit.misfit().sqrt()), seen: agree, pose: fit })
+}
+
+/// What looks like tape in both pictures, and where a pose puts the tape.
+struct Seen<'a> {
+    patches: VisiblePatches,
+    near: [Neighbours<'a>; 2],
+}
+
+impl Seen<'_> {
+    /// The nearest candidate of each marker in each picture within `gate_px`, at most [`GATE_PX`], with its distance, px. A candidate serves once.
+    fn around(&self, pose: &Isometry3<f64>, gate_px: f64) -> impl Iterator<Item = (CameraId, usize, f64, &BandCandidate)> {
+        let nearest: [[Option<(usize, f64)>; 5]; 2] = {
+            let patches = self.patches.at(pose);
+            std::array::from_fn(|c| self.near[c].nearest(&patches[c], gate_px))
+        };
+        CameraId::BOTH.into_iter().flat_map(move |camera| {
+            let c = camera.index();
+            let found = move |marker: usize| nearest[c][marker].map(|(i, miss_px)| (camera, marker, miss_px, &self.near[c].candidates[i]));
+            (0..5).filter_map(found)
+        })
+    }
 }
 
 /// The candidates near any place of a picture, without looking through all of them.
 struct Neighbours<'a> {
     candidates: &'a [BandCandidate],
-    /// By cell, row by row: candidates within [`GATE_PX`] of any of its pixels, in their own order.
-    cells: Vec<Vec<usize>>,
+    /// Row by row of cells: candidates within [`GATE_PX`] of any of its pixels, in their own order.
+    near: Vec<(usize, Vector2<f64>)>,
+    /// Where those of each cell begin.
+    begin: Vec<usize>,
     columns: usize,
     rows: usize,
 }
@@ -295,50 +323,40 @@ impl<'a> Neighbours<'a> {
     fn of(size: [usize; 2], candidates: &'a [BandCandidate]) -> Self {
         let count = |px: usize| (px as f64 / Self::CELL_PX).ceil() as usize + 1;
         let (columns, rows) = (count(size[0]), count(size[1]));
-        let mut cells = vec![Vec::new(); columns * rows];
+        let mut cells: Vec<(usize, usize)> = Vec::new();
         for (i, c) in candidates.iter().enumerate() {
             for row in Self::cell(c.uv.y - GATE_PX, rows)..=Self::cell(c.uv.y + GATE_PX, rows) {
                 for column in Self::cell(c.uv.x - GATE_PX, columns)..=Self::cell(c.uv.x + GATE_PX, columns) {
-                    cells[row * columns + column].push(i);
+                    cells.push((row * columns + column, i));
                 }
             }
         }
-        Neighbours { candidates, cells, columns, rows }
+        cells.sort_unstable();
+        let begin = (0..=columns * rows).map(|cell| cells.partition_point(|c| c.0 < cell)).collect();
+        Neighbours { candidates, near: cells.iter().map(|(_, i)| (*i, candidates[*i].uv)).collect(), begin, columns, rows }
     }
 
     /// Places outside the picture belong to its border: what lies within the gate of them does so too.
     fn cell(at: f64, n: usize) -> usize {
-        ((at / Self::CELL_PX).floor().max(0.0) as usize).min(n - 1)
+        ((at / Self::CELL_PX).max(0.0) as usize).min(n - 1)
     }
 
-    fn near(&self, uv: &Vector2<f64>) -> impl Iterator<Item = (usize, &BandCandidate)> {
-        self.cells[Self::cell(uv.y, self.rows) * self.columns + Self::cell(uv.x, self.columns)].iter().map(|i| (*i, &self.candidates[*i]))
-    }
-}
-
-/// The nearest candidate of each marker in each picture within `gate_px`, at most [`GATE_PX`], with its distance, px, and
-/// contrast. A candidate serves once.
-fn associate(view: &View, figure: &RacketFigure, pose: &Isometry3<f64>, near: &[Neighbours; 2], gate_px: f64) -> Vec<(MarkerObservation, f64, f64)> {
-    let mut out: Vec<(MarkerObservation, f64, f64)> = Vec::with_capacity(10);
-    for camera in CameraId::BOTH {
-        let mut used = [usize::MAX; 5];
-        for marker in 0..5 {
-            let Some(centre) = view.project(camera, &figure.patch_in_global(marker, pose, view.eye(camera)).0) else { continue };
-            let mut best: Option<(usize, f64, &BandCandidate)> = None;
-            for (i, c) in near[camera.index()].near(&centre) {
-                let d = (c.uv - centre).norm();
-                if d < gate_px && best.is_none_or(|b| d < b.1) && !used.contains(&i) {
-                    best = Some((i, d, c));
+    /// The nearest candidate within `gate_px` of each place, and how far it is; none serves twice.
+    fn nearest(&self, places: &[Vector2<f64>; 5], gate_px: f64) -> [Option<(usize, f64)>; 5] {
+        let mut out = [None; 5];
+        for (k, place) in places.iter().enumerate() {
+            let cell = Self::cell(place.y, self.rows) * self.columns + Self::cell(place.x, self.columns);
+            let mut best = (usize::MAX, gate_px * gate_px);
+            for (i, uv) in &self.near[self.begin[cell]..self.begin[cell + 1]] {
+                let square = (uv - place).norm_squared();
+                if square < best.1 && out[..k].iter().flatten().all(|(used, _): &(usize, f64)| used != i) {
+                    best = (*i, square);
                 }
             }
-            if let Some((i, d, c)) = best {
-                used[marker] = i;
-                let point = ImagePoint { uv: c.uv, sd: Vector2::new(0.7, 0.7) };
-                out.push((MarkerObservation { camera, marker, point }, d, c.contrast));
-            }
+            out[k] = (best.0 != usize::MAX).then(|| (best.0, best.1.sqrt()));
         }
+        out
     }
-    out
 }
 
 /// Space points of candidates whose rays meet.

@@ -28,9 +28,13 @@ pub enum TrackingError {
     #[error("{found}; run `sweetspot track --sync auto` to pair them anew")]
     OutOfStep { found: String },
     #[error(
-        "the two cameras contradict each other ({found}): left/, right/ and calibration.json do not belong together, or a camera was moved; were the folders exchanged, the pictures turned or cut? Otherwise run `sweetspot calibrate` on boards of this session"
+        "the two cameras contradict each other ({found}): left/, right/ and calibration.json do not belong together, or a camera was moved; were the pictures turned or cut? Otherwise run `sweetspot calibrate` on boards of this session"
     )]
     Contradiction { found: String },
+    #[error(
+        "left/ and right/ are exchanged: {found}; exchange the two folders (or, if those of the boards are the ones exchanged, these, and run `sweetspot calibrate --force`)"
+    )]
+    Exchanged { found: String },
     #[error("interrupted")]
     Cancelled,
     #[error(transparent)]

@@ -627,7 +627,11 @@ fn fails_clearly_when_a_camera_was_moved_or_the_folders_were_exchanged() {
             }
         }
         let told = r.track(SyncMode::Report).unwrap_err();
-        assert!(matches!(&told, TrackingError::Contradiction { found } if found.contains("one camera only")), "{moved}: {told}");
+        match &told {
+            TrackingError::Contradiction { found } => assert!(moved && found.contains("one camera only"), "{told}"),
+            TrackingError::Exchanged { found } => assert!(!moved && found.contains("in 16 frames"), "{told}"),
+            _ => panic!("{moved}: {told}"),
+        }
     }
 }
 

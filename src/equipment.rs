@@ -10,6 +10,8 @@ use std::path::{Path, PathBuf};
 
 /// Distance from the butt of the axis about which a swingweight is quoted (RDC convention), m.
 pub const SWINGWEIGHT_AXIS_FROM_BUTT_M: f64 = 0.10;
+/// Two markers nearer than this are one.
+const LEAST_APART_M: f64 = 0.01;
 
 #[derive(Debug, thiserror::Error)]
 pub enum EquipmentError {
@@ -150,6 +152,17 @@ impl Racket {
             for (i, q) in p.iter().enumerate() {
                 for (j, v) in q.coords.iter().enumerate() {
                     need(&format!("markers.m{}[{j}]", i + 1), *v, -self.length_m, self.length_m)?;
+                }
+            }
+            for (i, j) in (1..p.len()).flat_map(|j| (0..j).map(move |i| (i, j))) {
+                let apart = (p[i] - p[j]).norm();
+                if apart < LEAST_APART_M {
+                    return Err(EquipmentError::Value {
+                        path: path.into(),
+                        key: format!("markers.m{} to m{}", i + 1, j + 1),
+                        seen: apart,
+                        allowed: format!("at least {LEAST_APART_M} m apart, or they cannot be told from each other"),
+                    });
                 }
             }
             if p[2].y <= p[1].y {

@@ -125,6 +125,9 @@ impl StereoRig {
     pub fn read_opencv_yaml(path: &Path) -> Result<Self, CalibrationError> {
         let text = read_limited(path)?;
         let wrong = |what: String| CalibrationError::Format { path: path.into(), what };
+        if text.trim_start().starts_with("<?xml") {
+            return Err(wrong("a FileStorage in XML; allowed: YAML (write it under a name that ends with .yml)".into()));
+        }
         let matrix = |name: &str| opencv_matrix(&text, name).ok_or_else(|| wrong(format!("no matrix `{name}`; needed: M1 D1 M2 D2 R T image_size")));
         let camera = |m: &str, d: &str| -> Result<Camera, CalibrationError> {
             let (k, list) = (matrix(m)?, matrix(d)?);
@@ -145,7 +148,10 @@ impl StereoRig {
         if r.len() != 9 || t.len() != 3 {
             return Err(wrong("`R` must be 3x3 and `T` 3x1".into()));
         }
-        let size = sequence(&text, "image_size").filter(|s| s.len() == 2).ok_or_else(|| wrong("no `image_size: [ width, height ]`".into()))?;
+        let size = opencv_matrix(&text, "image_size")
+            .or_else(|| sequence(&text, "image_size"))
+            .filter(|s| s.len() == 2)
+            .ok_or_else(|| wrong("no `image_size: [ width, height ]`".into()))?;
         let rig = StereoRig {
             image_size: [size[0] as usize, size[1] as usize],
             left,
@@ -215,8 +221,13 @@ fn entry<'a>(text: &'a str, name: &str) -> Option<(&'a str, String)> {
 }
 
 fn numbers(text: &str) -> Option<Vec<f64>> {
+    // OpenCV itself writes a sequence with a dash before each number.
+    let number = |n: &str| n.trim().parse::<f64>().ok().filter(|v| v.is_finite());
+    if text.trim_start().starts_with("- ") {
+        return text.split_whitespace().collect::<Vec<_>>().chunks(2).map(|pair| number(pair.get(1)?).filter(|_| pair[0] == "-")).collect();
+    }
     let inside = text.split_once('[')?.1.split_once(']')?.0;
-    inside.split(',').map(|n| n.trim().parse::<f64>().ok().filter(|v| v.is_finite())).collect()
+    inside.split(',').map(number).collect()
 }
 
 #[cfg(test)]
@@ -253,6 +264,13 @@ mod tests {
         assert_eq!(StereoRig::read_to_measure_with(&json).expect("read"), StereoRig { more: needed, ..rig() });
         std::fs::write(&yml, rig().to_opencv_yaml()).expect("written");
         let back = StereoRig::read_opencv_yaml(&yml).expect("read");
+        // The size as OpenCV writes a sequence, and as it writes an array of two.
+        for size in ["image_size:\n   - 512\n   - 512\n", "image_size: !!opencv-nd-matrix\n   sizes: [ 2 ]\n   dt: i\n   data: [ 512, 512 ]\n"] {
+            let other = folder.path().join("other.yml");
+            let text = std::fs::read_to_string(&yml).expect("read").replace("image_size: [ 512, 512 ]\n", size);
+            std::fs::write(&other, &text).expect("written");
+            assert!(text.contains(size) && StereoRig::read_opencv_yaml(&other).expect("read").image_size == [512, 512]);
+        }
         assert_eq!((back.left.fx, back.right.cy, back.r, back.t, back.image_size), (3000.0, 260.0, rig().r, rig().t, [512, 512]));
         assert_eq!(back.left.distortion, rig().left.distortion);
     }

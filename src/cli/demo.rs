@@ -214,7 +214,10 @@ fn speed_interval(table: &ImpactTable) -> Option<f64> {
 /// What was done, the three figures that matter, and where the report is.
 fn tell(o: &Outcome, shell: &Shell) {
     shell.say("\nDone: cameras calibrated from the checkerboards, racket and ball followed through every frame, the shots measured,");
-    shell.say("compared with a rigid racket and ball, and searched for what that model is missing.");
+    shell.say(match o.verdict {
+        Some(_) => "compared with a rigid racket and ball, and searched for what that model is missing.",
+        None => "and compared with a rigid racket and ball; they are too few to search for what that model is missing.",
+    });
     if let (Some(mean), Some(sd)) = (o.square_mm, o.square_sd_mm) {
         shell.say(format_args!("  1. a 60 mm square, measured again in 3-D on boards held out: {mean:.3} mm, scatter {sd:.3} mm"));
     }
@@ -252,6 +255,10 @@ fn reveal(o: &Outcome, hidden: Option<&Entry>, shell: &Shell) {
         _ => added(o),
     };
     match hidden {
+        _ if o.verdict.is_none() => {
+            let name = hidden.map_or_else(|| "nothing".to_owned(), |e| format!("{} ({})", e.name, e.law));
+            shell.say(format_args!("\nHidden in this world: {name}. So few shots cannot show it: no diagnosis was made."));
+        }
         None => {
             shell.say("\nHidden in this world: nothing.");
             shell.say(if o.found.is_empty() && !o.formula { "The diagnosis found nothing missing: right." } else { "The diagnosis added something: a false alarm." });

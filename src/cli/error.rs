@@ -54,6 +54,11 @@ impl CliError {
         CliError { kind: Kind::Interrupted, message: "interrupted; what was finished is kept, run the same command again to go on".into(), hints: Vec::new() }
     }
 
+    /// Of a command that has nothing to keep.
+    pub fn interrupted_at_once() -> Self {
+        CliError { kind: Kind::Interrupted, message: "interrupted".into(), hints: Vec::new() }
+    }
+
     #[must_use]
     pub fn hint(mut self, hint: impl Into<String>) -> Self {
         self.hints.push(hint.into());

@@ -150,6 +150,17 @@ commands! {
     synth => Synth,
 }
 
+impl Command {
+    /// Whether it writes one thing after the other, so that Ctrl-C waits for the one in hand; the others have nothing to keep.
+    fn keeps_what_is_done(&self) -> bool {
+        #[cfg(feature = "vision")]
+        if matches!(self, Command::Calibrate(_)) {
+            return true;
+        }
+        matches!(self, Command::Demo(_) | Command::Track(_) | Command::Shots(_) | Command::Validate(_) | Command::Synth(_))
+    }
+}
+
 /// Runs the program on the process's own arguments.
 pub fn main() -> ExitCode {
     let cli = match Cli::try_parse() {
@@ -162,8 +173,14 @@ pub fn main() -> ExitCode {
     crate::footage::let_files_stay_open();
     let cancelled = Arc::new(AtomicBool::new(false));
     let flag = cancelled.clone();
+    let at_once = !cli.command.keeps_what_is_done();
     // Without a handler Ctrl-C still stops the program; results are whole either way, because writes are atomic.
     let _ = ctrlc::set_handler(move || {
+        if at_once {
+            let e = CliError::interrupted_at_once();
+            fail(&e);
+            std::process::exit(e.exit_code().into());
+        }
         if flag.swap(true, Ordering::Relaxed) {
             std::process::exit(2); // second Ctrl-C: at once
         }

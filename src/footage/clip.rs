@@ -26,11 +26,20 @@ pub struct Clip {
 impl Clip {
     /// Lists `left/` and `right/` below the shot's folder.
     pub fn list(left: &Path, right: &Path) -> Result<Self, FootageError> {
+        let folders = [left, right];
         let (left, right) = rayon::join(|| numbered_images(left), || numbered_images(right));
         let (left, right) = (left?, right?);
+        if let Some((_, path)) = [&left, &right].into_iter().zip(folders).find(|(pictures, _)| pictures.is_empty()) {
+            return Err(FootageError::NoPictures { path: path.into() });
+        }
         // In each folder the last one has the largest number.
         if let Some((number, path)) = [left.last(), right.last()].into_iter().flatten().find(|(number, _)| *number > LARGEST_FRAME_NUMBER) {
             return Err(FootageError::NoFrameNumber { path: path.clone(), number: *number });
+        }
+        let numbers = [&left, &right].map(|pictures| pictures.iter().map(|p| p.0).collect::<Vec<u64>>());
+        if numbers[0].iter().all(|n| numbers[1].binary_search(n).is_err()) {
+            let [left_numbers, right_numbers] = numbers.map(|n| ranges(&n).unwrap_or_default());
+            return Err(FootageError::NoCommonFrames { left: folders[0].into(), right: folders[1].into(), left_numbers, right_numbers });
         }
         let (mut l, mut r) = (left.into_iter().peekable(), right.into_iter().peekable());
         let mut pairs = Vec::new();
@@ -155,6 +164,23 @@ mod tests {
         assert_eq!(part.pairs, clip.pairs[..2]);
         assert_eq!(clip.around(u64::MAX, 2).pairs, clip.pairs[clip.pairs.len() - 2..]);
         assert_eq!(clip.around(0, 99).pairs, clip.pairs);
+        assert_eq!(clip.exchanged().exchanged().pairs, clip.pairs);
+        assert!(clip.exchanged().pairs[0].files[0].is_none() && clip.exchanged().pairs[2].files[0].as_ref().expect("there").ends_with("right_10.bmp"));
         assert_eq!(ranges(&[3, 5, 6, 7, 8, 10]).expect("some"), "3, 5-8, 10");
+    }
+
+    #[test]
+    fn fails_a_camera_without_pictures_or_without_a_common_frame_is_named() {
+        let folder = tempfile::tempdir().expect("folder");
+        let [left, right] = ["left", "right"].map(|side| folder.path().join(side));
+        for side in [&left, &right] {
+            std::fs::create_dir(side).expect("made");
+        }
+        std::fs::write(left.join("l_7.bmp"), b"BM").expect("written");
+        let told = Clip::list(&left, &right).unwrap_err().to_string();
+        assert!(told.contains("right: no pictures"), "{told}");
+        std::fs::write(right.join("r_8.bmp"), b"BM").expect("written");
+        let told = Clip::list(&left, &right).unwrap_err().to_string();
+        assert!(told.contains("(the first has 7, the second 8)"), "{told}");
     }
 }

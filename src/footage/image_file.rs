@@ -40,6 +40,10 @@ pub enum FootageError {
     NoFrameNumber { path: PathBuf, number: u64 },
     #[error("{first} and {second} both have the number {number}; keep one of them in this folder", first = .first.display(), second = .second.display())]
     DuplicateNumber { number: u64, first: PathBuf, second: PathBuf },
+    #[error("{path}: no pictures in this folder; allowed: BMP, PNG, TIFF, JPEG, their frame numbers in their names", path = .path.display())]
+    NoPictures { path: PathBuf },
+    #[error("{left} and {right} share no frame number (the first has {left_numbers}, the second {right_numbers}); pictures are paired by the last digits of their names", left = .left.display(), right = .right.display())]
+    NoCommonFrames { left: PathBuf, right: PathBuf, left_numbers: String, right_numbers: String },
     #[error("{path}: more than {MAX_PICTURES} pictures in one folder", path = .path.display())]
     TooMany { path: PathBuf },
 }

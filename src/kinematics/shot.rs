@@ -209,12 +209,19 @@ pub fn measure_shot(input: &ShotInput<'_>, settings: &MeasureSettings) -> Result
     let equipment =
         ShotEquipment { racket: input.racket, ball: input.ball, points: input.asked_points, clock: motion.clock, up: -settings.gravity().normalize() };
     let (measures, covariance) = uncertain.propagate(|s| characteristics(s, &equipment));
-    let impulse: Vec<usize> = ["x", "y", "z"].iter().filter_map(|a| measures.iter().position(|(m, _)| m.name == format!("unexplained_impulse_{a}"))).collect();
+    let places = |name: &str| -> Option<[usize; 3]> {
+        let place = |axis: &str| measures.iter().position(|(m, _)| m.name == format!("{name}_{axis}"));
+        Some([place("x")?, place("y")?, place("z")?])
+    };
+    let vector = |at: [usize; 3]| Some(Vector3::new(measures[at[0]].0.value?, measures[at[1]].0.value?, measures[at[2]].0.value?));
     let momentum = (|| {
-        let [i, j, k] = impulse[..] else { return None };
-        let v = Vector3::new(measures[i].0.value?, measures[j].0.value?, measures[k].0.value?);
-        let c = Matrix3::from_fn(|a, b| covariance[([i, j, k][a], [i, j, k][b])]);
-        let chi2 = v.dot(&(c.try_inverse()? * v));
+        let unexplained = places("unexplained_impulse")?;
+        let information = Matrix3::from_fn(|a, b| covariance[(unexplained[a], unexplained[b])]).try_inverse()?;
+        let (lacking, carrying) = (vector(unexplained)?, vector(places("carrying_impulse")?)?);
+        // A racket may hang, lie in a quiet hand or fall: what carries it, all of its weight or some or none, does not interfere.
+        let carried = (carrying.dot(&(information * lacking)) / carrying.dot(&(information * carrying)).max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+        let v = lacking - carrying * carried;
+        let chi2 = v.dot(&(information * v));
         let p_value = chi2_tail_3(chi2);
         Some(MomentumVerdict { chi2, p_value, hand_interferes: p_value < 0.05 })
     })();

@@ -96,7 +96,7 @@ pub fn mean_greys(prints: &[[Option<Fingerprint>; 2]], whole: impl Fn(usize, usi
     [0, 1].map(|camera| {
         let of_rows: Vec<Option<f64>> = prints.iter().map(|p| Some(p[camera].as_ref()?.mean)).collect();
         let usual = median(of_rows.iter().flatten().copied());
-        let suspect = |m: f64| m * SUSPECT < usual || m > usual * SUSPECT || m > WHITE;
+        let suspect = |m: f64| usual >= 1.0 && m * SUSPECT < usual || m > usual.max(1.0) * SUSPECT || m > WHITE;
         if !of_rows.iter().flatten().any(|m| suspect(*m)) {
             return MeanGreys { by_frame: of_rows, usual };
         }
@@ -120,7 +120,7 @@ pub struct MeanGreys {
 fn median(values: impl Iterator<Item = f64>) -> f64 {
     let mut sorted: Vec<f64> = values.collect();
     sorted.sort_by(f64::total_cmp);
-    sorted.get(sorted.len() / 2).map_or(1.0, |m| m.max(1.0))
+    sorted.get(sorted.len() / 2).copied().unwrap_or(1.0)
 }
 
 /// Pictures that are washed out: white nearly everywhere, so that nothing in them can be measured. By index and camera.
@@ -146,9 +146,10 @@ pub fn dark_or_bright(source: &impl FrameSource, means: &[MeanGreys; 2]) -> Vec<
         let usual = means.usual;
         for (i, mean) in means.by_frame.iter().enumerate() {
             let Some(mean) = *mean else { continue };
-            let what = if mean * FACTOR < usual {
+            // Below one grey level there is no light to speak of: a dark curtain makes such pictures.
+            let what = if usual >= 1.0 && mean * FACTOR < usual {
                 "dark"
-            } else if mean > usual * FACTOR || mean > WHITE {
+            } else if mean > usual.max(1.0) * FACTOR || mean > WHITE {
                 "washed out"
             } else {
                 continue;
@@ -163,7 +164,28 @@ pub fn dark_or_bright(source: &impl FrameSource, means: &[MeanGreys; 2]) -> Vec<
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::footage::GreyImage;
+    use crate::footage::{FootageError, FrameBuffer, GreyImage, Rows};
+
+    #[test]
+    fn bound_pictures_before_a_black_curtain_are_not_dark() {
+        struct Frames;
+        impl FrameSource for Frames {
+            fn len(&self) -> usize {
+                3
+            }
+            fn number(&self, index: usize) -> u64 {
+                index as u64
+            }
+            fn read(&self, _: usize, _: usize, _: Rows, _: &mut FrameBuffer) -> Result<bool, FootageError> {
+                Ok(false)
+            }
+        }
+        let told = |means: [f64; 3]| {
+            let camera = || MeanGreys { by_frame: means.map(Some).to_vec(), usual: median(means.into_iter()) };
+            dark_or_bright(&Frames, &[camera(), camera()]).len()
+        };
+        assert_eq!((told([0.3, 0.3, 0.2]), told([60.0, 60.0, 15.0]), told([60.0, 60.0, 200.0])), (0, 2, 2));
+    }
 
     #[test]
     fn truth_the_later_of_two_equal_pictures_is_stale() {

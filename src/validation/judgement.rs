@@ -108,7 +108,7 @@ impl<'a> Judgement<'a> {
         Ok(())
     }
 
-    /// Whether a model takes most of the excess away, or leaves no structure. On the held-out impacts the same is judged with
+    /// Whether a model takes most of the excess away, or is likelier than nothing and leaves no structure. On the held-out impacts the same is judged with
     /// less data and without the fit's help: either may speak for it.
     fn accounts(&self, b: &Refit) -> bool {
         // A share has its own uncertainty: what is left scatters by its deviation, which may not make a right name wrong.
@@ -116,7 +116,8 @@ impl<'a> Judgement<'a> {
         let at_best = share_removed(self.excess, give(excess_at(&b.structure, self.c_believed)));
         let held = |error: f64| (error.powi(2) - self.c_believed).max(0.0);
         let sound = b.structure.p_value >= STRUCTURE_LEVEL && b.structure.noise_scale <= LARGEST_NOISE_SCALE;
-        at_best >= SHARE || share_removed(held(self.case.error), held(self.after)) >= SHARE || sound
+        let likely = self.refits.is_likelier_than_nothing(b, self.overdispersion);
+        at_best >= SHARE || share_removed(held(self.case.error), held(self.after)) >= SHARE || sound && likely
     }
 
     /// A formula in the catalogue's place.

@@ -359,6 +359,11 @@ impl<'a> Refits<'a> {
         self.all().zip(&weights[1..]).find(|(r, _)| std::ptr::eq(*r, refit)).map_or(0.0, |(_, w)| *w)
     }
 
+    /// By the probabilities that are told.
+    pub fn is_likelier_than_nothing(&self, refit: &Refit, overdispersion: f64) -> bool {
+        self.probability_of(refit, overdispersion) > self.normalised(overdispersion)[0]
+    }
+
     pub fn report(
         &self,
         reference: &Reference,

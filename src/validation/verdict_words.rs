@@ -42,9 +42,11 @@ pub fn verdict_words(d: &Diagnosis) -> Vec<String> {
                 ));
             }
             if let Some(c) = d.candidates.iter().find(|c| d.recommended.first() == Some(&c.effect))
-                && !c.aliases.is_empty()
+                && let others = c.aliases.iter().filter(|a| !d.recommended.contains(a)).map(String::as_str).collect::<Vec<_>>()
+                && !others.is_empty()
             {
-                words.push(format!("On these impacts it could also be {}; further impacts that would tell are listed below.", c.aliases.join(", ")));
+                let which = if d.recommended.len() > 1 { c.effect.as_str() } else { "it" };
+                words.push(format!("On these impacts {which} could also be {}; further impacts that would tell are listed below.", others.join(", ")));
             }
             if let Some(name) = &d.other_form {
                 words.push(if d.recommended.len() > 1 {

@@ -239,3 +239,27 @@ fn fails_text_and_cut_off_pictures_are_named() {
     refused(&["calibrate", &text(bench.folder.path())], &["calib/left/a1.bmp", "calib/right/a1.bmp", "allowed: BMP, PNG, TIFF, JPEG", "try:"]);
     assert!(!bench.path("results").exists());
 }
+
+#[cfg(unix)]
+#[test]
+fn cli_a_pipe_named_as_output_is_written_to_and_stays_a_pipe() {
+    use std::os::unix::fs::FileTypeExt;
+    let folder = tempfile::tempdir().unwrap();
+    let (model, pipe) = (folder.path().join("model.toml"), folder.path().join("pipe"));
+    std::fs::write(&model, "base = \"rigid\"\n").unwrap();
+    assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    let reader = std::thread::spawn({
+        let pipe = pipe.clone();
+        move || std::fs::read_to_string(pipe).unwrap()
+    });
+    let out = std::process::Command::new(env!("CARGO_BIN_EXE_sweetspot"))
+        .args(["add", "hand-mass", "--force", "--model"])
+        .arg(&model)
+        .arg("-o")
+        .arg(&pipe)
+        .output()
+        .unwrap();
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    assert!(std::fs::metadata(&pipe).unwrap().file_type().is_fifo());
+    assert!(reader.join().unwrap().contains("[effects.hand-mass]"));
+}

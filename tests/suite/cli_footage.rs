@@ -84,6 +84,22 @@ fn cli_a_recorded_grip_torque_stands_in_the_table_and_measured_columns_are_not_g
     assert_eq!(row.groups["strings"], "gut");
 }
 
+/// A stand carries a hung racket through the contact, which is no hand that interferes; and a black curtain is no dark picture.
+#[test]
+fn cli_a_hung_racket_before_a_black_curtain_raises_no_alarm() {
+    let (_keep, session, ids) = sample(6);
+    assert_eq!(sweetspot(&["calibrate", &text(&session)]).status.code(), Some(0));
+    let tracked = sweetspot(&["track", "--no-spin", &text(&session)]);
+    assert!(tracked.status.success() && !stderr(&tracked).contains("dark"), "{}", stderr(&tracked));
+    assert!(sweetspot(&["shots", &text(&session)]).status.success());
+    let interferes = |id: &String| {
+        let shot = std::fs::read_to_string(session.join("results/shots").join(id).join("shot.json")).unwrap();
+        serde_json::from_str::<serde_json::Value>(&shot).unwrap()["momentum"]["hand_interferes"].as_bool().unwrap()
+    };
+    let flagged = ids.iter().filter(|id| interferes(id)).count();
+    assert!(flagged <= 1, "{flagged} of {}", ids.len());
+}
+
 /// One good shot, one with a picture cut off and one of text among its frames, one that is text throughout.
 #[test]
 fn cli_broken_pictures_in_shots_are_named_and_the_others_go_on() {

@@ -177,10 +177,10 @@ mod tests {
             std::fs::create_dir(side).expect("made");
         }
         std::fs::write(left.join("l_7.bmp"), b"BM").expect("written");
-        let told = Clip::list(&left, &right).unwrap_err().to_string();
+        let told = Clip::list(&left, &right).expect_err("no clip").to_string();
         assert!(told.contains("right: no pictures"), "{told}");
         std::fs::write(right.join("r_8.bmp"), b"BM").expect("written");
-        let told = Clip::list(&left, &right).unwrap_err().to_string();
+        let told = Clip::list(&left, &right).expect_err("no clip").to_string();
         assert!(told.contains("(the first has 7, the second 8)"), "{told}");
     }
 }

@@ -77,9 +77,10 @@ pub fn ends_with_line(path: &Path) -> bool {
 
 fn write_whole(path: &Path, bytes: &[u8], to_the_disk: bool) -> io::Result<()> {
     let named = |e: io::Error| io::Error::new(e.kind(), format!("{}: cannot be written ({e})", path.display()));
-    // A terminal, a pipe or a device is written to, never replaced by a file; nor is a name by which the system lends one.
+    // A terminal, a pipe or a device is written to, never replaced by a file; nor is a name by which the system lends one. Any other link is replaced:
+    // it may lead out of the folder.
     let lent = ["/dev", "/proc"].iter().any(|folder| path.starts_with(folder));
-    if lent || std::fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir()) {
+    if lent || std::fs::symlink_metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir() && !m.is_symlink()) {
         return std::fs::OpenOptions::new().write(true).open(path).and_then(|mut file| file.write_all(bytes)).map_err(named);
     }
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or_else(|| Path::new("."));

@@ -15,7 +15,7 @@ const LEAST_APART_M: f64 = 0.01;
 
 #[derive(Debug, thiserror::Error)]
 pub enum EquipmentError {
-    #[error("{path}: cannot be read ({source}); check the name, or write the file (README, \"Racket and ball\")", path = .path.display())]
+    #[error("{path}: cannot be read ({source}); check the name, or write the file (docs/files.md tells what it holds)", path = .path.display())]
     Unreadable { path: PathBuf, source: std::io::Error },
     #[error("{path}: {message}", path = .path.display())]
     Toml { path: PathBuf, message: String },

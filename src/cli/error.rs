@@ -54,6 +54,11 @@ impl CliError {
         CliError { kind: Kind::Interrupted, message: "interrupted; what was finished is kept, run the same command again to go on".into(), hints: Vec::new() }
     }
 
+    /// Of a session in which there is nothing to track or to measure.
+    pub fn no_shots(session: &Path) -> Self {
+        CliError::input(format!("{}: the session has no shots; put each in shots/<id>/left and right", session.display()))
+    }
+
     /// Of a command that has nothing to keep.
     pub fn interrupted_at_once() -> Self {
         CliError { kind: Kind::Interrupted, message: "interrupted".into(), hints: Vec::new() }

@@ -51,7 +51,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let tracked = TrackedSession::open(&arguments.session, shell)?;
     let (session, results) = (&tracked.session, &tracked.results);
     if session.shots.is_empty() && session.broken_shots.is_empty() {
-        return Err(CliError::input(format!("{}: the session has no shots; put each in shots/<id>/left and right", arguments.session.display())));
+        return Err(CliError::no_shots(&arguments.session));
     }
     let bar = shell.progress(session.shots.len() as u64, "shots");
     let outcomes: Vec<(String, Result<ShotRecord, CliError>)> = session

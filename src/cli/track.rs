@@ -110,7 +110,7 @@ fn track(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let session = Session::open(&arguments.session)?;
     let shots = session.select(&arguments.shot)?;
     if shots.is_empty() && session.broken_shots.is_empty() {
-        return Err(CliError::input(format!("{}: the session has no shots; put each in shots/<id>/left and right", arguments.session.display())));
+        return Err(CliError::no_shots(&arguments.session));
     }
     let results = shell.results_of_session(&arguments.session);
     let rig_file = results.join("calibration.json");

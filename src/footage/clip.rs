@@ -36,23 +36,27 @@ impl Clip {
         if let Some((number, path)) = [left.last(), right.last()].into_iter().flatten().find(|(number, _)| *number > LARGEST_FRAME_NUMBER) {
             return Err(FootageError::NoFrameNumber { path: path.clone(), number: *number });
         }
-        let numbers = [&left, &right].map(|pictures| pictures.iter().map(|p| p.0).collect::<Vec<u64>>());
-        if numbers[0].iter().all(|n| numbers[1].binary_search(n).is_err()) {
-            let [left_numbers, right_numbers] = numbers.map(|n| ranges(&n).unwrap_or_default());
-            return Err(FootageError::NoCommonFrames { left: folders[0].into(), right: folders[1].into(), left_numbers, right_numbers });
-        }
         let (mut l, mut r) = (left.into_iter().peekable(), right.into_iter().peekable());
-        let mut pairs = Vec::new();
+        let mut pairs: Vec<FramePair> = Vec::new();
         loop {
             let number = match (l.peek(), r.peek()) {
                 (Some(a), Some(b)) => a.0.min(b.0),
                 (Some(a), None) => a.0,
                 (None, Some(b)) => b.0,
-                (None, None) => return Ok(Clip::of(pairs, Arc::default())),
+                (None, None) => break,
             };
             let files = [l.next_if(|f| f.0 == number).map(|f| f.1), r.next_if(|f| f.0 == number).map(|f| f.1)];
             pairs.push(FramePair { number, files });
         }
+        if pairs.iter().any(|pair| pair.files.iter().all(Option::is_some)) {
+            return Ok(Clip::of(pairs, Arc::default()));
+        }
+        let [left_numbers, right_numbers] = [0, 1].map(|camera| {
+            let seen: Vec<u64> = pairs.iter().filter(|pair| pair.files[camera].is_some()).map(|pair| pair.number).collect();
+            ranges(&seen).unwrap_or_default()
+        });
+        let [left, right] = folders.map(Path::to_path_buf);
+        Err(FootageError::NoCommonFrames { left, right, left_numbers, right_numbers })
     }
 
     /// The same pictures paired anew: left `n` with right `n + shift`, under the left picture's number.

@@ -96,7 +96,7 @@ pub fn mean_greys(prints: &[[Option<Fingerprint>; 2]], whole: impl Fn(usize, usi
     [0, 1].map(|camera| {
         let of_rows: Vec<Option<f64>> = prints.iter().map(|p| Some(p[camera].as_ref()?.mean)).collect();
         let usual = median(of_rows.iter().flatten().copied());
-        let suspect = |m: f64| usual >= 1.0 && m * SUSPECT < usual || m > usual.max(1.0) * SUSPECT || m > WHITE;
+        let suspect = |m: f64| is_darker(m, usual, SUSPECT) || is_brighter(m, usual, SUSPECT);
         if !of_rows.iter().flatten().any(|m| suspect(*m)) {
             return MeanGreys { by_frame: of_rows, usual };
         }
@@ -108,6 +108,8 @@ pub fn mean_greys(prints: &[[Option<Fingerprint>; 2]], whole: impl Fn(usize, usi
     })
 }
 
+/// Mean grey of a picture without light.
+const NO_LIGHT: f64 = 1.0;
 /// Whole pictures that say how bright the clip usually is.
 const SAMPLES: usize = 9;
 
@@ -120,7 +122,17 @@ pub struct MeanGreys {
 fn median(values: impl Iterator<Item = f64>) -> f64 {
     let mut sorted: Vec<f64> = values.collect();
     sorted.sort_by(f64::total_cmp);
-    sorted.get(sorted.len() / 2).copied().unwrap_or(1.0)
+    sorted.get(sorted.len() / 2).copied().unwrap_or(NO_LIGHT)
+}
+
+/// Less than a share of the usual mean grey. Below one grey level there is no light to speak of: a dark curtain makes such pictures.
+fn is_darker(mean: f64, usual: f64, times: f64) -> bool {
+    usual >= NO_LIGHT && mean * times < usual
+}
+
+/// So many times the usual mean grey, or white nearly everywhere.
+fn is_brighter(mean: f64, usual: f64, times: f64) -> bool {
+    mean > usual.max(NO_LIGHT) * times || mean > WHITE
 }
 
 /// Pictures that are washed out: white nearly everywhere, so that nothing in them can be measured. By index and camera.
@@ -146,10 +158,9 @@ pub fn dark_or_bright(source: &impl FrameSource, means: &[MeanGreys; 2]) -> Vec<
         let usual = means.usual;
         for (i, mean) in means.by_frame.iter().enumerate() {
             let Some(mean) = *mean else { continue };
-            // Below one grey level there is no light to speak of: a dark curtain makes such pictures.
-            let what = if usual >= 1.0 && mean * FACTOR < usual {
+            let what = if is_darker(mean, usual, FACTOR) {
                 "dark"
-            } else if mean > usual.max(1.0) * FACTOR || mean > WHITE {
+            } else if is_brighter(mean, usual, FACTOR) {
                 "washed out"
             } else {
                 continue;

@@ -191,11 +191,11 @@ pub fn characteristics(s: &ShotState, e: &ShotEquipment<'_>) -> Vec<Measure> {
     list.put("efficiency", "", ball_out.map(|v| (m * v.norm_squared() + s.spin_out.map_or(0.0, spin_energy)) / energy_in));
 
     // Momentum balance: what else pushed on ball and racket while they touched (local axes at first contact).
-    let gravity_impulse = contact_time.map(|t| -e.up * (crate::kinematics::GRAVITY_M_S2 * (m + mass) * t));
-    let lacking = ball_out.zip(point_out(&true_com)).zip(gravity_impulse).map(|((bo, ro), g)| local((bo - b0.velocity) * m - g) + (ro - com_in) * mass);
+    let fall = contact_time.map(|t| -e.up * (crate::kinematics::GRAVITY_M_S2 * t));
+    let lacking = ball_out.zip(point_out(&true_com)).zip(fall).map(|((bo, ro), fall)| local((bo - b0.velocity) * m - fall * (m + mass)) + (ro - com_in) * mass);
     list.vector("unexplained_impulse_", "N s", lacking);
     // What a support gives that carries the racket through the contact, as a stand, a string or a quiet hand does.
-    list.vector("carrying_impulse_", "N s", contact_time.map(|t| local(e.up * (crate::kinematics::GRAVITY_M_S2 * mass * t))));
+    list.vector("carrying_impulse_", "N s", fall.map(|fall| local(-fall * mass)));
     list.vector("ball_impulse_", "N s", ball_out.map(|v| local((v - b0.velocity) * m)));
     list.0
 }

@@ -75,14 +75,24 @@ pub fn unit(column: &str) -> &'static str {
     }
 }
 
+/// Largest size of a value of [`INPUTS`] or [`OUTPUTS`] that an impact can have, in the column's unit, well above every ball game: a larger one is in
+/// another unit, or a slip of the pen.
+pub fn largest(column: &str) -> f64 {
+    match unit(column) {
+        "m" | "s" => 10.0,
+        "N m" | "rad/s" => 1e4,
+        _ => 1e3,
+    }
+}
+
 #[derive(Debug, thiserror::Error)]
 pub enum TableError {
     #[error("{path}: cannot be read ({source}); give a CSV file with a header line", path = .path.display())]
     Unreadable { path: PathBuf, source: csv::Error },
     #[error("{path}: the table holds no impacts; give at least one row below the header", path = .path.display())]
     Empty { path: PathBuf },
-    #[error("{path}: no column `{column}`; the header has: {seen}", path = .path.display())]
-    NoColumn { path: PathBuf, column: &'static str, seen: String },
+    #[error("{path}: no column `{column}`; the header has: {seen}{remedy}", path = .path.display())]
+    NoColumn { path: PathBuf, column: &'static str, seen: String, remedy: &'static str },
     #[error("{path}: column `{column}` stands twice in the header; rename or remove one", path = .path.display())]
     Twice { path: PathBuf, column: String },
     #[error("{path}, line {line}: `{column}` is {seen:?}; allowed: {allowed}", path = .path.display())]
@@ -211,7 +221,9 @@ impl ImpactTable {
             return Err(TableError::Twice { path: path.into(), column: twice.clone() });
         }
         if !names.iter().any(|n| n == "id") {
-            return Err(TableError::NoColumn { path: path.into(), column: "id", seen: names.join(", ") });
+            let parted = names.len() == 1 && names[0].contains([';', '\t']);
+            let remedy = if parted { "; part the fields by commas and write decimals with a point" } else { "" };
+            return Err(TableError::NoColumn { path: path.into(), column: "id", seen: names.join(", "), remedy });
         }
         let columns: Vec<Column> = names.iter().map(|n| column(n)).collect();
         let mut rows = Vec::new();
@@ -350,6 +362,7 @@ mod tests {
             ("id\na\na\n", "stands twice"),
             ("id,ball_in_vz\n", "no impacts"),
             ("name\na\n", "no column `id`"),
+            ("id;ball_in_vz\na;-20,5\n", "part the fields by commas"),
             ("id,id\na,b\n", "stands twice in the header"),
         ] {
             let message = read(text).expect_err(text).to_string();

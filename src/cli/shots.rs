@@ -89,6 +89,8 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
         let table = ImpactTable { rows: shots.iter().enumerate().map(|(k, r)| r.shot.impact_row(k as f64)).collect() };
         shell.write(&impacts, table.to_csv().as_bytes())?;
         write_season(&tracked, &shots, shell)?;
+    } else if impacts.exists() {
+        shell.say(format_args!("{} is an earlier run's; it stays as it is", impacts.display()));
     }
     shell.say(format_args!("{} of {} shots measured: {}", shots.len(), shots.len() + failed.len(), impacts.display()));
     let summary = Summary { impacts, shots, failed };

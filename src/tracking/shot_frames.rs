@@ -109,7 +109,14 @@ impl<S: FrameSource> Shot<'_, S> {
         if let Some(GreyView { width, height, .. }) = view
             && (width, height) != (calibrated_width, calibrated_height)
         {
-            return Err(TrackingError::Size { frame: self.source.number(index), width, height, calibrated_width, calibrated_height });
+            return Err(TrackingError::Size {
+                frame: self.source.number(index),
+                camera: CameraId::BOTH[camera],
+                width,
+                height,
+                calibrated_width,
+                calibrated_height,
+            });
         }
         Ok(view)
     }

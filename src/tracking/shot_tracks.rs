@@ -4,7 +4,7 @@ use super::ball_track::BallFrame;
 use super::racket_figure::RacketFigure;
 use super::racket_track::RacketFrame;
 use super::track_file::{SpacePoint, Tracks};
-use crate::calibration::StereoRig;
+use crate::calibration::{CameraId, StereoRig};
 use crate::equipment::{Ball, Racket};
 use crate::footage::{FootageError, GreyImage};
 
@@ -20,9 +20,10 @@ pub enum TrackingError {
     )]
     NoRacket { searched: usize, left: usize, right: usize },
     #[error(
-        "frame {frame}: the picture is {width}x{height} px, the calibration is for {calibrated_width}x{calibrated_height} px; calibrate with pictures of the same size"
+        "frame {frame} of the {} camera: the picture is {width}x{height} px, the calibration is for {calibrated_width}x{calibrated_height} px; calibrate with pictures of the same size",
+        .camera.name()
     )]
-    Size { frame: u64, width: usize, height: usize, calibrated_width: usize, calibrated_height: usize },
+    Size { frame: u64, camera: CameraId, width: usize, height: usize, calibrated_width: usize, calibrated_height: usize },
     #[error("the cameras' viewing directions do not meet in front of them; check calibration.json")]
     NoVolume,
     #[error("{found}; run `sweetspot track --sync auto` to pair them anew")]

@@ -19,6 +19,13 @@ use rayon::prelude::*;
 
 /// An error in proportion that is smaller than this share of a column's deviation is not fitted: a racket at rest has none.
 const SEEN: f64 = 0.05;
+/// A step that promises to lower chi-square by more than this moves the parameters so far that outlier weights are not settled yet, and most
+/// rounds in which they may settle.
+const MOVING: f64 = 0.3;
+const MOST_SETTLING: usize = 8;
+/// Steps of a parameter's derivative, as shares of a typical change: before its deviation is known, and at least and at most afterwards.
+const FIRST_SHARE: f64 = 0.1;
+const SHARES: (f64, f64) = (0.02, 0.5);
 
 #[derive(Debug, Clone)]
 pub struct FitOptions {
@@ -140,6 +147,7 @@ struct State {
     impacts: Vec<Linearised>,
     objective: f64,
     chi2: f64,
+    from_prior: f64,
 }
 
 /// Fits the free parameters of `forward` to `impacts`.
@@ -174,48 +182,52 @@ pub fn fit(
     let mut spread = start.map_or_else(Spread::unlimited, |s| s.fit.spread.clone());
     let passes = if start.is_some() { 1 } else { 2 };
     let mut state = work.evaluate(&columns_at, &begin, keep, &spread, passes)?;
-    let mut design = work.design(&state)?;
+    let mut design = work.design(&state, None)?;
     let mut rounds = 0;
-    let mut information = DMatrix::zeros(0, 0);
-    // Outlier weights settle with the parameters; fixed after these rounds so that the objective stays one function.
-    let settle = if start.is_some() { 2 } else { 3 };
+    let mut information: Option<DMatrix<f64>> = None;
+    // Outlier weights settle with the parameters; fixed from then on, so that what the steps lower is one function.
+    let mut settle = if start.is_some() { 2 } else { 3 };
     while rounds < options.most_rounds.max(1) {
         rounds += 1;
         if options.robust && rounds <= settle {
             spread = Spread::of(&state.impacts);
             let lend = keep.or(forward.costly().then_some(state.impacts.as_slice()));
             state = work.evaluate(&state.column_values, &begin_of(&state), lend, &spread, 0)?;
-            design = work.design(&state)?;
+            design = work.design(&state, information.as_ref())?;
         }
         let (step, info) = work.step(&state, &design)?;
-        information = info;
-        let promised = step.dot(&(&information * &step));
-        let mut accepted = false;
+        let promised = step.dot(&(&info * &step));
+        information = Some(info);
+        if promised > MOVING {
+            settle = (rounds + 1).clamp(settle, MOST_SETTLING);
+        }
+        let lend = keep.or((rounds > if forward.costly() { 1 } else { 3 }).then_some(state.impacts.as_slice()));
+        let at = |columns: &DVector<f64>| work.evaluate(columns, &begin_of(&state), lend, &spread, 1);
+        let mut cost = state.cost_of(&state);
+        let mut next = None;
         for shrink in [1.0, 0.5, 0.2, 0.05] {
-            let next = work.clamp(&(&state.column_values + &step * shrink), forward);
-            let lend = keep.or((rounds > if forward.costly() { 1 } else { 3 }).then_some(state.impacts.as_slice()));
-            match work.evaluate(&next, &begin_of(&state), lend, &spread, 1) {
-                // Room for the true inputs, which move along: they may cost a little while the parameters settle.
-                Ok(tried) if tried.objective <= state.objective + 1e-3 * (1.0 + promised) => {
-                    state = tried;
-                    accepted = true;
-                    break;
-                }
-                _ => {}
+            let Ok(tried) = at(&work.clamp(&(&state.column_values + &step * shrink), forward)) else { continue };
+            let there = state.cost_of(&tried);
+            if there > cost && shrink == 1.0 {
+                // The true inputs move along, some of them over the edge of sliding: what that costs without a step is not the step's.
+                cost = at(&state.column_values).map_or(cost, |still| state.cost_of(&still).max(cost));
+            }
+            if there <= cost + 1e-3 * (1.0 + promised) {
+                next = Some(tried);
+                break;
             }
         }
-        if accepted {
-            design = work.design(&state)?;
+        let moved = next.is_some();
+        if let Some(next) = next {
+            state = next;
+            design = work.design(&state, information.as_ref())?;
         }
         // A hundredth of a unit of chi-square is a tenth of a deviation of one parameter, and far below any decision.
-        if rounds > settle && (!accepted || promised < 1e-2) {
+        if rounds > settle && (!moved || promised < 1e-2) {
             break;
         }
     }
-    let (_, info) = work.step(&state, &design)?;
-    if info.nrows() == work.columns.len() {
-        information = info;
-    }
+    let (_, information) = work.step(&state, &design)?;
     let covariance = invert(&information)?;
     Ok(Fit {
         names: forward.parameters().iter().map(|p| p.name.clone()).collect(),
@@ -234,6 +246,14 @@ pub fn fit(
         objective: state.objective,
         rounds,
     })
+}
+
+impl State {
+    /// Chi-square of a state, prior included, in the covariances of this one: what a step means to lower. That the covariances (noise that
+    /// grows, weights of outlying cells) then change with it is the next round's.
+    fn cost_of(&self, other: &State) -> f64 {
+        self.impacts.iter().zip(&other.impacts).map(|(here, there)| (&here.whitener * &there.residual).norm_squared()).sum::<f64>() + other.from_prior
+    }
 }
 
 fn begin_of(state: &State) -> Vec<Inputs> {
@@ -337,13 +357,16 @@ impl<'a> Work<'a> {
         let chi2: f64 = impacts.iter().map(|l| l.z.norm_squared()).sum();
         let log_det: f64 = impacts.iter().map(|l| l.log_det).sum();
         let from_prior: f64 = self.prior_precision.iter().zip(columns.iter().zip(self.prior_mean.iter())).map(|(p, (v, m))| p * (v - m) * (v - m)).sum();
-        Ok(State { column_values: columns.clone(), shifts, values, impacts, objective: chi2 + log_det + from_prior, chi2 })
+        Ok(State { column_values: columns.clone(), shifts, values, impacts, objective: chi2 + log_det + from_prior, chi2, from_prior })
     }
 
     /// Whitened derivatives of the prediction with respect to every column, at the state's true inputs.
-    fn design(&self, state: &State) -> Result<Vec<DMatrix<f64>>, ValidationError> {
+    fn design(&self, state: &State, information: Option<&DMatrix<f64>>) -> Result<Vec<DMatrix<f64>>, ValidationError> {
         let free: Vec<usize> = self.columns.iter().filter_map(|c| if let Column::Parameter(p) = c { Some(*p) } else { None }).collect();
-        let derivatives = parameter_derivatives(self.forward, &state.values, &free, self.impacts, &state.impacts)?;
+        // What a parameter alone could be off by, once that is known.
+        let sd_of = |place: usize| information.map(|m| m[(place, place)]).filter(|i| *i > 0.0).map(|i| 1.0 / i.sqrt());
+        let sds: Vec<Option<f64>> = (0..free.len()).map(sd_of).collect();
+        let derivatives = parameter_derivatives(self.forward, &state.values, &free, &sds, self.impacts, &state.impacts)?;
         Ok(state
             .impacts
             .iter()
@@ -437,19 +460,25 @@ pub fn linearise_all(
     Ok(results.into_iter().flatten().collect())
 }
 
-/// d(prediction)/d(parameter) of each impact at its true inputs, for the named free parameters: `[parameter][impact]`.
-pub fn parameter_derivatives(
+/// d(prediction)/d(parameter) of each impact at its true inputs, for the named free parameters, as far as known with the deviation of each:
+/// `[parameter][impact]`.
+///
+/// As with the inputs, a difference over ± one deviation: of an impact that begins to slide within it a point's derivative is next to nothing
+/// or next to infinite, and one such impact would seem to tell the parameter better than all others.
+fn parameter_derivatives(
     forward: &dyn Forward,
     values: &[f64],
     free: &[usize],
+    sds: &[Option<f64>],
     impacts: &[&Observation],
     at: &[Linearised],
 ) -> Result<Vec<Vec<DVector<f64>>>, ValidationError> {
     free.iter()
-        .map(|&p| {
+        .zip(sds)
+        .map(|(&p, sd)| {
             let limits = &forward.parameters()[p];
-            // A fiftieth of a typical change: small against curvature, wide enough to average over the stick-slip edge.
-            let h = 0.02 * limits.typical.abs().max(1e-12);
+            let typical = limits.typical.abs().max(1e-12);
+            let h = sd.map_or(FIRST_SHARE * typical, |sd| sd.clamp(SHARES.0 * typical, SHARES.1 * typical));
             let (mut up, mut down) = (values.to_vec(), values.to_vec());
             up[p] = (values[p] + h).min(limits.max);
             down[p] = (values[p] - h).max(limits.min);

@@ -6,7 +6,7 @@ use super::forward::{Inputs, Outputs};
 use super::holdout::{hash_fraction, is_held_out};
 use super::noise::ColumnNoise;
 use crate::equipment::{Ball, Racket};
-use crate::impact_table::{INPUTS, ImpactRow, ImpactTable, OUTPUTS, SHARED};
+use crate::impact_table::{INPUTS, ImpactRow, ImpactTable, OUTPUTS, SHARED, largest, unit};
 use std::collections::BTreeMap;
 
 /// A model with two base parameters and an offset per input needs more than this to say anything.
@@ -91,7 +91,7 @@ pub struct TableOptions {
 }
 
 impl Observations {
-    /// Makes a table ready. Rows without ball and racket velocities and an impact position are left out and named.
+    /// Makes a table ready. Rows without ball and racket velocities and an impact position, or with a value that no impact has, are left out and named.
     pub fn new(table: &ImpactTable, rackets: &[Racket], balls: &[Ball], options: &TableOptions) -> Result<Self, ValidationError> {
         if let Some(column) = &options.group
             && !table.rows.iter().any(|r| r.groups.contains_key(column))
@@ -99,18 +99,22 @@ impl Observations {
             let seen: Vec<&str> = table.rows.first().map(|r| r.groups.keys().map(String::as_str).collect()).unwrap_or_default();
             return Err(ValidationError::NoGroup { column: column.clone(), seen: seen.join(", ") });
         }
+        let all_rows = table.rows.len();
+        let (wrong, sound): (Vec<_>, Vec<_>) = table.rows.iter().map(|row| (row, beyond_all_impacts(row))).partition(|(_, why)| why.is_some());
+        let unusable: Vec<(String, String)> = wrong.into_iter().filter_map(|(row, why)| Some((row.id.clone(), why?))).collect();
+        // What such rows state must not tell the noise of the others either.
+        let kept;
+        let table = if unusable.is_empty() {
+            table
+        } else {
+            kept = ImpactTable { rows: sound.into_iter().map(|(row, _)| row.clone()).collect() };
+            &kept
+        };
         let column = |output: bool, i: usize| -> Vec<_> { table.rows.iter().map(|r| if output { r.outputs[i] } else { r.inputs[i] }).collect() };
         let input_noise: Vec<_> = INPUTS.iter().enumerate().map(|(i, c)| ColumnNoise::of(c, &column(false, i))).collect();
         let output_noise: Vec<_> = OUTPUTS.iter().enumerate().map(|(i, c)| ColumnNoise::of(c, &column(true, i))).collect();
-        let mut all = Observations {
-            impacts: Vec::new(),
-            gear: Vec::new(),
-            sessions: vec!["all".to_owned()],
-            input_noise,
-            output_noise,
-            unusable: Vec::new(),
-            notes: Vec::new(),
-        };
+        let mut all =
+            Observations { impacts: Vec::new(), gear: Vec::new(), sessions: vec!["all".to_owned()], input_noise, output_noise, unusable, notes: Vec::new() };
         let mut pairs: BTreeMap<(usize, usize), usize> = BTreeMap::new();
         let spin_sd = spin_in_general(table);
         for row in &table.rows {
@@ -126,7 +130,7 @@ impl Observations {
             }
         }
         all.balance_groups(options);
-        all.check(table.rows.len())?;
+        all.check(all_rows)?;
         all.share_sessions(table);
         all.note_assumptions(table);
         Ok(all)
@@ -257,7 +261,7 @@ impl Observations {
                 let measured = table.rows.iter().any(|r| if output { r.outputs[i] } else { r.inputs[i] }.is_some());
                 match &noise[i] {
                     ColumnNoise::Assumed(sd) if measured && *sd > 0.0 => {
-                        self.notes.push(format!("`{name}` states no deviation; {sd} {} is assumed", crate::impact_table::unit(name)));
+                        self.notes.push(format!("`{name}` states no deviation; {sd} {} is assumed", unit(name)));
                     }
                     ColumnNoise::Law(law) => {
                         self.notes.push(format!("the deviations of `{name}` follow {:.4} + {:.4} |value|; taken at the fitted value", law.constant, law.slope));
@@ -321,6 +325,14 @@ impl Observations {
         values.sort_by(f64::total_cmp);
         values.get(values.len() / 2).copied().unwrap_or(0.0)
     }
+}
+
+/// Why a row cannot be an impact: the first of its values that none can have.
+fn beyond_all_impacts(row: &ImpactRow) -> Option<String> {
+    let mut values = INPUTS.iter().zip(&row.inputs).chain(OUTPUTS.iter().zip(&row.outputs)).filter_map(|(name, m)| Some((*name, m.as_ref()?.value)));
+    let (name, value) = values.find(|(name, value)| value.abs() > largest(name))?;
+    let (most, unit) = (largest(name), unit(name));
+    Some(format!("`{name}` is {value:e} {unit}, allowed: up to {most} {unit} either way; give it in SI units, or correct the number"))
 }
 
 /// Size of the ball's incoming spin, per column, where it was not measured: that of its own column in other rows, else

@@ -182,7 +182,6 @@ pub fn fit(
     let mut spread = start.map_or_else(Spread::unlimited, |s| s.fit.spread.clone());
     let passes = if start.is_some() { 1 } else { 2 };
     let mut state = work.evaluate(&columns_at, &begin, keep, &spread, passes)?;
-    let mut design = work.design(&state, None)?;
     let mut rounds = 0;
     let mut information: Option<DMatrix<f64>> = None;
     // Outlier weights settle with the parameters; fixed from then on, so that what the steps lower is one function.
@@ -193,8 +192,8 @@ pub fn fit(
             spread = Spread::of(&state.impacts);
             let lend = keep.or(forward.costly().then_some(state.impacts.as_slice()));
             state = work.evaluate(&state.column_values, &begin_of(&state), lend, &spread, 0)?;
-            design = work.design(&state, information.as_ref())?;
         }
+        let design = work.design(&state, information.as_ref())?;
         let (step, info) = work.step(&state, &design)?;
         let promised = step.dot(&(&info * &step));
         information = Some(info);
@@ -220,13 +219,13 @@ pub fn fit(
         let moved = next.is_some();
         if let Some(next) = next {
             state = next;
-            design = work.design(&state, information.as_ref())?;
         }
         // A hundredth of a unit of chi-square is a tenth of a deviation of one parameter, and far below any decision.
         if rounds > settle && (!moved || promised < 1e-2) {
             break;
         }
     }
+    let design = work.design(&state, information.as_ref())?;
     let (_, information) = work.step(&state, &design)?;
     let covariance = invert(&information)?;
     Ok(Fit {

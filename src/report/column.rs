@@ -26,6 +26,7 @@ pub fn column_words(column: &str) -> ColumnWords {
         "face_shift_y" => return plain("shift of the stringbed centre along y", "mm", 1000.0),
         "face_shift_z" => return plain("shift of the string plane along z", "mm", 1000.0),
         "grip_torque" => return plain("grip torque", "N m", 1.0),
+        "order" => return plain("order of the impacts", "", 1.0),
         "contact_time" => return plain("contact time", "ms", 1000.0),
         "contact_time_shift" => return plain("shift of the contact's end", "ms", 1000.0),
         "balance_shift" => return plain("shift of the balance point along x", "mm", 1000.0),

@@ -79,7 +79,7 @@ impl OutputPoint {
 pub struct ImpactPoint {
     pub id: String,
     pub held_out: bool,
-    /// Order of [`Comparison::input_names`].
+    /// In the order of [`Comparison::input_names`].
     pub inputs: Vec<f64>,
     pub outputs: Vec<OutputPoint>,
 }
@@ -191,7 +191,6 @@ pub fn compare(forward: &dyn Forward, observations: &Observations, model: &str, 
             error_of(&held_refitted)
         ));
     }
-    let varied = varied_inputs(observations);
     Ok(Comparison {
         verdict: if fails { "inadequate" } else { "adequate" }.to_owned(),
         false_alarm_rate: COMPARE_LEVEL,
@@ -209,9 +208,9 @@ pub fn compare(forward: &dyn Forward, observations: &Observations, model: &str, 
             .map(|p| ParameterValue { name: p.name.clone(), value: p.value, sd: 0.0, at_limit: p.value <= p.min || p.value >= p.max, undetermined: false })
             .collect(),
         parameters_refitted: parameter_values(forward, &refitted, structure.noise_scale),
-        input_names: INPUTS.iter().map(|s| (*s).to_owned()).collect(),
+        input_names: (0..=INPUTS.len()).map(|j| coordinate_name(j).to_owned()).collect(),
         output_names: OUTPUTS.iter().map(|s| (*s).to_owned()).collect(),
-        residual_curves: residual_curves(&impacts, &present, &varied),
+        residual_curves: residual_curves(&impacts, &present, &varied_coordinates(observations)),
         face_maps: present
             .iter()
             .map(|&k| {
@@ -222,7 +221,7 @@ pub fn compare(forward: &dyn Forward, observations: &Observations, model: &str, 
                 FaceMap { output: OUTPUTS[k].to_owned(), cell_m: FACE_CELL_M, cells: face_map(&points, FACE_CELL_M) }
             })
             .collect(),
-        polynomials: polynomial_fits(&impacts, &varied),
+        polynomials: polynomial_fits(&impacts, &varied_inputs(observations)),
         outliers: outliers(&seen, &refitted.impacts, &held, &held_refitted),
         session_offsets: session_offsets(observations, &refitted, structure.noise_scale),
         impacts,
@@ -275,6 +274,18 @@ pub fn varied_inputs(observations: &Observations) -> Vec<usize> {
         .collect()
 }
 
+/// What a residual is read against: the inputs that vary, and the order of the impacts (number [`INPUTS`]`.len()`).
+pub fn varied_coordinates(observations: &Observations) -> Vec<usize> {
+    let mut varied = varied_inputs(observations);
+    varied.extend(observations.impacts.iter().any(|o| o.order > 0.0).then_some(INPUTS.len()));
+    varied
+}
+
+/// Its column's name.
+pub fn coordinate_name(coordinate: usize) -> &'static str {
+    INPUTS.get(coordinate).copied().unwrap_or("order")
+}
+
 /// Impacts in the table's order, both sides of the split.
 fn impact_points(observations: &Observations, fitted: &Fit, held: &[Linearised]) -> Vec<ImpactPoint> {
     let (mut seen, mut unseen) = (fitted.impacts.iter(), held.iter());
@@ -286,7 +297,7 @@ fn impact_points(observations: &Observations, fitted: &Fit, held: &[Linearised])
             Some(ImpactPoint {
                 id: o.id.clone(),
                 held_out: o.held_out,
-                inputs: o.inputs.to_vec(),
+                inputs: o.inputs.iter().copied().chain([o.order]).collect(),
                 outputs: l
                     .measured
                     .iter()
@@ -333,7 +344,7 @@ fn residual_curves(impacts: &[ImpactPoint], present: &[usize], varied: &[usize])
             let points: Vec<(f64, f64)> =
                 impacts.iter().flat_map(|i| i.outputs.iter().filter(move |p| p.output == k).map(move |p| (i.inputs[j], p.residual()))).collect();
             if let Some(curve) = smooth(&points, CURVE_POINTS) {
-                curves.push(ResidualCurve { output: OUTPUTS[k].to_owned(), input: INPUTS[j].to_owned(), curve });
+                curves.push(ResidualCurve { output: OUTPUTS[k].to_owned(), input: coordinate_name(j).to_owned(), curve });
             }
         }
     }

@@ -16,7 +16,7 @@ use super::predicted::difference;
 use super::project::{Nuisance, project_out};
 use super::rank::{Reference, gain_over, log_evidence_over};
 use super::screen::Screening;
-use super::structure::{StructureTest, structure_test};
+use super::structure::{StructureTest, racket_turns, structure_test, swings_in_order};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -82,36 +82,53 @@ fn own_effect(channel: &TermChannel, features: &[String]) -> OwnEffect {
     }
 }
 
-/// Values of every feature, impacts × features; a feature that does not vary (but 1) is all zero.
-fn feature_values(reference: &Reference) -> DMatrix<f64> {
-    let n = reference.impacts.len();
-    let mut values = DMatrix::zeros(n, FEATURES.len());
-    for (i, (o, l)) in reference.impacts.iter().zip(&reference.base.impacts).enumerate() {
-        let inputs = FeatureInputs::of(o, &l.true_inputs, &reference.observations.gear[o.gear]);
-        for (j, feature) in FEATURES.iter().enumerate() {
-            values[(i, j)] = (feature.value)(&inputs);
+/// The features of a table: those of every table, then swings with the order of its impacts.
+struct TableFeatures {
+    /// As the model file has it, and in words.
+    names: Vec<(String, String)>,
+    /// Impacts × features; one that does not vary (but 1) is all zero.
+    values: DMatrix<f64>,
+}
+
+impl TableFeatures {
+    fn of(reference: &Reference) -> Self {
+        let n = reference.impacts.len();
+        let rates = DVector::from_iterator(n, reference.base.impacts.iter().map(|l| l.true_inputs[10]));
+        let swings = racket_turns(reference.observations, rates.variance().sqrt());
+        // Written with three digits, and meant so.
+        let angles: Vec<f64> = swings_in_order(reference.impacts).iter().map(|a| format!("{a:.2e}").parse().unwrap_or(*a)).collect();
+        let mut names: Vec<(String, String)> = FEATURES.iter().map(|f| (f.text.to_owned(), f.words.to_owned())).collect();
+        names.extend(angles.iter().map(|a| {
+            let period = 2.0 * std::f64::consts::PI / a;
+            (format!("cos({a} * order)"), format!("in waves of {period:.0} impacts"))
+        }));
+        let mut values = DMatrix::zeros(n, names.len());
+        for (i, (o, l)) in reference.impacts.iter().zip(&reference.base.impacts).enumerate() {
+            let inputs = FeatureInputs::of(o, &l.true_inputs, &reference.observations.gear[o.gear]);
+            let inputs = if swings { inputs } else { inputs.without_swing() };
+            let row = FEATURES.iter().map(|f| (f.value)(&inputs)).chain(angles.iter().map(|a| (a * o.order).cos()));
+            row.enumerate().for_each(|(j, value)| values[(i, j)] = value);
         }
-    }
-    for j in 1..FEATURES.len() {
-        let column = values.column(j);
-        if !(column.variance().sqrt() > 1e-6 * (1.0 + column.amax())) {
-            values.column_mut(j).fill(0.0);
+        for j in 1..names.len() {
+            let column = values.column(j);
+            if !(column.variance().sqrt() > 1e-6 * (1.0 + column.amax())) {
+                values.column_mut(j).fill(0.0);
+            }
         }
+        TableFeatures { names, values }
     }
-    values
 }
 
 /// All terms by their score, best first.
-fn score_terms(reference: &Reference) -> Vec<Term> {
+fn score_terms(reference: &Reference, features: &TableFeatures) -> Vec<Term> {
     let signatures: Vec<_> = CHANNELS.par_iter().map(|c| channel_signature(reference, c)).collect();
-    let features = feature_values(reference);
     let nuisance = Nuisance::of(reference.base);
     let mut terms: Vec<Term> = signatures
         .par_iter()
         .enumerate()
         .map(|(c, channel)| {
             let Some(channel) = channel else { return Vec::new() };
-            let mut found = terms_of(reference, &nuisance, channel, &features, c);
+            let mut found = terms_of(reference, &nuisance, channel, features, c);
             if CHANNELS[c].replaces == "restitution" {
                 found.extend(strongest_spot(reference, &nuisance, channel).map(|s| spot_term(&s, c)));
             }
@@ -125,17 +142,18 @@ fn score_terms(reference: &Reference) -> Vec<Term> {
     terms
 }
 
-fn terms_of(reference: &Reference, nuisance: &Nuisance, channel: &[DVector<f64>], features: &DMatrix<f64>, c: usize) -> Vec<Term> {
-    let blocks: Vec<DMatrix<f64>> = channel.iter().enumerate().map(|(i, g)| g * features.row(i)).collect();
+fn terms_of(reference: &Reference, nuisance: &Nuisance, channel: &[DVector<f64>], features: &TableFeatures, c: usize) -> Vec<Term> {
+    let blocks: Vec<DMatrix<f64>> = channel.iter().enumerate().map(|(i, g)| g * features.values.row(i)).collect();
     let projected = project_out(reference.base, nuisance, &blocks);
-    (0..FEATURES.len())
+    (0..features.names.len())
         .filter(|&j| projected.information[(j, j)] > 1e-4 * projected.raw[j].max(1e-12))
         .map(|j| {
             let information = projected.information[(j, j)];
             let strength = projected.score[j] / information;
             // Simple features are preferred to curved ones that do hardly better.
             let gain = projected.score[j] * strength / reference.c;
-            Term { channel: c, feature: FEATURES[j].text.to_owned(), words: FEATURES[j].words.to_owned(), strength, gain }
+            let (feature, words) = features.names[j].clone();
+            Term { channel: c, feature, words, strength, gain }
         })
         .collect()
 }
@@ -187,7 +205,8 @@ pub fn find_expression(
     excess: impl Fn(&StructureTest, f64) -> f64,
     before: &StructureTest,
 ) -> Result<Option<Found>, ValidationError> {
-    let terms = score_terms(reference);
+    let features = TableFeatures::of(reference);
+    let terms = score_terms(reference, &features);
     let candidates: Vec<&Term> = terms.iter().filter(|t| t.gain > 25.0).take(REFITTED).collect();
     let fixed = &*reference;
     let singles: Vec<(usize, Fitted)> = candidates
@@ -204,7 +223,7 @@ pub fn find_expression(
     // Further terms of the same channel, by refits of those that score best beside it at the base fit.
     while chosen.len() < MOST_TERMS {
         let more: Vec<&Term> = terms.iter().filter(|t| t.channel == chosen[0].channel && chosen.iter().all(|c| c.feature != t.feature)).collect();
-        let tried: Vec<(Term, Fitted)> = further(fixed, &best, &chosen, &more)
+        let tried: Vec<(Term, Fitted)> = further(fixed, &features, &best, &chosen, &more)
             .into_iter()
             .filter_map(|t| {
                 let mut features: Vec<String> = chosen.iter().map(|c| c.feature.clone()).collect();
@@ -244,12 +263,12 @@ pub fn find_expression(
         words: in_words(channel, &chosen, &constants),
         model_file_text: model_file_text(&best.effect, &constants),
     };
-    let honest_gain = gain_over(reference.base, &best.fit, c) - chosen.len() as f64 * 2.0 * ((CHANNELS.len() * FEATURES.len()) as f64).ln();
+    let honest_gain = gain_over(reference.base, &best.fit, c) - chosen.len() as f64 * 2.0 * ((CHANNELS.len() * features.names.len()) as f64).ln();
     Ok(Some(Found { suggestion, fit: best.fit, structure, log_evidence, honest_gain, effect: best.effect }))
 }
 
 /// The three terms that score best at the fit that already has the chosen ones.
-fn further(reference: &Reference, best: &Fitted, chosen: &[Term], more: &[&Term]) -> Vec<Term> {
+fn further(reference: &Reference, features: &TableFeatures, best: &Fitted, chosen: &[Term], more: &[&Term]) -> Vec<Term> {
     let Some(first) = chosen.first() else { return Vec::new() };
     let channel = &CHANNELS[first.channel];
     let shared = reference.base.values.len();
@@ -265,13 +284,12 @@ fn further(reference: &Reference, best: &Fitted, chosen: &[Term], more: &[&Term]
     let moved = difference(above.as_ref(), below.as_ref(), reference.impacts, &best.fit.impacts);
     let signature: Vec<DVector<f64>> = moved.into_iter().zip(&best.fit.impacts).map(|(d, l)| &l.whitener * d / (2.0 * h)).collect();
     debug_assert!(shared <= best.fit.values.len());
-    let features = feature_values(reference);
-    let blocks: Vec<DMatrix<f64>> = signature.iter().enumerate().map(|(i, g)| g * features.row(i)).collect();
+    let blocks: Vec<DMatrix<f64>> = signature.iter().enumerate().map(|(i, g)| g * features.values.row(i)).collect();
     let projected = project_out(&best.fit, &Nuisance::of(&best.fit), &blocks);
     let mut found: Vec<Term> = more
         .iter()
         .filter_map(|t| {
-            let j = FEATURES.iter().position(|f| f.text == t.feature)?;
+            let j = features.names.iter().position(|(text, _)| *text == t.feature)?;
             let information = projected.information[(j, j)];
             (information > 1e-4 * projected.raw[j].max(1e-12)).then(|| Term {
                 strength: projected.score[j] / information,

@@ -44,6 +44,11 @@ impl FeatureInputs {
         }
     }
 
+    /// The same before a racket whose rate is nothing but noise.
+    pub fn without_swing(self) -> Self {
+        FeatureInputs { swing: 0.0, ..self }
+    }
+
     /// Squared slip plus `least` (m²/s²), over the squared approach speed.
     fn squared_slip_and(&self, least: f64) -> f64 {
         self.g[0].powi(2) + self.g[1].powi(2) + least / (25.0 * self.u).powi(2)

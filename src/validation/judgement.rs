@@ -4,7 +4,7 @@
 //! and a formula found from the residuals may each take it back.
 
 use super::case::{Case, less_likely_than_nothing};
-use super::comparison::{note_noise, outliers, varied_inputs};
+use super::comparison::{note_noise, outliers, varied_coordinates};
 use super::diagnosis::{CandidateReport, Diagnosis, Together, Verdict};
 use super::error::ValidationError;
 use super::expression::{Found, find_expression};
@@ -236,7 +236,7 @@ impl<'a> Judgement<'a> {
         diagnosis.verdict = self.verdict;
         diagnosis.notes.append(&mut self.notes);
         diagnosis.noise_floor = c.sqrt();
-        diagnosis.places = places(&case.seen, &case.base.impacts, &varied_inputs(case.observations), c);
+        diagnosis.places = places(&case.seen, &case.base.impacts, &varied_coordinates(case.observations), c);
         diagnosis.candidates = self.candidates()?;
         let believed = self.chosen.filter(|_| !self.refused);
         if let Some(best) = believed {

@@ -1,14 +1,15 @@
 //! Where the model fails, in words: the range of one input over which one output is off.
 //!
-//! Residuals of every output are put in order of every varied input and cut into equal groups; of all runs of
+//! Residuals of every output are put in order of every varied input, and of time (the order of the impacts), and cut into equal groups; of all runs of
 //! neighbouring groups the one that stands out most against the rest is taken. Its p-value is corrected for every range,
 //! input and output looked at.
 
+use super::comparison::coordinate_name;
 use super::diagnosis::Place;
 use super::linearise::Linearised;
 use super::observation::Observation;
 use super::structure::normal_tail;
-use crate::impact_table::{INPUTS, OUTPUTS, unit};
+use crate::impact_table::{OUTPUTS, unit};
 
 /// Groups of equal size an input is cut into (fewer with few impacts).
 const GROUPS: usize = 10;
@@ -53,10 +54,11 @@ fn worst_range(rows: &[(usize, f64, f64)], impacts: &[&Observation], k: usize, j
         return None;
     }
     let mut sorted = rows.to_vec();
-    sorted.sort_by(|a, b| impacts[a.0].inputs[j].total_cmp(&impacts[b.0].inputs[j]).then(a.0.cmp(&b.0)));
+    let coordinate = |i: usize| impacts[i].inputs.get(j).copied().unwrap_or(impacts[i].order);
+    sorted.sort_by(|a, b| coordinate(a.0).total_cmp(&coordinate(b.0)).then(a.0.cmp(&b.0)));
     let n = sorted.len();
     let edges: Vec<usize> = (0..=groups).map(|g| g * n / groups).collect();
-    let value = |i: usize| impacts[sorted[i].0].inputs[j];
+    let value = |i: usize| coordinate(sorted[i].0);
     let mut best: Option<(f64, usize, usize)> = None;
     for a in 0..groups {
         for b in a + 1..=groups {
@@ -96,10 +98,10 @@ fn worst_range(rows: &[(usize, f64, f64)], impacts: &[&Observation], k: usize, j
     let (from, to) = (value(edges[a]), value(edges[b] - 1));
     // Mean of the output itself there: whether a difference makes it larger or smaller in size.
     let level = inside.iter().filter_map(|r| impacts[r.0].measured.iter().position(|x| *x == k).map(|row| impacts[r.0].outputs[row])).sum::<f64>() / m as f64;
-    let words = in_words(OUTPUTS[k], INPUTS[j], from, to, mean, elsewhere, level, a == 0, b == groups);
+    let words = in_words(OUTPUTS[k], coordinate_name(j), from, to, mean, elsewhere, level, a == 0, b == groups);
     Some(Place {
         output: OUTPUTS[k].to_owned(),
-        input: INPUTS[j].to_owned(),
+        input: coordinate_name(j).to_owned(),
         from,
         to,
         mean_residual: mean,
@@ -179,6 +181,8 @@ fn range_words(input: &str, from: f64, to: f64, lowest: bool, highest: bool) -> 
         "impact_y" if lowest && to < 0.0 => format!("for impacts beyond {} toward marker 2", mm(-to)),
         "impact_y" if highest && from > 0.0 => format!("for impacts beyond {} toward marker 3", mm(from)),
         "impact_y" => format!("for impacts between {} and {} across the face", mm(from), mm(to)),
+        // People count from one.
+        "order" => format!("for impacts {:.0} to {:.0} in the order they were recorded", from + 1.0, to + 1.0),
         other => {
             let name = if other == "grip_torque" { "a grip torque".to_owned() } else { output_words(other).replace("speed", "velocity") };
             let u = unit(other);

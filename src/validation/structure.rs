@@ -190,7 +190,7 @@ fn channels(x: &Inputs, gear: &Gear) -> DMatrix<f64> {
 
 /// Which features go with which channel: smooth, of the symmetry a mechanism could have.
 const TERMS: [(usize, &[usize]); 15] = [
-    (0, &[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 17, 19]),
+    (0, &[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 16, 17, 19]),
     (1, &[0, 1, 5, 6, 7, 8, 9, 10, 19]),
     (2, &[0, 1, 7, 16]),
     (3, &[0, 1, 3, 4, 12, 13, 14, 15, 16]),
@@ -216,6 +216,25 @@ const SPOT_M: f64 = 0.035;
 /// Impacts that a place must hold, and impacts of a table that has places.
 const FEWEST_IN_SPOT: f64 = 4.0;
 const FEWEST_FOR_SPOTS: usize = 100;
+
+/// Half swings over the whole table of an impulse along the normal that wanders with the order of the impacts (warmth,
+/// another stringing); its steady drift is among the features. Tables large enough for places have them.
+const HALF_SWINGS: [f64; 5] = [2.0, 3.0, 4.0, 5.0, 6.0];
+
+/// Angles by which these turn from one impact to the next, rad: the impact's own is cos(angle · order). None of a table that
+/// has no order or is too small.
+pub fn swings_in_order(impacts: &[&Observation]) -> Vec<f64> {
+    let last = impacts.iter().map(|o| o.order).fold(0.0, f64::max);
+    let told = impacts.len() >= FEWEST_FOR_SPOTS && last > 0.0;
+    HALF_SWINGS.iter().filter(|_| told).map(|half| std::f64::consts::PI * half / last).collect()
+}
+
+/// Whether the racket turns before its impacts by more than the noise of its rate: that of one that hangs still is no input
+/// to depend on. `sd`: of the rate's size over the impacts, rad/s.
+pub fn racket_turns(observations: &Observations, sd: f64) -> bool {
+    let noise = observations.typical_input_sd(0);
+    sd > (noise[9] * noise[9] + noise[10] * noise[10] + noise[11] * noise[11]).sqrt()
+}
 
 /// How far each impact belongs to each place; places with hardly any impacts are left out.
 fn spots(fit: &Fit, observations: &Observations, impacts: &[&Observation]) -> Vec<Vec<f64>> {
@@ -258,10 +277,7 @@ pub fn generic_signatures(fit: &Fit, observations: &Observations, impacts: &[&Ob
         mean[f] = raw.iter().map(|r| r[f]).sum::<f64>() / n;
         sd[f] = (raw.iter().map(|r| (r[f] - mean[f]).powi(2)).sum::<f64>() / n).sqrt();
     }
-    // A racket that hangs still turns by nothing but noise before the impact: that is no input to depend on.
-    let noise = observations.typical_input_sd(0);
-    let still = (noise[9] * noise[9] + noise[10] * noise[10] + noise[11] * noise[11]).sqrt();
-    let varies = |f: usize| f == 0 || sd[f] > 1e-9 * (1.0 + mean[f].abs()) && (f != SWING || sd[f] > still);
+    let varies = |f: usize| f == 0 || sd[f] > 1e-9 * (1.0 + mean[f].abs()) && (f != SWING || racket_turns(observations, sd[f]));
     // Few impacts cannot carry the curved features of every channel.
     let short = raw.len() < 60;
     let terms: Vec<(usize, usize)> = TERMS
@@ -269,7 +285,8 @@ pub fn generic_signatures(fit: &Fit, observations: &Observations, impacts: &[&Ob
         .flat_map(|(c, list)| list.iter().map(move |f| (*c, *f)))
         .filter(|(c, f)| varies(*f) && (!short || *c == 0 || matches!(f, 0 | 1 | 3 | 4 | 7 | 12 | 13)))
         .collect();
-    let spots = spots(fit, observations, impacts);
+    let mut rebounds = spots(fit, observations, impacts);
+    rebounds.extend(swings_in_order(impacts).iter().map(|angle| impacts.iter().map(|o| (angle * o.order).cos()).collect()));
     fit.impacts
         .iter()
         .zip(impacts)
@@ -277,9 +294,9 @@ pub fn generic_signatures(fit: &Fit, observations: &Observations, impacts: &[&Ob
         .enumerate()
         .map(|(i, ((l, o), feature))| {
             let response = channels(&l.true_inputs, &observations.gear[o.gear]);
-            let mut block = DMatrix::zeros(l.measured.len(), terms.len() + spots.len());
+            let mut block = DMatrix::zeros(l.measured.len(), terms.len() + rebounds.len());
             let v = feature[1];
-            for (column, share) in spots.iter().enumerate() {
+            for (column, share) in rebounds.iter().enumerate() {
                 for (row, &output) in l.measured.iter().enumerate() {
                     block[(row, terms.len() + column)] = response[(output, 0)] * share[i] * v / mean[1].max(1.0);
                 }

@@ -4,6 +4,7 @@
 //! stringbed centre, x toward the handle, y from marker 2 to marker 3, z = x × y. Body coordinates have the same
 //! directions and their origin at the centre of mass (physics: `x_COM = stringbed_centre − balance` in local axes).
 
+use crate::limited_file::{LARGEST_TEXT, read_text};
 use nalgebra::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -21,9 +22,11 @@ pub enum EquipmentError {
     Toml { path: PathBuf, message: String },
     #[error("{path}: `{key}` = {seen}; allowed: {allowed}", path = .path.display())]
     Value { path: PathBuf, key: String, seen: f64, allowed: String },
+    #[error("{path}: `name` = {name:?} is also the name in {other}, which holds other values; a table names its {kind} by it: give each its own", path = .path.display(), other = .other.display())]
+    SameName { path: PathBuf, other: PathBuf, kind: &'static str, name: String },
 }
 
-#[derive(Debug, Clone, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Head {
     pub inner_length_m: f64,
@@ -36,14 +39,14 @@ fn default_tube_radius_m() -> f64 {
     0.010
 }
 
-#[derive(Debug, Clone, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Strings {
     pub tension_lb: f64,
 }
 
 /// Marker positions in local axes, m; the middle of each tape band on the tube's axis.
-#[derive(Debug, Clone, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Markers {
     pub m1: [f64; 3],
@@ -60,7 +63,7 @@ impl Markers {
     }
 }
 
-#[derive(Debug, Clone, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Racket {
     pub name: String,
@@ -192,7 +195,7 @@ impl Racket {
     }
 }
 
-#[derive(Debug, Clone, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Ball {
     pub name: String,
@@ -221,8 +224,44 @@ impl Ball {
     }
 }
 
+/// What a table names: a racket or a ball.
+pub trait Named: PartialEq {
+    const KIND: &'static str;
+    fn name(&self) -> &str;
+}
+
+impl Named for Racket {
+    const KIND: &'static str = "racket";
+    fn name(&self) -> &str {
+        &self.name
+    }
+}
+
+impl Named for Ball {
+    const KIND: &'static str = "ball";
+    fn name(&self) -> &str {
+        &self.name
+    }
+}
+
+/// Reads one file after the other.
+///
+/// # Errors
+/// The first that cannot be read, holds a value out of range, or bears the name of another with other values.
+pub fn read_all<T: Named>(paths: &[PathBuf], read: impl Fn(&Path) -> Result<T, EquipmentError>) -> Result<Vec<T>, EquipmentError> {
+    let mut all: Vec<T> = Vec::with_capacity(paths.len());
+    for path in paths {
+        let one = read(path)?;
+        if let Some(i) = all.iter().position(|earlier| earlier.name() == one.name() && *earlier != one) {
+            return Err(EquipmentError::SameName { path: path.clone(), other: paths[i].clone(), kind: T::KIND, name: one.name().to_owned() });
+        }
+        all.push(one);
+    }
+    Ok(all)
+}
+
 fn read_toml<T: for<'de> Deserialize<'de>>(path: &Path) -> Result<T, EquipmentError> {
-    let text = std::fs::read_to_string(path).map_err(|source| EquipmentError::Unreadable { path: path.into(), source })?;
+    let text = read_text(path, LARGEST_TEXT).map_err(|source| EquipmentError::Unreadable { path: path.into(), source })?;
     toml::from_str(&text).map_err(|e| EquipmentError::Toml { path: path.into(), message: e.to_string() })
 }
 

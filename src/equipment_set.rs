@@ -1,6 +1,6 @@
 //! Several rackets and balls, picked by the names in an impacts table.
 
-use crate::equipment::{Ball, EquipmentError, Racket};
+use crate::equipment::{Ball, EquipmentError, Racket, read_all};
 use crate::impact_table::ImpactRow;
 use std::path::PathBuf;
 
@@ -23,12 +23,9 @@ impl EquipmentSet {
     /// Reads and checks all files.
     ///
     /// # Errors
-    /// The first file that cannot be read or holds a value out of range.
+    /// See [`read_all`].
     pub fn read(rackets: &[PathBuf], balls: &[PathBuf]) -> Result<Self, EquipmentError> {
-        Ok(EquipmentSet {
-            rackets: rackets.iter().map(|p| Racket::read(p)).collect::<Result<_, _>>()?,
-            balls: balls.iter().map(|p| Ball::read(p)).collect::<Result<_, _>>()?,
-        })
+        Ok(EquipmentSet { rackets: read_all(rackets, Racket::read)?, balls: read_all(balls, Ball::read)? })
     }
 
     /// Places of a row's racket and ball in the two lists.

@@ -3,6 +3,7 @@
 //! Comes in: CSV in which columns may be missing, in any order, with unknown columns kept as grouping columns. Goes out:
 //! [`ImpactTable`]. An empty cell is `None`; NaN, infinities and negative deviations are refused with their line.
 
+use crate::limited_file::{LARGEST_TABLE, LimitedFile};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
@@ -206,7 +207,7 @@ pub fn is_own_column(name: &str) -> bool {
 impl ImpactTable {
     /// Reads and checks a table.
     pub fn read(path: &Path) -> Result<Self, TableError> {
-        let file = std::fs::File::open(path).map_err(|e| TableError::Unreadable { path: path.into(), source: e.into() })?;
+        let file = LimitedFile::open(path, LARGEST_TABLE).map_err(|e| TableError::Unreadable { path: path.into(), source: e.into() })?;
         Self::from_reader(file, path)
     }
 

@@ -24,6 +24,7 @@ pub mod footage;
 pub mod impact;
 pub mod impact_table;
 pub mod kinematics;
+pub mod limited_file;
 pub mod provenance;
 pub mod quantity;
 pub mod reconstruction;

@@ -22,10 +22,12 @@ impl Provenance {
         Provenance { version: VERSION.to_owned(), command: command.to_owned(), inputs: Default::default() }
     }
 
-    /// Adds the hash of a file under its own name.
+    /// Adds the hash of a file under its own name; the second of one name (of two folders) is `name (2)`.
     pub fn with_file(mut self, path: &Path) -> io::Result<Self> {
         let name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
-        self.inputs.insert(name, sha256_file(path)?);
+        let numbered = (2..).map(|k| format!("{name} ({k})"));
+        let free = std::iter::once(name.clone()).chain(numbered).find(|key| !self.inputs.contains_key(key)).unwrap_or_default();
+        self.inputs.insert(free, sha256_file(path)?);
         Ok(self)
     }
 }

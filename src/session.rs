@@ -3,8 +3,9 @@
 //! Comes in: a folder with `session.toml`. Goes out: [`Session`], every path checked to stay below the folder.
 //! Units are SI. Nothing here opens an image.
 
-use crate::equipment::{Ball, EquipmentError, Racket};
+use crate::equipment::{Ball, EquipmentError, Named, Racket, read_all};
 use crate::impact_table::is_own_column;
+use crate::limited_file::{LARGEST_TEXT, read_text};
 use serde::Deserialize;
 use std::path::{Component, Path, PathBuf};
 
@@ -140,7 +141,7 @@ impl Session {
     /// Reads `session.toml`, the racket, the ball and the list of shots.
     pub fn open(root: &Path) -> Result<Self, SessionError> {
         let file = root.join("session.toml");
-        let text = std::fs::read_to_string(&file).map_err(|source| SessionError::Unreadable { path: file.clone(), source })?;
+        let text = read_text(&file, LARGEST_TEXT).map_err(|source| SessionError::Unreadable { path: file.clone(), source })?;
         let table: SessionFile = toml::from_str(&text).map_err(|e| SessionError::Toml { path: file.clone(), message: e.to_string() })?;
         let check = |ok: bool, key: &'static str, seen: String, allowed: &'static str| {
             if ok { Ok(()) } else { Err(SessionError::Value { path: file.clone(), key, seen, allowed }) }
@@ -216,7 +217,7 @@ impl Session {
         let path = self.root.join("shots").join(id);
         let file = path.join("shot.toml");
         let own: ShotFile = if file.exists() {
-            let text = std::fs::read_to_string(&file).map_err(|source| SessionError::Unreadable { path: file.clone(), source })?;
+            let text = read_text(&file, LARGEST_TEXT).map_err(|source| SessionError::Unreadable { path: file.clone(), source })?;
             toml::from_str(&text).map_err(|e| SessionError::Toml { path: file.clone(), message: e.to_string() })?
         } else {
             ShotFile::default()
@@ -261,12 +262,15 @@ impl Session {
 }
 
 /// Reads a file that a shot names and remembers it.
-fn named<T>(path: &Path, files: &mut Vec<PathBuf>, read: impl Fn(&Path) -> Result<T, EquipmentError>) -> Result<T, EquipmentError> {
-    let value = read(path)?;
-    if !files.iter().any(|f| f == path) {
-        files.push(path.to_path_buf());
+fn named<T: Named>(path: &Path, files: &mut Vec<PathBuf>, read: impl Fn(&Path) -> Result<T, EquipmentError> + Copy) -> Result<T, EquipmentError> {
+    if files.iter().any(|f| f == path) {
+        return read(path);
     }
-    Ok(value)
+    let with_it: Vec<PathBuf> = files.iter().cloned().chain([path.to_path_buf()]).collect();
+    // The impacts table will name it, and must not mean another.
+    let mut all = read_all(&with_it, read)?;
+    *files = with_it;
+    Ok(all.swap_remove(files.len() - 1))
 }
 
 /// Joins a user's relative path to the session folder; refuses anything that would leave it.

@@ -2,14 +2,12 @@
 
 use super::{CalibrationError, Camera, RigidTransform, StereoRig};
 use crate::footage::MAX_PIXELS;
+use crate::limited_file::{LARGEST_TEXT, read_text};
 use crate::provenance::write_atomically;
 use nalgebra::Matrix3;
 use serde::Deserialize;
 use std::fmt::Write;
 use std::path::Path;
-
-/// Largest calibration file, bytes; ours are below a megabyte.
-const MAX_BYTES: u64 = 64 << 20;
 
 impl StereoRig {
     /// Reads and checks `calibration.json`.
@@ -191,12 +189,7 @@ struct Volume {
 }
 
 fn read_limited(path: &Path) -> Result<String, CalibrationError> {
-    let unreadable = |source| CalibrationError::Unreadable { path: path.into(), source };
-    let bytes = std::fs::metadata(path).map_err(unreadable)?.len();
-    if bytes > MAX_BYTES {
-        return Err(CalibrationError::Format { path: path.into(), what: format!("{bytes} bytes; allowed: up to {MAX_BYTES}") });
-    }
-    std::fs::read_to_string(path).map_err(unreadable)
+    read_text(path, LARGEST_TEXT).map_err(|source| CalibrationError::Unreadable { path: path.into(), source })
 }
 
 /// The numbers after `name: !!opencv-matrix ... data: [ ... ]`.

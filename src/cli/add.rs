@@ -1,5 +1,6 @@
 //! `sweetspot add`.
 
+use crate::limited_file::{LARGEST_TEXT, read_text};
 use super::Shell;
 use super::error::CliError;
 use crate::impact::model_file::with_effect_added;
@@ -21,7 +22,7 @@ pub struct Arguments {
 
 pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let unreadable = |e: std::io::Error| ModelError::Unreadable { path: arguments.model.clone(), message: e.to_string() };
-    let text = std::fs::read_to_string(&arguments.model).map_err(unreadable)?;
+    let text = read_text(&arguments.model, LARGEST_TEXT).map_err(unreadable)?;
     let changed = with_effect_added(&text, &arguments.effect, &arguments.model)?;
     shell.write(&arguments.output, changed.as_bytes())?;
     let card = effect_card(&arguments.effect);

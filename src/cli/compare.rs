@@ -4,11 +4,14 @@ use super::Shell;
 use super::error::CliError;
 use super::impacts_input::{ImpactsInput, Version, ledger_path, read_ledger, record, write_ledger};
 use crate::impact::Model;
+use crate::limited_file::{LARGEST_TEXT, read_text};
 use crate::provenance::sha256_hex;
 use crate::validation::comparison::compare;
 use crate::validation::forward::Library;
 use crate::validation::model_library::ModelLibrary;
 use crate::validation::terminal::{comparison_text, ledger_text};
+use std::ffi::OsStr;
+use std::path::Path;
 
 /// Model against measurement: compare.json and report.html
 #[derive(Debug, clap::Args)]
@@ -41,8 +44,10 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     }
     // The version this one came from, when its file still stands beside it: the same residuals before and after.
     let before = staircase.iter().rev().nth(1).and_then(|parent| {
-        let file = input.files.model.with_file_name(&parent.model_file);
-        let text = std::fs::read_to_string(&file).ok().filter(|t| sha256_hex(t.as_bytes()) == parent.model_hash)?;
+        // The ledger is a file like any other: what it names is looked for beside the model, nowhere else.
+        let beside = Path::new(&parent.model_file).file_name().filter(|name| *name == OsStr::new(&parent.model_file))?;
+        let file = input.files.model.with_file_name(beside);
+        let text = read_text(&file, LARGEST_TEXT).ok().filter(|t| sha256_hex(t.as_bytes()) == parent.model_hash)?;
         let library = ModelLibrary::new(Model::parse(&text, &file).ok()?, &loaded.observations.gear);
         compare(library.current(), &loaded.observations, &parent.model_file, input.seed).ok()
     });

@@ -1,5 +1,6 @@
 //! `sweetspot demo`: the whole chain on the sample the program carries, or on a world whose hidden effect nobody chose.
 
+use crate::limited_file::{LARGEST_TEXT, read_text};
 use super::Shell;
 use super::error::CliError;
 use super::impacts_input::{ledger_path, read_ledger};
@@ -14,7 +15,6 @@ use crate::synthetic::footage_spec::FootageSpec;
 use crate::synthetic::hidden::{Entry, Hidden, Seen, entry, playable};
 use crate::synthetic::look::Setting;
 use crate::synthetic::sample;
-use crate::validation::diagnosis::Diagnosis;
 use crate::validation::ledger::LedgerEntry;
 use crate::validation::expression::FOUND_EFFECT;
 use crate::validation::observation::FEWEST_IMPACTS;
@@ -48,6 +48,8 @@ pub struct Arguments {
 struct Outcome {
     report: PathBuf,
     shots_measured: usize,
+    /// As the session states it, and as measured.
+    square_stated_mm: f64,
     square_mm: Option<f64>,
     square_sd_mm: Option<f64>,
     /// Half of the 95 % interval of the ball's speed after impact, median over the shots, m/s.
@@ -120,7 +122,7 @@ fn make_room(session: &Path, shell: &Shell) -> Result<(), CliError> {
     if !session.exists() {
         return Ok(());
     }
-    let ours = std::fs::read_to_string(session.join("session.toml")).is_ok_and(|t| t.starts_with("name = \"synthetic "));
+    let ours = read_text(&session.join("session.toml"), LARGEST_TEXT).is_ok_and(|t| t.starts_with("name = \"synthetic "));
     if !shell.args.force || !ours {
         return Err(CliError::input(format!("{}: there is a session already", session.display()))
             .hint("give another folder")
@@ -145,7 +147,9 @@ fn chain(folder: &Path, shell: &Shell) -> Result<Outcome, CliError> {
         shell.run_step(&line, out)
     };
     let (mut ledger, mut after) = (Vec::new(), None);
-    if ImpactTable::read(&impacts)?.rows.len() < FEWEST_IMPACTS {
+    let table = ImpactTable::read(&impacts)?;
+    let judged = table.rows.len() >= FEWEST_IMPACTS;
+    if !judged {
         shell.say(format_args!("Fewer than {FEWEST_IMPACTS} shots are too few to judge a model."));
     } else {
         step(&[OsStr::new("compare")], &first, folder)?;
@@ -159,16 +163,19 @@ fn chain(folder: &Path, shell: &Shell) -> Result<Outcome, CliError> {
     }
     let mut results = read_session_results(&session, folder);
     (results.ledger, results.after) = (ledger, after);
-    let diagnosis: Option<Diagnosis> = read(&folder.join("diagnosis.json"));
+    // What an earlier run found is of other shots.
+    results.comparison = results.comparison.filter(|_| judged);
+    results.diagnosis = results.diagnosis.filter(|_| judged);
+    let diagnosis = results.diagnosis.clone();
     let report = folder.join("report.html");
     shell.write(&report, session_report(&results).as_bytes())?;
     let rig: Option<StereoRig> = read(&folder.join("calibration.json"));
     let square = rig.and_then(|r| r.square_mm);
     let named_first = diagnosis.as_ref().and_then(|d| d.candidates.first()).map(|c| (c.effect.clone(), c.probability));
-    let table = ImpactTable::read(&impacts)?;
     Ok(Outcome {
         report,
         shots_measured: table.rows.len(),
+        square_stated_mm: 1e3 * session.board.square_m,
         square_mm: square.as_ref().map(|s| s.mean),
         square_sd_mm: square.as_ref().map(|s| s.sd),
         ball_speed_95_m_s: speed_interval(&table),
@@ -192,7 +199,7 @@ fn staircase(first: &Path, last: &Path, impacts: &Path) -> Result<Vec<LedgerEntr
 }
 
 fn read<T: serde::de::DeserializeOwned>(path: &Path) -> Option<T> {
-    std::fs::read_to_string(path).ok().and_then(|t| serde_json::from_str(&t).ok())
+    read_text(path, LARGEST_TEXT).ok().and_then(|t| serde_json::from_str(&t).ok())
 }
 
 /// Median half width of the 95 % interval of the ball's speed after impact, m/s.
@@ -216,10 +223,13 @@ fn tell(o: &Outcome, shell: &Shell) {
     shell.say("\nDone: cameras calibrated from the checkerboards, racket and ball followed through every frame, the shots measured,");
     shell.say(match o.verdict {
         Some(_) => "compared with a rigid racket and ball, and searched for what that model is missing.",
-        None => "and compared with a rigid racket and ball; they are too few to search for what that model is missing.",
+        None => "and that is where this ends: they are too few to judge a model by.",
     });
     if let (Some(mean), Some(sd)) = (o.square_mm, o.square_sd_mm) {
-        shell.say(format_args!("  1. a 60 mm square, measured again in 3-D on boards held out: {mean:.3} mm, scatter {sd:.3} mm"));
+        shell.say(format_args!(
+            "  1. a {:.0} mm square, measured again in 3-D on boards held out: {mean:.3} mm, scatter {sd:.3} mm",
+            o.square_stated_mm
+        ));
     }
     if let Some(width) = o.ball_speed_95_m_s {
         shell.say(format_args!("  2. the ball's speed after impact, over {} shots: known to ±{width:.2} m/s (95 %)", o.shots_measured));

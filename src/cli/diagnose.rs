@@ -84,8 +84,8 @@ fn version_name(output: &Path, step: usize) -> PathBuf {
     output.with_file_name(format!("{stem}.{step}.toml"))
 }
 
-fn has_formula(model_text: &str) -> bool {
-    model_text.contains(&format!("[effects.{FOUND_EFFECT}]"))
+fn has_formula(model_text: &str, path: &Path) -> bool {
+    Model::parse(model_text, path).is_ok_and(|m| m.has_effect(FOUND_EFFECT))
 }
 
 fn auto_name(model: &Path) -> PathBuf {
@@ -150,7 +150,7 @@ impl Walk<'_> {
             }
         }
         // What is left may be nature's own form of the effects found, or something in no catalogue: a formula for it.
-        if let Some(formula) = diagnosis.suggested_expression.as_ref().filter(|_| diagnosis.verdict == Verdict::Unexplained && !has_formula(&text)) {
+        if let Some(formula) = diagnosis.suggested_expression.as_ref().filter(|_| diagnosis.verdict == Verdict::Unexplained && !has_formula(&text, &input.files.model)) {
             let with_formula = format!("{}\n\n{}\n", text.trim_end(), formula.model_file_text.trim_end());
             // A formula that does not go with what is in the model already is left for the user to look at.
             if let Ok((with, with_held_out)) = self.fitted(&with_formula)

@@ -5,6 +5,7 @@ use super::error::CliError;
 use crate::equipment_set::EquipmentSet;
 use crate::impact::{Base, Model};
 use crate::impact_table::ImpactTable;
+use crate::limited_file::{LARGEST_TEXT, read_text};
 use crate::provenance::{Provenance, VERSION, sha256_file, sha256_hex};
 use crate::validation::comparison::{Comparison, ParameterValue};
 use crate::validation::ledger::{Ledger, LedgerEntry, Refusal};
@@ -57,7 +58,7 @@ impl ImpactsInput {
         let mut table = ImpactTable::read(&files.impacts)?;
         let equipment = EquipmentSet::read(&files.racket, &files.ball)?;
         let model_text =
-            std::fs::read_to_string(&files.model).map_err(|e| CliError::input(format!("{}: cannot be read ({e}); check the name", files.model.display())))?;
+            read_text(&files.model, LARGEST_TEXT).map_err(|e| CliError::input(format!("{}: cannot be read ({e}); check the name", files.model.display())))?;
         let model = Model::parse(&model_text, &files.model)?;
         // Footage gives a contact time, an impulse model has none: it is left out, or no impact could be compared.
         let timed = model.base() == Base::Rigid && table.rows.iter().any(|r| r.get("contact_time").is_some());
@@ -95,7 +96,7 @@ pub fn ledger_path(model: &Path) -> PathBuf {
 
 /// Reads the ledger beside a model file; a missing one is empty, a damaged one is an error that names it.
 pub fn read_ledger(path: &Path) -> Result<Ledger, CliError> {
-    match std::fs::read_to_string(path) {
+    match read_text(path, LARGEST_TEXT) {
         Ok(text) => serde_json::from_str(&text)
             .map_err(|e| CliError::input(format!("{}: not a ledger ({e})", path.display())).hint("move it away; a new one will be begun")),
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(Ledger::default()),

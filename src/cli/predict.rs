@@ -27,14 +27,17 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let results = predict_table(&model, &set, &table)?;
     let path = shell.results_beside(impacts).join("predictions.csv");
     let rows: Vec<(&str, Option<&ImpactOutput>)> = table.rows.iter().zip(&results).map(|(r, o)| (r.id.as_str(), o.as_ref().ok())).collect();
-    shell.write(&path, predictions_csv(&rows)?.as_bytes())?;
+    // An impulse has no contact time.
+    let timed = results.iter().flatten().any(|o| o.contact_time.is_some());
+    let columns = if timed { &OUTPUTS[..] } else { &OUTPUTS[..OUTPUTS.len() - 1] };
+    shell.write(&path, predictions_csv(&rows, columns)?.as_bytes())?;
     if arguments.sensitivities {
         let derivatives = differentiate_table(&model, &set, &table)?;
         let rows: Vec<(&str, &Result<RowSensitivity, RowError>)> = table.rows.iter().map(|r| r.id.as_str()).zip(&derivatives).collect();
         let beside = shell.results_beside(impacts);
-        shell.write(&beside.join("sensitivities.csv"), sensitivities_csv(&rows, &model)?.as_bytes())?;
+        shell.write(&beside.join("sensitivities.csv"), sensitivities_csv(&rows, &model, columns)?.as_bytes())?;
         let path = beside.join("predictions_sd.csv");
-        shell.write(&path, deviations_csv(&rows)?.as_bytes())?;
+        shell.write(&path, deviations_csv(&rows, columns)?.as_bytes())?;
         shell.say(format_args!("derivatives and deviations: {}", path.display()));
     }
     let failed: Vec<String> = results.iter().filter_map(|r| r.as_ref().err().map(ToString::to_string)).collect();
@@ -49,9 +52,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
 }
 
 /// `id` and the output columns; `contact_time` where the base has one. An impact without prediction keeps empty cells.
-fn predictions_csv(rows: &[(&str, Option<&ImpactOutput>)]) -> Result<String, CliError> {
-    let timed = rows.iter().any(|(_, o)| o.is_some_and(|o| o.contact_time.is_some()));
-    let columns = if timed { &OUTPUTS[..] } else { &OUTPUTS[..OUTPUTS.len() - 1] };
+fn predictions_csv(rows: &[(&str, Option<&ImpactOutput>)], columns: &[&str]) -> Result<String, CliError> {
     let mut csv = csv::Writer::from_writer(Vec::new());
     csv.write_field("id").and_then(|()| csv.write_record(columns)).map_err(CliError::output)?;
     for (id, output) in rows {
@@ -68,16 +69,16 @@ fn text_of(csv: csv::Writer<Vec<u8>>) -> Result<String, CliError> {
 }
 
 /// One row per impact and input or parameter (`of`): derivatives of every output, SI; `edge` where there is none.
-fn sensitivities_csv(rows: &[(&str, &Result<RowSensitivity, RowError>)], model: &Model) -> Result<String, CliError> {
+fn sensitivities_csv(rows: &[(&str, &Result<RowSensitivity, RowError>)], model: &Model, columns: &[&str]) -> Result<String, CliError> {
     let mut csv = csv::Writer::from_writer(Vec::new());
-    csv.write_record(["id", "of", "edge"].iter().chain(&OUTPUTS)).map_err(CliError::output)?;
+    csv.write_record(["id", "of", "edge"].iter().chain(columns)).map_err(CliError::output)?;
     for (id, row) in rows {
         let Ok(row) = row else { continue };
         let s = &row.sensitivities;
         let names = INPUTS.iter().copied().chain(model.parameters().iter().map(|p| p.name.as_str()));
         for (name, column) in names.zip(s.by_input.iter().chain(&s.by_parameter)) {
             let edge = if s.edges.iter().any(|e| e == name) { "yes" } else { "" };
-            let cells = column.iter().map(|v| if edge.is_empty() { v.to_string() } else { String::new() });
+            let cells = column[..columns.len()].iter().map(|v| if edge.is_empty() { v.to_string() } else { String::new() });
             let record: Vec<String> = [id.to_string(), name.to_owned(), edge.to_owned()].into_iter().chain(cells).collect();
             csv.write_record(record).map_err(CliError::output)?;
         }
@@ -86,11 +87,11 @@ fn sensitivities_csv(rows: &[(&str, &Result<RowSensitivity, RowError>)], model: 
 }
 
 /// `id` and the standard deviation of every predicted output.
-fn deviations_csv(rows: &[(&str, &Result<RowSensitivity, RowError>)]) -> Result<String, CliError> {
+fn deviations_csv(rows: &[(&str, &Result<RowSensitivity, RowError>)], columns: &[&str]) -> Result<String, CliError> {
     let mut csv = csv::Writer::from_writer(Vec::new());
-    csv.write_record(["id"].iter().chain(&OUTPUTS)).map_err(CliError::output)?;
+    csv.write_record(["id"].iter().chain(columns)).map_err(CliError::output)?;
     for (id, row) in rows {
-        let cells = row.as_ref().map_or_else(|_| vec![String::new(); OUTPUTS.len()], |r| r.output_sd.map(|v| v.to_string()).to_vec());
+        let cells = row.as_ref().map_or_else(|_| vec![String::new(); columns.len()], |r| r.output_sd[..columns.len()].iter().map(f64::to_string).collect());
         csv.write_record(std::iter::once((*id).to_owned()).chain(cells)).map_err(CliError::output)?;
     }
     text_of(csv)

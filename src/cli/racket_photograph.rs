@@ -5,6 +5,7 @@ use super::error::CliError;
 use crate::equipment::Racket;
 use crate::footage::{GreyImage, read_grey};
 use crate::kinematics::{GridPhotograph, TapePlace, markers_of, tape_places};
+use crate::limited_file::{LARGEST_TEXT, read_text};
 use image::{ImageFormat, Rgb, RgbImage};
 use nalgebra::Vector2;
 use std::path::{Path, PathBuf};
@@ -73,7 +74,7 @@ pub fn measure_photograph(photograph: &Path, a: &PhotographArguments, racket: &R
         shell.write(overlay, bytes.get_ref())?;
     }
     if a.write {
-        let text = std::fs::read_to_string(path).map_err(|e| CliError::input(format!("{}: cannot be read ({e})", path.display())))?;
+        let text = read_text(path, LARGEST_TEXT).map_err(|e| CliError::input(format!("{}: cannot be read ({e})", path.display())))?;
         shell.write(path, with_markers(&text, &places, path)?.as_bytes())?;
         shell.say(format_args!("{}: [markers] written", path.display()));
     }

@@ -9,7 +9,7 @@ use crate::kinematics::{
     BalanceSeen, GroupStatistic, RiseInterval, SHOT_FILE, Shot, ShotInput, ShotRecord, ShotSpin, SpinComponent, SpinVector, measure_shot, mismatch_remark, rise_table,
     season_statistics, season_to_csv,
 };
-use crate::provenance::Provenance;
+use crate::provenance::{Provenance, sha256_file, sha256_hex};
 use crate::report::{histograms_to_csv, season_figures};
 use crate::session::ShotFolder;
 use crate::tracking::spin::{SPIN_FILE, SpinEstimate, read_spin};
@@ -145,10 +145,12 @@ fn one_shot(tracked: &TrackedSession, folder: &ShotFolder, arguments: &Arguments
     let settings = tracked.settings(folder);
     let ball_flattening = seen_flattening(&place);
     let settings_text = format!("{:?}", (&folder.racket, &folder.ball, folder.grip_torque_n_m, &ball_flattening, &folder.groups, &arguments.point, &settings));
-    provenance.inputs.insert("settings".into(), crate::provenance::sha256_hex(settings_text.as_bytes()));
+    provenance.inputs.insert("settings".into(), sha256_hex(settings_text.as_bytes()));
+    let points_file = place.join("points.csv");
     if !shell.args.force
         && let Ok(earlier) = ShotRecord::read(&shot_file)
         && earlier.provenance == provenance
+        && sha256_file(&points_file).is_ok_and(|points| points == earlier.points)
     {
         return Ok(earlier);
     }
@@ -167,8 +169,9 @@ fn one_shot(tracked: &TrackedSession, folder: &ShotFolder, arguments: &Arguments
         asked_points: &arguments.point,
     };
     let measured = measure_shot(&input, &settings)?;
-    let record = ShotRecord { shot: measured.shot, provenance };
-    shell.write(&place.join("points.csv"), points_to_csv(&measured.points).as_bytes())?;
+    let points = points_to_csv(&measured.points);
+    let record = ShotRecord { shot: measured.shot, points: sha256_hex(points.as_bytes()), provenance };
+    shell.write(&points_file, points.as_bytes())?;
     shell.write(&shot_file, record.to_json().as_bytes())?;
     Ok(record)
 }

@@ -1,5 +1,6 @@
 //! `sweetspot synth`.
 
+use crate::limited_file::{LARGEST_TEXT, read_text};
 use super::Shell;
 use super::error::CliError;
 use crate::synthetic::scenario::{Scenario, TableFiles};
@@ -20,7 +21,7 @@ pub struct Arguments {
 pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let file = &arguments.scenario;
     let named = |e: &dyn std::fmt::Display| CliError::input(format!("{}: {e}", file.display()));
-    let text = std::fs::read_to_string(file).map_err(|e| named(&e).hint("give a scenario file; docs/synthetic.md describes it"))?;
+    let text = read_text(file, LARGEST_TEXT).map_err(|e| named(&e).hint("give a scenario file; docs/synthetic.md describes it"))?;
     match Scenario::parse(&text).map_err(|e| named(&e).hint("docs/synthetic.md lists the keys"))? {
         Scenario::Table(table) => {
             let made = table.generate().map_err(|e| named(&e))?;

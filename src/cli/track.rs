@@ -1,5 +1,6 @@
 //! `sweetspot track`.
 
+use crate::limited_file::{LARGEST_TEXT, read_text};
 use super::Shell;
 use super::error::CliError;
 use super::tracked_session::rig_to_measure_with;
@@ -341,7 +342,7 @@ fn by_hand(id: &str, record: Option<TrackRecord>, folder: &Path) -> Option<ShotS
 
 /// What an earlier run wrote down.
 fn earlier(folder: &Path) -> Option<TrackRecord> {
-    serde_json::from_str(&std::fs::read_to_string(folder.join(TRACK_FILE)).ok()?).ok()
+    serde_json::from_str(&read_text(&folder.join(TRACK_FILE), LARGEST_TEXT).ok()?).ok()
 }
 
 /// What tracking saw of the throat in this shot, if the tracks are its own.

@@ -53,9 +53,16 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     }
     // Every session is read before the first is worked on: a slip of the pen shows at once, not after an hour.
     let sessions: Vec<Session> = arguments.sessions.iter().map(|s| Ok(Session::open(existing(s, "session folder")?)?)).collect::<Result<_, CliError>>()?;
+    let places: Vec<PathBuf> = sessions.iter().map(|s| place(s, sessions.len() > 1, shell)).collect();
+    for (i, place) in places.iter().enumerate() {
+        if let Some(j) = places[..i].iter().position(|p| p == place) {
+            let (a, b) = (sessions[j].root.display(), sessions[i].root.display());
+            return Err(CliError::input(format!("{a} and {b}: the results of both would be {}", place.display()))
+                .hint("give each session folder a name of its own, or run them one by one, each with its own --out"));
+        }
+    }
     let mut outcomes = Vec::new();
-    for session in &sessions {
-        let results = place(session, sessions.len() > 1, shell);
+    for (session, results) in sessions.iter().zip(places) {
         shell.say(format_args!("== {} ({})", session.name, session.root.display()));
         let outcome = one_session(session, &results, arguments.model.as_deref(), shell)?;
         write_report(session, &results, &outcome, shell)?;
@@ -73,11 +80,23 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
 /// One report of the whole session, in place of those that single steps wrote.
 fn write_report(session: &Session, results: &Path, outcome: &Outcome, shell: &Shell) -> Result<(), CliError> {
     let mut all = read_session_results(session, results);
-    // What a step said beats the bare fact that its file is missing.
-    if !outcome.failed.is_empty() {
-        all.failed.retain(|(id, _)| !outcome.failed.iter().any(|f| f.reason.contains(id.as_str())));
-        all.failed.extend(outcome.failed.iter().map(|f| (f.step.to_owned(), f.reason.clone())));
+    // What a step said of a shot beats the bare fact that its file is missing; what is of no shot is of the step.
+    for f in &outcome.failed {
+        let said = |id: &str| f.reason.lines().find_map(|line| line.trim_start().strip_prefix(id)?.strip_prefix(": ").map(str::to_owned));
+        let mut of_shots = false;
+        for (id, why) in &mut all.failed {
+            if let Some(reason) = said(id) {
+                (*why, of_shots) = (reason, true);
+            }
+        }
+        if !of_shots {
+            all.steps_failed.push((f.step.to_owned(), f.reason.clone()));
+        }
     }
+    // What an earlier run found is of other shots.
+    let made = |step: &str| outcome.shots_measured >= FEWEST_IMPACTS && !outcome.failed.iter().any(|f| f.step == step);
+    all.comparison = all.comparison.filter(|_| made("compare"));
+    all.diagnosis = all.diagnosis.filter(|_| made("diagnose"));
     let path = results.join("report.html");
     shell.write(&path, session_report(&all).as_bytes())?;
     shell.say(format_args!("report: {}", path.display()));
@@ -86,7 +105,8 @@ fn write_report(session: &Session, results: &Path, outcome: &Outcome, shell: &Sh
 
 /// Results of a session; with several sessions and `--out`, each gets a folder of its own name there.
 fn place(session: &Session, several: bool, shell: &Shell) -> PathBuf {
-    match (&shell.args.out, several, session.root.file_name()) {
+    let root = std::fs::canonicalize(&session.root).unwrap_or_else(|_| session.root.clone());
+    match (&shell.args.out, several, root.file_name()) {
         (Some(out), true, Some(name)) => out.join(name),
         _ => shell.results_of_session(&session.root),
     }

@@ -7,6 +7,7 @@ use super::model::{Base, Model};
 use super::parameter::Parameter;
 use super::rigid::Sliding;
 use super::viscoelastic::{BallLaw, FrictionDirection, NormalForce, Release, StringLaw};
+use crate::limited_file::{LARGEST_TEXT, read_text};
 use std::path::Path;
 use toml_edit::{DocumentMut, InlineTable, Item, Table, TableLike, Value};
 
@@ -16,7 +17,7 @@ impl Model {
     /// # Errors
     /// Unreadable or invalid TOML; unknown bases, keys, effects (with near matches); values out of range.
     pub fn read(path: &Path) -> Result<Model, ModelError> {
-        let text = std::fs::read_to_string(path).map_err(|e| ModelError::Unreadable { path: path.into(), message: e.to_string() })?;
+        let text = read_text(path, LARGEST_TEXT).map_err(|e| ModelError::Unreadable { path: path.into(), message: e.to_string() })?;
         Model::parse(&text, path)
     }
 
@@ -97,6 +98,10 @@ fn read_choice<T>(path: &Path, table: &dyn TableLike, key: &str, names: &[&str],
 }
 
 fn read_effect(path: &Path, model: &Model, name: &str, table: &dyn TableLike) -> Result<Model, ModelError> {
+    // A parameter is named effect.parameter.
+    if name.is_empty() || name.contains('.') {
+        return Err(ModelError::Value { path: path.into(), key: "effects".into(), seen: format!("{name:?}"), allowed: "a name without dots".into() });
+    }
     if table.contains_key("expression") || table.contains_key("replaces") {
         return read_expression(path, model, name, table);
     }

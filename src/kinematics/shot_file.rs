@@ -1,6 +1,7 @@
 //! `shots/<id>/shot.json`: a shot's characteristics with what made them.
 
 use super::shot::Shot;
+use crate::limited_file::{LARGEST_TEXT, read_text};
 use crate::provenance::Provenance;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -20,12 +21,15 @@ pub enum ShotFileError {
 pub struct ShotRecord {
     #[serde(flatten)]
     pub shot: Shot,
+    /// SHA-256 of the `points.csv` written with it: tracking writes a table of that name too.
+    #[serde(default)]
+    pub points: String,
     pub provenance: Provenance,
 }
 
 impl ShotRecord {
     pub fn read(path: &Path) -> Result<Self, ShotFileError> {
-        let text = std::fs::read_to_string(path).map_err(|source| ShotFileError::Unreadable { path: path.into(), source })?;
+        let text = read_text(path, LARGEST_TEXT).map_err(|source| ShotFileError::Unreadable { path: path.into(), source })?;
         serde_json::from_str(&text).map_err(|source| ShotFileError::Format { path: path.into(), source })
     }
 

@@ -7,6 +7,7 @@ use crate::calibration::StereoRig;
 use crate::footage::{Clip, read_grey};
 use crate::impact_table::ImpactTable;
 use crate::kinematics::{SHOT_FILE, ShotRecord};
+use crate::limited_file::{LARGEST_TABLE, read_text};
 use crate::session::{Session, ShotFolder};
 use crate::tracking::{SpacePoint, Tracks, read_points};
 use serde::de::DeserializeOwned;
@@ -16,7 +17,8 @@ use std::path::Path;
 /// read is named among the failures.
 pub fn read_session_results(session: &Session, results: &Path) -> SessionResults {
     let mut failed = session.broken_shots.clone();
-    let rig = read(&results.join("calibration.json"), "calibration", &mut failed, |p| StereoRig::read(p).map_err(|e| e.to_string()));
+    let mut steps_failed = Vec::new();
+    let rig = read(&results.join("calibration.json"), "calibration", &mut steps_failed, |p| StereoRig::read(p).map_err(|e| e.to_string()));
     let mut shots = Vec::new();
     for folder in &session.shots {
         let place = results.join("shots").join(&folder.id);
@@ -32,7 +34,7 @@ pub fn read_session_results(session: &Session, results: &Path) -> SessionResults
         shots.push(ShotResults { id: folder.id.clone(), racket: folder.racket.clone(), record, tracks, points, pictures });
     }
     let table = |name: &str, failed: &mut _| read(&results.join(name), name, failed, |p| ImpactTable::read(p).map_err(|e| e.to_string())).unwrap_or_default();
-    let (measured, predictions) = (table("impacts.csv", &mut failed), table("predictions.csv", &mut failed));
+    let (measured, predictions) = (table("impacts.csv", &mut steps_failed), table("predictions.csv", &mut steps_failed));
     let predicted = measured
         .rows
         .into_iter()
@@ -45,9 +47,10 @@ pub fn read_session_results(session: &Session, results: &Path) -> SessionResults
         rig,
         axes_known: session.axes.is_some(),
         shots,
-        comparison: json(&results.join("compare.json"), "comparison", &mut failed),
-        diagnosis: json(&results.join("diagnosis.json"), "diagnosis", &mut failed),
+        comparison: json(&results.join("compare.json"), "comparison", &mut steps_failed),
+        diagnosis: json(&results.join("diagnosis.json"), "diagnosis", &mut steps_failed),
         failed,
+        steps_failed,
         after: None,
         ledger: Vec::new(),
     }
@@ -62,7 +65,7 @@ fn read<T>(path: &Path, what: &str, failed: &mut Vec<(String, String)>, reader: 
 
 fn json<T: DeserializeOwned>(path: &Path, what: &str, failed: &mut Vec<(String, String)>) -> Option<T> {
     read(path, what, failed, |p| {
-        let text = std::fs::read_to_string(p).map_err(|e| format!("{}: cannot be read ({e})", p.display()))?;
+        let text = read_text(p, LARGEST_TABLE).map_err(|e| format!("{}: cannot be read ({e})", p.display()))?;
         serde_json::from_str(&text).map_err(|e| format!("{}: {e}", p.display()))
     })
 }
@@ -73,7 +76,7 @@ const LEAST_PX: f64 = 110.0;
 
 /// By how many frames tracking moved the right pictures to pair them anew (`track --sync auto`).
 fn right_shift(place: &Path) -> i64 {
-    let record: Option<serde_json::Value> = std::fs::read_to_string(place.join("track.json")).ok().and_then(|text| serde_json::from_str(&text).ok());
+    let record: Option<serde_json::Value> = read_text(&place.join("track.json"), LARGEST_TABLE).ok().and_then(|text| serde_json::from_str(&text).ok());
     record.and_then(|r| r["summary"]["right_shift"].as_i64()).unwrap_or(0)
 }
 

@@ -51,6 +51,8 @@ pub struct SessionResults {
     pub shots: Vec<ShotResults>,
     /// Shots that failed, by id, with the reason.
     pub failed: Vec<(String, String)>,
+    /// Steps of the session as a whole that failed, and files of its results that cannot be read, with the reason.
+    pub steps_failed: Vec<(String, String)>,
     /// Shots with their prediction, for a session with too few of them for a comparison.
     pub predicted: Vec<PredictedShot>,
     pub comparison: Option<Comparison>,

@@ -280,7 +280,7 @@ impl Tile<'_> {
     /// A marker's number beside it; the ball's ring needs none.
     fn name(&mut self, uv: Vector2<f64>, target: Target, colour: Rgb<u8>) {
         let (at, (w, h)) = (self.place(uv + Vector2::repeat(NAME_OFFSET_PX)), self.size());
-        let inside = at.x >= 1.0 && at.y >= 1.0 && at.x < (w - 4 * DOT) as f64 && at.y < (h - 7 * DOT) as f64;
+        let inside = at.x >= 1.0 && at.y >= 1.0 && at.x < w.saturating_sub(4 * DOT) as f64 && at.y < h.saturating_sub(7 * DOT) as f64;
         if inside && target != Target::Ball {
             self.number(target.index() as u64 + 1, (at.x as usize, at.y as usize), colour);
         }

@@ -2,6 +2,7 @@
 
 use crate::calibration::CameraId;
 use crate::footage::LARGEST_FRAME_NUMBER;
+use crate::limited_file::{LARGEST_TABLE, LimitedFile};
 use nalgebra::{Point3, Vector2, Vector3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -91,7 +92,8 @@ struct TrackRow {
 impl Tracks {
     pub fn read(path: &Path) -> Result<Self, TrackFileError> {
         let unreadable = |source| TrackFileError::Unreadable { path: path.into(), source };
-        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_path(path).map_err(unreadable)?;
+        let file = LimitedFile::open(path, LARGEST_TABLE).map_err(|e| unreadable(e.into()))?;
+        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(file);
         let mut points = Vec::new();
         for (i, row) in reader.deserialize::<TrackRow>().enumerate() {
             let row = row.map_err(unreadable)?;
@@ -237,7 +239,8 @@ fn table<T: Sync>(head: &str, items: &[T], row: impl Fn(&mut String, &T) -> std:
 pub fn read_points(path: &Path) -> Result<Vec<SpacePoint>, TrackFileError> {
     type Row = (u64, f64, Target, f64, f64, f64, f64, f64, f64, f64);
     let unreadable = |source| TrackFileError::Unreadable { path: path.into(), source };
-    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_path(path).map_err(unreadable)?;
+    let file = LimitedFile::open(path, LARGEST_TABLE).map_err(|e| unreadable(e.into()))?;
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(file);
     let mut points = Vec::new();
     for (i, row) in reader.deserialize::<Row>().enumerate() {
         let (frame, t, target, x, y, z, x_sd, y_sd, z_sd, residual_px) = row.map_err(unreadable)?;

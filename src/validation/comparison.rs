@@ -157,10 +157,16 @@ pub struct Comparison {
 }
 
 impl Comparison {
+    /// Whether the structure test rejects the model; one that is inadequate all the same has an error on held-out impacts that
+    /// is clearly above the noise.
+    pub fn shows_structure(&self) -> bool {
+        self.structure.p_value < self.false_alarm_rate
+    }
+
     /// Whether the model is called adequate although the structure test rejects it, because what it finds is no more than the shots
     /// of a calibration share.
     pub fn keeps_structure(&self) -> bool {
-        self.verdict == "adequate" && self.structure.p_value < self.false_alarm_rate
+        self.verdict == "adequate" && self.shows_structure()
     }
 }
 
@@ -254,10 +260,11 @@ pub fn note_noise(factor: f64, sound: bool, notes: &mut Vec<String>) {
 pub fn note_group_noise(structure: &StructureTest, notes: &mut Vec<String>) {
     for group in &structure.noise_by_group {
         let factor = (group.scale / structure.noise_scale).sqrt();
-        if group.freedom > 0.0 && (factor.ln().abs() / (0.5 / group.freedom).sqrt() < 3.0 || (0.8..=1.25).contains(&factor)) {
+        if group.freedom <= 0.0 || factor.ln().abs() / (0.5 / group.freedom).sqrt() < 3.0 || (0.8..=1.25).contains(&factor) {
             continue;
         }
-        notes.push(format!("the noise of `{}x`, `y`, `z` is {:.2} times that of the other outputs, each in its stated deviations", group.outputs, factor));
+        let columns = if group.outputs == "contact_time" { "`contact_time`".to_owned() } else { format!("`{}x`, `y`, `z`", group.outputs) };
+        notes.push(format!("the noise of {columns} is {factor:.2} times that of the other outputs, each in its stated deviations"));
     }
 }
 

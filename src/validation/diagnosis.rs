@@ -13,9 +13,10 @@ use std::collections::BTreeMap;
 pub enum Verdict {
     /// No structure beyond the noise.
     Adequate,
-    /// One or two catalogue effects take away at least three quarters of the excess.
+    /// One or two catalogue effects take away at least three quarters of the excess, or leave no structure and are likelier
+    /// than nothing.
     EffectMissing,
-    /// The model fails and no catalogue effect does that.
+    /// The model fails and no catalogue effect does that, or none that the held-out impacts, and a formula, would bear out.
     Unexplained,
 }
 

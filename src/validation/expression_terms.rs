@@ -128,7 +128,9 @@ pub static FEATURES: [Feature; 56] = [
     f("side * (impact_y / half_width)", "with the place across the face, reversed with the side hit", |i| i.side * i.place[1]),
     f("side * (impact_x / half_length)", "with the place along the racket, reversed with the side hit", |i| i.side * i.place[0]),
     f("side * (ball_in_wz * ball_radius / approach_speed)", "with the spin about the normal", |i| i.side * i.s[2]),
-    f("(grip_torque / 10) * sign(impact_y)", "with the grip torque, toward the middle", |i| i.torque * i.place[1].signum()),
+    f("(grip_torque / 10) * sign(impact_y)", "with the grip torque, toward the middle", |i| {
+        i.torque * if i.place[1] == 0.0 { 0.0 } else { i.place[1].signum() }
+    }),
     f("(grip_torque / 10) * (impact_y / half_width)^2", "with the grip torque, toward both sides", |i| i.torque * i.place[1].powi(2)),
 ];
 

@@ -264,7 +264,7 @@ pub fn form_features(fit: &Fit, observations: &Observations, impacts: &[&Observa
             columns.push((column.add_scalar(-mean)) / sd);
         }
     }
-    DMatrix::from_columns(&columns)
+    if columns.is_empty() { DMatrix::zeros(n, 0) } else { DMatrix::from_columns(&columns) }
 }
 
 /// Whitened signatures of all generic corrections, one outputs × terms block per impact of the fit.

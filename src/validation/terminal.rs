@@ -64,7 +64,12 @@ pub fn comparison_text(c: &Comparison) -> String {
             let _ = writeln!(t, "         The numbers in the file are not the best ones: run `sweetspot fit`.");
         }
     } else {
-        let _ = writeln!(t, "verdict: NOT ADEQUATE. The residuals hold structure that no free parameter can take up ({structure}).");
+        let why = if c.shows_structure() {
+            "The residuals hold structure that no free parameter can take up"
+        } else {
+            "The error on held-out impacts is clearly above the noise, though no smooth structure shows"
+        };
+        let _ = writeln!(t, "verdict: NOT ADEQUATE. {why} ({structure}).");
         let _ = writeln!(t, "         Run `sweetspot diagnose` on the same files: it says where, and which effect is missing.");
     }
     t

@@ -60,7 +60,7 @@ pub fn verdict_words(d: &Diagnosis) -> Vec<String> {
             }
         }
         Verdict::Unexplained => {
-            words.push("UNEXPLAINED: the model fails, and no effect of the catalogue, nor two together, takes three quarters of the excess away.".to_owned());
+            words.push("UNEXPLAINED: the model fails, and no effect of the catalogue, nor two together, accounts for it.".to_owned());
             words.push(format!("Error on held-out impacts {:.2}, noise floor {:.2}; {tests}.", d.heldout_error, d.noise_floor));
             match &d.suggested_expression {
                 Some(e) => words.push(format!("What the residuals say: {} (held-out error with it {:.2}).", e.words, e.heldout_error_after)),

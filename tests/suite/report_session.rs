@@ -170,7 +170,7 @@ fn shot_results(name: &str, k: u32) -> ShotResults {
     image::GrayImage::from_pixel(120, 110, image::Luma([90])).write_to(&mut png, image::ImageFormat::Png).unwrap();
     let picture =
         FramePicture { frame: 110, camera: CameraId::Left, png: png.into_inner(), corner: [180, 200], size: [120, 110], words: name.to_owned(), doubt: 2.0 };
-    let record = ShotRecord { shot: shot(name, k), provenance: provenance(name) };
+    let record = ShotRecord { shot: shot(name, k), points: String::new(), provenance: provenance(name) };
     ShotResults { id: format!("{name}{k}"), racket: racket(name), record: Some(record), tracks: Some(tracks), points, pictures: vec![picture] }
 }
 
@@ -183,6 +183,7 @@ fn session(name: &str, shots: u32) -> SessionResults {
         predicted: Vec::new(),
         shots: (0..shots).map(|k| shot_results(name, k)).collect(),
         failed: vec![(name.to_owned(), name.to_owned())],
+        steps_failed: vec![(name.to_owned(), name.to_owned())],
         comparison: Some(comparison(60, 0.8, name)),
         diagnosis: Some(diagnosis(Verdict::EffectMissing, name)),
         after: Some(comparison(60, 0.0, name)),

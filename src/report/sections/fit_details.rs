@@ -10,12 +10,12 @@ pub fn fit_details(stated: &[ParameterValue], fitted: &[ParameterValue], outlier
     let mut parameters = Table::new("Free parameters").column("parameter").numbers("in the model file").numbers("fitted (± sd)").column("");
     for p in fitted {
         let before = stated.iter().find(|s| s.name == p.name).map_or_else(|| "–".to_owned(), |s| significant(s.value, 4));
-        let remark = match (p.sd.is_finite(), p.at_limit) {
-            (false, _) => "not determined by these impacts",
-            (true, true) => "at the edge of its range: the data want more",
-            (true, false) => "",
+        let (after, remark) = match (p.undetermined, p.at_limit) {
+            (true, _) => (significant(p.value, 4), "not determined by these impacts"),
+            (false, true) => (with_sd(p.value, p.sd), "at the edge of its range: the data want more"),
+            (false, false) => (with_sd(p.value, p.sd), ""),
         };
-        parameters = parameters.row(&[p.name.clone(), before, with_sd(p.value, p.sd), remark.to_owned()]);
+        parameters = parameters.row(&[p.name.clone(), before, after, remark.to_owned()]);
     }
     let mut odd =
         Table::new("Measured numbers that do not belong to the rest; they were given less weight").column("impact").column("column").numbers("deviations");

@@ -5,17 +5,18 @@ use crate::report::markup::{fixed, percent, with_sd};
 use crate::report::page::{Section, Tone};
 use crate::report::session_results::SessionResults;
 use crate::validation::Verdict;
+use std::collections::BTreeSet;
 
 pub fn session_verdict(r: &SessionResults) -> Section {
     let measured = r.shots.iter().filter(|s| s.record.is_some()).count();
-    let all = measured + r.failed.len();
+    let all = r.shots.iter().map(|s| &s.id).chain(r.failed.iter().map(|(id, _)| id)).collect::<BTreeSet<_>>().len();
     let mut lines = Vec::new();
     let mut cards = Vec::new();
     if let Some(s) = r.rig.as_ref().and_then(|rig| rig.square_mm.as_ref()) {
         lines.push(format!("The calibration re-measures the checkerboard's squares as {} ± {} mm in space.", fixed(s.mean, 2), fixed(s.sd, 2)));
     }
     if all > 0 {
-        lines.push(if r.failed.is_empty() {
+        lines.push(if measured == all {
             format!("All {all} shots were measured.")
         } else {
             format!("{measured} of {all} shots were measured; the others are named with their reason below.")
@@ -35,7 +36,7 @@ pub fn session_verdict(r: &SessionResults) -> Section {
             format!("mean ball speed after; shots spread by {} m/s, each known to {} m/s (sd)", fixed(spread, 1), fixed(own, 2)),
         ));
     }
-    let mut tone = if r.failed.is_empty() { Tone::Good } else { Tone::Doubt };
+    let mut tone = if r.failed.is_empty() && r.steps_failed.is_empty() { Tone::Good } else { Tone::Doubt };
     if let Some(d) = &r.diagnosis {
         (tone, _) = match d.verdict {
             Verdict::Adequate => (tone, ()),

@@ -25,13 +25,17 @@ const COLUMNS: [&str; 10] = [
 
 pub fn shots(results: &SessionResults) -> Option<Section> {
     let measured: Vec<(&ShotResults, &Shot)> = results.shots.iter().filter_map(|s| Some((s, &s.record.as_ref()?.shot))).collect();
-    let failed: Vec<String> = results.failed.iter().map(|(id, why)| format!("{id}: {why}")).collect();
-    if measured.is_empty() && failed.is_empty() {
+    let named = |list: &[(String, String)]| list.iter().map(|(id, why)| format!("{id}: {why}")).collect::<Vec<String>>();
+    let (failed, steps) = (named(&results.failed), named(&results.steps_failed));
+    if measured.is_empty() && failed.is_empty() && steps.is_empty() {
         return None;
     }
     let mut section = Section::new("shots", "Shot characteristics");
     if !failed.is_empty() {
         section = section.heading("Shots that could not be measured").list(&failed);
+    }
+    if !steps.is_empty() {
+        section = section.heading("Steps that failed").list(&steps);
     }
     if !measured.is_empty() {
         section = section.figures(Layout::Normal, &faces(&measured)).table(overview(&measured));

@@ -22,7 +22,10 @@ pub fn trajectories(results: &SessionResults) -> Option<Section> {
     }
     for (k, shot) in shots.iter().enumerate() {
         let figures = [
-            (scene(shot, room), "Ball and markers around the impact; the racket's outline through its markers every 5 ms, bold at the impact.".to_owned()),
+            (
+                scene(shot, room),
+                "Ball and markers around the impact; the racket's outline through its markers in every fifth frame, bold at the impact.".to_owned(),
+            ),
             (components(shot, room), "The ball's centre against time, with error bars of two standard deviations where they are visible.".to_owned()),
         ];
         if k < 2 {

@@ -7,6 +7,7 @@
 //! - `refused`: `reason` with `cause` and its numbers.
 
 use super::estimate::{BallSpin, SpinEstimate};
+use crate::limited_file::{LARGEST_TEXT, read_text};
 use std::path::{Path, PathBuf};
 
 /// Name of the file in a shot's results folder.
@@ -30,7 +31,7 @@ pub fn spin_to_json(spin: &BallSpin) -> String {
 
 /// Reads and checks `spin.json`.
 pub fn read_spin(path: &Path) -> Result<BallSpin, SpinFileError> {
-    let text = std::fs::read_to_string(path).map_err(|source| SpinFileError::Unreadable { path: path.into(), source })?;
+    let text = read_text(path, LARGEST_TEXT).map_err(|source| SpinFileError::Unreadable { path: path.into(), source })?;
     let spin: BallSpin = serde_json::from_str(&text).map_err(|source| SpinFileError::Format { path: path.into(), source })?;
     for (field, estimate) in [("before", &spin.before), ("after", &spin.after)] {
         let bad = |seen: String, allowed| SpinFileError::Value { path: path.into(), field, seen, allowed };

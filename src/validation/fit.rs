@@ -27,6 +27,13 @@ const MOST_SETTLING: usize = 8;
 const FIRST_SHARE: f64 = 0.1;
 const SHARES: (f64, f64) = (0.02, 0.5);
 
+/// A parameter that fewer than this share of the impacts tell where it starts is looked for elsewhere: how far, in typical changes either way, at how many places, and by how much
+/// chi-square must fall there.
+const PLATEAU_TOLD: f64 = 0.1;
+const PLATEAU_REACH: f64 = 10.0;
+const PLATEAU_LOOKS: usize = 40;
+const PLATEAU_GAIN: f64 = 6.0;
+
 #[derive(Debug, Clone)]
 pub struct FitOptions {
     /// Prior deviation of a session's offset, as a share of the single-impact deviation.
@@ -182,6 +189,9 @@ pub fn fit(
     let mut spread = start.map_or_else(Spread::unlimited, |s| s.fit.spread.clone());
     let passes = if start.is_some() { 1 } else { 2 };
     let mut state = work.evaluate(&columns_at, &begin, keep, &spread, passes)?;
+    if start.is_none() {
+        state = work.leave_plateaus(state, &spread)?;
+    }
     let mut rounds = 0;
     let mut information: Option<DMatrix<f64>> = None;
     // Outlier weights settle with the parameters; fixed from then on, so that what the steps lower is one function.
@@ -357,6 +367,42 @@ impl<'a> Work<'a> {
         let log_det: f64 = impacts.iter().map(|l| l.log_det).sum();
         let from_prior: f64 = self.prior_precision.iter().zip(columns.iter().zip(self.prior_mean.iter())).map(|(p, (v, m))| p * (v - m) * (v - m)).sum();
         Ok(State { column_values: columns.clone(), shifts, values, impacts, objective: chi2 + log_det + from_prior, chi2, from_prior })
+    }
+
+    /// The state with every parameter that hardly any impact tells where it starts moved to where it fits best: with a friction at which all
+    /// balls stick no slope tells that at a lower one many would slide, as they did.
+    fn leave_plateaus(&self, mut state: State, spread: &Spread) -> Result<State, ValidationError> {
+        if !self.columns.iter().any(|c| matches!(c, Column::Parameter(_))) {
+            return Ok(state);
+        }
+        let design = self.design(&state, None)?;
+        for (i, column) in self.columns.iter().enumerate() {
+            let Column::Parameter(p) = *column else { continue };
+            let told: Vec<f64> = design.iter().map(|a| a.column(i).norm_squared()).collect();
+            let (sum, squares) = told.iter().fold((0.0, 0.0), |(s, q), t| (s + t, q + t * t));
+            // How many impacts tell it, each counted by its share.
+            if sum * sum > PLATEAU_TOLD * self.impacts.len() as f64 * squares && squares > 0.0 {
+                continue;
+            }
+            let (limits, from) = (&self.forward.parameters()[p], state.column_values[i]);
+            let reach = PLATEAU_REACH * limits.typical.abs().max(1e-12);
+            let (low, high) = (limits.min.max(from - reach), limits.max.min(from + reach));
+            let begin = begin_of(&state);
+            let mut best: Option<(f64, State)> = None;
+            for k in 0..PLATEAU_LOOKS {
+                let mut columns = state.column_values.clone();
+                columns[i] = low + (high - low) * (k as f64 + 0.5) / PLATEAU_LOOKS as f64;
+                let Ok(tried) = self.evaluate(&columns, &begin, Some(&state.impacts), spread, 1) else { continue };
+                let gain = state.cost_of(&state) - state.cost_of(&tried);
+                if gain > PLATEAU_GAIN && best.as_ref().is_none_or(|(most, _)| gain > *most) {
+                    best = Some((gain, tried));
+                }
+            }
+            if let Some((_, tried)) = best {
+                state = self.evaluate(&tried.column_values, &begin, None, spread, 1)?;
+            }
+        }
+        Ok(state)
     }
 
     /// Whitened derivatives of the prediction with respect to every column, at the state's true inputs.

@@ -4,6 +4,7 @@ use super::Shell;
 use super::error::CliError;
 use super::impacts_input::ImpactsInput;
 use crate::impact::model_file::with_values;
+use crate::validation::by_group::Groups;
 use crate::validation::comparison::parameter_values;
 use crate::validation::fit::{FitOptions, fit};
 use crate::validation::forward::Library;
@@ -38,7 +39,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let seen = loaded.observations.side(false);
     let options = FitOptions { robust: !arguments.no_robust, ..FitOptions::default() };
     let fitted = fit(current, &loaded.observations, &seen, &options, None)?;
-    let structure = structure_test(&fitted, &loaded.observations, &seen, input.seed);
+    let structure = structure_test(&fitted, &loaded.observations, &seen, Groups::Test, input.seed);
     let parameters = parameter_values(current, &fitted, structure.noise_scale);
     let error = held_out_error(current, &fitted, &loaded.observations)?;
     let values: Vec<(String, f64)> = parameters.iter().map(|p| (p.name.clone(), p.value)).collect();

@@ -1,6 +1,7 @@
 //! The current model on a table, before any effect is tried: its best fit, three tests of it, and the held-out impacts.
 
-use super::comparison::{outliers, parameter_values, session_offsets, summarise};
+use super::by_group::{GROUP_LEVEL, Groups};
+use super::comparison::{note_groups, outliers, parameter_values, session_offsets, summarise};
 use super::diagnosis::{CandidateReport, Diagnosis, NotVisible, Verdict};
 use super::error::ValidationError;
 use super::expression::local_spot;
@@ -16,7 +17,7 @@ use super::rank::{Reference, flexible_nuisance};
 use super::screen::{LIBRARY_LEVEL, Screening, screen_beyond};
 use super::structure::{STRUCTURE_LEVEL, StructureTest, structure_test};
 
-/// The three tests together: how often nothing-missing is called missing, at most.
+/// The tests together (that of the groups only where there are any): how often nothing-missing is called missing, at most.
 const FALSE_ALARM_RATE: f64 = LIBRARY_LEVEL + STRUCTURE_LEVEL + SPOT_LEVEL;
 
 /// When nothing is missing, all candidates together are no more likely than that.
@@ -44,14 +45,14 @@ impl<'a> Case<'a> {
     pub fn new(library: &'a dyn Library, observations: &'a Observations, seed: u64) -> Result<Self, ValidationError> {
         let (seen, held) = (observations.side(false), observations.side(true));
         let base = fit(library.current(), observations, &seen, &FitOptions::default(), None)?;
-        let structure = structure_test(&base, observations, &seen, seed);
+        let structure = structure_test(&base, observations, &seen, Groups::Test, seed);
         // Effects that are in the model already may have another form than the catalogue's; what that leaves is no new effect.
         let present = Present::of(library);
         let c_screen = structure.noise_scale_for_screening();
         let nuisance =
             if present.is_empty() { Nuisance::of(&base) } else { flexible_nuisance(library.current(), &base, observations, &seen, &present.strengths)? };
         let screening = screen_beyond(library, &base, &seen, c_screen, &nuisance, None)?;
-        let spot = local_spot(&Reference { library, observations, impacts: &seen, base: &base, c: c_screen, seed }, &nuisance);
+        let spot = local_spot(&Reference { library, observations, impacts: &seen, base: &base, groups: &structure.by_group, c: c_screen, seed }, &nuisance);
         let held_out = linearise_held_out(library.current(), &base, observations, &held)?;
         let (error, spot_p_value) = (error_of(&held_out), spot.map_or(1.0, |s| s.p_value));
         Ok(Case { library, observations, seen, held, base, structure, screening, spot_p_value, present, held_out, error, seed })
@@ -77,7 +78,21 @@ impl<'a> Case<'a> {
     }
 
     pub fn reference(&self, c: f64) -> Reference<'_> {
-        Reference { library: self.library, observations: self.observations, impacts: &self.seen, base: &self.base, c, seed: self.seed }
+        Reference {
+            library: self.library,
+            observations: self.observations,
+            impacts: &self.seen,
+            base: &self.base,
+            groups: &self.structure.by_group,
+            c,
+            seed: self.seed,
+        }
+    }
+
+    fn notes(&self) -> Vec<String> {
+        let mut notes = self.observations.notes.clone();
+        note_groups(&self.structure, &mut notes);
+        notes
     }
 
     /// What is known before any effect is tried: an adequate model.
@@ -101,13 +116,13 @@ impl<'a> Case<'a> {
             library_p_value: self.screening.library_p_value,
             n_tested: self.screening.tested,
             spot_p_value: self.spot_p_value,
-            false_alarm_rate: FALSE_ALARM_RATE,
+            false_alarm_rate: FALSE_ALARM_RATE + if self.structure.columns_of_groups > 0 { GROUP_LEVEL } else { 0.0 },
             not_visible: not_visible(self.library, &self.screening),
             parameters: parameter_values(self.library.current(), &self.base, c),
             outliers: outliers(&self.seen, &self.base.impacts, &self.held, &self.held_out),
             session_offsets: session_offsets(self.observations, &self.base, c),
             words: Vec::new(),
-            notes: self.observations.notes.clone(),
+            notes: self.notes(),
             model: model.to_owned(),
             seed: self.seed,
             provenance: None,

@@ -1,5 +1,6 @@
 //! The model against the measurement, impact by impact: everything a reader or a report needs to see it.
 
+use super::by_group::{GROUP_LEVEL, Groups};
 use super::error::ValidationError;
 use super::fit::{Column, Fit, FitOptions, fit};
 use super::forward::Forward;
@@ -160,7 +161,7 @@ impl Comparison {
     /// Whether the structure test rejects the model; one that is inadequate all the same has an error on held-out impacts that
     /// is clearly above the noise.
     pub fn shows_structure(&self) -> bool {
-        self.structure.p_value < self.false_alarm_rate
+        self.structure.p_value < COMPARE_LEVEL
     }
 
     /// Whether the model is called adequate although the structure test rejects it, because what it finds is no more than the shots
@@ -178,7 +179,7 @@ pub fn compare(forward: &dyn Forward, observations: &Observations, model: &str, 
     let held_stated = linearise_held_out(forward, &as_stated, observations, &held)?;
     let refitted = fit(forward, observations, &seen, &FitOptions::default(), None)?;
     let held_refitted = linearise_held_out(forward, &refitted, observations, &held)?;
-    let structure = structure_test(&refitted, observations, &seen, seed);
+    let structure = structure_test(&refitted, observations, &seen, Groups::Test, seed);
     let impacts = impact_points(observations, &as_stated, &held_stated);
     let floor = structure.noise_scale.sqrt();
     // Shots of footage share more errors than their table states: structure that does not show in the error on those held out
@@ -190,6 +191,7 @@ pub fn compare(forward: &dyn Forward, observations: &Observations, model: &str, 
     let mut notes = observations.notes.clone();
     note_noise(floor, !fails, &mut notes);
     note_group_noise(&structure, &mut notes);
+    note_groups(&structure, &mut notes);
     if disbelieved && !fails {
         notes.push(format!(
             "the structure test alone rejects (p = {}), but what it finds adds less than a tenth to the error of the fit and nothing to that of held-out impacts ({:.3}, floor {floor:.3}): not believed of shots that share a calibration",
@@ -199,7 +201,7 @@ pub fn compare(forward: &dyn Forward, observations: &Observations, model: &str, 
     }
     Ok(Comparison {
         verdict: if fails { "inadequate" } else { "adequate" }.to_owned(),
-        false_alarm_rate: COMPARE_LEVEL,
+        false_alarm_rate: COMPARE_LEVEL + if structure.columns_of_groups > 0 { GROUP_LEVEL } else { 0.0 },
         model: model.to_owned(),
         n_impacts: observations.impacts.len(),
         n_held_out: held.len(),
@@ -265,6 +267,18 @@ pub fn note_group_noise(structure: &StructureTest, notes: &mut Vec<String>) {
         }
         let columns = if group.outputs == "contact_time" { "`contact_time`".to_owned() } else { format!("`{}x`, `y`, `z`", group.outputs) };
         notes.push(format!("the noise of {columns} is {factor:.2} times that of the other outputs, each in its stated deviations"));
+    }
+}
+
+/// Says where the model fails otherwise than elsewhere.
+pub fn note_groups(structure: &StructureTest, notes: &mut Vec<String>) {
+    for g in &structure.by_group {
+        notes.push(format!(
+            "the model does not fail alike in all groups of `{}` (p = {}): {}; what differs between them (a racket's mass, its stringing, a camera, units) is where to look, and one table for each will tell",
+            g.column,
+            p_text(g.p_value),
+            g.words()
+        ));
     }
 }
 

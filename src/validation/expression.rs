@@ -5,6 +5,7 @@
 //! rounded to two digits and refitted around. A dead spot (a bump over the face) has a place and a width to find
 //! ([`super::local_spot`]). (missing-physics.md, section 7.)
 
+use super::by_group::Groups;
 use super::diagnosis::{Estimate, SuggestedExpression};
 use super::error::ValidationError;
 use super::expression_terms::{CHANNELS, FEATURES, FeatureInputs, TermChannel};
@@ -241,7 +242,7 @@ pub fn find_expression(
         chosen.push(term);
         best = next;
     }
-    let structure = structure_test(&best.fit, reference.observations, reference.impacts, reference.seed);
+    let structure = structure_test(&best.fit, reference.observations, reference.impacts, Groups::Known(reference.groups), reference.seed);
     reference.c = reference.c.min(structure.noise_scale);
     let c = reference.c;
     let log_evidence = log_evidence_over(reference.base, &best.fit, c, 0);

@@ -308,7 +308,8 @@ impl<'a> Judgement<'a> {
     fn best_formula(&mut self) -> Result<Option<Found>, ValidationError> {
         let catalogue = self.chosen.map_or(0.0, |b| self.log_evidence_of_name(b));
         let unexplained = self.verdict == Verdict::Unexplained;
-        let alone = self.alone.take().filter(|f| unexplained || f.log_evidence > catalogue + LOG_ODDS);
+        let lowers = |f: &Found| f.suggestion.heldout_error_after < self.case.error;
+        let alone = self.alone.take().filter(|f| lowers(f) && (unexplained || f.log_evidence > catalogue + LOG_ODDS));
         if let (Some(b), false, None) = (self.chosen, self.refused, &self.beside) {
             self.beside = self.form_beside(b)?;
         }

@@ -8,6 +8,7 @@
 //! ([`structure`], `screen`), non-linear refits ranked by evidence (`rank`), sparse expressions when no named effect
 //! will do (`expression`). `docs/diagnosis.md` gives its measured error rates.
 
+pub mod by_group;
 mod case;
 pub mod comparison;
 pub mod diagnose;

@@ -1,5 +1,6 @@
 //! What the effects that a model already holds explain. One that imitates them, where they do nearly all, is their own form.
 
+use super::by_group::Groups;
 use super::error::ValidationError;
 use super::fit::{FitOptions, fit};
 use super::forward::{Forward, FreeParameter, Library, Prediction, Strength};
@@ -48,7 +49,7 @@ impl Present {
     fn absent(&self, library: &dyn Library, observations: &Observations, impacts: &[&Observation], seed: u64) -> Result<StructureTest, ValidationError> {
         let without = Without::new(library.current(), &self.strengths);
         let fitted = fit(&without, observations, impacts, &FitOptions::default(), None)?;
-        Ok(structure_test(&fitted, observations, impacts, seed))
+        Ok(structure_test(&fitted, observations, impacts, Groups::Known(&[]), seed))
     }
 }
 

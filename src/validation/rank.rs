@@ -11,6 +11,7 @@
 //! A second effect must not be the first one's wrong form: it counts only by what it explains after the first one's
 //! strength was allowed to vary smoothly with speed, place, obliqueness and spin.
 
+use super::by_group::{GroupMisfit, Groups};
 use super::error::ValidationError;
 use super::fit::{Column, Fit, FitOptions, Start, fit};
 use super::forward::{EffectOutline, Forward, Library, Strength};
@@ -78,6 +79,8 @@ pub struct Reference<'a> {
     pub observations: &'a Observations,
     pub impacts: &'a [&'a Observation],
     pub base: &'a Fit,
+    /// Columns whose groups the base fails by.
+    pub groups: &'a [GroupMisfit],
     /// Noise scale c.
     pub c: f64,
     pub seed: u64,
@@ -185,7 +188,7 @@ impl Reference<'_> {
         let options = FitOptions { start_values: Some(start), ..FitOptions::default() };
         let begin = Start { fit: self.base, keep_jacobians: forward.costly() };
         let fitted = fit(forward.as_ref(), self.observations, self.impacts, &options, Some(begin))?;
-        let structure = structure_test(&fitted, self.observations, self.impacts, self.seed);
+        let structure = structure_test(&fitted, self.observations, self.impacts, Groups::Known(self.groups), self.seed);
         let held_out = linearise_held_out(forward.as_ref(), &fitted, self.observations, &self.observations.side(true))?;
         let mut refit = Refit {
             effects: effects.iter().map(|s| (*s).to_owned()).collect(),

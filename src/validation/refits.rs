@@ -491,6 +491,8 @@ mod tests {
             p_value: 0.0,
             noise_scale: 1.0,
             noise_by_group: Vec::new(),
+            columns_of_groups: 0,
+            by_group: Vec::new(),
             residual_chi2: 900.0,
             residual_freedom: 900.0,
             excess: 200.0,

@@ -9,6 +9,7 @@
 //! Σ (1 − h), h the leverage) and averaged over the numbers measured: (chi² − T)/(dof − q) would be too small where the terms
 //! take most out of those outputs whose noise is understated the most, and the floor of the error with it.
 
+use super::by_group::{GroupMisfit, GroupTest, Groups, beside, group_test};
 use super::fit::Fit;
 use super::forward::Inputs;
 use super::observation::{Gear, Observation, Observations};
@@ -63,6 +64,11 @@ pub struct StructureTest {
     pub residual_freedom: f64,
     /// chi-square less what noise of scale c explains: how much structure the residuals hold, in units of c.
     pub excess: f64,
+    /// Columns of groups looked at, and what is most its own in those whose groups differ ([`super::by_group`]).
+    #[serde(default)]
+    pub columns_of_groups: usize,
+    #[serde(default)]
+    pub by_group: Vec<GroupMisfit>,
     pub seed: u64,
 }
 
@@ -148,8 +154,8 @@ fn features(o: &Observation, x: &Inputs, gear: &Gear) -> [f64; FEATURES] {
 }
 
 /// Responses of the 13 outputs to a unit of each channel; columns: normal, slip, across, x, y, spin n, spin slip, spin x,
-/// spin y, racket impulse z, x, y, racket angular impulse x, y, z.
-fn channels(x: &Inputs, gear: &Gear) -> DMatrix<f64> {
+/// spin y, racket impulse z, x, y, racket angular impulse x, y, z; what a blow on the other face reverses is taken along its own normal.
+pub(super) fn channels(x: &Inputs, gear: &Gear) -> DMatrix<f64> {
     let contact = ContactInputs::of(x, gear);
     let n = contact.side;
     let (m, big_m) = (gear.ball.mass_kg, gear.racket.mass_kg);
@@ -178,11 +184,11 @@ fn channels(x: &Inputs, gear: &Gear) -> DMatrix<f64> {
         about(across * r),
         about(Vector3::x() * r),
         about(Vector3::y() * r),
-        [none, none, Vector3::z() * scale / big_m, none],
+        [none, none, Vector3::z() * n * scale / big_m, none],
         [none, none, Vector3::x() * scale / big_m, none],
         [none, none, Vector3::y() * scale / big_m, none],
-        [none, none, none, Vector3::x() * scale / inertia.x * 0.1],
-        [none, none, none, Vector3::y() * scale / inertia.y * 0.1],
+        [none, none, none, Vector3::x() * n * scale / inertia.x * 0.1],
+        [none, none, none, Vector3::y() * n * scale / inertia.y * 0.1],
         [none, none, none, Vector3::z() * scale / inertia.z * 0.1],
     ];
     DMatrix::from_fn(13, columns.len(), |row, c| if row < 12 { columns[c][row / 3][row % 3] } else { 0.0 })
@@ -313,25 +319,16 @@ pub fn generic_signatures(fit: &Fit, observations: &Observations, impacts: &[&Ob
 }
 
 /// The structure test of a fit.
-pub fn structure_test(fit: &Fit, observations: &Observations, impacts: &[&Observation], seed: u64) -> StructureTest {
-    let projected = project(fit, &generic_signatures(fit, observations, impacts));
-    let m = projected.score.len();
-    let root: Vec<f64> = (0..m).map(|i| projected.information[(i, i)].max(1e-300).sqrt()).collect();
-    let scaled = DMatrix::from_fn(m, m, |i, j| {
-        // Terms that the nuisance absorbs (below a millionth of what they were) say nothing.
-        let told = projected.information[(i, i)] > 1e-6 * projected.raw[i] && projected.information[(j, j)] > 1e-6 * projected.raw[j];
-        if told { projected.information[(i, j)] / (root[i] * root[j]) } else { 0.0 }
-    });
-    let eigen = scaled.symmetric_eigen();
-    let kept: Vec<usize> = (0..m).filter(|&i| eigen.eigenvalues[i] > 1e-6).collect();
-    let q = kept.len();
-    let mut directions = DMatrix::zeros(m, q);
-    for (column, &i) in kept.iter().enumerate() {
-        let scale = 1.0 / eigen.eigenvalues[i].sqrt();
-        for row in 0..m {
-            directions[(row, column)] = eigen.eigenvectors[(row, i)] * scale / root[row];
-        }
+pub fn structure_test(fit: &Fit, observations: &Observations, impacts: &[&Observation], groups: Groups, seed: u64) -> StructureTest {
+    let mut signatures = generic_signatures(fit, observations, impacts);
+    let GroupTest { tested: columns_of_groups, failing } = group_test(fit, observations, impacts, &signatures, groups, seed);
+    for (_, blocks) in &failing {
+        signatures = signatures.iter().zip(blocks).map(|(own, more)| beside(own, more)).collect();
     }
+    let by_group: Vec<GroupMisfit> = failing.into_iter().map(|(misfit, _)| misfit).collect();
+    let projected = project(fit, &signatures);
+    let directions = independent_directions(&projected);
+    let q = directions.ncols();
     let parts = &projected.contributions * &directions;
     let statistic = parts.row_sum().norm_squared();
     let prior_terms = fit.prior_precision.iter().filter(|p| **p > 0.0).count();
@@ -341,9 +338,39 @@ pub fn structure_test(fit: &Fit, observations: &Observations, impacts: &[&Observ
     let residual_chi2 = (chi2 - statistic).max(0.0);
     let (noise_scale, noise_by_group) = noise_by_group(fit, &projected, &directions, &parts.row_sum().transpose(), residual_chi2 / residual_freedom);
     // What a table misses by no more than rounding has no structure.
-    let p_value = if chi2 < EXACT * fit.count() as f64 { 1.0 } else { wild_p_value(&parts, statistic, seed) };
+    let exact = chi2 < EXACT * fit.count() as f64;
+    let p_value = if exact {
+        1.0
+    } else {
+        {
+            let tested = by_group.iter().filter(|_| matches!(groups, Groups::Test)).map(|g| g.p_value);
+            tested.fold(wild_p_value(&parts, statistic, seed), f64::min)
+        }
+    };
+    let by_group = if exact { Vec::new() } else { by_group };
     let excess = (statistic / noise_scale - q as f64).max(0.0);
-    StructureTest { statistic, rank: q, p_value, noise_scale, noise_by_group, residual_chi2, residual_freedom, excess, seed }
+    StructureTest { statistic, rank: q, p_value, noise_scale, noise_by_group, residual_chi2, residual_freedom, excess, columns_of_groups, by_group, seed }
+}
+
+/// Directions in the space of the terms, terms × rank, along which the projected scores are independent with variance one.
+pub(super) fn independent_directions(projected: &Projected) -> DMatrix<f64> {
+    let m = projected.score.len();
+    let root: Vec<f64> = (0..m).map(|i| projected.information[(i, i)].max(1e-300).sqrt()).collect();
+    let scaled = DMatrix::from_fn(m, m, |i, j| {
+        // Terms that the nuisance absorbs (below a millionth of what they were) say nothing.
+        let told = projected.information[(i, i)] > 1e-6 * projected.raw[i] && projected.information[(j, j)] > 1e-6 * projected.raw[j];
+        if told { projected.information[(i, j)] / (root[i] * root[j]) } else { 0.0 }
+    });
+    let eigen = scaled.symmetric_eigen();
+    let kept: Vec<usize> = (0..m).filter(|&i| eigen.eigenvalues[i] > 1e-6).collect();
+    let mut directions = DMatrix::zeros(m, kept.len());
+    for (column, &i) in kept.iter().enumerate() {
+        let scale = 1.0 / eigen.eigenvalues[i].sqrt();
+        for row in 0..m {
+            directions[(row, column)] = eigen.eigenvectors[(row, i)] * scale / root[row];
+        }
+    }
+    directions
 }
 
 /// Noise scale of all measured numbers and of each group, when the terms along `directions` (of which they hold `amounts`) are
@@ -380,7 +407,7 @@ fn noise_by_group(fit: &Fit, projected: &Projected, directions: &DMatrix<f64>, a
 }
 
 /// Tail of |Σ ±s_i|² over random signs, as a scaled chi-square with the draws' mean and variance.
-fn wild_p_value(parts: &DMatrix<f64>, statistic: f64, seed: u64) -> f64 {
+pub(super) fn wild_p_value(parts: &DMatrix<f64>, statistic: f64, seed: u64) -> f64 {
     let (n, q) = parts.shape();
     if q == 0 || n == 0 {
         return 1.0;

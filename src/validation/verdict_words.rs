@@ -62,6 +62,7 @@ pub fn verdict_words(d: &Diagnosis) -> Vec<String> {
         Verdict::Unexplained => {
             words.push("UNEXPLAINED: the model fails, and no effect of the catalogue, nor two together, accounts for it.".to_owned());
             words.push(format!("Error on held-out impacts {:.2}, noise floor {:.2}; {tests}.", d.heldout_error, d.noise_floor));
+            words.extend(d.structure.by_group.first().map(|g| format!("It does not fail alike in all groups: {}.", g.words())));
             match &d.suggested_expression {
                 Some(e) => words.push(format!("What the residuals say: {} (held-out error with it {:.2}).", e.words, e.heldout_error_after)),
                 None => words.push("No short formula was found in the residuals either; see where it fails.".to_owned()),

@@ -117,6 +117,8 @@ fn structure(p_value: f64) -> StructureTest {
         p_value,
         noise_scale: 1.02,
         noise_by_group: Vec::new(),
+        columns_of_groups: 0,
+        by_group: Vec::new(),
         residual_chi2: 2040.0,
         residual_freedom: 2000.0,
         excess: 300.0,

@@ -1,0 +1,199 @@
+//! Does the model fail otherwise in some groups of a table than in others: one racket, one ball, one player, one day?
+//!
+//! No smooth function of the inputs shows that, and where nothing looks for it it passes for noise. For every column that
+//! parts the impacts into groups, each group has an impulse of its own along the normal and along the slip, and its racket
+//! a push and a swing of its own; what the model's parameters, the offsets of the sessions and all smooth corrections can
+//! imitate is projected out, and the rest tested as in [`super::structure`], corrected for the number of columns.
+
+use super::fit::Fit;
+use super::linearise::Linearised;
+use super::observation::{Observation, Observations};
+use super::project::{Nuisance, project_out};
+use super::structure::{channels, independent_directions, wild_p_value};
+use nalgebra::DMatrix;
+use serde::{Deserialize, Serialize};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// Level of the test, corrected for the number of columns.
+pub const GROUP_LEVEL: f64 = 0.002;
+/// Groups smaller than this are not looked at, nor columns with more than so many.
+const FEWEST_IN_GROUP: usize = 8;
+const MOST_GROUPS: usize = 40;
+/// Channels (columns of [`channels`]) that a group may have of its own, in words.
+const CHANNELS: [(usize, &str); 4] =
+    [(0, "the impulse along the normal"), (1, "the impulse along the slip"), (9, "the racket's push along the normal"), (13, "the racket's swing")];
+/// Precision of the smooth corrections that are projected out: as good as free.
+const FREE: f64 = 1e-9;
+
+/// What is most its own in a column whose groups differ.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct GroupMisfit {
+    pub column: String,
+    pub group: String,
+    /// Impacts of the fit in it.
+    pub n: usize,
+    /// What differs, and by how much of the impulse of a contact without rebound.
+    pub what: String,
+    pub change: f64,
+    pub sd: f64,
+    /// Of the whole column, corrected for the number of columns.
+    pub p_value: f64,
+}
+
+impl GroupMisfit {
+    /// In deviations.
+    fn size(&self) -> f64 {
+        self.change.abs() / self.sd
+    }
+
+    /// "where `racket` is "Gamma", the impulse along the normal is smaller than in the others by 3.9 ± 0.1 % …".
+    pub fn words(&self) -> String {
+        format!(
+            "where `{}` is {:?} ({} impacts), {} is {} than elsewhere by {:.1} ± {:.1} % of the impulse of a contact without rebound",
+            self.column,
+            self.group,
+            self.n,
+            self.what,
+            if self.change < 0.0 { "smaller" } else { "larger" },
+            100.0 * self.change.abs(),
+            100.0 * self.sd
+        )
+    }
+}
+
+/// The columns looked at, and those whose groups differ with the whitened signatures of their groups.
+pub struct GroupTest {
+    pub tested: usize,
+    pub failing: Vec<(GroupMisfit, Vec<DMatrix<f64>>)>,
+}
+
+/// A column, and of each impact its group there.
+type Labels<'a> = (String, Vec<Option<&'a str>>);
+
+fn columns<'a>(observations: &'a Observations, impacts: &[&'a Observation]) -> Vec<Labels<'a>> {
+    let named = |of: &dyn Fn(&Observation) -> &'a str| impacts.iter().map(|o| Some(of(o))).collect::<Vec<_>>();
+    let gear = &observations.gear;
+    let mut all: Vec<Labels> =
+        vec![("racket".to_owned(), named(&|o| gear[o.gear].racket.name.as_str())), ("ball".to_owned(), named(&|o| gear[o.gear].ball.name.as_str()))];
+    let keys: BTreeSet<&String> = impacts.iter().flat_map(|o| o.groups.keys()).collect();
+    all.extend(keys.into_iter().map(|key| (key.clone(), impacts.iter().map(|o| o.groups.get(key).map(String::as_str)).collect())));
+    all
+}
+
+/// The columns that part the impacts, each with its groups that are large enough.
+fn parted<'a>(observations: &'a Observations, impacts: &[&'a Observation]) -> Vec<(Labels<'a>, Vec<&'a str>)> {
+    let mut parted: Vec<(Labels, Vec<&str>)> = Vec::new();
+    for labels in columns(observations, impacts) {
+        let mut count: BTreeMap<&str, usize> = BTreeMap::new();
+        labels.1.iter().flatten().for_each(|l| *count.entry(l).or_default() += 1);
+        let groups: Vec<&str> = count.iter().filter(|(_, n)| **n >= FEWEST_IN_GROUP).map(|(l, _)| *l).collect();
+        // Two columns that part the impacts alike are one (a player and his racket).
+        let again = parted.iter().any(|((_, earlier), _)| same_parts(earlier, &labels.1));
+        if (2..=MOST_GROUPS).contains(&groups.len()) && count.len() <= MOST_GROUPS && !again {
+            parted.push((labels, groups));
+        }
+    }
+    parted
+}
+
+/// What a structure test does about groups.
+#[derive(Clone, Copy)]
+pub enum Groups<'a> {
+    /// Tests every column.
+    Test,
+    /// Gives the groups of these columns, which an earlier fit failed by, terms of their own.
+    Known(&'a [GroupMisfit]),
+}
+
+/// Tests the columns of groups, or takes those that are known to fail. `generic`: the whitened signatures of all smooth corrections.
+pub(super) fn group_test(fit: &Fit, observations: &Observations, impacts: &[&Observation], generic: &[DMatrix<f64>], groups: Groups, seed: u64) -> GroupTest {
+    if let Groups::Known([]) = groups {
+        return GroupTest { tested: 0, failing: Vec::new() };
+    }
+    let mut parted = parted(observations, impacts);
+    let tested = parted.len();
+    let responses: Vec<DMatrix<f64>> = fit.impacts.iter().zip(impacts).map(|(l, o)| channels(&l.true_inputs, &observations.gear[o.gear])).collect();
+    if let Groups::Known(known) = groups {
+        let columns = known.iter().filter_map(|k| Some((k.clone(), parted.iter().find(|((name, _), _)| *name == k.column)?)));
+        return GroupTest { tested, failing: columns.map(|(misfit, column)| (misfit, signatures(fit, &responses, column))).collect() };
+    }
+    let mut failing: Vec<(GroupMisfit, Vec<DMatrix<f64>>)> = Vec::new();
+    let mut smooth = generic.to_vec();
+    // The column whose groups stand apart most first; the others must show something beside it.
+    while !parted.is_empty() {
+        let Ok(nuisance) = Nuisance::with_columns(fit, &smooth, FREE) else { break };
+        let most = parted
+            .iter()
+            .enumerate()
+            .filter_map(|(i, column)| Some((i, one_column(fit, &nuisance, &responses, column, tested, seed)?)))
+            .max_by(|(_, a), (_, b)| a.0.size().total_cmp(&b.0.size()));
+        let Some((i, (misfit, blocks))) = most else { break };
+        parted.remove(i);
+        smooth = smooth.iter().zip(&blocks).map(|(a, b)| beside(a, b)).collect();
+        failing.push((misfit, blocks));
+    }
+    GroupTest { tested, failing }
+}
+
+/// Two blocks of columns in one.
+pub(super) fn beside(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
+    let mut both = a.clone().resize_horizontally(a.ncols() + b.ncols(), 0.0);
+    both.columns_mut(a.ncols(), b.ncols()).copy_from(b);
+    both
+}
+
+/// Whitened signatures of what each group of a column may have of its own.
+fn signatures(fit: &Fit, responses: &[DMatrix<f64>], ((_, labels), groups): &(Labels, Vec<&str>)) -> Vec<DMatrix<f64>> {
+    let block = |((l, label), response): ((&Linearised, &Option<&str>), &DMatrix<f64>)| {
+        let mut block = DMatrix::zeros(l.measured.len(), groups.len() * CHANNELS.len());
+        if let Some(g) = groups.iter().position(|g| Some(*g) == *label) {
+            for (k, (channel, _)) in CHANNELS.iter().enumerate() {
+                for (row, &output) in l.measured.iter().enumerate() {
+                    block[(row, g * CHANNELS.len() + k)] = response[(output, *channel)];
+                }
+            }
+        }
+        &l.whitener * block
+    };
+    fit.impacts.iter().zip(labels).zip(responses).map(block).collect()
+}
+
+/// What is most its own in a column whose groups differ, with the whitened signatures of its groups.
+fn one_column(
+    fit: &Fit,
+    nuisance: &Nuisance,
+    responses: &[DMatrix<f64>],
+    column: &(Labels, Vec<&str>),
+    tested: usize,
+    seed: u64,
+) -> Option<(GroupMisfit, Vec<DMatrix<f64>>)> {
+    let blocks = signatures(fit, responses, column);
+    let ((column, labels), groups) = column;
+    let projected = project_out(fit, nuisance, &blocks);
+    let parts = &projected.contributions * independent_directions(&projected);
+    let p_value = (wild_p_value(&parts, parts.row_sum().norm_squared(), seed) * tested as f64).min(1.0);
+    if p_value >= GROUP_LEVEL {
+        return None;
+    }
+    let told = |j: &usize| projected.information[(*j, *j)] > 1e-6 * projected.raw[*j];
+    let z = |j: usize| projected.score[j].abs() / projected.information[(j, j)].sqrt();
+    let most = (0..projected.score.len()).filter(told).max_by(|a, b| z(*a).total_cmp(&z(*b)))?;
+    let group = groups[most / CHANNELS.len()];
+    let misfit = GroupMisfit {
+        column: column.clone(),
+        group: group.to_owned(),
+        n: labels.iter().filter(|l| **l == Some(group)).count(),
+        what: CHANNELS[most % CHANNELS.len()].1.to_owned(),
+        change: projected.score[most] / projected.information[(most, most)],
+        sd: projected.information[(most, most)].powf(-0.5),
+        p_value,
+    };
+    Some((misfit, blocks))
+}
+
+fn same_parts(a: &[Option<&str>], b: &[Option<&str>]) -> bool {
+    let pairs: BTreeSet<(Option<&str>, Option<&str>)> = a.iter().copied().zip(b.iter().copied()).collect();
+    let left: BTreeSet<Option<&str>> = pairs.iter().map(|p| p.0).collect();
+    let right: BTreeSet<Option<&str>> = pairs.iter().map(|p| p.1).collect();
+    pairs.len() == left.len() && pairs.len() == right.len()
+}

@@ -3,7 +3,7 @@
 //! Comes in: CSV in which columns may be missing, in any order, with unknown columns kept as grouping columns. Goes out:
 //! [`ImpactTable`]. An empty cell is `None`; NaN, infinities and negative deviations are refused with their line.
 
-use crate::limited_file::{LARGEST_TABLE, LimitedFile};
+use crate::limited_file::{LARGEST_TABLE, LimitedFile, TableFile};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
@@ -80,9 +80,12 @@ pub fn unit(column: &str) -> &'static str {
 /// another unit, or a slip of the pen.
 pub fn largest(column: &str) -> f64 {
     match unit(column) {
-        "m" | "s" => 10.0,
-        "N m" | "rad/s" => 1e4,
-        _ => 1e3,
+        "m" => 2.0,
+        "s" => 10.0,
+        "N m" => 1e3,
+        "rad/s" if column.starts_with("racket") => 2e3,
+        "rad/s" => 1e4,
+        _ => 500.0,
     }
 }
 
@@ -98,6 +101,10 @@ pub enum TableError {
     Twice { path: PathBuf, column: String },
     #[error("{path}, line {line}: `{column}` is {seen:?}; allowed: {allowed}", path = .path.display())]
     Cell { path: PathBuf, line: u64, column: String, seen: String, allowed: &'static str },
+    #[error("{path}: column `{column}` has no meaning, and would be a group's; if it is `{meant}`, write it so, else name it otherwise", path = .path.display())]
+    Misspelt { path: PathBuf, column: String, meant: &'static str },
+    #[error("{path}: not a text in UTF-8 ({source}); save it as CSV in UTF-8", path = .path.display())]
+    Encoding { path: PathBuf, source: csv::Error },
     #[error("{path}, line {line}: id {id:?} stands twice; ids fix which impacts are held out, so each must be its own", path = .path.display())]
     SameId { path: PathBuf, line: u64, id: String },
 }
@@ -199,6 +206,16 @@ fn column(name: &str) -> Column {
     }
 }
 
+/// The column that an unknown name is but for capitals or a unit behind it, where the header has no such column.
+fn meant(name: &str, header: &[String]) -> Option<&'static str> {
+    if is_own_column(name) {
+        return None;
+    }
+    let bare = name.split(['[', '(', ' ']).next().unwrap_or_default().trim_end_matches('_').to_lowercase();
+    let own = ["id", "racket", "ball", "sequence"].into_iter().chain(INPUTS).chain(OUTPUTS);
+    own.into_iter().find(|own| *own == bare && !header.iter().any(|h| h == own))
+}
+
 /// Whether the table gives this column a meaning of its own, so that no grouping column may bear the name.
 pub fn is_own_column(name: &str) -> bool {
     !matches!(column(name), Column::Group(_))
@@ -213,8 +230,11 @@ impl ImpactTable {
 
     /// Reads from any reader; `path` is for messages.
     pub fn from_reader(reader: impl std::io::Read, path: &Path) -> Result<Self, TableError> {
-        let unreadable = |source| TableError::Unreadable { path: path.into(), source };
-        let mut csv = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(reader);
+        let unreadable = |source: csv::Error| match source.kind() {
+            csv::ErrorKind::Utf8 { .. } => TableError::Encoding { path: path.into(), source },
+            _ => TableError::Unreadable { path: path.into(), source },
+        };
+        let mut csv = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(TableFile::new(reader));
         let header = csv.headers().map_err(unreadable)?.clone();
         let names: Vec<String> = header.iter().map(|h| h.trim_start_matches('\u{feff}').to_owned()).collect();
         let mut seen = BTreeSet::new();
@@ -225,6 +245,9 @@ impl ImpactTable {
             let parted = names.len() == 1 && names[0].contains([';', '\t']);
             let remedy = if parted { "; part the fields by commas and write decimals with a point" } else { "" };
             return Err(TableError::NoColumn { path: path.into(), column: "id", seen: names.join(", "), remedy });
+        }
+        if let Some((column, meant)) = names.iter().find_map(|n| Some((n.clone(), meant(n, &names)?))) {
+            return Err(TableError::Misspelt { path: path.into(), column, meant });
         }
         let columns: Vec<Column> = names.iter().map(|n| column(n)).collect();
         let mut rows = Vec::new();
@@ -248,7 +271,9 @@ impl ImpactTable {
                     Column::Id => row.id = cell.to_owned(),
                     Column::Racket => row.racket = Some(cell.to_owned()).filter(|c| !c.is_empty()),
                     Column::Ball => row.ball = Some(cell.to_owned()).filter(|c| !c.is_empty()),
-                    Column::Sequence => row.sequence = number()?.unwrap_or(row.sequence),
+                    Column::Sequence => {
+                        row.sequence = number()?.ok_or_else(|| bad("a number in every row; or leave the column out, and the rows' order counts"))?
+                    }
                     Column::Group(g) => {
                         row.groups.insert(g.clone(), cell.to_owned());
                     }

@@ -1,10 +1,10 @@
 //! `sweetspot add`.
 
-use crate::limited_file::{LARGEST_TEXT, read_text};
 use super::Shell;
 use super::error::CliError;
 use crate::impact::model_file::with_effect_added;
 use crate::impact::{ModelError, effect_card};
+use crate::limited_file::{LARGEST_TEXT, read_text};
 use std::path::PathBuf;
 
 /// The model file with an effect added

@@ -52,7 +52,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     shell.write(&out.join("calibration.yml"), rig.to_opencv_yaml().as_bytes())?;
     shell.write(&out.join("calibration.html"), page(&session, &rig).as_bytes())?;
     if arguments.dlt {
-        let text = dltdv_csv(&rig).ok_or_else(|| CliError::input("no DLT coefficients: the global origin lies in a camera's own plane"))?;
+        let text = dltdv_csv(&rig).ok_or_else(|| CliError::input("no DLT coefficients: the origin of the axes lies in a camera's own plane, where their form has none (without pictures of the three-sphere frame the origin is the left camera)").hint("give [axes] in session.toml with pictures of the frame, or use calibration.yml"))?;
         shell.write(&out.join("dlt-coefficients.csv"), text.as_bytes())?;
     }
     summarise(&rig, &json, shell);

@@ -1,6 +1,5 @@
 //! `sweetspot demo`: the whole chain on the sample the program carries, or on a world whose hidden effect nobody chose.
 
-use crate::limited_file::{LARGEST_TEXT, read_text};
 use super::Shell;
 use super::error::CliError;
 use super::impacts_input::{ledger_path, read_ledger};
@@ -8,6 +7,7 @@ use super::synth::film;
 use super::validate::{Footage, footage, rigid_model, table_words};
 use crate::calibration::StereoRig;
 use crate::impact_table::ImpactTable;
+use crate::limited_file::{LARGEST_TEXT, read_text};
 use crate::provenance::{sha256_file, sha256_hex};
 use crate::report::{read_session_results, session_report};
 use crate::session::Session;

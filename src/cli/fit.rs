@@ -46,7 +46,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let text = with_values(&loaded.model_text, &values, &input.files.model)?;
     shell.write(&arguments.output, text.as_bytes())?;
     for (p, old) in parameters.iter().zip(current.parameters()) {
-        let limit = if p.at_limit { "  at its limit: the data want more than the file allows" } else { "" };
+        let limit = if p.at_limit { format!("  {}", p.limit_words()) } else { String::new() };
         shell.say(format_args!("  {:<40} {:>10} -> {} ± {}{limit}", p.name, short(old.value), short(p.value), short(p.sd)));
     }
     let covariance = fitted.parameter_covariance(structure.noise_scale);
@@ -64,6 +64,9 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
         loaded.observations.impacts.len() - seen.len(),
         structure.noise_scale.sqrt()
     ));
+    for note in &loaded.observations.notes {
+        shell.say(format_args!("note: {note}"));
+    }
     shell.say(format_args!("written: {}", arguments.output.display()));
     shell.print_json(&serde_json::json!({
         "model": arguments.output,
@@ -72,6 +75,8 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
         "heldout_error": error,
         "noise_floor": structure.noise_scale.sqrt(),
         "n_fitted": seen.len(),
+        "notes": loaded.observations.notes,
+        "left_out": loaded.observations.left_out(),
         "provenance": loaded.provenance,
     }))
 }

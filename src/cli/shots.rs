@@ -86,7 +86,15 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     }
     let impacts = results.join("impacts.csv");
     if !shots.is_empty() {
-        let table = ImpactTable { rows: shots.iter().enumerate().map(|(k, r)| r.shot.impact_row(k as f64)).collect() };
+        let doubted = shots.iter().any(|r| r.doubt.is_some());
+        let row = |(k, r): (usize, &ShotRecord)| {
+            let mut row = r.shot.impact_row(k as f64);
+            if doubted {
+                row.groups.insert(DOUBT_COLUMN.to_owned(), if r.doubt.is_some() { "yes" } else { "no" }.to_owned());
+            }
+            row
+        };
+        let table = ImpactTable { rows: shots.iter().enumerate().map(row).collect() };
         shell.write(&impacts, table.to_csv().as_bytes())?;
         write_season(&tracked, &shots, shell)?;
     } else if impacts.exists() {
@@ -131,6 +139,9 @@ fn write_season(tracked: &TrackedSession, records: &[ShotRecord], shell: &Shell)
     Ok(())
 }
 
+/// Column of impacts.csv that tells shots apart whose tracks are in doubt; there is none where no shot is.
+const DOUBT_COLUMN: &str = "in_doubt";
+
 fn one_shot(tracked: &TrackedSession, folder: &ShotFolder, arguments: &Arguments, shell: &Shell) -> Result<ShotRecord, CliError> {
     let place = tracked.place(folder);
     let (tracks_file, spin_file, shot_file) = (place.join("tracks.csv"), place.join(SPIN_FILE), place.join(SHOT_FILE));
@@ -144,7 +155,8 @@ fn one_shot(tracked: &TrackedSession, folder: &ShotFolder, arguments: &Arguments
     // Everything else that enters: equipment, timing, groups, points asked for.
     let settings = tracked.settings(folder);
     let ball_flattening = seen_flattening(&place);
-    let settings_text = format!("{:?}", (&folder.racket, &folder.ball, folder.grip_torque_n_m, &ball_flattening, &folder.groups, &arguments.point, &settings));
+    let doubt = doubt(&place);
+    let settings_text = format!("{:?}", (&doubt, &folder.racket, &folder.ball, folder.grip_torque_n_m, &ball_flattening, &folder.groups, &arguments.point, &settings));
     provenance.inputs.insert("settings".into(), sha256_hex(settings_text.as_bytes()));
     let points_file = place.join("points.csv");
     if !shell.args.force
@@ -168,9 +180,11 @@ fn one_shot(tracked: &TrackedSession, folder: &ShotFolder, arguments: &Arguments
         groups: &folder.groups,
         asked_points: &arguments.point,
     };
-    let measured = measure_shot(&input, &settings)?;
+    let mut measured = measure_shot(&input, &settings)?;
+    // The first thing to know of it.
+    measured.shot.remarks.splice(0..0, doubt.clone());
     let points = points_to_csv(&measured.points);
-    let record = ShotRecord { shot: measured.shot, points: sha256_hex(points.as_bytes()), provenance };
+    let record = ShotRecord { shot: measured.shot, doubt, points: sha256_hex(points.as_bytes()), provenance };
     shell.write(&points_file, points.as_bytes())?;
     shell.write(&shot_file, record.to_json().as_bytes())?;
     Ok(record)

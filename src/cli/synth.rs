@@ -1,8 +1,8 @@
 //! `sweetspot synth`.
 
-use crate::limited_file::{LARGEST_TEXT, read_text};
 use super::Shell;
 use super::error::CliError;
+use crate::limited_file::{LARGEST_TEXT, read_text};
 use crate::synthetic::scenario::{Scenario, TableFiles};
 use crate::synthetic::footage_spec::FootageSpec;
 use crate::synthetic::footage_world::{FootageWorld, FootageWorldError};

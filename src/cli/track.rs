@@ -1,11 +1,12 @@
 //! `sweetspot track`.
 
-use crate::limited_file::{LARGEST_TEXT, read_text};
 use super::Shell;
 use super::error::CliError;
 use super::tracked_session::rig_to_measure_with;
 use crate::calibration::{CameraId, StereoRig};
 use crate::footage::Clip;
+use crate::kinematics::SHOT_FILE;
+use crate::limited_file::{LARGEST_TEXT, read_text};
 use crate::provenance::{Provenance, ends_with_line, sha256_file, sha256_hex};
 use crate::session::{Session, ShotFolder};
 use crate::tracking::spin::{SPIN_FILE, spin_to_json};
@@ -235,11 +236,20 @@ fn one(
             said.push(format!("{}: {}", shot.id, summary.notes.join("; ")));
             return Ok(summary);
         }
+        set_unreadable_aside(&shot.id, folder, said);
     }
     bar.inc_length(clip.pairs.len() as u64);
     let setup = ShotSetup { rig: rig.0, racket: &shot.racket, ball: &shot.ball, frame_rate_hz: session.frame_rate_hz };
     let mode = if arguments.sync == Sync::Auto { SyncMode::Auto } else { SyncMode::Report };
-    let mut made = track_in_step(&clip, &setup, mode, shell.cancel_flag(), &|n| bar.inc(n as u64))?;
+    let mut made = match track_in_step(&clip, &setup, mode, shell.cancel_flag(), &|n| bar.inc(n as u64)) {
+        Ok(made) => made,
+        Err(e) => {
+            if !matches!(e, TrackingError::Cancelled) {
+                set_earlier_aside(&shot.id, folder, said);
+            }
+            return Err(e.into());
+        }
+    };
     let spin = if arguments.no_spin { None } else { Some(measure_spin(&made.clip, &setup, &mut made.tracked)?) };
     let tracked = &made.tracked;
     let summary = summary(&shot.id, &setup, &made, clip.gap_notes());
@@ -338,6 +348,29 @@ fn by_hand(id: &str, record: Option<TrackRecord>, folder: &Path) -> Option<ShotS
         notes: vec![note],
         ..ShotSummary::default()
     })
+}
+
+/// A table that cannot be read may be somebody's work of an hour, saved by a program that writes tables otherwise: it is kept under
+/// another name. One that a power failure cut off does not end with a line.
+fn set_unreadable_aside(id: &str, folder: &Path, said: &mut Vec<String>) {
+    let file = folder.join("tracks.csv");
+    if !ends_with_line(&file) {
+        return;
+    }
+    let Err(why) = Tracks::read(&file) else { return };
+    if std::fs::rename(&file, folder.join("tracks.unreadable.csv")).is_ok() {
+        said.push(format!("{id}: {why}; it is kept as tracks.unreadable.csv, and the shot is tracked anew"));
+    }
+}
+
+/// Tracks of an earlier run are of other pictures or settings than those that just failed, and must not be measured in their place.
+fn set_earlier_aside(id: &str, folder: &Path, said: &mut Vec<String>) {
+    if std::fs::rename(folder.join("tracks.csv"), folder.join("tracks.earlier.csv")).is_ok() {
+        for name in [TRACK_FILE, SPIN_FILE, SHOT_FILE] {
+            let _ = std::fs::remove_file(folder.join(name));
+        }
+        said.push(format!("{id}: the tracks of an earlier run are not this one's; they are kept as tracks.earlier.csv"));
+    }
 }
 
 /// What an earlier run wrote down.

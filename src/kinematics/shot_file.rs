@@ -21,6 +21,9 @@ pub enum ShotFileError {
 pub struct ShotRecord {
     #[serde(flatten)]
     pub shot: Shot,
+    /// Why tracking found that its points should not be believed.
+    #[serde(default)]
+    pub doubt: Option<String>,
     /// SHA-256 of the `points.csv` written with it: tracking writes a table of that name too.
     #[serde(default)]
     pub points: String,

@@ -122,6 +122,7 @@ impl<'a> Case<'a> {
             outliers: outliers(&self.seen, &self.base.impacts, &self.held, &self.held_out),
             session_offsets: session_offsets(self.observations, &self.base, c),
             words: Vec::new(),
+            left_out: self.observations.left_out(),
             notes: self.notes(),
             model: model.to_owned(),
             seed: self.seed,

@@ -38,6 +38,20 @@ pub struct ParameterValue {
     pub undetermined: bool,
 }
 
+impl ParameterValue {
+    /// What it means that it is at its limit. An effect's strength of nought is its absence: no wider limit would help.
+    pub fn limit_words(&self) -> &'static str {
+        if self.name.contains('.') && self.value == 0.0 { "at 0: the data show none of it" } else { "at its limit: the data want more than the file allows" }
+    }
+}
+
+/// A row of the table that could not be used.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LeftOut {
+    pub id: String,
+    pub reason: String,
+}
+
 /// One output over all impacts, as contract section 9 lists it, plus its bias and unit.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct OutputSummary {
@@ -153,6 +167,8 @@ pub struct Comparison {
     pub polynomials: Vec<PolynomialFit>,
     pub outliers: Vec<Outlier>,
     pub session_offsets: Vec<SessionOffset>,
+    #[serde(default)]
+    pub left_out: Vec<LeftOut>,
     pub notes: Vec<String>,
     pub provenance: Option<Provenance>,
 }
@@ -181,6 +197,7 @@ pub fn compare(forward: &dyn Forward, observations: &Observations, model: &str, 
     let held_refitted = linearise_held_out(forward, &refitted, observations, &held)?;
     let structure = structure_test(&refitted, observations, &seen, Groups::Test, seed);
     let impacts = impact_points(observations, &as_stated, &held_stated);
+    let signs = NormalSigns::of(impacts.iter().map(|i| i.inputs.as_slice()));
     let floor = structure.noise_scale.sqrt();
     // Shots of footage share more errors than their table states: structure that does not show in the error on those held out
     // is not believed there, as `diagnose` does not.
@@ -218,13 +235,16 @@ pub fn compare(forward: &dyn Forward, observations: &Observations, model: &str, 
         parameters_refitted: parameter_values(forward, &refitted, structure.noise_scale),
         input_names: (0..=INPUTS.len()).map(|j| coordinate_name(j).to_owned()).collect(),
         output_names: OUTPUTS.iter().map(|s| (*s).to_owned()).collect(),
-        residual_curves: residual_curves(&impacts, &present, &varied_coordinates(observations)),
+        residual_curves: residual_curves(&impacts, &signs, &present, &varied_coordinates(observations)),
         face_maps: present
             .iter()
             .map(|&k| {
                 let points: Vec<_> = impacts
                     .iter()
-                    .flat_map(|i| i.outputs.iter().filter(move |p| p.output == k).map(move |p| (i.inputs[12], i.inputs[13], p.residual())))
+                    .flat_map(|i| {
+                        let sign = signs.of_output(OUTPUTS[k], &i.inputs);
+                        i.outputs.iter().filter(move |p| p.output == k).map(move |p| (i.inputs[12], i.inputs[13], sign * p.residual()))
+                    })
                     .collect();
                 FaceMap { output: OUTPUTS[k].to_owned(), cell_m: FACE_CELL_M, cells: face_map(&points, FACE_CELL_M) }
             })
@@ -234,6 +254,7 @@ pub fn compare(forward: &dyn Forward, observations: &Observations, model: &str, 
         session_offsets: session_offsets(observations, &refitted, structure.noise_scale),
         impacts,
         structure,
+        left_out: observations.left_out(),
         notes,
         provenance: None,
     })
@@ -307,6 +328,38 @@ pub fn coordinate_name(coordinate: usize) -> &'static str {
     INPUTS.get(coordinate).copied().unwrap_or("order")
 }
 
+/// Where both faces of a racket are hit, what a blow on its back reverses is averaged along the normal of the face that is hit:
+/// two halves of one fault must not cancel. Of one face everything stands as it is.
+pub struct NormalSigns {
+    both: bool,
+}
+
+impl NormalSigns {
+    /// From the inputs of all impacts, order of [`INPUTS`].
+    pub fn of<'a>(inputs: impl Iterator<Item = &'a [f64]>) -> Self {
+        let (mut front, mut back) = (false, false);
+        for x in inputs {
+            if comes_from_above(x) {
+                front = true;
+            } else {
+                back = true;
+            }
+        }
+        NormalSigns { both: front && back }
+    }
+
+    /// By what the residual of an output is to be multiplied.
+    pub fn of_output(&self, output: &str, inputs: &[f64]) -> f64 {
+        let reversed = matches!(output, "ball_out_vz" | "racket_out_vz" | "racket_out_wx" | "racket_out_wy");
+        if self.both && reversed && !comes_from_above(inputs) { -1.0 } else { 1.0 }
+    }
+}
+
+/// Whether the ball comes to the face on the side of +z.
+fn comes_from_above(inputs: &[f64]) -> bool {
+    inputs[2] - inputs[8] < 0.0
+}
+
 /// Impacts in the table's order, both sides of the split.
 fn impact_points(observations: &Observations, fitted: &Fit, held: &[Linearised]) -> Vec<ImpactPoint> {
     let (mut seen, mut unseen) = (fitted.impacts.iter(), held.iter());
@@ -344,13 +397,16 @@ pub fn summarise(seen: &[Linearised], held: &[Linearised]) -> Vec<OutputSummary>
             }
             let n = cells.len() as f64;
             let chi2: f64 = cells.iter().map(|(r, v)| r * r / v).sum();
+            // The usual one: a few impacts that are hardly known must not make it theirs.
+            let mut variances: Vec<f64> = cells.iter().map(|c| c.1).collect();
+            variances.sort_by(f64::total_cmp);
             Some(OutputSummary {
                 name: OUTPUTS[k].to_owned(),
                 unit: unit(OUTPUTS[k]).to_owned(),
                 n: cells.len(),
                 rmse: (cells.iter().map(|(r, _)| r * r).sum::<f64>() / n).sqrt(),
                 bias: cells.iter().map(|(r, _)| r).sum::<f64>() / n,
-                noise_sd: (cells.iter().map(|(_, v)| v).sum::<f64>() / n).sqrt(),
+                noise_sd: variances[variances.len() / 2].sqrt(),
                 chi2_reduced: chi2 / n,
                 p_value: chi2_tail(chi2, n),
             })
@@ -358,12 +414,16 @@ pub fn summarise(seen: &[Linearised], held: &[Linearised]) -> Vec<OutputSummary>
         .collect()
 }
 
-fn residual_curves(impacts: &[ImpactPoint], present: &[usize], varied: &[usize]) -> Vec<ResidualCurve> {
+fn residual_curves(impacts: &[ImpactPoint], signs: &NormalSigns, present: &[usize], varied: &[usize]) -> Vec<ResidualCurve> {
     let mut curves = Vec::new();
     for &k in present {
         for &j in varied {
-            let points: Vec<(f64, f64)> =
-                impacts.iter().flat_map(|i| i.outputs.iter().filter(move |p| p.output == k).map(move |p| (i.inputs[j], p.residual()))).collect();
+            let points: Vec<(f64, f64)> = impacts
+                .iter()
+                .flat_map(|i| {
+                    i.outputs.iter().filter(move |p| p.output == k).map(move |p| (i.inputs[j], signs.of_output(OUTPUTS[k], &i.inputs) * p.residual()))
+                })
+                .collect();
             if let Some(curve) = smooth(&points, CURVE_POINTS) {
                 curves.push(ResidualCurve { output: OUTPUTS[k].to_owned(), input: coordinate_name(j).to_owned(), curve });
             }

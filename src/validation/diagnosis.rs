@@ -1,6 +1,6 @@
 //! What a diagnosis says (diagnosis.json, contract section 9; more keys than the contract's stand after them).
 
-use super::comparison::{Outlier, OutputSummary, ParameterValue, SessionOffset};
+use super::comparison::{LeftOut, Outlier, OutputSummary, ParameterValue, SessionOffset};
 use super::structure::STRUCTURE_LEVEL;
 use super::structure::StructureTest;
 use crate::provenance::Provenance;
@@ -172,6 +172,8 @@ pub struct Diagnosis {
     pub session_offsets: Vec<SessionOffset>,
     /// The answer in sentences.
     pub words: Vec<String>,
+    #[serde(default)]
+    pub left_out: Vec<LeftOut>,
     pub notes: Vec<String>,
     pub model: String,
     pub seed: u64,

@@ -284,7 +284,7 @@ fn whiten(point: &Point, setting: &Setting) -> Option<Linearised> {
     let predicted = DVector::from_column_slice(&o.outputs) - &residual;
     let mut covariance = DMatrix::zeros(k, k);
     for (row, &column) in o.measured.iter().enumerate() {
-        let sd = setting.observations.output_noise[column].sd(OUTPUTS[column], Some(o.output_sd[row]), at_x[row]);
+        let sd = setting.observations.output_noise[column].sd(Some(o.output_sd[row]), at_x[row]);
         covariance[(row, row)] = sd * sd;
     }
     for j in 0..INPUTS.len() {

@@ -29,8 +29,8 @@ pub struct NoiseLaw {
 /// How a column's deviations are known.
 #[derive(Debug, Clone, PartialEq)]
 pub enum ColumnNoise {
-    /// As written, row by row.
-    Stated,
+    /// As written, row by row; where a row writes none, the median of the others.
+    Stated(f64),
     /// The stated deviations follow a law of the value.
     Law(NoiseLaw),
     /// None stated in the whole column; this is used.
@@ -44,15 +44,18 @@ impl ColumnNoise {
         if stated.is_empty() {
             return ColumnNoise::Assumed(assumed_sd(column));
         }
-        law(&stated).map_or(ColumnNoise::Stated, ColumnNoise::Law)
+        let mut sizes: Vec<f64> = stated.iter().map(|s| s.1).filter(|sd| *sd > 0.0).collect();
+        sizes.sort_by(f64::total_cmp);
+        let typical = sizes.get(sizes.len() / 2).copied().unwrap_or_else(|| assumed_sd(column));
+        law(&stated).map_or(ColumnNoise::Stated(typical), ColumnNoise::Law)
     }
 
     /// Deviation of one cell, at `value` where the law is known.
-    pub fn sd(&self, column: &str, stated: Option<f64>, value: f64) -> f64 {
+    pub fn sd(&self, stated: Option<f64>, value: f64) -> f64 {
         match self {
             ColumnNoise::Law(law) => law.constant + law.slope * value.abs(),
             ColumnNoise::Assumed(sd) => *sd,
-            ColumnNoise::Stated => stated.unwrap_or_else(|| assumed_sd(column)),
+            ColumnNoise::Stated(typical) => stated.unwrap_or(*typical),
         }
     }
 }
@@ -86,7 +89,7 @@ mod tests {
         let ColumnNoise::Law(law) = ColumnNoise::of("ball_out_wy", &cells) else { panic!("3 + 5 %") };
         assert!((law.constant - 3.0).abs() < 1e-9 && (law.slope - 0.05).abs() < 1e-9);
         let constant: Vec<_> = (0..20).map(|i| Some(Measured { value: f64::from(i), sd: Some(8.0) })).collect();
-        assert_eq!(ColumnNoise::of("ball_out_wy", &constant), ColumnNoise::Stated);
+        assert_eq!(ColumnNoise::of("ball_out_wy", &constant), ColumnNoise::Stated(8.0));
         assert_eq!(ColumnNoise::of("impact_x", &[None]), ColumnNoise::Assumed(1.2e-3));
     }
 }

@@ -1,6 +1,7 @@
 //! Impacts made ready for statistics: every input and output with a deviation, its racket and ball, session and side of
 //! the held-out split.
 
+use super::comparison::LeftOut;
 use super::error::ValidationError;
 use super::forward::{Inputs, Outputs};
 use super::holdout::{hash_fraction, is_held_out};
@@ -15,6 +16,9 @@ pub const FEWEST_IMPACTS: usize = 12;
 const FEWEST_PER_SESSION: usize = 12;
 /// Offsets are fitted for at most this many sessions.
 const MOST_SESSIONS: usize = 12;
+
+/// Rows left out that a note names; results list them all.
+const MOST_NAMED: usize = 12;
 
 /// One impact. Arrays in the order of [`INPUTS`] and [`OUTPUTS`].
 #[derive(Debug, Clone)]
@@ -42,6 +46,8 @@ pub struct Observation {
     /// Deviations of the errors that its session shares, order of [`SHARED`]; 0 where none is stated.
     pub shared_sd: [f64; SHARED.len()],
     pub groups: BTreeMap<String, String>,
+    /// What the split goes by: its group, else its id.
+    pub held_by: String,
 }
 
 /// Spin of a ball whose markings could not be read: unknown within the range of play (physics.md E.8), rad/s. Where other
@@ -57,7 +63,7 @@ impl Observation {
 
     /// Deviation of input `j` when its true value is `at`; 0 for an input known exactly.
     pub fn input_sd_at(&self, j: usize, noise: &ColumnNoise, at: f64) -> f64 {
-        if self.missing[j] || self.input_sd[j] <= 0.0 { self.input_sd[j] } else { noise.sd(INPUTS[j], Some(self.input_sd[j]), at) }
+        if self.missing[j] || self.input_sd[j] <= 0.0 { self.input_sd[j] } else { noise.sd(Some(self.input_sd[j]), at) }
     }
 }
 
@@ -94,7 +100,7 @@ impl Observations {
     /// Makes a table ready. Rows without ball and racket velocities and an impact position, or with a value that no impact has, are left out and named.
     pub fn new(table: &ImpactTable, rackets: &[Racket], balls: &[Ball], options: &TableOptions) -> Result<Self, ValidationError> {
         if let Some(column) = &options.group
-            && !table.rows.iter().any(|r| r.groups.contains_key(column))
+            && !table.rows.iter().any(|r| group_of(r, column).is_some())
         {
             let seen: Vec<&str> = table.rows.first().map(|r| r.groups.keys().map(String::as_str).collect()).unwrap_or_default();
             return Err(ValidationError::NoGroup { column: column.clone(), seen: seen.join(", ") });
@@ -144,7 +150,7 @@ impl Observations {
             match row.inputs[i] {
                 Some(m) => {
                     inputs[i] = m.value;
-                    input_sd[i] = self.input_noise[i].sd(name, m.sd, m.value);
+                    input_sd[i] = self.input_noise[i].sd(m.sd, m.value);
                 }
                 None if name.starts_with("ball_in_w") => {
                     input_sd[i] = spin_sd[i];
@@ -159,7 +165,7 @@ impl Observations {
             gear,
             order: row.sequence,
             session: 0,
-            held_out: is_held_out(options.group.as_ref().and_then(|g| row.groups.get(g)).unwrap_or(&row.id)),
+            held_out: is_held_out(options.group.as_ref().and_then(|g| group_of(row, g)).unwrap_or(&row.id)),
             inputs,
             input_sd,
             missing,
@@ -168,14 +174,19 @@ impl Observations {
             output_sd: Vec::new(),
             shared_sd: row.shared_sd.map(|sd| sd.unwrap_or(0.0)),
             groups: row.groups.clone(),
+            held_by: options.group.as_ref().and_then(|g| group_of(row, g)).unwrap_or(&row.id).to_owned(),
         };
         for (k, name) in OUTPUTS.iter().enumerate() {
             if let Some(m) = row.outputs[k] {
                 o.measured.push(k);
                 o.outputs.push(m.value);
-                let sd = self.output_noise[k].sd(name, m.sd, m.value);
+                let sd = self.output_noise[k].sd(m.sd, m.value);
                 // A deviation of zero would give one number infinite weight.
-                o.output_sd.push(if sd > 0.0 { sd } else { super::noise::assumed_sd(name) });
+                o.output_sd.push(match &self.output_noise[k] {
+                    _ if sd > 0.0 => sd,
+                    ColumnNoise::Stated(typical) => *typical,
+                    _ => super::noise::assumed_sd(name),
+                });
             }
         }
         if o.measured.is_empty() {
@@ -193,7 +204,7 @@ impl Observations {
             n if n == self.impacts.len() => false,
             _ => return,
         };
-        let of = |o: &Observation| o.groups.get(column).cloned().unwrap_or_else(|| o.id.clone());
+        let of = |o: &Observation| o.held_by.clone();
         let mut keys: Vec<String> = self.impacts.iter().map(of).collect();
         keys.sort_by(|a, b| hash_fraction(a).total_cmp(&hash_fraction(b)));
         let Some(chosen) = (if wanted { keys.first() } else { keys.last() }).cloned() else { return };
@@ -266,6 +277,16 @@ impl Observations {
                     ColumnNoise::Law(law) => {
                         self.notes.push(format!("the deviations of `{name}` follow {:.4} + {:.4} |value|; taken at the fitted value", law.constant, law.slope));
                     }
+                    ColumnNoise::Stated(typical) => {
+                        let cells = table.rows.iter().filter_map(|r| if output { r.outputs[i] } else { r.inputs[i] });
+                        let without = cells.filter(|m| m.sd.is_none_or(|sd| output && sd <= 0.0)).count();
+                        if without > 0 {
+                            self.notes.push(format!(
+                                "`{name}` states no deviation in {without} rows; {typical} {}, the median of the others, is taken there",
+                                unit(name)
+                            ));
+                        }
+                    }
                     _ => {}
                 }
                 let missing = table.rows.iter().filter(|r| r.inputs.get(i).copied().flatten().is_none()).count();
@@ -276,8 +297,16 @@ impl Observations {
             }
         }
         if !self.unusable.is_empty() {
-            self.notes.push(format!("{} rows cannot be used (first: {}, {})", self.unusable.len(), self.unusable[0].0, self.unusable[0].1));
+            let named: Vec<String> = self.unusable.iter().take(MOST_NAMED).map(|(id, why)| format!("{id} ({why})")).collect();
+            let more = self.unusable.len().saturating_sub(MOST_NAMED);
+            let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+            self.notes.push(format!("left out, because they cannot be used: {}{more}", named.join("; ")));
         }
+    }
+
+    /// The rows left out, as results list them.
+    pub fn left_out(&self) -> Vec<LeftOut> {
+        self.unusable.iter().map(|(id, reason)| LeftOut { id: id.clone(), reason: reason.clone() }).collect()
     }
 
     /// Whether the table states what its shots share: they come from one calibration.
@@ -352,9 +381,17 @@ fn spin_in_general(table: &ImpactTable) -> Inputs {
     })
 }
 
+/// A row's group in a column: its racket, its ball, or a column the table does not know.
+fn group_of<'a>(row: &'a ImpactRow, column: &str) -> Option<&'a String> {
+    match column {
+        "racket" => row.racket.as_ref(),
+        "ball" => row.ball.as_ref(),
+        other => row.groups.get(other),
+    }
+}
+
 fn pick<T>(kind: &'static str, named: Option<&str>, id: &str, given: &[T], name: impl Fn(&T) -> &String) -> Result<usize, ValidationError> {
     match named {
-        // One file and one name: the file is meant, whatever it calls itself, unless another file could be.
         Some(wanted) => given.iter().position(|g| name(g) == wanted).ok_or_else(|| ValidationError::UnknownEquipment {
             id: id.to_owned(),
             kind,

@@ -4,7 +4,7 @@
 //! neighbouring groups the one that stands out most against the rest is taken. Its p-value is corrected for every range,
 //! input and output looked at.
 
-use super::comparison::coordinate_name;
+use super::comparison::{NormalSigns, coordinate_name};
 use super::diagnosis::Place;
 use super::linearise::Linearised;
 use super::observation::Observation;
@@ -21,15 +21,21 @@ const LEVEL: f64 = 0.01;
 /// The places that stand out, most significant first; one per pair of output and input. `c` is the noise scale.
 pub fn places(impacts: &[&Observation], fitted: &[Linearised], varied: &[usize], c: f64) -> Vec<Place> {
     let mut found: Vec<Place> = Vec::new();
+    let signs = NormalSigns::of(impacts.iter().map(|o| o.inputs.as_slice()));
     let ranges = GROUPS * (GROUPS + 1) / 2;
     for k in 0..OUTPUTS.len() {
         let rows: Vec<(usize, f64, f64)> = fitted
             .iter()
             .enumerate()
-            .filter_map(|(i, l)| l.measured.iter().position(|m| *m == k).map(|row| (i, l.residual[row], c * l.covariance[(row, row)])))
+            .filter_map(|(i, l)| {
+                l.measured
+                    .iter()
+                    .position(|m| *m == k)
+                    .map(|row| (i, signs.of_output(OUTPUTS[k], &impacts[i].inputs) * l.residual[row], c * l.covariance[(row, row)]))
+            })
             .collect();
         for &j in varied {
-            if let Some(place) = worst_range(&rows, impacts, k, j, ranges * OUTPUTS.len() * varied.len()) {
+            if let Some(place) = worst_range(&rows, impacts, &signs, k, j, ranges * OUTPUTS.len() * varied.len()) {
                 found.push(place);
             }
         }
@@ -48,7 +54,7 @@ pub fn places(impacts: &[&Observation], fitted: &[Linearised], varied: &[usize],
     listed
 }
 
-fn worst_range(rows: &[(usize, f64, f64)], impacts: &[&Observation], k: usize, j: usize, looked_at: usize) -> Option<Place> {
+fn worst_range(rows: &[(usize, f64, f64)], impacts: &[&Observation], signs: &NormalSigns, k: usize, j: usize, looked_at: usize) -> Option<Place> {
     let groups = GROUPS.min(rows.len() / 6);
     if groups < 3 {
         return None;
@@ -97,7 +103,13 @@ fn worst_range(rows: &[(usize, f64, f64)], impacts: &[&Observation], k: usize, j
     let elsewhere = if outside.is_empty() { 0.0 } else { outside.iter().sum::<f64>() / outside.len() as f64 };
     let (from, to) = (value(edges[a]), value(edges[b] - 1));
     // Mean of the output itself there: whether a difference makes it larger or smaller in size.
-    let level = inside.iter().filter_map(|r| impacts[r.0].measured.iter().position(|x| *x == k).map(|row| impacts[r.0].outputs[row])).sum::<f64>() / m as f64;
+    let level = inside
+        .iter()
+        .filter_map(|r| {
+            impacts[r.0].measured.iter().position(|x| *x == k).map(|row| signs.of_output(OUTPUTS[k], &impacts[r.0].inputs) * impacts[r.0].outputs[row])
+        })
+        .sum::<f64>()
+        / m as f64;
     let words = in_words(OUTPUTS[k], coordinate_name(j), from, to, mean, elsewhere, level, a == 0, b == groups);
     Some(Place {
         output: OUTPUTS[k].to_owned(),
@@ -117,7 +129,7 @@ fn worst_range(rows: &[(usize, f64, f64)], impacts: &[&Observation], k: usize, j
 /// "ball speed normal to the strings is over-predicted by 1.9 m/s for impacts beyond 60 mm toward the tip, not elsewhere".
 fn in_words(output: &str, input: &str, from: f64, to: f64, mean: f64, elsewhere: f64, level: f64, lowest: bool, highest: bool) -> String {
     let signed = level.abs() < 2.0 * mean.abs();
-    let direction = match (signed, mean * level < 0.0) {
+    let direction = |mean: f64| match (signed, mean * level < 0.0) {
         (false, true) => "over-predicted",
         (false, false) => "under-predicted",
         (true, _) if mean < 0.0 => "predicted too high",
@@ -130,19 +142,19 @@ fn in_words(output: &str, input: &str, from: f64, to: f64, mean: f64, elsewhere:
     } else if elsewhere.abs() < 0.25 * mean.abs() {
         ", not elsewhere".to_owned()
     } else {
-        format!(" ({} elsewhere)", amount(output, elsewhere, true))
+        format!(" ({} by {} elsewhere)", direction(elsewhere), amount(output, elsewhere.abs()))
     };
-    format!("{} is {direction} by {} {range}{rest}", output_words(output), amount(output, mean.abs(), false))
+    format!("{} is {} by {} {range}{rest}", output_words(output), direction(mean), amount(output, mean.abs()))
 }
 
-fn amount(output: &str, value: f64, signed: bool) -> String {
+fn amount(output: &str, value: f64) -> String {
     let text = match unit(output) {
         "s" => return format!("{:.2} ms", 1e3 * value),
         "rad/s" if value.abs() >= 10.0 => format!("{value:.0}"),
         "m/s" if value.abs() < 1.0 => format!("{value:.2}"),
         _ => format!("{value:.1}"),
     };
-    format!("{}{text} {}", if signed && value > 0.0 { "+" } else { "" }, unit(output))
+    format!("{text} {}", unit(output))
 }
 
 /// A column in words.

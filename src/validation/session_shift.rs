@@ -224,6 +224,7 @@ mod tests {
             output_sd: vec![1.0; OUTPUTS.len()],
             shared_sd: [0.0; SHARED.len()],
             groups: Default::default(),
+            held_by: "a".into(),
         }
     }
 

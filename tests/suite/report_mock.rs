@@ -6,7 +6,7 @@ use rand_distr::StandardNormal;
 use std::collections::BTreeMap;
 use sweetspot::impact_table::{INPUTS, OUTPUTS, unit};
 use sweetspot::provenance::Provenance;
-use sweetspot::validation::comparison::{FaceMap, ImpactPoint, Outlier, OutputPoint, OutputSummary, ParameterValue, ResidualCurve, SessionOffset};
+use sweetspot::validation::comparison::{FaceMap, ImpactPoint, LeftOut, Outlier, OutputPoint, OutputSummary, ParameterValue, ResidualCurve, SessionOffset};
 use sweetspot::validation::diagnosis::{CandidateReport, Estimate, NextExperiment, NotVisible, Place, SuggestedExpression, Together};
 use sweetspot::validation::polynomial::{HeldEffect, PolynomialFit};
 use sweetspot::validation::smooth::{face_map, smooth};
@@ -99,6 +99,7 @@ pub fn comparison(n: usize, miss: f64, name: &str) -> Comparison {
         }],
         outliers: vec![Outlier { id: name.to_owned(), column: name.to_owned(), standardised: -6.3 }],
         session_offsets: vec![SessionOffset { session: name.to_owned(), input: "impact_x".into(), value: 1e-4, sd: 2e-4, prior_sd: 6e-4, unit: "m".into() }],
+        left_out: vec![LeftOut { id: name.to_owned(), reason: name.to_owned() }],
         notes: vec![name.to_owned()],
         provenance: Some(provenance(name)),
     }
@@ -208,6 +209,7 @@ pub fn diagnosis(verdict: Verdict, name: &str) -> Diagnosis {
         outliers: c.outliers,
         session_offsets: c.session_offsets,
         words: vec![name.to_owned()],
+        left_out: vec![LeftOut { id: name.to_owned(), reason: name.to_owned() }],
         notes: vec![name.to_owned()],
         model: name.to_owned(),
         seed: 1,

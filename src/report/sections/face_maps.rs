@@ -6,6 +6,7 @@ use crate::report::chart::{Cells, Chart, Colour, Legend, Points, face};
 use crate::report::column::column_words;
 use crate::report::page::{Layout, Section};
 use crate::validation::Comparison;
+use crate::validation::comparison::NormalSigns;
 
 /// Standard deviation of the kernel that averages over the face, mm: a third of the half width of a head.
 const KERNEL_MM: f64 = 18.0;
@@ -23,7 +24,7 @@ pub fn face_maps(comparison: &Comparison, racket: Option<&Racket>) -> Option<Sec
     }
     Some(
         Section::new("face", "Residuals over the face")
-            .note("Local mean of measured less predicted (kernel of 18 mm), seen from +z, tip at the top, impacts as dots. Blue: the prediction is too high; orange: too low; pale: right. The colours reach at least half a noise standard deviation, so that a sound model stays pale; places with fewer than three impacts near are left blank.")
+            .note("Local mean of measured less predicted (kernel of 18 mm), seen from +z, tip at the top, impacts as dots. Blue: the prediction is too high; orange: too low; pale: right. The colours reach at least half a noise standard deviation, so that a sound model stays pale; places with fewer than three impacts near are left blank. Where both faces were hit, velocities and rates that a blow on the back reverses are counted along the normal of the face that was hit.")
             .figures(Layout::Small, &maps),
     )
 }
@@ -32,10 +33,18 @@ fn map(comparison: &Comparison, racket: &Racket, output: &str) -> Option<String>
     let w = column_words(output);
     let place = |name: &str| comparison.input_names.iter().position(|n| n == name);
     let (ix, iy) = (place("impact_x")?, place("impact_y")?);
+    let signs = NormalSigns::of(comparison.impacts.iter().map(|i| i.inputs.as_slice()));
     // Where it was hit (across, along, mm), the residual, and its weight.
     let hits: Vec<(f64, f64, f64, f64)> = points_of(comparison, output)
         .iter()
-        .filter_map(|(i, p)| Some((1000.0 * i.inputs.get(iy)?, 1000.0 * i.inputs.get(ix)?, w.factor * p.residual(), (w.factor * p.sd).powi(-2))))
+        .filter_map(|(i, p)| {
+            Some((
+                1000.0 * i.inputs.get(iy)?,
+                1000.0 * i.inputs.get(ix)?,
+                w.factor * signs.of_output(output, &i.inputs) * p.residual(),
+                (w.factor * p.sd).powi(-2),
+            ))
+        })
         .filter(|h| h.0.is_finite() && h.1.is_finite() && h.2.is_finite() && h.3.is_finite())
         .collect();
     let spread =

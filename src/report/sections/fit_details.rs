@@ -12,7 +12,7 @@ pub fn fit_details(stated: &[ParameterValue], fitted: &[ParameterValue], outlier
         let before = stated.iter().find(|s| s.name == p.name).map_or_else(|| "–".to_owned(), |s| significant(s.value, 4));
         let (after, remark) = match (p.undetermined, p.at_limit) {
             (true, _) => (significant(p.value, 4), "not determined by these impacts"),
-            (false, true) => (with_sd(p.value, p.sd), "at the edge of its range: the data want more"),
+            (false, true) => (with_sd(p.value, p.sd), p.limit_words()),
             (false, false) => (with_sd(p.value, p.sd), ""),
         };
         parameters = parameters.row(&[p.name.clone(), before, after, remark.to_owned()]);

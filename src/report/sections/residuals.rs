@@ -6,6 +6,7 @@ use crate::report::column::column_words;
 use crate::report::markup::fixed;
 use crate::report::page::{Layout, Section};
 use crate::validation::Comparison;
+use crate::validation::comparison::NormalSigns;
 use crate::validation::smooth::{SmoothCurve, smooth};
 
 /// Points drawn on all residual panels together; above it every k-th impact is drawn (the smooth uses all).
@@ -33,13 +34,15 @@ pub(super) fn trends(comparison: &Comparison) -> Vec<Trend> {
             inputs.push(&c.input);
         }
     }
+    let signs = NormalSigns::of(comparison.impacts.iter().map(|i| i.inputs.as_slice()));
     let mut all = Vec::new();
     for o in &comparison.outputs {
         let points = points_of(comparison, &o.name);
         for input in &inputs {
             let Some(j) = comparison.input_names.iter().position(|n| n == input) else { continue };
             let factor = column_words(input).factor;
-            let at: Vec<(f64, f64)> = points.iter().filter_map(|(i, p)| i.inputs.get(j).map(|x| (factor * x, p.standardised()))).collect();
+            let at: Vec<(f64, f64)> =
+                points.iter().filter_map(|(i, p)| i.inputs.get(j).map(|x| (factor * x, signs.of_output(&o.name, &i.inputs) * p.standardised()))).collect();
             let curve = smooth(&at, CURVE_POINTS);
             let strength = curve.as_ref().map_or(0.0, strength);
             all.push(Trend { output: o.name.clone(), input: (*input).to_owned(), points: at, curve, strength });

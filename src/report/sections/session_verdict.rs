@@ -22,6 +22,11 @@ pub fn session_verdict(r: &SessionResults) -> Section {
             format!("{measured} of {all} shots were measured; the others are named with their reason below.")
         });
     }
+    let doubts: Vec<String> = r.shots.iter().filter_map(|s| Some(format!("{}: {}", s.id, s.record.as_ref()?.doubt.as_ref()?))).collect();
+    if !doubts.is_empty() {
+        let (is, its) = if doubts.len() == 1 { ("shot is", "its") } else { ("shots are", "their") };
+        lines.push(format!("{} {is} in doubt, and {its} numbers with it. {}", doubts.len(), doubts.join(" ")));
+    }
     let speeds: Vec<f64> = r.shots.iter().filter_map(|s| s.record.as_ref()?.shot.quantities.get("ball_out_speed").map(|q| q.value)).collect();
     let typical: Vec<f64> = r.shots.iter().filter_map(|s| s.record.as_ref()?.shot.quantities.get("ball_out_speed").map(|q| q.sd)).collect();
     if let (1, Some(v), Some(sd)) = (speeds.len(), speeds.first(), typical.first()) {
@@ -36,7 +41,7 @@ pub fn session_verdict(r: &SessionResults) -> Section {
             format!("mean ball speed after; shots spread by {} m/s, each known to {} m/s (sd)", fixed(spread, 1), fixed(own, 2)),
         ));
     }
-    let mut tone = if r.failed.is_empty() && r.steps_failed.is_empty() { Tone::Good } else { Tone::Doubt };
+    let mut tone = if r.failed.is_empty() && r.steps_failed.is_empty() && doubts.is_empty() { Tone::Good } else { Tone::Doubt };
     if let Some(d) = &r.diagnosis {
         (tone, _) = match d.verdict {
             Verdict::Adequate => (tone, ()),

@@ -16,6 +16,7 @@ use super::session_shift::{ACROSS_COLUMNS, SessionShift, relative_sd, shared_inp
 use crate::impact_table::{INPUTS, OUTPUTS};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
+use std::sync::OnceLock;
 
 /// An error in proportion that is smaller than this share of a column's deviation is not fitted: a racket at rest has none.
 const SEEN: f64 = 0.05;
@@ -32,7 +33,7 @@ const SHARES: (f64, f64) = (0.02, 0.5);
 const PLATEAU_TOLD: f64 = 0.1;
 const PLATEAU_REACH: f64 = 10.0;
 const PLATEAU_LOOKS: usize = 40;
-const PLATEAU_GAIN: f64 = 6.0;
+const PLATEAU_GAIN: f64 = 20.0;
 
 #[derive(Debug, Clone)]
 pub struct FitOptions {
@@ -92,6 +93,8 @@ pub struct Fit {
     /// Σ z'z + ln|S| + prior terms: minus twice the log posterior density at noise scale 1, up to a constant.
     pub objective: f64,
     pub rounds: usize,
+    /// Parameters that hardly any impact told where the fit began.
+    untold_at_start: Vec<usize>,
 }
 
 impl Fit {
@@ -145,6 +148,9 @@ struct Work<'a> {
     columns: Vec<Column>,
     prior_precision: DVector<f64>,
     prior_mean: DVector<f64>,
+    /// What open spins scatter each prediction by where the fit began. It changes with the friction, and chi-square alone would
+    /// make the model slide for being sure of its outputs; held as it is, every state is judged alike.
+    open: OnceLock<Vec<DMatrix<f64>>>,
 }
 
 struct State {
@@ -158,6 +164,9 @@ struct State {
 }
 
 /// Fits the free parameters of `forward` to `impacts`.
+///
+/// Where spins are open, a parameter that hardly any impact tells where it starts (the friction, while all balls stick) stays there
+/// unless chi-square falls clearly: on its way it would find a place where the scatter of the spins seems to tell it.
 pub fn fit(
     forward: &dyn Forward,
     observations: &Observations,
@@ -165,7 +174,32 @@ pub fn fit(
     options: &FitOptions,
     start: Option<Start>,
 ) -> Result<Fit, ValidationError> {
+    let free = fit_holding(forward, observations, impacts, options, start, &[])?;
+    if start.is_some() || !impacts.iter().any(|o| o.has_open_spin()) {
+        return Ok(free);
+    }
+    let from: Vec<f64> = options.start_values.clone().unwrap_or_else(|| forward.parameters().iter().map(|p| p.value).collect());
+    let untold: Vec<usize> = free.untold_at_start.iter().copied().filter(|p| free.values[*p] != from[*p]).collect();
+    if untold.is_empty() {
+        return Ok(free);
+    }
+    let held = fit_holding(forward, observations, impacts, options, None, &untold)?;
+    Ok(if held.objective - free.objective > PLATEAU_GAIN { free } else { held })
+}
+
+/// The same with some parameters held where they start.
+fn fit_holding(
+    forward: &dyn Forward,
+    observations: &Observations,
+    impacts: &[&Observation],
+    options: &FitOptions,
+    start: Option<Start>,
+    held: &[usize],
+) -> Result<Fit, ValidationError> {
     let work = Work::new(forward, observations, impacts, options);
+    if let Some(s) = start.filter(|s| s.fit.impacts.len() == impacts.len()) {
+        work.open.get_or_init(|| s.fit.impacts.iter().map(|l| l.open.clone()).collect());
+    }
     let values: Vec<f64> = match &options.start_values {
         Some(given) => given.clone(),
         None => forward.parameters().iter().map(|p| p.value).collect(),
@@ -189,8 +223,9 @@ pub fn fit(
     let mut spread = start.map_or_else(Spread::unlimited, |s| s.fit.spread.clone());
     let passes = if start.is_some() { 1 } else { 2 };
     let mut state = work.evaluate(&columns_at, &begin, keep, &spread, passes)?;
-    if start.is_none() {
-        state = work.leave_plateaus(state, &spread)?;
+    let mut untold_at_start = Vec::new();
+    if start.is_none() && options.move_parameters {
+        (state, untold_at_start) = work.leave_plateaus(state, &spread, held)?;
     }
     let mut rounds = 0;
     let mut information: Option<DMatrix<f64>> = None;
@@ -204,7 +239,12 @@ pub fn fit(
             state = work.evaluate(&state.column_values, &begin_of(&state), lend, &spread, 0)?;
         }
         let design = work.design(&state, information.as_ref())?;
-        let (step, info) = work.step(&state, &design)?;
+        let (mut step, info) = work.step(&state, &design)?;
+        for (i, column) in work.columns.iter().enumerate() {
+            if matches!(column, Column::Parameter(p) if held.contains(p)) {
+                step[i] = 0.0;
+            }
+        }
         let promised = step.dot(&(&info * &step));
         information = Some(info);
         if promised > MOVING {
@@ -254,6 +294,7 @@ pub fn fit(
         chi2: state.chi2,
         objective: state.objective,
         rounds,
+        untold_at_start,
     })
 }
 
@@ -322,7 +363,15 @@ impl<'a> Work<'a> {
                 mean.push(0.0);
             }
         }
-        Work { forward, observations, impacts, columns, prior_precision: DVector::from_vec(precision), prior_mean: DVector::from_vec(mean) }
+        Work {
+            forward,
+            observations,
+            impacts,
+            columns,
+            prior_precision: DVector::from_vec(precision),
+            prior_mean: DVector::from_vec(mean),
+            open: OnceLock::new(),
+        }
     }
 
     fn unpack(&self, columns: &DVector<f64>) -> (Vec<f64>, Vec<SessionShift>) {
@@ -362,7 +411,9 @@ impl<'a> Work<'a> {
     ) -> Result<State, ValidationError> {
         let (values, shifts) = self.unpack(columns);
         let prediction = self.forward.prepare(&values)?;
-        let impacts = linearise_all(prediction.as_ref(), self.observations, self.impacts, &shifts, spread, begin, reuse, passes)?;
+        let impacts =
+            linearise_all(prediction.as_ref(), self.observations, self.impacts, &shifts, spread, begin, reuse, self.open.get().map(Vec::as_slice), passes)?;
+        self.open.get_or_init(|| impacts.iter().map(|l| l.open.clone()).collect());
         let chi2: f64 = impacts.iter().map(|l| l.z.norm_squared()).sum();
         let log_det: f64 = impacts.iter().map(|l| l.log_det).sum();
         let from_prior: f64 = self.prior_precision.iter().zip(columns.iter().zip(self.prior_mean.iter())).map(|(p, (v, m))| p * (v - m) * (v - m)).sum();
@@ -371,10 +422,9 @@ impl<'a> Work<'a> {
 
     /// The state with every parameter that hardly any impact tells where it starts moved to where it fits best: with a friction at which all
     /// balls stick no slope tells that at a lower one many would slide, as they did.
-    fn leave_plateaus(&self, mut state: State, spread: &Spread) -> Result<State, ValidationError> {
-        if !self.columns.iter().any(|c| matches!(c, Column::Parameter(_))) {
-            return Ok(state);
-        }
+    /// Those parameters besides.
+    fn leave_plateaus(&self, mut state: State, spread: &Spread, held: &[usize]) -> Result<(State, Vec<usize>), ValidationError> {
+        let mut untold = Vec::new();
         let design = self.design(&state, None)?;
         for (i, column) in self.columns.iter().enumerate() {
             let Column::Parameter(p) = *column else { continue };
@@ -382,6 +432,10 @@ impl<'a> Work<'a> {
             let (sum, squares) = told.iter().fold((0.0, 0.0), |(s, q), t| (s + t, q + t * t));
             // How many impacts tell it, each counted by its share.
             if sum * sum > PLATEAU_TOLD * self.impacts.len() as f64 * squares && squares > 0.0 {
+                continue;
+            }
+            untold.push(p);
+            if held.contains(&p) {
                 continue;
             }
             let (limits, from) = (&self.forward.parameters()[p], state.column_values[i]);
@@ -402,7 +456,7 @@ impl<'a> Work<'a> {
                 state = self.evaluate(&tried.column_values, &begin, None, spread, 1)?;
             }
         }
-        Ok(state)
+        Ok((state, untold))
     }
 
     /// Whitened derivatives of the prediction with respect to every column, at the state's true inputs.
@@ -489,12 +543,13 @@ pub fn linearise_all(
     spread: &Spread,
     begin: &[Inputs],
     reuse: Option<&[Linearised]>,
+    open: Option<&[DMatrix<f64>]>,
     passes: usize,
 ) -> Result<Vec<Linearised>, ValidationError> {
     let setting = Setting { observations, shifts, spread };
     let piece = |(i, o): (usize, &[&Observation])| {
         let range = i * PIECE..i * PIECE + o.len();
-        linearise(prediction, o, &setting, &begin[range.clone()], reuse.map(|r| &r[range]), passes)
+        linearise(prediction, o, &setting, &begin[range.clone()], reuse.map(|r| &r[range.clone()]), open.map(|r| &r[range]), passes)
     };
     let results: Vec<Option<Linearised>> = impacts.par_chunks(PIECE).enumerate().flat_map_iter(piece).collect();
     let failed = results.iter().filter(|r| r.is_none()).count();

@@ -23,7 +23,7 @@ pub fn linearise_held_out(
 ) -> Result<Vec<Linearised>, ValidationError> {
     let prediction = forward.prepare(&fit.values)?;
     let begin: Vec<_> = held_out.iter().map(|o| fit.shifts[o.session].inputs_of(o, &observations.gear[o.gear])).collect();
-    linearise_all(prediction.as_ref(), observations, held_out, &fit.shifts, &fit.spread, &begin, None, PASSES)
+    linearise_all(prediction.as_ref(), observations, held_out, &fit.shifts, &fit.spread, &begin, None, None, PASSES)
 }
 
 /// Root-mean-square of the whitened residuals.

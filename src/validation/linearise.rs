@@ -11,7 +11,7 @@
 
 use super::forward::{Asked, Inputs, Prediction};
 use super::observation::{Observation, Observations};
-use super::predicted::predict_measured;
+use super::predicted::{predict_measured, predict_over_spins, predict_roughly};
 use super::session_shift::SessionShift;
 use crate::impact_table::{INPUTS, OUTPUTS};
 use nalgebra::{DMatrix, DVector};
@@ -88,6 +88,8 @@ pub struct Linearised {
     pub jacobian: DMatrix<f64>,
     /// How far off the prediction may be because the model jumps nearby.
     pub jump: DVector<f64>,
+    /// Covariance over the spins that are open; empty where none is.
+    pub open: DMatrix<f64>,
     /// S with the inflation of outlying cells.
     pub covariance: DMatrix<f64>,
     /// L⁻¹ where S = L L'.
@@ -130,7 +132,7 @@ fn input_jacobians(p: &dyn Prediction, points: &[&Point], widest: f64) -> Vec<DM
         }
     }
     let mut jacobians: Vec<DMatrix<f64>> = points.iter().map(|point| DMatrix::zeros(point.o.measured.len(), INPUTS.len())).collect();
-    for ((i, j), sides) in places.into_iter().zip(predict_measured(p, &asked).chunks_exact(2)) {
+    for ((i, j), sides) in places.into_iter().zip(predict_roughly(p, &asked).chunks_exact(2)) {
         let h = step(points[i], j);
         let column = match (&sides[0], &sides[1]) {
             (Some(up), Some(down)) => (up - down) / (2.0 * h),
@@ -143,17 +145,22 @@ fn input_jacobians(p: &dyn Prediction, points: &[&Point], widest: f64) -> Vec<DM
     jacobians
 }
 
-/// Linearises some impacts, starting from `start` for their true inputs; `reuse` holds Jacobians to keep. `None` where the
-/// model has no answer.
+/// Linearises some impacts, starting from `start` for their true inputs; `reuse` holds Jacobians to keep, `open` what open
+/// spins scatter the predictions by where that is to stay. `None` where the model has no answer.
 pub fn linearise(
     p: &dyn Prediction,
     impacts: &[&Observation],
     setting: &Setting,
     start: &[Inputs],
     reuse: Option<&[Linearised]>,
+    open: Option<&[DMatrix<f64>]>,
     passes: usize,
 ) -> Vec<Option<Linearised>> {
     let mut points = begin(p, impacts, setting, start);
+    match open {
+        Some(known) => points.iter_mut().for_each(|point| point.open.clone_from(&known[point.place])),
+        None => scatter_by_spin(p, &mut points),
+    }
     match reuse {
         Some(kept) => points.iter_mut().for_each(|point| {
             point.jacobian.clone_from(&kept[point.place].jacobian);
@@ -165,7 +172,8 @@ pub fn linearise(
     // An input nobody measured is told by the outputs, far more narrowly than by its range: the slope that counts is that
     // near the value they tell.
     if reuse.is_none() {
-        let (mut with_gaps, whole): (Vec<Point>, Vec<Point>) = points.into_iter().partition(|point| point.o.missing.contains(&true));
+        let (mut with_gaps, whole): (Vec<Point>, Vec<Point>) =
+            points.into_iter().partition(|point| (0..INPUTS.len()).any(|j| point.o.missing[j] && point.o.input_sd[j] > 0.0));
         for _ in 0..UNMEASURED_PASSES {
             advance(p, setting, &mut with_gaps);
             differentiate(p, &mut with_gaps, UNMEASURED_STEP);
@@ -196,6 +204,7 @@ struct Point<'a> {
     at_x: DVector<f64>,
     jacobian: DMatrix<f64>,
     jump: DVector<f64>,
+    open: DMatrix<f64>,
     result: Option<Linearised>,
     /// Cleared when the model has no answer at the next estimate.
     moves: bool,
@@ -225,7 +234,18 @@ fn begin<'a>(p: &dyn Prediction, impacts: &[&'a Observation], setting: &Setting,
         at[i] = (measured[i].inputs, value);
     }
     let point = |(place, ((o, measured), (x, value))): (usize, ((&&'a Observation, Corrected), (Inputs, Option<DVector<f64>>)))| {
-        Some(Point { place, o, measured, x, at_x: value?, jacobian: DMatrix::zeros(0, 0), jump: DVector::zeros(0), result: None, moves: true })
+        Some(Point {
+            place,
+            o,
+            measured,
+            x,
+            at_x: value?,
+            jacobian: DMatrix::zeros(0, 0),
+            jump: DVector::zeros(0),
+            open: DMatrix::zeros(0, 0),
+            result: None,
+            moves: true,
+        })
     };
     impacts.iter().zip(measured).zip(at).enumerate().filter_map(point).collect()
 }
@@ -236,6 +256,15 @@ fn differentiate(p: &dyn Prediction, points: &mut [Point], widest: f64) {
     for (point, jacobian) in points.iter_mut().filter(|point| point.moves).zip(jacobians) {
         point.jacobian = jacobian;
         point.jump = jump(p, point);
+    }
+}
+
+/// What the spins that are open scatter the predictions by.
+fn scatter_by_spin(p: &dyn Prediction, points: &mut [Point]) {
+    let mut open: Vec<&mut Point> = points.iter_mut().filter(|point| point.o.has_open_spin()).collect();
+    let asked: Vec<(&Observation, Inputs)> = open.iter().map(|point| (point.o, point.x)).collect();
+    for (point, over) in open.iter_mut().zip(predict_over_spins(p, &asked)) {
+        point.open = over.map_or_else(|| DMatrix::zeros(0, 0), |(_, covariance)| covariance);
     }
 }
 
@@ -277,7 +306,7 @@ fn advance(p: &dyn Prediction, setting: &Setting, points: &mut [Point]) {
 }
 
 fn whiten(point: &Point, setting: &Setting) -> Option<Linearised> {
-    let Point { o, measured, x, at_x, jacobian, jump, .. } = point;
+    let Point { o, measured, x, at_x, jacobian, jump, open, .. } = point;
     let k = o.measured.len();
     let gap = DVector::from_iterator(INPUTS.len(), (0..INPUTS.len()).map(|j| if o.input_sd[j] > 0.0 { measured.inputs[j] - x[j] } else { 0.0 }));
     let residual = &measured.outputs - (at_x + jacobian * gap);
@@ -295,6 +324,9 @@ fn whiten(point: &Point, setting: &Setting) -> Option<Linearised> {
         }
     }
     covariance.ger(1.0, jump, jump, 1.0);
+    if open.nrows() == k {
+        covariance += open;
+    }
     let mut lower = covariance.clone().cholesky()?.unpack();
     let mut whitener = lower.solve_lower_triangular(&DMatrix::identity(k, k))?;
     let mut precision = whitener.transpose() * &whitener;
@@ -350,6 +382,7 @@ fn whiten(point: &Point, setting: &Setting) -> Option<Linearised> {
         residual,
         jacobian: jacobian.clone(),
         jump: jump.clone(),
+        open: open.clone(),
         covariance,
         whitener,
         z,

@@ -40,6 +40,7 @@ pub mod session_shift;
 pub mod smooth;
 pub mod structure;
 pub mod terminal;
+pub mod unseen_spin;
 pub mod verdict_words;
 
 pub use comparison::{Comparison, compare};

@@ -6,6 +6,7 @@ use super::error::ValidationError;
 use super::forward::{Inputs, Outputs};
 use super::holdout::{hash_fraction, is_held_out};
 use super::noise::ColumnNoise;
+use super::unseen_spin::is_open;
 use crate::equipment::{Ball, Racket};
 use crate::impact_table::{INPUTS, ImpactRow, ImpactTable, OUTPUTS, SHARED, largest, unit};
 use std::collections::BTreeMap;
@@ -37,6 +38,8 @@ pub struct Observation {
     pub input_sd: Inputs,
     /// Inputs that nobody measured: spins known only within the range of play.
     pub missing: [bool; INPUTS.len()],
+    /// Deviation of the spin in the face, where it is open ([`super::unseen_spin`]); else 0.
+    pub open_spin_sd: [f64; 2],
     /// Indices of the measured outputs.
     pub measured: Vec<usize>,
     /// Values of the measured outputs, same order as `measured`.
@@ -59,6 +62,11 @@ impl Observation {
     /// residuals.
     pub fn without_unmeasured(&self, estimated: &Inputs) -> Inputs {
         std::array::from_fn(|j| if self.missing[j] { self.inputs[j] } else { estimated[j] })
+    }
+
+    /// Whether its spin in the face is open.
+    pub fn has_open_spin(&self) -> bool {
+        self.open_spin_sd.iter().any(|sd| *sd > 0.0)
     }
 
     /// Deviation of input `j` when its true value is `at`; 0 for an input known exactly.
@@ -169,6 +177,7 @@ impl Observations {
             inputs,
             input_sd,
             missing,
+            open_spin_sd: [0.0; 2],
             measured: Vec::new(),
             outputs: Vec::new(),
             output_sd: Vec::new(),
@@ -191,6 +200,15 @@ impl Observations {
         }
         if o.measured.is_empty() {
             return Err("no output was measured".into());
+        }
+        if is_open(&o.missing, &o.measured) {
+            // The prediction is over all spins then, and none is estimated.
+            for j in (0..INPUTS.len()).filter(|&j| o.missing[j]) {
+                if let Some(k) = ["ball_in_wx", "ball_in_wy"].iter().position(|c| *c == INPUTS[j]) {
+                    o.open_spin_sd[k] = o.input_sd[j];
+                    o.input_sd[j] = 0.0;
+                }
+            }
         }
         Ok(o)
     }
@@ -267,6 +285,7 @@ impl Observations {
     }
 
     fn note_assumptions(&mut self, table: &ImpactTable) {
+        let mut lacking = Vec::new();
         for (names, noise, output) in [(&INPUTS[..], &self.input_noise, false), (&OUTPUTS[..], &self.output_noise, true)] {
             for (i, name) in names.iter().enumerate() {
                 let measured = table.rows.iter().any(|r| if output { r.outputs[i] } else { r.inputs[i] }.is_some());
@@ -281,20 +300,21 @@ impl Observations {
                         let cells = table.rows.iter().filter_map(|r| if output { r.outputs[i] } else { r.inputs[i] });
                         let without = cells.filter(|m| m.sd.is_none_or(|sd| output && sd <= 0.0)).count();
                         if without > 0 {
-                            self.notes.push(format!(
-                                "`{name}` states no deviation in {without} rows; {typical} {}, the median of the others, is taken there",
-                                unit(name)
-                            ));
+                            lacking.push(format!("`{name}` ({without} rows: {typical} {})", unit(name)));
                         }
                     }
                     _ => {}
                 }
                 let missing = table.rows.iter().filter(|r| r.inputs.get(i).copied().flatten().is_none()).count();
                 if !output && name.starts_with("ball_in_w") && missing > 0 {
-                    let sd = self.impacts.iter().find(|o| o.missing[i]).map_or(MISSING_SPIN_SD, |o| o.input_sd[i]);
+                    let open = |o: &Observation| if name.ends_with('z') { 0.0 } else { o.open_spin_sd[i - 3] };
+                    let sd = self.impacts.iter().find(|o| o.missing[i]).map_or(MISSING_SPIN_SD, |o| o.input_sd[i].max(open(o)));
                     self.notes.push(format!("`{name}` is empty in {missing} rows; taken as 0 ± {sd:.0} rad/s there"));
                 }
             }
+        }
+        if !lacking.is_empty() {
+            self.notes.push(format!("no deviation is stated in some rows, or 0; the usual one of the column is taken there: {}", lacking.join(", ")));
         }
         if !self.unusable.is_empty() {
             let named: Vec<String> = self.unusable.iter().take(MOST_NAMED).map(|(id, why)| format!("{id} ({why})")).collect();

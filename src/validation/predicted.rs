@@ -3,14 +3,52 @@
 use super::forward::{Asked, Inputs, Prediction};
 use super::linearise::Linearised;
 use super::observation::Observation;
-use nalgebra::DVector;
+use super::unseen_spin::{TRIED, TRIED_FOR_SLOPES, mean_and_covariance, spins, with_spin};
+use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 /// Impacts per task: enough to fill the lanes of a time-stepped model, few enough to share a table between threads.
 pub const PIECE: usize = 32;
 
-/// Predicted values of the measured outputs of each impact at its inputs, or `None` where the model has no answer.
+/// Predicted values of the measured outputs of each impact at its inputs, or `None` where the model has no answer. Of an
+/// impact whose spin is open the mean over the spins of play ([`super::unseen_spin`]).
 pub fn predict_measured(p: &dyn Prediction, asked: &[(&Observation, Inputs)]) -> Vec<Option<DVector<f64>>> {
+    predict_with(p, asked, TRIED)
+}
+
+/// The same with fewer spins tried, for slopes.
+pub fn predict_roughly(p: &dyn Prediction, asked: &[(&Observation, Inputs)]) -> Vec<Option<DVector<f64>>> {
+    predict_with(p, asked, TRIED_FOR_SLOPES)
+}
+
+fn predict_with(p: &dyn Prediction, asked: &[(&Observation, Inputs)], tried: usize) -> Vec<Option<DVector<f64>>> {
+    if !asked.iter().any(|(o, _)| o.has_open_spin()) {
+        return predict_as_asked(p, asked);
+    }
+    let (open, closed): (Vec<usize>, Vec<usize>) = (0..asked.len()).partition(|&i| asked[i].0.has_open_spin());
+    let mut all = vec![None; asked.len()];
+    let some: Vec<(&Observation, Inputs)> = closed.iter().map(|&i| asked[i]).collect();
+    for (i, value) in closed.into_iter().zip(predict_as_asked(p, &some)) {
+        all[i] = value;
+    }
+    let some: Vec<(&Observation, Inputs)> = open.iter().map(|&i| asked[i]).collect();
+    for (i, over) in open.into_iter().zip(over_spins(p, &some, tried)) {
+        all[i] = over.map(|(mean, _)| mean);
+    }
+    all
+}
+
+/// Mean and covariance of the measured outputs over the open spins of each impact.
+pub fn predict_over_spins(p: &dyn Prediction, asked: &[(&Observation, Inputs)]) -> Vec<Option<(DVector<f64>, DMatrix<f64>)>> {
+    over_spins(p, asked, TRIED)
+}
+
+fn over_spins(p: &dyn Prediction, asked: &[(&Observation, Inputs)], tried: usize) -> Vec<Option<(DVector<f64>, DMatrix<f64>)>> {
+    let with: Vec<(&Observation, Inputs)> = asked.iter().flat_map(|(o, x)| spins(o, tried).map(|spin| (*o, with_spin(*x, spin)))).collect();
+    predict_as_asked(p, &with).chunks(tried).map(mean_and_covariance).collect()
+}
+
+fn predict_as_asked(p: &dyn Prediction, asked: &[(&Observation, Inputs)]) -> Vec<Option<DVector<f64>>> {
     let points: Vec<Asked> = asked.iter().map(|(o, inputs)| Asked { gear: o.gear, order: o.order, inputs: *inputs }).collect();
     p.predict_many(&points)
         .into_iter()

@@ -219,6 +219,7 @@ mod tests {
             inputs: [0.0; INPUTS.len()],
             input_sd: [0.0; INPUTS.len()],
             missing: [false; INPUTS.len()],
+            open_spin_sd: [0.0; 2],
             measured: (0..OUTPUTS.len()).collect(),
             outputs: vec![0.0; OUTPUTS.len()],
             output_sd: vec![1.0; OUTPUTS.len()],

@@ -1,0 +1,62 @@
+//! A spin that nobody measured, neither before nor after the impact.
+//!
+//! Where the ball's spin after the impact was measured it tells the one before ([`super::linearise`]). Where it was not,
+//! what is left open of the spin decides whether the ball slides, and no slope tells that: the prediction is then the mean over
+//! the spins of play, and what they scatter it by is noise that all its outputs share.
+
+use super::observation::Observation;
+use crate::impact_table::{INPUTS, OUTPUTS};
+use nalgebra::{DMatrix, DVector};
+
+/// Spins tried per impact, and for the slopes with its inputs.
+pub const TRIED: usize = 16;
+pub const TRIED_FOR_SLOPES: usize = 4;
+/// First spin component among the inputs, and the first after the impact among the outputs.
+const SPIN_IN: usize = 3;
+const SPIN_OUT: usize = 3;
+
+/// Whether an impact's spin in the face is open: a component before the impact was not measured, nor any after it.
+pub fn is_open(missing: &[bool; INPUTS.len()], measured: &[usize]) -> bool {
+    debug_assert!(INPUTS[SPIN_IN] == "ball_in_wx" && OUTPUTS[SPIN_OUT] == "ball_out_wx");
+    missing[SPIN_IN..SPIN_IN + 2].contains(&true) && !measured.iter().any(|k| (SPIN_OUT..SPIN_OUT + 2).contains(k))
+}
+
+/// `tried` spins of an impact, rad/s, in pairs that cancel: evenly through a normal distribution of the two components
+/// in the face, turned from impact to impact, so that all impacts together are spread more evenly still. Components that
+/// were measured stay at 0.
+pub fn spins(o: &Observation, tried: usize) -> impl Iterator<Item = [f64; 2]> + '_ {
+    /// Angle between points that fill a disc evenly, rad.
+    const GOLDEN: f64 = 2.399_963_229_728_653;
+    let pairs = tried / 2;
+    (0..tried).map(move |i| {
+        let k = i / 2;
+        // Radius of equal shares of the plane's normal distribution (Rayleigh's quantiles).
+        let radius = (-2.0 * (1.0 - (k as f64 + 0.5) / pairs as f64).ln()).sqrt();
+        let angle = GOLDEN * (k as f64 + 1.0 + 0.37 * o.order);
+        let sign = if i % 2 == 0 { 1.0 } else { -1.0 };
+        let of = |j: usize, v: f64| if o.missing[SPIN_IN + j] { sign * radius * v * o.open_spin_sd[j] } else { 0.0 };
+        [of(0, angle.cos()), of(1, angle.sin())]
+    })
+}
+
+/// The inputs with a spin tried.
+pub fn with_spin(mut inputs: [f64; INPUTS.len()], spin: [f64; 2]) -> [f64; INPUTS.len()] {
+    inputs[SPIN_IN] += spin[0];
+    inputs[SPIN_IN + 1] += spin[1];
+    inputs
+}
+
+/// Mean of the predictions with all spins tried, and their covariance. `None` where the model has no answer for one of them.
+pub fn mean_and_covariance(predictions: &[Option<DVector<f64>>]) -> Option<(DVector<f64>, DMatrix<f64>)> {
+    let all: Vec<&DVector<f64>> = predictions.iter().map(Option::as_ref).collect::<Option<_>>()?;
+    let n = all.len() as f64;
+    let mut mean = DVector::zeros(all.first()?.len());
+    all.iter().for_each(|p| mean += *p);
+    mean /= n;
+    let mut covariance = DMatrix::zeros(mean.len(), mean.len());
+    for p in all {
+        let off = p - &mean;
+        covariance.ger(1.0 / n, &off, &off, 1.0);
+    }
+    Some((mean, covariance))
+}

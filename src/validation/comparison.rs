@@ -8,6 +8,7 @@ use super::heldout::{error_of, is_shared_error, linearise_held_out};
 use super::linearise::{Linearised, OUTLIER_LISTED};
 use super::observation::{Observation, Observations};
 use super::polynomial::{PolynomialFit, polynomial_fits};
+use super::refits::LARGEST_NOISE_SCALE;
 use super::smooth::{FaceCell, SmoothCurve, face_map, smooth};
 use super::structure::{StructureTest, chi2_tail, p_text, structure_test};
 use crate::impact_table::{INPUTS, OUTPUTS, SHARED, unit};
@@ -20,6 +21,9 @@ pub const COMPARE_LEVEL: f64 = super::structure::STRUCTURE_LEVEL;
 /// Times the noise floor beyond which the error on held-out impacts alone says that the model fails: with few impacts the
 /// structure test has hardly any power against something large.
 const CLEARLY: f64 = 1.5;
+/// The same for groups held out whole, and the deviations it must be from chance.
+const HELD_CLEARLY: f64 = 1.2;
+const HELD_DEVIATIONS: f64 = 6.0;
 /// Edge of a face map's cell, m.
 const FACE_CELL_M: f64 = 0.02;
 /// Points of a smooth curve.
@@ -174,8 +178,21 @@ pub struct Comparison {
 }
 
 impl Comparison {
-    /// Whether the structure test rejects the model; one that is inadequate all the same has an error on held-out impacts that
-    /// is clearly above the noise.
+    /// Why the model is inadequate, in words.
+    pub fn failing_words(&self) -> String {
+        if self.shows_structure() {
+            "the residuals hold structure that no free parameter can take up".to_owned()
+        } else if self.noise_floor.powi(2) > LARGEST_NOISE_SCALE {
+            format!(
+                "what is left is {:.1} times the stated noise, and no smooth function of what was measured: the deviations are understated by far, or something is missing that nobody measured",
+                self.noise_floor
+            )
+        } else {
+            "the error on held-out impacts is clearly above the noise, though no smooth structure shows".to_owned()
+        }
+    }
+
+    /// Whether the structure test rejects the model.
     pub fn shows_structure(&self) -> bool {
         self.structure.p_value < COMPARE_LEVEL
     }
@@ -203,12 +220,15 @@ pub fn compare(forward: &dyn Forward, observations: &Observations, model: &str, 
     // is not believed there, as `diagnose` does not.
     let structured = structure.p_value < COMPARE_LEVEL;
     let disbelieved = structured && is_shared_error(observations, &structure, &refitted, &held_refitted);
-    let fails = structured && !disbelieved || error_of(&held_refitted) > CLEARLY * floor;
+    let too_noisy = is_more_than_noise(observations, &structure);
+    let group = missed_groups(observations, &held, &held_refitted, floor);
+    let fails = structured && !disbelieved || too_noisy || group.is_some() || error_of(&held_refitted) > CLEARLY * floor;
     let present: Vec<usize> = (0..OUTPUTS.len()).filter(|k| impacts.iter().any(|i| i.outputs.iter().any(|p| p.output == *k))).collect();
     let mut notes = observations.notes.clone();
     note_noise(floor, !fails, &mut notes);
     note_group_noise(&structure, &mut notes);
     note_groups(&structure, &mut notes);
+    notes.extend(group);
     if disbelieved && !fails {
         notes.push(format!(
             "the structure test alone rejects (p = {}), but what it finds adds less than a tenth to the error of the fit and nothing to that of held-out impacts ({:.3}, floor {floor:.3}): not believed of shots that share a calibration",
@@ -258,6 +278,32 @@ pub fn compare(forward: &dyn Forward, observations: &Observations, model: &str, 
         notes,
         provenance: None,
     })
+}
+
+/// Whether residuals without any structure are so much larger than the noise the table states that they are not believed to be
+/// noise.
+pub fn is_more_than_noise(observations: &Observations, structure: &StructureTest) -> bool {
+    observations.states_noise() && structure.noise_scale > LARGEST_NOISE_SCALE
+}
+
+/// Says that the model does not carry over to the groups held out: their error is far above the floor, beyond what offsets of their own
+/// (half a deviation of every input) and chance can do.
+pub fn missed_groups(observations: &Observations, held: &[&Observation], linearised: &[Linearised], floor: f64) -> Option<String> {
+    let column = observations.group.as_ref()?;
+    let numbers: usize = linearised.iter().map(|l| l.z.len()).sum();
+    let error = error_of(linearised);
+    let chance = 1.0 + HELD_DEVIATIONS * (2.0 / numbers.max(1) as f64).sqrt();
+    if error < HELD_CLEARLY * floor || (error / floor).powi(2) < chance {
+        return None;
+    }
+    let mut names: Vec<&str> = held.iter().map(|o| o.held_by.as_str()).collect();
+    names.sort_unstable();
+    names.dedup();
+    let shown = names.iter().take(6).map(|n| format!("`{n}`")).collect::<Vec<_>>().join(", ");
+    let more = if names.len() > 6 { format!(" and {} more", names.len() - 6) } else { String::new() };
+    Some(format!(
+        "the model does not carry over to the groups of `{column}` that were held out ({shown}{more}): their error is {error:.2} where that of the others is {floor:.2}"
+    ))
 }
 
 /// Says when the noise seems wrongly stated: `factor` is what the best model leaves, in units of the stated noise, `sound`

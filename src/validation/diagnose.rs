@@ -1,8 +1,8 @@
 //! The procedure: is anything missing, what, and how sure is that?
 
 use super::case::{Case, less_likely_than_nothing};
-use super::comparison::note_noise;
-use super::diagnosis::{CandidateReport, Diagnosis, Estimate};
+use super::comparison::{is_more_than_noise, missed_groups, note_noise};
+use super::diagnosis::{CandidateReport, Diagnosis, Estimate, Verdict};
 use super::error::ValidationError;
 use super::fit::{Fit, FitOptions, fit};
 use super::forward::Library;
@@ -37,7 +37,12 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
     if !case.alarm() {
         diagnosis.candidates = listed_only(library, &case.screening, case.error);
         less_likely_than_nothing(&mut diagnosis.candidates);
-        note_noise(diagnosis.noise_floor, true, &mut diagnosis.notes);
+        let missed = missed_groups(observations, &case.held, &case.held_out, diagnosis.noise_floor);
+        if missed.is_some() || is_more_than_noise(observations, &case.structure) {
+            diagnosis.verdict = Verdict::Unexplained;
+        }
+        diagnosis.notes.extend(missed);
+        note_noise(diagnosis.noise_floor, diagnosis.verdict == Verdict::Adequate, &mut diagnosis.notes);
         diagnosis.words = verdict_words(&diagnosis);
         return Ok(diagnosis);
     }

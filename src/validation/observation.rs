@@ -93,6 +93,8 @@ pub struct Observations {
     pub output_noise: Vec<ColumnNoise>,
     /// Rows that could not be used: id and reason.
     pub unusable: Vec<(String, String)>,
+    /// The column by whose groups the impacts are held out, if by any.
+    pub group: Option<String>,
     /// What had to be assumed, in words.
     pub notes: Vec<String>,
 }
@@ -127,8 +129,16 @@ impl Observations {
         let column = |output: bool, i: usize| -> Vec<_> { table.rows.iter().map(|r| if output { r.outputs[i] } else { r.inputs[i] }).collect() };
         let input_noise: Vec<_> = INPUTS.iter().enumerate().map(|(i, c)| ColumnNoise::of(c, &column(false, i))).collect();
         let output_noise: Vec<_> = OUTPUTS.iter().enumerate().map(|(i, c)| ColumnNoise::of(c, &column(true, i))).collect();
-        let mut all =
-            Observations { impacts: Vec::new(), gear: Vec::new(), sessions: vec!["all".to_owned()], input_noise, output_noise, unusable, notes: Vec::new() };
+        let mut all = Observations {
+            impacts: Vec::new(),
+            gear: Vec::new(),
+            sessions: vec!["all".to_owned()],
+            input_noise,
+            output_noise,
+            unusable,
+            group: options.group.clone(),
+            notes: Vec::new(),
+        };
         let mut pairs: BTreeMap<(usize, usize), usize> = BTreeMap::new();
         let spin_sd = spin_in_general(table);
         for row in &table.rows {
@@ -322,6 +332,13 @@ impl Observations {
             let more = if more > 0 { format!(" and {more} more") } else { String::new() };
             self.notes.push(format!("left out, because they cannot be used: {}{more}", named.join("; ")));
         }
+    }
+
+    /// Whether the noise of most measured outputs is stated, not assumed.
+    pub fn states_noise(&self) -> bool {
+        let measured: Vec<usize> = (0..OUTPUTS.len()).filter(|k| self.impacts.iter().any(|o| o.measured.contains(k))).collect();
+        let stated = measured.iter().filter(|k| !matches!(self.output_noise[**k], ColumnNoise::Assumed(_))).count();
+        2 * stated > measured.len()
     }
 
     /// The rows left out, as results list them.

@@ -64,12 +64,9 @@ pub fn comparison_text(c: &Comparison) -> String {
             let _ = writeln!(t, "         The numbers in the file are not the best ones: run `sweetspot fit`.");
         }
     } else {
-        let why = if c.shows_structure() {
-            "The residuals hold structure that no free parameter can take up"
-        } else {
-            "The error on held-out impacts is clearly above the noise, though no smooth structure shows"
-        };
-        let _ = writeln!(t, "verdict: NOT ADEQUATE. {why} ({structure}).");
+        let why = c.failing_words();
+        let capital = why.chars().next().map(|c| c.to_uppercase().to_string()).unwrap_or_default();
+        let _ = writeln!(t, "verdict: NOT ADEQUATE. {capital}{} ({structure}).", why.get(1..).unwrap_or_default());
         let _ = writeln!(t, "         Run `sweetspot diagnose` on the same files: it says where, and which effect is missing.");
     }
     t

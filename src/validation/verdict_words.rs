@@ -1,7 +1,8 @@
 //! The diagnosis in sentences, for the terminal and the report.
 
 use super::diagnosis::{Diagnosis, Verdict};
-use super::structure::p_text;
+use super::refits::LARGEST_NOISE_SCALE;
+use super::structure::{STRUCTURE_LEVEL, p_text};
 
 /// The answer first, then what carries it.
 pub fn verdict_words(d: &Diagnosis) -> Vec<String> {
@@ -60,7 +61,14 @@ pub fn verdict_words(d: &Diagnosis) -> Vec<String> {
             }
         }
         Verdict::Unexplained => {
-            words.push("UNEXPLAINED: the model fails, and no effect of the catalogue, nor two together, accounts for it.".to_owned());
+            words.push(if d.noise_floor.powi(2) > LARGEST_NOISE_SCALE && d.structure.p_value >= STRUCTURE_LEVEL && d.recommended.is_empty() {
+                format!(
+                    "UNEXPLAINED: what is left is {:.1} times the stated noise, and nothing that was measured tells where. The deviations are understated by far, or what is missing was not measured.",
+                    d.noise_floor
+                )
+            } else {
+                "UNEXPLAINED: the model fails, and no effect of the catalogue, nor two together, accounts for it.".to_owned()
+            });
             words.push(format!("Error on held-out impacts {:.2}, noise floor {:.2}; {tests}.", d.heldout_error, d.noise_floor));
             words.extend(d.structure.by_group.first().map(|g| format!("It does not fail alike in all groups: {}.", g.words())));
             match &d.suggested_expression {

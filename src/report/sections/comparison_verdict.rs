@@ -17,7 +17,7 @@ pub fn comparison_verdict(c: &Comparison) -> Section {
     } else if adequate {
         format!("The model “{}” is adequate: nothing in these {} impacts speaks against it beyond their noise.", c.model, c.n_impacts)
     } else if !c.shows_structure() {
-        format!("The model “{}” is not adequate: its error on held-out impacts is clearly above the noise, though no smooth structure shows.", c.model)
+        format!("The model “{}” is not adequate: {}.", c.model, c.failing_words())
     } else {
         format!("The model “{}” is not adequate: its errors on these {} impacts have structure that noise does not explain.", c.model, c.n_impacts)
     }];

@@ -26,6 +26,12 @@ pub enum EquipmentError {
     SameName { path: PathBuf, other: PathBuf, kind: &'static str, name: String },
 }
 
+/// What a racket's mass (kg) and moments of inertia (kg m²) may be, and its balance point (m from the butt) at least and at most.
+pub const MASS_KG: (f64, f64) = (0.05, 2.0);
+pub const BALANCE_M: (f64, f64) = (0.05, 1.5);
+pub const SWINGWEIGHT_KGM2: (f64, f64) = (1e-4, 0.5);
+pub const TWISTWEIGHT_KGM2: (f64, f64) = (1e-5, 0.1);
+
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Head {
@@ -94,12 +100,12 @@ impl Racket {
 
     fn check(&self, path: &Path) -> Result<(), EquipmentError> {
         let need = |key: &str, seen: f64, lo: f64, hi: f64| in_range(path, key, seen, lo, hi);
-        need("mass_kg", self.mass_kg, 0.05, 2.0)?;
+        need("mass_kg", self.mass_kg, MASS_KG.0, MASS_KG.1)?;
         need("length_m", self.length_m, 0.3, 1.5)?;
-        need("balance_m", self.balance_m, 0.05, self.length_m)?;
+        need("balance_m", self.balance_m, BALANCE_M.0, self.length_m)?;
         need("stringbed_centre_m", self.stringbed_centre_m, 0.1, self.length_m)?;
-        need("swingweight_kgm2", self.swingweight_kgm2, 1e-4, 0.5)?;
-        need("twistweight_kgm2", self.twistweight_kgm2, 1e-5, 0.1)?;
+        need("swingweight_kgm2", self.swingweight_kgm2, SWINGWEIGHT_KGM2.0, SWINGWEIGHT_KGM2.1)?;
+        need("twistweight_kgm2", self.twistweight_kgm2, TWISTWEIGHT_KGM2.0, TWISTWEIGHT_KGM2.1)?;
         need("head.inner_length_m", self.head.inner_length_m, 0.05, self.length_m)?;
         need("head.inner_width_m", self.head.inner_width_m, 0.05, self.length_m)?;
         need("head.tube_radius_m", self.head.tube_radius_m, 0.0, 0.05)?;

@@ -1,4 +1,4 @@
-//! The other calibration methods of the thesis (section 2.5.3) on the same pictures: the direct linear transform with 11
+//! The other calibration methods of the thesis (section 2.6.2) on the same pictures: the direct linear transform with 11
 //! parameters (Abdel-Aziz and Karara 1971), with 5 distortion terms besides, and the modified one that enforces orthogonal
 //! image axes (Hatze 1988, 10 free parameters). Judged like figure 2.24: mean and largest error of lengths re-measured.
 //!

@@ -104,7 +104,7 @@ impl Shell {
         indicatif::ProgressBar::new(total).with_style(style).with_message(what)
     }
 
-    /// Writes a result atomically and says so.
+    /// Writes a result whole or not at all.
     pub fn write(&self, path: &Path, bytes: &[u8]) -> Result<(), CliError> {
         crate::provenance::write_atomically(path, bytes).map_err(CliError::output)
     }

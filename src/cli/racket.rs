@@ -3,7 +3,7 @@
 use super::Shell;
 use super::error::CliError;
 use super::racket_photograph::{PhotographArguments, measure_photograph};
-use crate::equipment::Racket;
+use crate::equipment::{BALANCE_M, MASS_KG, Racket, SWINGWEIGHT_AXIS_FROM_BUTT_M, SWINGWEIGHT_KGM2, TWISTWEIGHT_KGM2};
 use crate::kinematics::{
     Bifilar, Pendulum, TapePlace, Uncertain, balance_from_scales, from_rdc_kg_cm2, perpendicular_axis_mismatch, swingweight_from_pendulum, twistweight_from_bifilar,
 };
@@ -71,6 +71,56 @@ struct RacketBench {
     remarks: Vec<String>,
 }
 
+impl RacketBench {
+    /// Refuses what no racket can have: another unit, or a slip of the pen. `at`: balance point and mass, for the moment of inertia about
+    /// the centre of mass.
+    fn check(&self, at: Option<(f64, f64)>) -> Result<(), CliError> {
+        let value = |u: Option<Uncertain>| u.map(|u| u.value);
+        for (key, seen, (low, high), unit) in [
+            ("mass_kg", self.mass_kg, MASS_KG, "kg"),
+            ("balance_m", self.balance_m, BALANCE_M, "m"),
+            ("swingweight_kgm2", value(self.swingweight_kgm2), SWINGWEIGHT_KGM2, "kg m²"),
+            ("twistweight_kgm2", value(self.twistweight_kgm2), TWISTWEIGHT_KGM2, "kg m²"),
+            ("spinweight_kgm2", value(self.spinweight_kgm2), SWINGWEIGHT_KGM2, "kg m²"),
+        ] {
+            if let Some(seen) = seen.filter(|v| !(low..=high).contains(v)) {
+                return Err(CliError::input(format!("{key} comes out as {seen:.6}; allowed: {low} to {high} {unit}"))
+                    .hint("kilograms, metres, seconds; RDC readings in kg cm², as the machine shows them"));
+            }
+        }
+        if let (Some(swing), Some((balance, mass))) = (value(self.swingweight_kgm2), at) {
+            let least = mass * (balance - SWINGWEIGHT_AXIS_FROM_BUTT_M).powi(2);
+            if swing <= least {
+                return Err(CliError::input(format!(
+                    "swingweight_kgm2 comes out as {swing:.6}; allowed: above {least:.6}, what the mass at the balance point alone has about the axis 0.10 m from the butt"
+                )));
+            }
+        }
+        Ok(())
+    }
+
+    /// Says where the measurement and the racket file differ.
+    fn compare_with(&mut self, file: Option<&Racket>) {
+        let Some(r) = file else { return };
+        let exact = |v: Option<f64>| v.map(|value| Uncertain { value, sd: 0.0 });
+        for (key, measured, stated) in [
+            ("mass_kg", exact(self.mass_kg), Some(r.mass_kg)),
+            ("balance_m", exact(self.balance_m), Some(r.balance_m)),
+            ("swingweight_kgm2", self.swingweight_kgm2, Some(r.swingweight_kgm2)),
+            ("twistweight_kgm2", self.twistweight_kgm2, Some(r.twistweight_kgm2)),
+            ("spinweight_kgm2", self.spinweight_kgm2, r.spinweight_kgm2),
+        ] {
+            let Some((m, stated)) = measured.zip(stated) else { continue };
+            let off = m.value / stated - 1.0;
+            if off.abs() > DIFFERENT.max(2.0 * m.sd / stated) {
+                self.remarks.push(format!("{key} is measured {:+.1} % off the file's {stated}", 100.0 * off));
+            }
+        }
+    }
+}
+
+/// Share by which a measurement differs from the file worth telling.
+const DIFFERENT: f64 = 0.01;
 /// Share by which real rackets leave the perpendicular axis theorem, which holds for flat bodies.
 const FLATNESS: f64 = 0.05;
 /// A machine's reading error, relative (physics.md F19: below 1 %).
@@ -119,6 +169,8 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
             ));
         }
     }
+    bench.check(balance.zip(mass))?;
+    bench.compare_with(file.as_ref());
     if file.is_none() && mass.is_none() && swing.is_none() && twist.is_none() && spin.is_none() {
         return Err(CliError::input("nothing was measured").hint("give a racket.toml to check, or measurements; see `sweetspot racket --help`"));
     }

@@ -308,7 +308,7 @@ fn for_others(arguments: &Arguments, session: &Session, shot: &ShotFolder, rig: 
 }
 
 /// What tracking depends on. Pictures stand by name and size: reading them all again would cost more than tracking does
-/// ([`earlier`] looks at their times as well).
+/// ([`still_holds`] looks at their times as well).
 fn provenance(session: &Session, shot: &ShotFolder, rig_hash: &str, clip: &Clip) -> Provenance {
     let mut provenance = Provenance::new("track");
     let mut frames = String::new();

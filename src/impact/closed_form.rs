@@ -66,7 +66,7 @@ pub fn efficiency(ball_after: f64, racket_before: f64, ball_before: f64) -> f64 
     ball_after / (racket_before + ball_before)
 }
 
-/// Bounce of a ball with spin on a surface (Daish; 2.4): `tangential` speed of its centre relative to the surface, `normal`
+/// Bounce of a ball with spin on a surface (Daish; eq 2.13 to 2.20): `tangential` speed of its centre relative to the surface, `normal`
 /// approach speed, `spin` positive as topspin, `factor` = I/(m r²). Returns tangential speed and spin after.
 ///
 /// The thesis uses 2/3 (a thin shell); a real ball has about 0.55.
@@ -134,7 +134,7 @@ pub fn kelvin_voigt_tensile(mass: f64, stiffness: f64, damping: f64) -> (f64, f6
 }
 
 /// How far in front of the ball's centre the normal force acts because a spinning ball's shell lands faster at the front of
-/// the contact than at its rear, m (Haake, Carre, Kirk and Senior 2005; thesis 2.7.2 gives about half a millimetre).
+/// the contact than at its rear, m (Haake, Carre, Kirk and Senior 2005; thesis 2.7.4 gives about half a millimetre).
 ///
 /// Truncated sphere with contact radius `a² = 2 r x − x²`: shell of `ρ = m/(4πr²)` lands at the rim's front faster by `ω a`;
 /// the moment `π ρ a² u (2 r − x) ω` over the force. Only while the ball is being compressed at `rate`.

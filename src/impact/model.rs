@@ -298,19 +298,6 @@ impl Model {
         Ok(model)
     }
 
-    /// The model without an effect; the same model when it does not have it.
-    pub fn without_effect(&self, name: &str) -> Model {
-        let mut model = self.clone();
-        if let Some(at) = model.effects.iter().position(|e| e.name == name) {
-            let range = model.effects.remove(at).range;
-            for e in &mut model.effects[at..] {
-                e.range = e.range.start - range.len()..e.range.end - range.len();
-            }
-            model.parameters.drain(range);
-        }
-        model
-    }
-
     /// The model made ready for one racket and ball: bodies changed by the effects, frame modes computed.
     ///
     /// # Errors

@@ -13,7 +13,7 @@ pub(crate) trait Problem {
     fn residuals(&self, state: &Self::State) -> Option<DVector<f64>>;
 }
 
-/// The minimum: state, covariance of a step from it, half-cost sum and log-determinant of the information.
+/// The minimum: state, covariance of a step from it, cost (sum of squares) and log-determinant of the information.
 #[derive(Debug, Clone)]
 pub(crate) struct Solution<S> {
     pub state: S,

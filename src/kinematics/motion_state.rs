@@ -57,11 +57,6 @@ impl MotionState {
             self.rate_dot_body * value + self.rate_ddot_body * slope + self.rate_dddot_body * curve,
         )
     }
-
-    /// Angular velocity along global axes.
-    pub fn rate_global(&self) -> Vector3<f64> {
-        self.global_from_racket * self.rate_body
-    }
 }
 
 /// A three-vector of the state that a law may estimate.

@@ -154,7 +154,7 @@ mod tests {
 
     #[test]
     fn truth_shared_and_changing_parts_are_told_apart() {
-        // Four shots; every band off by 0.2 px in all of them, and by ± 0.05 px from shot to shot.
+        // Forty shots; every band off by 0.2 px in all of them, and by ± 0.05 px from shot to shot.
         let shots: Vec<Bands> = (0..40)
             .map(|s| {
                 let by = if s % 2 == 0 { 0.05 } else { -0.05 };

@@ -150,7 +150,7 @@ pub fn thesis_shot(points: &[SpacePoint], motion: &ShotMotion) -> Option<ThesisS
         let face = plane(&m1, &m2, &m3);
         Some(distance(&face, &(ball_at + ball_v * t)) * at(t)?.z.dot(&face.0).signum() * motion.side)
     };
-    // Bisection (4.11) between the first contact and 5 ms later.
+    // Bisection (4.11) between 1 ms before the first contact and 5 ms after it.
     let (mut low, mut high) = (-0.001, 0.005);
     if gap(low)? < 0.0 || gap(high)? > 0.0 {
         return None;

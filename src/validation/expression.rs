@@ -151,7 +151,6 @@ fn terms_of(reference: &Reference, nuisance: &Nuisance, channel: &[DVector<f64>]
         .map(|j| {
             let information = projected.information[(j, j)];
             let strength = projected.score[j] / information;
-            // Simple features are preferred to curved ones that do hardly better.
             let gain = projected.score[j] * strength / reference.c;
             let (feature, words) = features.names[j].clone();
             Term { channel: c, feature, words, strength, gain }
@@ -199,7 +198,7 @@ fn refit(reference: &Reference, channel: &TermChannel, features: &[String], star
     Some(Fitted { effect, fit: fitted, log_evidence })
 }
 
-/// Looks for the best expression. `None` when no term stands out (a gain of 25, five deviations, among some 1500 pairs).
+/// Looks for the best expression. `None` when no term stands out (a gain of 25, five deviations, among some 2000 pairs).
 pub fn find_expression(
     reference: &mut Reference,
     screening: &Screening,

@@ -109,7 +109,7 @@ impl Fit {
         told.max(0.0) / self.count().max(1) as f64
     }
 
-    /// Deviation of a free parameter at noise scale `c` (variance ratio); 0 when it did not move or nothing informs it.
+    /// Deviation of a free parameter at noise scale `c` (variance ratio); 0 when it did not move, about its prior's where nothing informs it.
     pub fn sd(&self, parameter: usize, c: f64) -> f64 {
         self.columns.iter().position(|col| *col == Column::Parameter(parameter)).map_or(0.0, |i| (self.covariance[(i, i)] * c).max(0.0).sqrt())
     }

@@ -4,8 +4,8 @@
 //! serialisable results: [`Comparison`], [`Diagnosis`], [`Ledger`]. Racket-local axes, SI. The statistics see the model
 //! only through [`Forward`] (parameters in, predictions out), so that tests can put another world behind it.
 //!
-//! The procedure: errors in inputs and outputs ([`fit`]), fixed held-out impacts ([`holdout`]), two adequacy tests
-//! ([`structure`], `screen`), non-linear refits ranked by evidence (`rank`), sparse expressions when no named effect
+//! The procedure: errors in inputs and outputs ([`fit`]), fixed held-out impacts ([`holdout`]), adequacy tests
+//! ([`structure`], [`by_group`], `screen`, [`local_spot`]), non-linear refits ranked by evidence (`rank`), sparse expressions when no named effect
 //! will do (`expression`). `docs/diagnosis.md` gives its measured error rates.
 
 pub mod by_group;

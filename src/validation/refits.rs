@@ -58,7 +58,7 @@ pub fn excess_at(test: &StructureTest, c: f64) -> f64 {
     ((test.statistic + test.residual_chi2) / c - test.rank as f64 - test.residual_freedom).max(0.0)
 }
 
-/// Starting strengths of a pair: from the joint score where there is one, else typical halves.
+/// Starting strengths of a pair: from the joint score; none where one of them was not screened.
 fn screen_pairs_guess(reference: &Reference, screening: &Screening, names: &[&str]) -> Vec<f64> {
     let of = |name: &str| screening.effects.iter().find(|s| reference.library.effects()[s.effect].name == name);
     let Some(terms): Option<Vec<&Screened>> = names.iter().map(|n| of(n)).collect() else { return Vec::new() };

@@ -58,7 +58,6 @@ pub struct ScreenedPair {
     /// Indices into [`Library::effects`].
     pub effects: [usize; 2],
     pub gain: f64,
-    pub strengths: Vec<f64>,
 }
 
 /// Whitened signatures of the strengths of every effect that can be added: `[impact]` blocks of outputs × terms.
@@ -230,12 +229,7 @@ pub fn screen_pairs(screening: &Screening, library: &dyn Library, c: f64) -> Vec
                 }
                 let both = active.iter().any(|x| x.2 == 0) && active.iter().any(|x| x.2 == 1);
                 if both {
-                    let mut all = vec![0.0; a.terms.len() + b.terms.len()];
-                    for (k, x) in active.iter().enumerate() {
-                        let (s, at) = if x.2 == 0 { (a, x.3) } else { (b, a.terms.len() + x.3) };
-                        all[at] = strengths[k] * library.effects()[s.effect].strengths[x.3].typical;
-                    }
-                    pairs.push(ScreenedPair { effects: [a.effect, b.effect], gain: gain / c, strengths: all });
+                    pairs.push(ScreenedPair { effects: [a.effect, b.effect], gain: gain / c });
                 }
                 break;
             }

@@ -14,7 +14,7 @@ pub struct SmoothCurve {
 
 /// Local-linear regression with a Gaussian kernel at `count` points between the 2nd and 98th percentile of x.
 ///
-/// The kernel's deviation is 0.35 of x's robust deviation times (n/100)^(-1/5): narrow enough to show a node line across
+/// The kernel's deviation is 0.7 of x's robust deviation times (n/100)^(-1/5): narrow enough to show a node line across
 /// the face. The band uses the local residual variance. `None` with fewer than ten points or no spread in x.
 pub fn smooth(points: &[(f64, f64)], count: usize) -> Option<SmoothCurve> {
     let n = points.len();

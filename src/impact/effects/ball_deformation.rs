@@ -16,7 +16,7 @@ pub(super) static CARD: EffectCard = EffectCard {
         ParameterCard::strength("arm_share", "", "lambda: share of the compression by which the arm shortens", 0.5, (-1.0, 1.0), 0.5),
         ParameterCard::strength("inertia_per_m", "1/m", "kappa: relative fall of the inertia per metre of compression", 5.0, (-20.0, 20.0), 5.0),
     ],
-    source: "Brody (thesis eq 2.22, sign put right); Haake 2005; thesis 2.6.4 (5 % at 10 mm)",
+    source: "Brody (thesis eq 2.22, sign put right); Haake 2005; thesis 2.7.2 (5 % at 10 mm)",
     signature: "Spin change per change of tangential velocity falls as the approach speed rises; tangential velocity and spin of impacts \
                 that stick change with it.",
     confused_with: &["offset-normal-force", "lateral-strings"],

@@ -21,7 +21,7 @@ pub(super) static CARD: EffectCard = EffectCard {
         ParameterCard::shape("damping_ratio", "", "of the mode (visco-elastic base only)", 0.01, (0.0, 0.3), 0.01),
         ParameterCard::shape("node_m", "m", "how far the node lies from the beam's own, toward the tip", 0.0, (-0.05, 0.05), 0.01).fitted(),
     ],
-    source: "Cross 1998, 1999; thesis 2.5; free-free beam with mass, balance and swingweight of the racket",
+    source: "Cross 1998, 1999; thesis 2.7.2; free-free beam with mass, balance and swingweight of the racket",
     signature: "Rebound slower than the model on both sides of the node (0.78 to 0.81 of the length from the butt), most at the throat; \
                 even in distance to the node, the same across the face, without effect on spin or angle.",
     confused_with: &["stringbed-edge", "racket-inertia", "hand-mass"],
@@ -34,7 +34,7 @@ pub(super) static CARD: EffectCard = EffectCard {
 pub(super) fn pulse_response<T: Real>(frequency_hz: T, t: T) -> T {
     let x = frequency_hz * 2.0 * t; // wT/pi
     if (x.value() - 1.0).abs() < 1e-4 {
-        // cos(pi x/2)/(1 - x^2) has the limit pi/4 at x = 1, and slope −pi/4 there.
+        // cos(pi x/2)/(1 - x^2) has the limit pi/4 at x = 1, and slope −pi/8 there.
         return (-(x - 1.0) * 0.5 + 1.0) * (PI / 4.0);
     }
     (x * (0.5 * PI)).cos() / (-(x * x) + 1.0)

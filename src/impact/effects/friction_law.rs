@@ -16,7 +16,7 @@ pub(super) static CARD: EffectCard = EffectCard {
         ParameterCard::strength("slip_exponent", "", "power of the slip speed at first touch", -0.3, (-3.0, 3.0), 0.2),
         ParameterCard::strength("load_exponent", "", "power of the approach speed, which sets the load", 0.0, (-3.0, 3.0), 0.2),
     ],
-    source: "Ashcroft and Stronge (0.45 to 0.54 up to 400 N); thesis 2.6.2 (0.11 to 0.42 at lighter load)",
+    source: "Ashcroft and Stronge (0.45 to 0.54 up to 400 N); thesis 2.7.1 (0.11 to 0.42 at lighter load)",
     signature: "Visible only where the ball slides throughout (shallow incidence, heavy backspin): tangential velocity and spin depart together, \
                 more or less as the slip or approach speed grows.",
     confused_with: &["lateral-strings", "offset-normal-force"],

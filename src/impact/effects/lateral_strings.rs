@@ -16,7 +16,7 @@ pub(super) static CARD: EffectCard = EffectCard {
         ParameterCard::strength("across", "", "tangential restitution across the face (y)", 0.15, (-0.95, 0.95), 0.15),
         ParameterCard::strength("along", "", "tangential restitution along the racket (x)", 0.0, (-0.95, 0.95), 0.15),
     ],
-    source: "Cross 2002, 2005 (grip-slip behaviour); Goodwill and Haake 2004; thesis 2.6",
+    source: "Cross 2002, 2005 (grip-slip behaviour); Goodwill and Haake 2004; thesis 2.7.1",
     signature: "Only tangential velocity and spin change, in proportion to the slip speed of impacts that stick; the ratio of the spin change to the \
                 velocity change stays; nothing while the ball slides throughout.",
     confused_with: &["friction-law", "ball-deformation", "offset-normal-force"],

@@ -15,7 +15,7 @@ pub(super) static CARD: EffectCard = EffectCard {
     parameters: &[
         ParameterCard::strength("extra", "N s/m", "damping beyond the base's (seed value 2 N s/m in the visco-elastic base)", 2.0, (-20.0, 100.0), 2.0),
     ],
-    source: "thesis 2.7.4 (2 N s/m); visco-elastic model: 2 to 5 N s/m gives -0.022 in the apparent restitution",
+    source: "thesis 2.7.3 (2 N s/m); visco-elastic model: 2 to 5 N s/m gives -0.022 in the apparent restitution",
     signature: "All rebounds slower by the same share, flat in speed, position and angle: exactly what a lower restitution does.",
     confused_with: &["string-tension", "ball-damping", "scale-error", "momentum-flux"],
     separated_by: "a steel or pool ball dropped on the strings; rebound of the tennis ball from a wall",

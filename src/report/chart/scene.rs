@@ -11,7 +11,7 @@ const ELEVATION_RAD: f64 = 0.40;
 
 #[derive(Debug, Clone)]
 enum Item {
-    Path { through: Vec<Point3<f64>>, closed: bool, width: f64, dashed: bool, name: String, colour: Colour },
+    Path { through: Vec<Point3<f64>>, closed: bool, width: f64, name: String, colour: Colour },
     Dots { at: Vec<Point3<f64>>, size: f64, name: String, colour: Colour },
     Text { at: Point3<f64>, text: String },
     Arrow { from: Point3<f64>, to: Point3<f64>, name: String, colour: Colour },
@@ -49,14 +49,11 @@ impl Scene {
     }
     /// A line through points; `name` enters the legend unless it is empty.
     pub fn path(self, through: &[Point3<f64>], name: &str, colour: Colour) -> Self {
-        self.push_path(through, false, 1.6, false, name, colour)
-    }
-    pub fn dashed_path(self, through: &[Point3<f64>], name: &str, colour: Colour) -> Self {
-        self.push_path(through, false, 1.2, true, name, colour)
+        self.push_path(through, false, 1.6, name, colour)
     }
     /// A closed outline, such as a checkerboard's.
     pub fn outline(self, corners: &[Point3<f64>], name: &str, colour: Colour) -> Self {
-        self.push_path(corners, true, 1.0, false, name, colour)
+        self.push_path(corners, true, 1.0, name, colour)
     }
     pub fn dots(mut self, at: &[Point3<f64>], size: f64, name: &str, colour: Colour) -> Self {
         self.items.push(Item::Dots { at: at.to_vec(), size, name: name.to_owned(), colour });
@@ -74,12 +71,12 @@ impl Scene {
     pub fn camera(mut self, centre: Point3<f64>, corners: &[Vector3<f64>; 4], size_m: f64, name: &str) -> Self {
         let far = corners.map(|c| centre + c.normalize() * size_m);
         for (i, corner) in far.iter().enumerate() {
-            self = self.push_path(&[centre, *corner, far[(i + 1) % 4]], false, 1.2, false, "", Colour::GREY);
+            self = self.push_path(&[centre, *corner, far[(i + 1) % 4]], false, 1.2, "", Colour::GREY);
         }
         self.dots(&[centre], 5.0, "", Colour::GREY).text(centre, name)
     }
-    fn push_path(mut self, through: &[Point3<f64>], closed: bool, width: f64, dashed: bool, name: &str, colour: Colour) -> Self {
-        self.items.push(Item::Path { through: through.to_vec(), closed, width, dashed, name: name.to_owned(), colour });
+    fn push_path(mut self, through: &[Point3<f64>], closed: bool, width: f64, name: &str, colour: Colour) -> Self {
+        self.items.push(Item::Path { through: through.to_vec(), closed, width, name: name.to_owned(), colour });
         self
     }
 
@@ -176,10 +173,10 @@ fn finite(p: &Point3<f64>) -> bool {
 
 fn draw(svg: &mut Svg, item: &Item, at: &impl Fn(&Point3<f64>) -> (f64, f64), width: f64) {
     match item {
-        Item::Path { through, closed, width, dashed, colour, .. } => {
+        Item::Path { through, closed, width, colour, .. } => {
             let d = polyline(through.iter().map(|p| finite(p).then(|| at(p))));
             let d = if *closed && !d.is_empty() { format!("{d}z") } else { d };
-            svg.path(&d, &stroke(*colour, *width, if *dashed { "4 3" } else { "" }));
+            svg.path(&d, &stroke(*colour, *width, ""));
         }
         Item::Dots { at: dots, size, colour, .. } => {
             let dots: Vec<(f64, f64)> = dots.iter().filter(|p| finite(p)).map(at).collect();

@@ -278,3 +278,22 @@ fn in_range(path: &Path, key: &str, seen: f64, lo: f64, hi: f64) -> Result<(), E
         Err(EquipmentError::Value { path: path.into(), key: key.into(), seen, allowed: format!("{lo} to {hi}") })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fails_two_rackets_of_one_name_that_differ() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let ball = |file: &str, mass: f64| {
+            let path = folder.path().join(file);
+            std::fs::write(&path, format!("name = \"b\"\nmass_kg = {mass}\ndiameter_m = 0.066\ninertia_factor = 0.55\n")).expect("written");
+            path
+        };
+        let (a, same, other) = (ball("a.toml", 0.0577), ball("same.toml", 0.0577), ball("other.toml", 0.0560));
+        assert_eq!(read_all(&[a.clone(), same], Ball::read).expect("one ball twice").len(), 2);
+        let message = read_all(&[a, other], Ball::read).expect_err("two balls").to_string();
+        assert!(message.contains("other.toml") && message.contains("a.toml") && message.contains("names its ball by it"), "{message}");
+    }
+}

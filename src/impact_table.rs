@@ -380,6 +380,13 @@ mod tests {
     }
 
     #[test]
+    fn fails_a_table_in_another_encoding_says_which_to_use() {
+        let latin = b"id,player\na,J\xf6rg\n";
+        let message = ImpactTable::from_reader(&latin[..], Path::new("t.csv")).expect_err("not UTF-8").to_string();
+        assert!(message.contains("save it as CSV in UTF-8"), "{message}");
+    }
+
+    #[test]
     fn fails_nan_negative_sd_doubles_and_empty_tables_are_refused() {
         for (text, word) in [
             ("id,ball_in_vz\na,NaN\n", "line 2: `ball_in_vz` is \"NaN\""),
@@ -390,6 +397,10 @@ mod tests {
             ("name\na\n", "no column `id`"),
             ("id;ball_in_vz\na;-20,5\n", "part the fields by commas"),
             ("id,id\na,b\n", "stands twice in the header"),
+            ("id,Ball_in_vz\na,-20\n", "if it is `ball_in_vz`, write it so"),
+            ("id,ball_out_vz [m/s]\na,20\n", "if it is `ball_out_vz`, write it so"),
+            ("id,sequence\na,1\nb,\n", "line 3: `sequence` is \"\""),
+            ("id,ball_in_vz\r\na,1\r\nb,NaN\r\n", "line 3: `ball_in_vz` is \"NaN\""),
         ] {
             let message = read(text).expect_err(text).to_string();
             assert!(message.contains(word), "{message}");

@@ -37,3 +37,4 @@ mod tracking_export;
 mod tracking_faults;
 mod tracking_identity;
 mod validation;
+mod validation_groups;

@@ -347,12 +347,15 @@ fn whiten(point: &Point, setting: &Setting) -> Option<Linearised> {
     let (output_t, input_t) = standardise(&precision);
     let mut outliers: Vec<OutlyingCell> = Vec::new();
     let (mut now_out, mut now_in) = (output_t.clone(), input_t);
-    // The worst cell first: its neighbours often look odd only because of it.
+    // The worst cell first: its neighbours often look odd only because of it. Of all that stick out of their own columns the one
+    // whose error alone explains most of the residuals: the largest in deviations (for one wrong cell by Cauchy and Schwarz its own).
     for _ in 0..MOST_CELLS {
-        let worst_output = (0..k).map(|i| (now_out[i].abs() / setting.spread.outputs[o.measured[i]], true, i));
-        let worst_input = (0..INPUTS.len()).map(|j| (now_in[j].abs() / setting.spread.inputs[j], false, j));
-        let Some((t, output, index)) = worst_output.chain(worst_input).max_by(|a, b| a.0.total_cmp(&b.0)) else { break };
-        if !(t > OUTLIER_START) || outliers.iter().any(|c| c.output == output && c.column == if output { o.measured[index] } else { index }) {
+        let of_output = (0..k).map(|i| (now_out[i].abs(), setting.spread.outputs[o.measured[i]], true, i));
+        let of_input = (0..INPUTS.len()).map(|j| (now_in[j].abs(), setting.spread.inputs[j], false, j));
+        let odd = of_output.chain(of_input).filter(|(t, spread, ..)| t / spread > OUTLIER_START);
+        let Some((size, spread, output, index)) = odd.max_by(|a, b| a.0.total_cmp(&b.0)) else { break };
+        let t = size / spread;
+        if outliers.iter().any(|c| c.output == output && c.column == if output { o.measured[index] } else { index }) {
             break;
         }
         // Variance of this cell's residual given the others, times how far it is out, squared: weight (start / t)².

@@ -96,11 +96,13 @@ fn worst_range(rows: &[(usize, f64, f64)], impacts: &[&Observation], signs: &Nor
         return None;
     }
     let inside = &sorted[edges[a]..edges[b]];
-    let outside: Vec<f64> = sorted[..edges[a]].iter().chain(&sorted[edges[b]..]).map(|r| r.1).collect();
+    let outside: Vec<(usize, f64, f64)> = sorted[..edges[a]].iter().chain(&sorted[edges[b]..]).copied().collect();
     let m = inside.len();
-    let mean = inside.iter().map(|r| r.1).sum::<f64>() / m as f64;
-    let sd = (inside.iter().map(|r| (r.1 - mean).powi(2)).sum::<f64>() / (m.max(2) - 1) as f64 / m as f64).sqrt();
-    let elsewhere = if outside.is_empty() { 0.0 } else { outside.iter().sum::<f64>() / outside.len() as f64 };
+    // Weighted as in the test: an impact that is hardly known must not widen the interval of the others.
+    let weighted = |rows: &[(usize, f64, f64)]| rows.iter().map(|r| r.1 / r.2).sum::<f64>() / rows.iter().map(|r| 1.0 / r.2).sum::<f64>();
+    let mean = weighted(inside);
+    let sd = inside.iter().map(|r| ((r.1 - mean) / r.2).powi(2)).sum::<f64>().sqrt() / inside.iter().map(|r| 1.0 / r.2).sum::<f64>();
+    let elsewhere = if outside.is_empty() { 0.0 } else { weighted(&outside) };
     let (from, to) = (value(edges[a]), value(edges[b] - 1));
     // Mean of the output itself there: whether a difference makes it larger or smaller in size.
     let level = inside

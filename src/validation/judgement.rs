@@ -134,7 +134,7 @@ impl<'a> Judgement<'a> {
     pub fn leave_to_chance(&mut self) {
         let (case, floor) = (self.case, self.refits.c.sqrt());
         let told_by_formula = self.alone.as_ref().is_some_and(|f| f.log_evidence > CONVINCING && f.suggestion.heldout_error_after < case.error);
-        if self.verdict != Verdict::Unexplained || case.in_library() || told_by_formula {
+        if self.verdict != Verdict::Unexplained || case.in_library() || told_by_formula || !case.structure.by_group.is_empty() {
             return;
         }
         if !case.smooth() {

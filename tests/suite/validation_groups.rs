@@ -48,7 +48,7 @@ fn judged(made: &SyntheticTable, options: &TableOptions) -> (Comparison, Diagnos
 }
 
 fn by_turns(i: usize, row: &mut ImpactRow) {
-    row.racket = Some(if i % 2 == 0 { "one" } else { "other" }.to_owned());
+    row.racket = Some(if i.is_multiple_of(2) { "one" } else { "other" }.to_owned());
     row.groups.insert("player".into(), format!("player {}", i % 3));
 }
 
@@ -58,7 +58,7 @@ fn truth_a_racket_that_rebounds_otherwise_is_named_and_equal_ones_are_not() {
     for seed in [1, 2] {
         let lively = changed(200, seed, |i, row| {
             by_turns(i, row);
-            if i % 2 == 1 {
+            if !i.is_multiple_of(2) {
                 scaled(row, "ball_out_vz", 1.03);
             }
         });

@@ -14,8 +14,9 @@ use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Level of the test, corrected for the number of columns.
-pub const GROUP_LEVEL: f64 = 0.002;
+/// Level of the test, corrected for the number of columns. At 0.002 five of 300 sound tables with three such columns each failed: far in its
+/// tail the bootstrap of few groups is too sure of itself. A fault worth naming is beyond 1e-4.
+pub const GROUP_LEVEL: f64 = 0.0003;
 /// Groups smaller than this are not looked at, nor columns with more than so many.
 const FEWEST_IN_GROUP: usize = 8;
 const MOST_GROUPS: usize = 40;

@@ -11,7 +11,7 @@
 
 use super::forward::{Asked, Inputs, Prediction};
 use super::observation::{Observation, Observations};
-use super::predicted::{predict_measured, predict_over_spins, predict_roughly};
+use super::predicted::{predict_measured, predict_roughly, scatter_over_spins};
 use super::session_shift::SessionShift;
 use crate::impact_table::{INPUTS, OUTPUTS};
 use nalgebra::{DMatrix, DVector};
@@ -138,6 +138,8 @@ fn input_jacobians(p: &dyn Prediction, points: &[&Point], widest: f64) -> Vec<DM
         let h = step(points[i], j);
         let column = match (&sides[0], &sides[1]) {
             (Some(up), Some(down)) => (up - down) / (2.0 * h),
+            // The middle is a mean over more spins than the sides are.
+            _ if points[i].o.has_open_spin() => continue,
             (Some(up), None) => (up - &points[i].at_x) / h,
             (None, Some(down)) => (&points[i].at_x - down) / h,
             (None, None) => continue,
@@ -265,8 +267,8 @@ fn differentiate(p: &dyn Prediction, points: &mut [Point], widest: f64) {
 fn scatter_by_spin(p: &dyn Prediction, points: &mut [Point]) {
     let mut open: Vec<&mut Point> = points.iter_mut().filter(|point| point.o.has_open_spin()).collect();
     let asked: Vec<(&Observation, Inputs)> = open.iter().map(|point| (point.o, point.x)).collect();
-    for (point, over) in open.iter_mut().zip(predict_over_spins(p, &asked)) {
-        point.open = over.map_or_else(|| DMatrix::zeros(0, 0), |(_, covariance)| covariance);
+    for (point, over) in open.iter_mut().zip(scatter_over_spins(p, &asked)) {
+        point.open = over.unwrap_or_else(|| DMatrix::zeros(0, 0));
     }
 }
 

@@ -178,12 +178,13 @@ impl Observations {
                 None => return Err(format!("`{name}` is empty")),
             }
         }
+        let held_by = options.group.as_ref().and_then(|g| group_of(row, g)).unwrap_or(&row.id);
         let mut o = Observation {
             id: row.id.clone(),
             gear,
             order: row.sequence,
             session: 0,
-            held_out: is_held_out(options.group.as_ref().and_then(|g| group_of(row, g)).unwrap_or(&row.id)),
+            held_out: is_held_out(held_by),
             inputs,
             input_sd,
             missing,
@@ -193,7 +194,7 @@ impl Observations {
             output_sd: Vec::new(),
             shared_sd: row.shared_sd.map(|sd| sd.unwrap_or(0.0)),
             groups: row.groups.clone(),
-            held_by: options.group.as_ref().and_then(|g| group_of(row, g)).unwrap_or(&row.id).to_owned(),
+            held_by: held_by.to_owned(),
         };
         for (k, name) in OUTPUTS.iter().enumerate() {
             if let Some(m) = row.outputs[k] {

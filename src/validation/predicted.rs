@@ -3,7 +3,7 @@
 use super::forward::{Asked, Inputs, Prediction};
 use super::linearise::Linearised;
 use super::observation::Observation;
-use super::unseen_spin::{TRIED, TRIED_FOR_SLOPES, mean_and_covariance, spins, with_spin};
+use super::unseen_spin::{TRIED, TRIED_FOR_SLOPES, covariance, mean, spins, with_spin};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
@@ -32,20 +32,21 @@ fn predict_with(p: &dyn Prediction, asked: &[(&Observation, Inputs)], tried: usi
         all[i] = value;
     }
     let some: Vec<(&Observation, Inputs)> = open.iter().map(|&i| asked[i]).collect();
-    for (i, over) in open.into_iter().zip(over_spins(p, &some, tried)) {
-        all[i] = over.map(|(mean, _)| mean);
+    for (i, over) in open.into_iter().zip(over_spins(p, &some, tried).chunks(tried)) {
+        all[i] = mean(over);
     }
     all
 }
 
-/// Mean and covariance of the measured outputs over the open spins of each impact.
-pub fn predict_over_spins(p: &dyn Prediction, asked: &[(&Observation, Inputs)]) -> Vec<Option<(DVector<f64>, DMatrix<f64>)>> {
-    over_spins(p, asked, TRIED)
+/// Covariance of the measured outputs over the open spins of each impact.
+pub fn scatter_over_spins(p: &dyn Prediction, asked: &[(&Observation, Inputs)]) -> Vec<Option<DMatrix<f64>>> {
+    over_spins(p, asked, TRIED).chunks(TRIED).map(covariance).collect()
 }
 
-fn over_spins(p: &dyn Prediction, asked: &[(&Observation, Inputs)], tried: usize) -> Vec<Option<(DVector<f64>, DMatrix<f64>)>> {
+/// Predictions with `tried` spins of each impact, one impact after the other.
+fn over_spins(p: &dyn Prediction, asked: &[(&Observation, Inputs)], tried: usize) -> Vec<Option<DVector<f64>>> {
     let with: Vec<(&Observation, Inputs)> = asked.iter().flat_map(|(o, x)| spins(o, tried).map(|spin| (*o, with_spin(*x, spin)))).collect();
-    predict_as_asked(p, &with).chunks(tried).map(mean_and_covariance).collect()
+    predict_as_asked(p, &with)
 }
 
 fn predict_as_asked(p: &dyn Prediction, asked: &[(&Observation, Inputs)]) -> Vec<Option<DVector<f64>>> {

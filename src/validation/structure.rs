@@ -339,14 +339,8 @@ pub fn structure_test(fit: &Fit, observations: &Observations, impacts: &[&Observ
     let (noise_scale, noise_by_group) = noise_by_group(fit, &projected, &directions, &parts.row_sum().transpose(), residual_chi2 / residual_freedom);
     // What a table misses by no more than rounding has no structure.
     let exact = chi2 < EXACT * fit.count() as f64;
-    let p_value = if exact {
-        1.0
-    } else {
-        {
-            let tested = by_group.iter().filter(|_| matches!(groups, Groups::Test)).map(|g| g.p_value);
-            tested.fold(wild_p_value(&parts, statistic, seed), f64::min)
-        }
-    };
+    let tested = by_group.iter().filter(|_| matches!(groups, Groups::Test)).map(|g| g.p_value);
+    let p_value = if exact { 1.0 } else { tested.fold(wild_p_value(&parts, statistic, seed), f64::min) };
     let by_group = if exact { Vec::new() } else { by_group };
     let excess = (statistic / noise_scale - q as f64).max(0.0);
     StructureTest { statistic, rank: q, p_value, noise_scale, noise_by_group, residual_chi2, residual_freedom, excess, columns_of_groups, by_group, seed }

@@ -46,17 +46,22 @@ pub fn with_spin(mut inputs: [f64; INPUTS.len()], spin: [f64; 2]) -> [f64; INPUT
     inputs
 }
 
-/// Mean of the predictions with all spins tried, and their covariance. `None` where the model has no answer for one of them.
-pub fn mean_and_covariance(predictions: &[Option<DVector<f64>>]) -> Option<(DVector<f64>, DMatrix<f64>)> {
-    let all: Vec<&DVector<f64>> = predictions.iter().map(Option::as_ref).collect::<Option<_>>()?;
-    let n = all.len() as f64;
-    let mut mean = DVector::zeros(all.first()?.len());
-    all.iter().for_each(|p| mean += *p);
-    mean /= n;
-    let mut covariance = DMatrix::zeros(mean.len(), mean.len());
-    for p in all {
-        let off = p - &mean;
-        covariance.ger(1.0 / n, &off, &off, 1.0);
+/// Mean of the predictions with all spins tried. `None` where the model has no answer for one of them.
+pub fn mean(predictions: &[Option<DVector<f64>>]) -> Option<DVector<f64>> {
+    let mut sum = predictions.first()?.clone()?;
+    for p in &predictions[1..] {
+        sum += p.as_ref()?;
     }
-    Some((mean, covariance))
+    Some(sum / predictions.len() as f64)
+}
+
+/// Their covariance.
+pub fn covariance(predictions: &[Option<DVector<f64>>]) -> Option<DMatrix<f64>> {
+    let mean = mean(predictions)?;
+    let mut covariance = DMatrix::zeros(mean.len(), mean.len());
+    for p in predictions.iter().flatten() {
+        let off = p - &mean;
+        covariance.ger(1.0 / predictions.len() as f64, &off, &off, 1.0);
+    }
+    Some(covariance)
 }

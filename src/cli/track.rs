@@ -252,7 +252,7 @@ fn one(
     };
     let spin = if arguments.no_spin { None } else { Some(measure_spin(&made.clip, &setup, &mut made.tracked)?) };
     let tracked = &made.tracked;
-    let summary = summary(&shot.id, &setup, &made, clip.gap_notes());
+    let summary = summary(&shot.id, &setup, &made, [clip.gap_notes(), clip.depth_notes()].concat());
     said.push(format!("{}: {} points measured, {} occluded, in {} frames", shot.id, summary.measured, summary.occluded, summary.frames));
     said.extend(summary.notes.iter().map(|note| format!("{}: {note}", shot.id)));
     if spin.is_none() {

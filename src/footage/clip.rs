@@ -36,6 +36,7 @@ impl Clip {
         if let Some((number, path)) = [left.last(), right.last()].into_iter().flatten().find(|(number, _)| *number > LARGEST_FRAME_NUMBER) {
             return Err(FootageError::NoFrameNumber { path: path.clone(), number: *number });
         }
+        let decoded = Arc::new(DecodedPictures::of([(folders[0], &left), (folders[1], &right)]));
         let (mut l, mut r) = (left.into_iter().peekable(), right.into_iter().peekable());
         let mut pairs: Vec<FramePair> = Vec::new();
         loop {
@@ -49,7 +50,7 @@ impl Clip {
             pairs.push(FramePair { number, files });
         }
         if pairs.iter().any(|pair| pair.files.iter().all(Option::is_some)) {
-            return Ok(Clip::of(pairs, Arc::default()));
+            return Ok(Clip::of(pairs, decoded));
         }
         let [left_numbers, right_numbers] = [0, 1].map(|camera| {
             let seen: Vec<u64> = pairs.iter().filter(|pair| pair.files[camera].is_some()).map(|pair| pair.number).collect();
@@ -104,6 +105,11 @@ impl Clip {
             .enumerate()
             .filter_map(|(camera, name)| Some(format!("{name} camera: no picture of frame {}", ranges(&self.missing(camera))?)))
             .collect()
+    }
+
+    /// How pictures of more than 8 bits were taken, once some have been read: one line per camera.
+    pub fn depth_notes(&self) -> Vec<String> {
+        self.decoded.depth_notes()
     }
 
     /// Frame numbers that one camera (0 left, 1 right) lacks between its clip's first and last frame.

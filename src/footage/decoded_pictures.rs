@@ -1,17 +1,31 @@
 //! Pictures that must be decoded whole (PNG, TIFF, JPEG, colour bitmaps), kept while there is room: tracking looks at each several
 //! times, and decoding takes longer than measuring.
 
-use super::{FootageError, GreyImage, read_grey};
+use super::image_file::{Decoded, read_decoded};
+use super::{FootageError, GreyImage};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, OnceLock};
 
 /// Room for pictures, bytes: 256 of 512 x 512. What comes later is decoded each time, so that memory does not grow with the clip.
 const MOST_BYTES: usize = 64 << 20;
 
+/// Pictures of a camera whose values tell how many bits it records.
+const SAMPLES: usize = 9;
+
 #[derive(Debug, Default)]
 pub struct DecodedPictures {
     kept: Mutex<Kept>,
+    /// Of each camera's folder.
+    depths: Vec<Depth>,
+}
+
+/// How many bits a camera records, for pictures of more than eight. One for all of a clip: its background is compared with it.
+#[derive(Debug)]
+struct Depth {
+    folder: PathBuf,
+    samples: Vec<PathBuf>,
+    bits: OnceLock<u32>,
 }
 
 #[derive(Debug, Default)]
@@ -21,14 +35,47 @@ struct Kept {
 }
 
 impl DecodedPictures {
+    /// Of the pictures of these folders.
+    pub fn of(cameras: [(&Path, &[(u64, PathBuf)]); 2]) -> Self {
+        let depths = cameras.map(|(folder, pictures)| Depth {
+            folder: folder.into(),
+            samples: pictures.iter().step_by(pictures.len().div_ceil(SAMPLES).max(1)).map(|(_, path)| path.clone()).collect(),
+            bits: OnceLock::new(),
+        });
+        DecodedPictures { kept: Mutex::default(), depths: depths.into() }
+    }
+
+    /// One line for each camera that turned out to write more than 8 bits.
+    pub fn depth_notes(&self) -> Vec<String> {
+        let told = |d: &Depth| {
+            let name = d.folder.file_name().unwrap_or_default().to_string_lossy();
+            Some(format!("{name} camera: pictures of more than 8 bits; their values are those of {} bits, scaled to 8", d.bits.get()?))
+        };
+        self.depths.iter().filter_map(told).collect()
+    }
+
+    /// How many bits the camera of this picture records.
+    fn bits(&self, path: &Path, picture: &Decoded) -> u32 {
+        let Some(depth) = self.depths.iter().find(|d| path.parent() == Some(&d.folder)) else { return picture.bits() };
+        // Pictures that cannot be read say so when it is their turn.
+        let all = || depth.samples.iter().filter_map(|path| Some(read_decoded(path).ok()?.bits())).fold(8, u32::max);
+        *depth.bits.get_or_init(all)
+    }
+
     /// The picture, decoded now or earlier.
     ///
-    /// # Errors  as [`read_grey`]; a picture that cannot be read is tried again each time
+    /// # Errors  as [`super::read_grey`]; a picture that cannot be read is tried again each time
     pub fn read(&self, path: &Path) -> Result<Arc<GreyImage>, FootageError> {
         if let Some(image) = self.kept.lock().ok().and_then(|kept| kept.by_path.get(path).cloned()) {
             return Ok(image);
         }
-        let image = Arc::new(read_grey(path)?);
+        let image = Arc::new(match read_decoded(path)? {
+            Decoded::Grey(image) => image,
+            deep => {
+                let bits = self.bits(path, &deep);
+                deep.grey(bits)
+            }
+        });
         if let Ok(mut kept) = self.kept.lock()
             && kept.bytes + image.pixels.len() <= MOST_BYTES
             && kept.by_path.insert(path.into(), image.clone()).is_none()
@@ -42,6 +89,22 @@ impl DecodedPictures {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn law_a_dark_picture_has_the_range_of_its_camera() {
+        let folder = tempfile::tempdir().expect("folder");
+        let pictures: Vec<(u64, PathBuf)> = (0..30).map(|i| (i, folder.path().join(format!("{i}.png")))).collect();
+        for (i, path) in &pictures {
+            let value = if *i < 10 { 200 } else { 3000 + *i as u16 };
+            image::ImageBuffer::from_pixel(32, 32, image::Luma([value])).save(path).expect("written");
+        }
+        let read = DecodedPictures::of([(folder.path(), &pictures), (Path::new("none"), &[])]);
+        assert!(read.depth_notes().is_empty());
+        let first = |i: usize| read.read(&pictures[i].1).expect("read").pixels[0];
+        assert_eq!((first(0), first(29)), (12, 189));
+        assert_eq!(read.depth_notes().len(), 1);
+        assert!(read.depth_notes()[0].contains("of 12 bits"), "{:?}", read.depth_notes());
+    }
 
     #[test]
     fn law_pictures_are_kept_up_to_the_room_there_is() {

@@ -64,10 +64,52 @@ impl GreyImage {
     }
 }
 
+/// A picture as its file holds it.
+#[derive(Debug)]
+pub(super) enum Decoded {
+    Grey(GreyImage),
+    /// More than 8 bits a pixel, as high-speed cameras of 10, 12 or 14 bits write them.
+    Deep {
+        width: usize,
+        height: usize,
+        values: Vec<u16>,
+    },
+}
+
+impl Decoded {
+    /// Bits a pixel that the picture's values need, 8 to 16 in steps of two; a camera's range, unless all of it is dark.
+    pub fn bits(&self) -> u32 {
+        match self {
+            Decoded::Grey(_) => 8,
+            Decoded::Deep { values, .. } => (u16::BITS - values.iter().fold(0, |all, v| all | v).leading_zeros()).next_multiple_of(2).max(8),
+        }
+    }
+
+    /// As 8-bit grey, the range of so many bits over all of it; brighter pixels become white.
+    pub fn grey(self, bits: u32) -> GreyImage {
+        match self {
+            Decoded::Grey(image) => image,
+            Decoded::Deep { width, height, values } => {
+                let full = (1u32 << bits.clamp(8, 16)) - 1;
+                let pixels = values.iter().map(|v| ((u32::from(*v).min(full) * 255 + full / 2) / full) as u8).collect();
+                GreyImage { width, height, pixels }
+            }
+        }
+    }
+}
+
 /// Reads one picture by its content, whatever its extension says, as 8-bit grey.
 ///
-/// Colour becomes luminance (Rec. 709), 16-bit values are scaled to 8 bits over their full range.
+/// Colour becomes luminance (Rec. 709); of a picture of more than 8 bits the range of as many bits as its values need (8, 10, 12,
+/// 14 or 16) is scaled to 8 bits: cameras of 12 bits write files of 16.
 pub fn read_grey(path: &Path) -> Result<GreyImage, FootageError> {
+    let decoded = read_decoded(path)?;
+    let bits = decoded.bits();
+    Ok(decoded.grey(bits))
+}
+
+/// The same, with all the bits there are.
+pub(super) fn read_decoded(path: &Path) -> Result<Decoded, FootageError> {
     let unreadable = |source| FootageError::Unreadable { path: path.into(), source };
     let file = std::fs::File::open(path).map_err(unreadable)?;
     let bytes_on_disk = file.metadata().map_err(unreadable)?.len();
@@ -77,11 +119,11 @@ pub fn read_grey(path: &Path) -> Result<GreyImage, FootageError> {
     let mut bytes = Vec::with_capacity(bytes_on_disk as usize);
     // The length may change while we read (a pipe, a file being copied): the limit holds for what is read.
     file.take(MAX_BYTES).read_to_end(&mut bytes).map_err(unreadable)?;
-    decode_grey(&bytes, path)
+    decode(&bytes, path)
 }
 
 /// Decodes a picture already in memory; `path` serves the error messages only.
-pub(crate) fn decode_grey(bytes: &[u8], path: &Path) -> Result<GreyImage, FootageError> {
+fn decode(bytes: &[u8], path: &Path) -> Result<Decoded, FootageError> {
     if bytes.is_empty() {
         return Err(FootageError::Empty { path: path.into() });
     }
@@ -119,10 +161,14 @@ pub(crate) fn decode_grey(bytes: &[u8], path: &Path) -> Result<GreyImage, Footag
     if width == 0 || height == 0 || width > MAX_SIDE_PX || height > MAX_SIDE_PX || u64::from(width) * u64::from(height) > MAX_PIXELS {
         return Err(FootageError::Size { path: path.into(), width, height });
     }
-    let already_grey = decoder.color_type() == ColorType::L8;
+    let color = decoder.color_type();
     let image = image::DynamicImage::from_decoder(decoder).map_err(failed)?;
-    let pixels = if already_grey { image.into_bytes() } else { image.into_luma8().into_raw() };
-    Ok(GreyImage { width: width as usize, height: height as usize, pixels })
+    let (width, height) = (width as usize, height as usize);
+    Ok(match color {
+        ColorType::L8 => Decoded::Grey(GreyImage { width, height, pixels: image.into_bytes() }),
+        _ if color.bytes_per_pixel() > color.channel_count() => Decoded::Deep { width, height, values: image.into_luma16().into_raw() },
+        _ => Decoded::Grey(GreyImage { width, height, pixels: image.into_luma8().into_raw() }),
+    })
 }
 
 /// The numbered pictures of a folder, sorted by number. The number is the last run of digits in the name.
@@ -226,12 +272,30 @@ mod tests {
     }
 
     #[test]
+    fn truth_pictures_of_12_bits_in_files_of_16_keep_their_greys() {
+        let folder = tempfile::tempdir().expect("folder");
+        let values: Vec<u16> = (0..64 * 48).map(|i| (i * 4095 / (64 * 48 - 1)) as u16).collect();
+        for (name, gain, bits) in [("a_1.png", 1, 12), ("a_2.tif", 1, 12), ("a_3.png", 16, 16)] {
+            let image = image::ImageBuffer::<image::Luma<u16>, _>::from_raw(64, 48, values.iter().map(|v| v * gain).collect()).expect("sizes agree");
+            image.save(folder.path().join(name)).expect("written");
+            assert_eq!(read_decoded(&folder.path().join(name)).expect("read").bits(), bits, "{name}");
+            let grey = read_grey(&folder.path().join(name)).expect("read").pixels;
+            assert_eq!((grey[0], grey[64 * 48 - 1]), (0, 255), "{name}");
+            assert!(grey.iter().zip(&values).all(|(g, v)| (f64::from(*g) - f64::from(*v) * 255.0 / 4095.0).abs() <= 0.51), "{name}");
+        }
+        let dim = Decoded::Deep { width: 3, height: 1, values: vec![3, 40, 200] };
+        assert_eq!(dim.bits(), 8);
+        assert_eq!(dim.grey(8).pixels, [3, 40, 200]);
+        assert_eq!(Decoded::Deep { width: 2, height: 1, values: vec![511, 1024] }.grey(10).pixels, [127, 255]);
+    }
+
+    #[test]
     fn fails_a_picture_cut_at_any_of_many_places() {
         for format in ALL {
             let (bytes, _) = encoded(format);
             for keep in [0.02, 0.1, 0.4, 0.7, 0.9, 0.97] {
                 let cut = &bytes[..(bytes.len() as f64 * keep) as usize];
-                let e = decode_grey(cut, Path::new("cut_7.bmp")).expect_err("a cut picture must not be read");
+                let e = decode(cut, Path::new("cut_7.bmp")).expect_err("a cut picture must not be read");
                 assert!(e.to_string().starts_with("cut_7.bmp"), "{format:?} {keep}: {e}");
             }
         }
@@ -242,14 +306,14 @@ mod tests {
         let (mut bytes, _) = encoded(ImageFormat::Bmp);
         bytes[18..22].copy_from_slice(&1_000_000_000i32.to_le_bytes());
         bytes[22..26].copy_from_slice(&1_000_000_000i32.to_le_bytes());
-        let e = decode_grey(&bytes, Path::new("huge.bmp")).expect_err("too large");
+        let e = decode(&bytes, Path::new("huge.bmp")).expect_err("too large");
         assert!(matches!(e, FootageError::Size { .. } | FootageError::Damaged { .. }), "{e}");
     }
 
     #[test]
     fn fails_something_that_is_not_a_picture() {
-        assert!(matches!(decode_grey(b"MZ\x90\0 not a picture", Path::new("a")), Err(FootageError::UnknownFormat { .. })));
-        assert!(matches!(decode_grey(b"", Path::new("a")), Err(FootageError::Empty { .. })));
+        assert!(matches!(decode(b"MZ\x90\0 not a picture", Path::new("a")), Err(FootageError::UnknownFormat { .. })));
+        assert!(matches!(decode(b"", Path::new("a")), Err(FootageError::Empty { .. })));
     }
 
     #[test]

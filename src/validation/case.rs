@@ -1,7 +1,7 @@
 //! The current model on a table, before any effect is tried: its best fit, three tests of it, and the held-out impacts.
 
 use super::by_group::{GROUP_LEVEL, Groups};
-use super::comparison::{note_groups, outliers, parameter_values, session_offsets, summarise};
+use super::comparison::{is_more_than_noise, missed_groups, note_groups, outliers, parameter_values, session_offsets, summarise};
 use super::diagnosis::{CandidateReport, Diagnosis, NotVisible, Verdict};
 use super::error::ValidationError;
 use super::expression::local_spot;
@@ -75,6 +75,15 @@ impl<'a> Case<'a> {
     /// Whether any of the three tests says that something is missing.
     pub fn alarm(&self) -> bool {
         self.in_library() || self.smooth() || self.one_place()
+    }
+
+    /// Whether a model that no test faults fails all the same: by residuals too large for noise, or on groups held out (of which
+    /// a note is made).
+    pub fn fails_without_structure(&self, notes: &mut Vec<String>) -> bool {
+        let missed = missed_groups(self.observations, &self.held, &self.held_out, self.structure.noise_scale.sqrt());
+        let fails = missed.is_some() || is_more_than_noise(self.observations, &self.structure);
+        notes.extend(missed);
+        fails
     }
 
     pub fn reference(&self, c: f64) -> Reference<'_> {

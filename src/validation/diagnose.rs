@@ -1,7 +1,7 @@
 //! The procedure: is anything missing, what, and how sure is that?
 
 use super::case::{Case, less_likely_than_nothing};
-use super::comparison::{is_more_than_noise, missed_groups, note_noise};
+use super::comparison::note_noise;
 use super::diagnosis::{CandidateReport, Diagnosis, Estimate, Verdict};
 use super::error::ValidationError;
 use super::fit::{Fit, FitOptions, fit};
@@ -37,11 +37,9 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
     if !case.alarm() {
         diagnosis.candidates = listed_only(library, &case.screening, case.error);
         less_likely_than_nothing(&mut diagnosis.candidates);
-        let missed = missed_groups(observations, &case.held, &case.held_out, diagnosis.noise_floor);
-        if missed.is_some() || is_more_than_noise(observations, &case.structure) {
+        if case.fails_without_structure(&mut diagnosis.notes) {
             diagnosis.verdict = Verdict::Unexplained;
         }
-        diagnosis.notes.extend(missed);
         note_noise(diagnosis.noise_floor, diagnosis.verdict == Verdict::Adequate, &mut diagnosis.notes);
         diagnosis.words = verdict_words(&diagnosis);
         return Ok(diagnosis);
@@ -53,6 +51,7 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
     judgement.leave_to_chance();
     judgement.ask_held_out();
     judgement.allow_shared_errors();
+    judgement.ask_scatter_and_groups();
     judgement.set_formula_against_name()?;
     judgement.report(diagnosis, options.expressions)
 }

@@ -6,6 +6,8 @@
 //! calibration all shots share. Where the table states how well the face's own axes are
 //! known, their shared error is nuisance too ([`super::session_shift`]).
 
+mod plateau;
+
 use super::error::ValidationError;
 use super::forward::{Forward, Inputs, Prediction};
 use super::linearise::{Linearised, Setting, Spread, linearise};
@@ -27,13 +29,6 @@ const MOST_SETTLING: usize = 8;
 /// Steps of a parameter's derivative, as shares of a typical change: before its deviation is known, and at least and at most afterwards.
 const FIRST_SHARE: f64 = 0.1;
 const SHARES: (f64, f64) = (0.02, 0.5);
-
-/// A parameter that fewer than this share of the impacts tell where it starts is looked for elsewhere: how far, in typical changes either way, at how many places, and by how much
-/// chi-square must fall there.
-const PLATEAU_TOLD: f64 = 0.1;
-const PLATEAU_REACH: f64 = 10.0;
-const PLATEAU_LOOKS: usize = 40;
-const PLATEAU_GAIN: f64 = 20.0;
 
 #[derive(Debug, Clone)]
 pub struct FitOptions {
@@ -184,7 +179,7 @@ pub fn fit(
         return Ok(free);
     }
     let held = fit_holding(forward, observations, impacts, options, None, &untold)?;
-    Ok(if held.objective - free.objective > PLATEAU_GAIN { free } else { held })
+    Ok(if held.objective - free.objective > plateau::GAIN { free } else { held })
 }
 
 /// The same with some parameters held where they start.
@@ -225,7 +220,8 @@ fn fit_holding(
     let mut state = work.evaluate(&columns_at, &begin, keep, &spread, passes)?;
     let mut untold_at_start = Vec::new();
     if start.is_none() && options.move_parameters {
-        (state, untold_at_start) = work.leave_plateaus(state, &spread, held)?;
+        untold_at_start = plateau::untold(&work, &state)?;
+        state = plateau::leave(&work, state, untold_at_start.iter().copied().filter(|p| !held.contains(p)), &spread)?;
     }
     let mut rounds = 0;
     let mut information: Option<DMatrix<f64>> = None;
@@ -418,45 +414,6 @@ impl<'a> Work<'a> {
         let log_det: f64 = impacts.iter().map(|l| l.log_det).sum();
         let from_prior: f64 = self.prior_precision.iter().zip(columns.iter().zip(self.prior_mean.iter())).map(|(p, (v, m))| p * (v - m) * (v - m)).sum();
         Ok(State { column_values: columns.clone(), shifts, values, impacts, objective: chi2 + log_det + from_prior, chi2, from_prior })
-    }
-
-    /// The state with every parameter that hardly any impact tells where it starts moved to where it fits best: with a friction at which all
-    /// balls stick no slope tells that at a lower one many would slide, as they did.
-    /// Those parameters besides.
-    fn leave_plateaus(&self, mut state: State, spread: &Spread, held: &[usize]) -> Result<(State, Vec<usize>), ValidationError> {
-        let mut untold = Vec::new();
-        let design = self.design(&state, None)?;
-        for (i, column) in self.columns.iter().enumerate() {
-            let Column::Parameter(p) = *column else { continue };
-            let told: Vec<f64> = design.iter().map(|a| a.column(i).norm_squared()).collect();
-            let (sum, squares) = told.iter().fold((0.0, 0.0), |(s, q), t| (s + t, q + t * t));
-            // How many impacts tell it, each counted by its share.
-            if sum * sum > PLATEAU_TOLD * self.impacts.len() as f64 * squares && squares > 0.0 {
-                continue;
-            }
-            untold.push(p);
-            if held.contains(&p) {
-                continue;
-            }
-            let (limits, from) = (&self.forward.parameters()[p], state.column_values[i]);
-            let reach = PLATEAU_REACH * limits.typical.abs().max(1e-12);
-            let (low, high) = (limits.min.max(from - reach), limits.max.min(from + reach));
-            let begin = begin_of(&state);
-            let mut best: Option<(f64, State)> = None;
-            for k in 0..PLATEAU_LOOKS {
-                let mut columns = state.column_values.clone();
-                columns[i] = low + (high - low) * (k as f64 + 0.5) / PLATEAU_LOOKS as f64;
-                let Ok(tried) = self.evaluate(&columns, &begin, Some(&state.impacts), spread, 1) else { continue };
-                let gain = state.cost_of(&state) - state.cost_of(&tried);
-                if gain > PLATEAU_GAIN && best.as_ref().is_none_or(|(most, _)| gain > *most) {
-                    best = Some((gain, tried));
-                }
-            }
-            if let Some((_, tried)) = best {
-                state = self.evaluate(&tried.column_values, &begin, None, spread, 1)?;
-            }
-        }
-        Ok((state, untold))
     }
 
     /// Whitened derivatives of the prediction with respect to every column, at the state's true inputs.

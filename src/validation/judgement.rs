@@ -187,6 +187,13 @@ impl<'a> Judgement<'a> {
         }
     }
 
+    /// What the tests were not believed about may fail by its scatter, or on groups held out.
+    pub fn ask_scatter_and_groups(&mut self) {
+        if self.verdict == Verdict::Adequate && self.case.fails_without_structure(&mut self.notes) {
+            self.verdict = Verdict::Unexplained;
+        }
+    }
+
     /// A name in any form of it against a formula: one that takes far more, and lowers the held-out error further, says that the
     /// name is not it.
     pub fn set_formula_against_name(&mut self) -> Result<(), ValidationError> {

@@ -79,8 +79,10 @@ impl StereoRig {
                 return Err(bad(name, format!("{t:?}"), "finite shifts, m"));
             }
         }
-        if self.t.iter().map(|v| v * v).sum::<f64>() <= 0.0 {
-            return Err(bad("T", format!("{:?}", self.t), "two cameras at different places"));
+        let apart = self.t.iter().map(|v| v * v).sum::<f64>().sqrt();
+        if !(apart > 0.0 && apart <= 100.0) {
+            let allowed = "m: two cameras at different places, up to 100 m apart; OpenCV gives T in the unit of the board's squares, so divide mm by 1000";
+            return Err(bad("T", format!("{:?}", self.t), allowed));
         }
         Ok(())
     }
@@ -271,8 +273,14 @@ mod tests {
     #[test]
     fn fails_numbers_no_camera_can_have() {
         let path = Path::new("calibration.json");
-        let cases: [fn(&mut StereoRig); 5] =
-            [|r| r.left.fx = -1.0, |r| r.right.cx = f64::NAN, |r| r.r[0][0] = 5.0, |r| r.t = [0.0; 3], |r| r.image_size = [0, 5]];
+        let cases: [fn(&mut StereoRig); 6] = [
+            |r| r.left.fx = -1.0,
+            |r| r.right.cx = f64::NAN,
+            |r| r.r[0][0] = 5.0,
+            |r| r.t = [0.0; 3],
+            |r| r.t = [-3000.0, 0.0, 0.0],
+            |r| r.image_size = [0, 5],
+        ];
         for spoil in cases {
             let mut bad = rig();
             spoil(&mut bad);

@@ -18,7 +18,7 @@ const DIAGNOSE_METHODS: [&str; 1] = [
 /// The report of `compare`. `ledger`: versions from the first to this one (may be empty); `before`: the comparison of the
 /// version this one came from, for pictures before and after.
 pub fn comparison_report(title: &str, comparison: &Comparison, racket: Option<&Racket>, ledger: &[&LedgerEntry], before: Option<&Comparison>) -> String {
-    let records: Vec<&Provenance> = comparison.provenance.iter().collect();
+    let records: Vec<(Option<&str>, &Provenance)> = comparison.provenance.iter().map(|p| (None, p)).collect();
     Report::new(title)
         .subtitle(&format!("Model against measurement: {}", comparison.model))
         .section(sections::comparison_verdict(comparison))
@@ -43,7 +43,8 @@ pub fn diagnosis_report(
     racket: Option<&Racket>,
     ledger: &[&LedgerEntry],
 ) -> String {
-    let records: Vec<&Provenance> = diagnosis.provenance.iter().chain(comparison.and_then(|c| c.provenance.as_ref())).collect();
+    let records: Vec<(Option<&str>, &Provenance)> =
+        diagnosis.provenance.iter().chain(comparison.and_then(|c| c.provenance.as_ref())).map(|p| (None, p)).collect();
     let stated = comparison.map_or(&[][..], |c| &c.parameters_as_stated);
     let methods: Vec<&str> = DIAGNOSE_METHODS.iter().chain(&COMPARE_METHODS).copied().collect();
     let mut report = Report::new(title)

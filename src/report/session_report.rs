@@ -12,14 +12,9 @@ const METHODS: [&str; 2] = [
 
 /// The whole page. Sections without data are left out.
 pub fn session_report(results: &SessionResults) -> String {
-    let records: Vec<&Provenance> = results
-        .shots
-        .iter()
-        .filter_map(|s| s.record.as_ref().map(|r| &r.provenance))
-        .take(1)
-        .chain(results.comparison.as_ref().and_then(|c| c.provenance.as_ref()))
-        .chain(results.diagnosis.as_ref().and_then(|d| d.provenance.as_ref()))
-        .collect();
+    let of_shots = results.shots.iter().filter_map(|s| Some((Some(s.id.as_str()), &s.record.as_ref()?.provenance)));
+    let of_tables = results.comparison.iter().filter_map(|c| c.provenance.as_ref()).chain(results.diagnosis.iter().filter_map(|d| d.provenance.as_ref()));
+    let records: Vec<(Option<&str>, &Provenance)> = of_shots.chain(of_tables.map(|p| (None, p))).collect();
     let racket = results.shots.first().map(|s| &s.racket);
     let path: Vec<_> = results.ledger.iter().collect();
     let mut report = Report::new(&results.name)

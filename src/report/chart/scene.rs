@@ -108,7 +108,8 @@ impl Scene {
             let (x, y) = project(p);
             (shift.0 + unit * (x - x0), shift.1 - unit * (y - y0))
         };
-        ground.draw(&mut svg, &at, &self.axes, self.width);
+        let names: Vec<Label> = self.items.iter().filter_map(|item| Label::of(item, &at, self.width)).collect();
+        ground.draw(&mut svg, &at, &self.axes, self.width, &names);
         // Each path's shadow on the floor: without it an oblique view says little about depth.
         for item in &self.items {
             if let Item::Path { through, closed: false, name, .. } = item
@@ -119,7 +120,10 @@ impl Scene {
             }
         }
         for item in &self.items {
-            draw(&mut svg, item, &at, self.width);
+            draw(&mut svg, item, &at);
+        }
+        for name in &names {
+            svg.text(name.x, name.y, Anchor::Start, name.text, "");
         }
         svg.finish()
     }
@@ -171,7 +175,27 @@ fn finite(p: &Point3<f64>) -> bool {
     p.coords.iter().all(|c| c.is_finite() && c.abs() < 1e6)
 }
 
-fn draw(svg: &mut Svg, item: &Item, at: &impl Fn(&Point3<f64>) -> (f64, f64), width: f64) {
+/// A text of the scene at its place on paper.
+struct Label<'a> {
+    x: f64,
+    y: f64,
+    text: &'a str,
+}
+
+impl<'a> Label<'a> {
+    fn of(item: &'a Item, at: &impl Fn(&Point3<f64>) -> (f64, f64), width: f64) -> Option<Self> {
+        let Item::Text { at: place, text } = item else { return None };
+        let (x, y) = finite(place).then(|| at(place))?;
+        Some(Label { x: (x + 5.0).min(width - text_width(text, TEXT) - 2.0).max(2.0), y: y - 5.0, text })
+    }
+
+    /// Whether a text that begins at `x` on the line `y` would run into this one.
+    fn meets(&self, x: f64, y: f64, text: &str) -> bool {
+        (y - self.y).abs() < TEXT && x < self.x + text_width(self.text, TEXT) && self.x < x + text_width(text, TEXT)
+    }
+}
+
+fn draw(svg: &mut Svg, item: &Item, at: &impl Fn(&Point3<f64>) -> (f64, f64)) {
     match item {
         Item::Path { through, closed, width, colour, .. } => {
             let d = polyline(through.iter().map(|p| finite(p).then(|| at(p))));
@@ -181,11 +205,6 @@ fn draw(svg: &mut Svg, item: &Item, at: &impl Fn(&Point3<f64>) -> (f64, f64), wi
         Item::Dots { at: dots, size, colour, .. } => {
             let dots: Vec<(f64, f64)> = dots.iter().filter(|p| finite(p)).map(at).collect();
             svg.raw(&marks(&dots, Symbol::Circle, *size, *colour));
-        }
-        Item::Text { at: place, text } if finite(place) => {
-            let (x, y) = at(place);
-            let x = (x + 5.0).min(width - text_width(text, TEXT) - 2.0).max(2.0);
-            svg.text(x, y - 5.0, Anchor::Start, text, "");
         }
         Item::Arrow { from, to, colour, .. } if finite(from) && finite(to) => svg.path(&arrow(at(from), at(to)), &stroke(*colour, 1.4, "")),
         Item::Text { .. } | Item::Arrow { .. } => {}
@@ -227,25 +246,30 @@ impl Ground {
         Point3::new(self.low.x, self.high.y.max(self.low.y + self.step), self.low.z)
     }
 
-    fn draw(&self, svg: &mut Svg, at: &impl Fn(&Point3<f64>) -> (f64, f64), names: &[String; 3], width: f64) {
+    fn draw(&self, svg: &mut Svg, at: &impl Fn(&Point3<f64>) -> (f64, f64), names: &[String; 3], width: f64, labels: &[Label]) {
         let (l, h) = (self.low, self.high);
         let count = |a: f64, b: f64| ((b - a) / self.step).round().clamp(1.0, 60.0) as usize;
         let mut lines = Vec::new();
-        let mut label = |p: Point3<f64>, value: f64, dx: f64, anchor: Anchor| {
+        // A number that would run into a name is left out: its neighbours tell the scale.
+        let label = |svg: &mut Svg, p: Point3<f64>, value: f64, (dx, dy): (f64, f64), anchor: Anchor| {
             let (x, y) = at(&p);
             let text = crate::report::markup::fixed(value, if self.step < 0.1 { 2 } else { usize::from(self.step < 1.0) });
-            svg.text((x + dx).min(width - 2.0), y + TEXT, anchor, &text, &format!("font-size=\"{}\" fill-opacity=\"0.75\"", px(TEXT - 1.0)));
+            let (x, y) = ((x + dx).min(width - 2.0), y + dy);
+            let begins = x - text_width(&text, TEXT - 1.0) * anchor.share_before();
+            if !labels.iter().any(|l| l.meets(begins, y, &text)) {
+                svg.text(x, y, anchor, &text, &format!("font-size=\"{}\" fill-opacity=\"0.75\"", px(TEXT - 1.0)));
+            }
         };
         for k in 0..=count(l.x, h.x) {
             let x = l.x + k as f64 * self.step;
             lines.extend([Some(at(&Point3::new(x, l.y, l.z))), Some(at(&Point3::new(x, l.y, h.z))), None]);
-            label(Point3::new(x, l.y, h.z), x, 0.0, Anchor::Middle);
+            label(svg, Point3::new(x, l.y, h.z), x, (0.0, TEXT + 2.0), Anchor::Middle);
         }
         for k in 0..=count(l.z, h.z) {
             let z = l.z + k as f64 * self.step;
             lines.extend([Some(at(&Point3::new(l.x, l.y, z))), Some(at(&Point3::new(h.x, l.y, z))), None]);
             if k < count(l.z, h.z) {
-                label(Point3::new(h.x, l.y, z), z, 4.0, Anchor::Start);
+                label(svg, Point3::new(h.x, l.y, z), z, (7.0, 3.0), Anchor::Start);
             }
         }
         svg.path(&polyline(lines), "fill=\"none\" stroke=\"currentColor\" stroke-opacity=\"0.16\"");
@@ -254,16 +278,14 @@ impl Ground {
         svg.line(at(&foot), at(&top), "fill=\"none\" stroke=\"currentColor\" stroke-opacity=\"0.4\"");
         for k in 1..=count(l.y, top.y) {
             let v = l.y + k as f64 * self.step;
-            let (x, y) = at(&Point3::new(l.x, v, l.z));
-            let text = crate::report::markup::fixed(v, if self.step < 0.1 { 2 } else { usize::from(self.step < 1.0) });
-            svg.text(x - 4.0, y + 4.0, Anchor::End, &text, &format!("font-size=\"{}\" fill-opacity=\"0.75\"", px(TEXT - 1.0)));
+            label(svg, Point3::new(l.x, v, l.z), v, (-4.0, 4.0), Anchor::End);
         }
         let name = |svg: &mut Svg, p: Point3<f64>, dx: f64, dy: f64, text: &str| {
             let (x, y) = at(&p);
             svg.text((x + dx).min(width - text_width(text, TEXT) - 2.0).max(2.0), y + dy, Anchor::Start, text, "font-style=\"italic\"");
         };
-        name(svg, Point3::new(0.5 * (l.x + h.x), l.y, h.z), -6.0, 2.2 * TEXT, &format!("{} (m)", names[0]));
-        name(svg, Point3::new(h.x, l.y, l.z), 4.0, -5.0, &format!("{} (m)", names[2]));
+        name(svg, Point3::new(0.5 * (l.x + h.x), l.y, h.z), -6.0, 2.5 * TEXT, &format!("{} (m)", names[0]));
+        name(svg, Point3::new(h.x, l.y, 0.5 * (l.z + h.z)), 38.0, -2.0, &format!("{} (m)", names[2]));
         name(svg, top, -10.0, -6.0, &format!("{} (m)", names[1]));
     }
 }

@@ -77,6 +77,17 @@ pub(super) enum Anchor {
     End,
 }
 
+impl Anchor {
+    /// Share of a text that stands before its place.
+    pub fn share_before(self) -> f64 {
+        match self {
+            Anchor::Start => 0.0,
+            Anchor::Middle => 0.5,
+            Anchor::End => 1.0,
+        }
+    }
+}
+
 /// An SVG document under construction.
 pub(super) struct Svg {
     out: String,

@@ -14,6 +14,8 @@ use std::collections::BTreeMap;
 
 /// Fewest pairs seen by both cameras; below that the shared parameters hang on single boards.
 pub const MIN_PAIRS: usize = 3;
+/// Reasons, and pictures of each, that an error names.
+const NAMED: usize = 12;
 /// A view is inconsistent when its residual is above this many times the median view's ...
 const VIEW_FACTOR: f64 = 4.0;
 /// ... and above this, px: sharp pictures differ among themselves by less.
@@ -79,7 +81,7 @@ pub fn calibrate_views(
     let mut fates: Vec<PairFate> = pairs.iter().map(|p| PairFate { name: p.name.clone(), used: false, reason: reason(p), rms_px: None }).collect();
     let both: Vec<usize> = (0..pairs.len()).filter(|&i| pairs[i].left.is_ok() && pairs[i].right.is_ok()).collect();
     if both.len() < MIN_PAIRS {
-        return Err(too_few(both.len(), &fates));
+        return Err(too_few(board, both.len(), pairs, &fates));
     }
     let (mut bundle, mut pair_of_view) = start(board, image_size, pairs, &both)?;
     if options.reject_outliers {
@@ -103,7 +105,7 @@ pub fn calibrate_views(
     }
     let in_both = |b: &Bundle| b.views.iter().filter(|v| !v.left.is_empty() && !v.right.is_empty()).count();
     if in_both(&bundle) < MIN_PAIRS {
-        return Err(too_few(in_both(&bundle), &fates));
+        return Err(too_few(board, in_both(&bundle), pairs, &fates));
     }
     let mut corners_left_out = 0;
     let fit_models = |starts: &[(DistortionModel, Bundle)]| -> Result<(Vec<ModelFit>, usize), CalibrationError> {
@@ -139,9 +141,36 @@ fn reason(pair: &PairViews) -> String {
     }
 }
 
-fn too_few(used: usize, fates: &[PairFate]) -> CalibrationError {
-    let list: Vec<String> = fates.iter().filter(|f| !f.reason.is_empty()).take(12).map(|f| format!("{}: {}", f.name, f.reason)).collect();
-    CalibrationError::TooFewPairs { used, given: fates.len(), needed: MIN_PAIRS, fates: list.join("; ") }
+fn too_few(board: &Checkerboard, used: usize, pairs: &[PairViews], fates: &[PairFate]) -> CalibrationError {
+    let mut by_reason: Vec<(&str, Vec<&str>)> = Vec::new();
+    for fate in fates.iter().filter(|f| !f.reason.is_empty()) {
+        match by_reason.iter_mut().find(|(reason, _)| *reason == fate.reason) {
+            Some((_, names)) => names.push(&fate.name),
+            None => by_reason.push((&fate.reason, vec![&fate.name])),
+        }
+    }
+    let named = |names: &[&str]| {
+        let more = names.len().saturating_sub(NAMED);
+        format!("{}{}", names[..names.len() - more].join(", "), if more > 0 { format!(" and {more} more") } else { String::new() })
+    };
+    let list: Vec<String> = by_reason.iter().take(NAMED).map(|(reason, names)| format!("{}: {reason}", named(names))).collect();
+    let fates_told = another_board(board, pairs).into_iter().chain(list).collect::<Vec<_>>().join("; ");
+    CalibrationError::TooFewPairs { used, given: fates.len(), needed: MIN_PAIRS, fates: fates_told }
+}
+
+/// Says so when most pictures that could not be used show a board of another size than stated.
+fn another_board(board: &Checkerboard, pairs: &[PairViews]) -> Option<String> {
+    let faults: Vec<&ViewFault> = pairs.iter().flat_map(|p| [p.left.as_ref().err(), p.right.as_ref().err()]).flatten().collect();
+    let sizes: Vec<(usize, usize)> =
+        faults.iter().filter_map(|f| if let ViewFault::AnotherBoard { columns, rows } = f { Some((*columns, *rows)) } else { None }).collect();
+    let count = |size: &(usize, usize)| sizes.iter().filter(|s| *s == size).count();
+    let most = sizes.iter().max_by_key(|size| (count(size), **size))?;
+    (2 * count(most) >= faults.len()).then(|| {
+        format!(
+            "the board in the pictures has {} x {} inner corners, session.toml says {} x {} (board_columns, board_rows count the corners between squares)",
+            most.0, most.1, board.columns, board.rows
+        )
+    })
 }
 
 /// Each camera alone, one corner order for both, the common relative pose, and all boards in place.

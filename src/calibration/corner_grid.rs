@@ -24,6 +24,8 @@ pub enum GridSearch {
         /// Its largest part without gaps, as a smaller board (at least 3 by 3), with its corners row by row.
         whole_part: Option<(Checkerboard, Vec<Vector2<f64>>)>,
     },
+    /// A whole board, of another number of corners than looked for.
+    Another { columns: usize, rows: usize },
 }
 
 /// Levels tried: the full picture, then halved ones, on which blur and noise are smaller.
@@ -41,24 +43,30 @@ const OFF_PLACE: f64 = 0.3;
 /// Share of the corners from which on the missing ones are looked for one by one.
 const NEARLY_ALL: f64 = 0.75;
 
+/// Corners from which on a whole rectangle is a board: clutter makes smaller ones.
+const FEWEST_OF_A_BOARD: usize = 16;
+
 const SIDES: [(i32, i32); 4] = [(1, 0), (-1, 0), (0, 1), (0, -1)];
 
 /// Searches a picture for the board.
 pub fn find_grid(image: &GreyImage, board: &Checkerboard) -> GridSearch {
     let mut best = NOTHING;
     let mut most = 0;
+    let mut another = None;
     let mut plane = Some(Plane::of(image));
     for _ in 0..LEVELS {
         let Some(level) = plane else { break };
         let points = level.saddle_points();
         match search(&points, board, image) {
             complete @ GridSearch::Complete(_) => return complete,
+            GridSearch::Another { columns, rows } if columns * rows > most => (another, most) = (Some((columns, rows)), columns * rows),
+            GridSearch::Another { .. } => {}
             GridSearch::Partial { corners, .. } if corners <= most => {}
-            partial @ GridSearch::Partial { corners, .. } => (best, most) = (partial, corners),
+            partial @ GridSearch::Partial { corners, .. } => (best, another, most) = (partial, None, corners),
         }
         plane = level.halved();
     }
-    best
+    another.map_or(best, |(columns, rows)| GridSearch::Another { columns, rows })
 }
 
 const NOTHING: GridSearch = GridSearch::Partial { corners: 0, cut_by_border: false, whole_part: None };
@@ -84,11 +92,15 @@ fn search(points: &[SaddlePoint], board: &Checkerboard, image: &GreyImage) -> Gr
         }
         best = Some(grid);
     }
-    best.map_or(NOTHING, |grid| GridSearch::Partial {
-        corners: most.min(board.corner_count()),
-        cut_by_border: grid.cut_by_border(image),
-        whole_part: grid.whole_part(board.square_m),
-    })
+    let Some(grid) = best else { return NOTHING };
+    let (whole_part, cut_by_border) = (grid.whole_part(board.square_m), grid.cut_by_border(image));
+    match &whole_part {
+        // A whole rectangle, nothing beside it and the picture going on around it.
+        Some((whole, _)) if most >= FEWEST_OF_A_BOARD && whole.corner_count() == most && !cut_by_border => {
+            GridSearch::Another { columns: whole.columns.max(whole.rows), rows: whole.columns.min(whole.rows) }
+        }
+        _ => GridSearch::Partial { corners: most.min(board.corner_count()), cut_by_border, whole_part },
+    }
 }
 
 /// A corner with its place on the grid.
@@ -346,6 +358,7 @@ mod tests {
         let other = Checkerboard { columns: 12, rows: 9, square_m: 0.06 };
         let image = drawn(&other, 256, 240, along, down, Vector2::new(60.0, 70.0));
         assert!(matches!(find_grid(&image, &other), GridSearch::Complete(_)));
-        assert!(matches!(find_grid(&image, &board), GridSearch::Partial { cut_by_border: false, .. }));
+        assert_eq!(find_grid(&image, &board), GridSearch::Another { columns: 12, rows: 9 });
+        assert_eq!(find_grid(&image, &Checkerboard { columns: 13, rows: 9, square_m: 0.06 }), GridSearch::Another { columns: 12, rows: 9 });
     }
 }

@@ -41,6 +41,7 @@ fn find(image: &GreyImage, board: &Checkerboard) -> opencv::Result<Result<BoardV
             Err(fault @ ViewFault::WrongGrid { .. }) => (fault, &[Detector::Quads, Detector::Sectors]),
             view_or_fault => return Ok(view_or_fault),
         },
+        GridSearch::Another { columns, rows } => return Ok(Err(ViewFault::AnotherBoard { columns, rows })),
         GridSearch::Partial { corners, .. } if 3 * corners < all => (ViewFault::NotFound, &[Detector::Glance]),
         GridSearch::Partial { corners: seen, cut_by_border: true, .. } => return Ok(Err(ViewFault::PartOfBoard { seen, all, cut_by_border: true })),
         GridSearch::Partial { corners: seen, whole_part, .. } => {

@@ -29,6 +29,8 @@ pub enum ViewFault {
     NotFound,
     #[error("{}{}", if .seen < .all { format!("only {seen} of the board's {all} corners found") } else { format!("{seen} corners found, but not in the board's rows and columns (board_rows and board_columns of session.toml count inner corners)") }, if *.cut_by_border { ": it is cut by the picture's border" } else { "" })]
     PartOfBoard { seen: usize, all: usize, cut_by_border: bool },
+    #[error("a board of {columns} x {rows} inner corners")]
+    AnotherBoard { columns: usize, rows: usize },
     #[error("the corners found do not lie on a plane grid ({rms_px:.1} px off, allowed {allowed_px:.1})")]
     WrongGrid { rms_px: f64, allowed_px: f64 },
     #[error("blurred (edges {blur_px:.2} px wide, allowed {allowed_px:.2})")]

@@ -23,12 +23,18 @@ impl Provenance {
     }
 
     /// Adds the hash of a file under its own name; the second of one name (of two folders) is `name (2)`.
-    pub fn with_file(mut self, path: &Path) -> io::Result<Self> {
+    pub fn with_file(self, path: &Path) -> io::Result<Self> {
+        let hash = sha256_file(path)?;
+        Ok(self.with_hash(path, hash))
+    }
+
+    /// The same of a file that has been read: what is read twice need not be the same (a pipe, a file written meanwhile).
+    pub fn with_hash(mut self, path: &Path, hash: String) -> Self {
         let name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
         let numbered = (2..).map(|k| format!("{name} ({k})"));
         let free = std::iter::once(name.clone()).chain(numbered).find(|key| !self.inputs.contains_key(key)).unwrap_or_default();
-        self.inputs.insert(free, sha256_file(path)?);
-        Ok(self)
+        self.inputs.insert(free, hash);
+        self
     }
 }
 

@@ -25,6 +25,8 @@ pub enum SessionError {
     Grouping { path: PathBuf, key: String, seen: String },
     #[error("{path}: `{key}` is a column of the impacts table that is measured, not given; call the grouping column something else", path = .path.display())]
     Taken { path: PathBuf, key: String },
+    #[error("{path}: `{key}` has no meaning, and would be a grouping column; if it is `{meant}`, write it so, else name it otherwise", path = .path.display())]
+    Misspelt { path: PathBuf, key: String, meant: &'static str },
     #[error("{path}: `{key}` names {named:?}, which leaves the session folder; use a relative path without `..`", path = .path.display())]
     Escapes { path: PathBuf, key: &'static str, named: String },
     #[error("{path}: shot {id:?} is not there; the session has: {known}", path = .path.display())]
@@ -99,6 +101,8 @@ pub struct AxesSettings {
 #[derive(Debug, Clone)]
 pub struct ShotFolder {
     pub id: String,
+    /// Its place among all shots of the session, in the order of time, 0 first.
+    pub order: usize,
     pub path: PathBuf,
     pub racket: Racket,
     pub ball: Ball,
@@ -118,7 +122,7 @@ impl ShotFolder {
     }
 }
 
-/// A valid session. Shots are sorted by id; a shot whose `shot.toml` is broken stands in `broken_shots`.
+/// A valid session. Shots are sorted by id, numbers in it by size (`s2` before `s10`), which is the order of time; a shot whose `shot.toml` is broken stands in `broken_shots`.
 #[derive(Debug, Clone)]
 pub struct Session {
     pub root: PathBuf,
@@ -132,7 +136,9 @@ pub struct Session {
     /// Likewise for balls.
     pub ball_files: Vec<PathBuf>,
     pub board: BoardSettings,
+    /// `None` also where session.toml names pictures of the frame and there are none (`axes_missing`).
     pub axes: Option<AxesSettings>,
+    pub axes_missing: bool,
     pub shots: Vec<ShotFolder>,
     pub broken_shots: Vec<(String, String)>,
 }
@@ -175,9 +181,12 @@ impl Session {
         let ball = Ball::read(&ball_files[0])?;
         let board = BoardSettings { columns: c.board_columns, rows: c.board_rows, square_m: c.square_m, images: inside("calibration.images", &c.images)? };
         let axes = match &table.axes {
+            // Without the frame's pictures the global axes are the left camera's (contract, section 2).
+            Some(a) if !inside("axes.images", &a.images)?.exists() => None,
             Some(a) => Some(AxesSettings { images: inside("axes.images", &a.images)?, arm_u_m: a.arm_u_m, arm_w_m: a.arm_w_m }),
             None => None,
         };
+        let axes_missing = table.axes.is_some() && axes.is_none();
         let mut session = Session {
             root: root.to_path_buf(),
             name: table.name,
@@ -189,6 +198,7 @@ impl Session {
             ball_files,
             board,
             axes,
+            axes_missing,
             shots: Vec::new(),
             broken_shots: Vec::new(),
         };
@@ -203,9 +213,11 @@ impl Session {
         }
         let entries = std::fs::read_dir(&folder).map_err(|source| SessionError::Unreadable { path: folder.clone(), source })?;
         let mut ids: Vec<String> = entries.filter_map(|e| e.ok()).filter(|e| e.path().is_dir()).filter_map(|e| e.file_name().into_string().ok()).collect();
-        ids.sort();
-        for id in ids {
-            match self.read_shot(&id) {
+        // A folder that starts with a dot is some program's own.
+        ids.retain(|id| !id.starts_with('.'));
+        ids.sort_by_key(|id| by_number(id));
+        for (order, id) in ids.into_iter().enumerate() {
+            match self.read_shot(&id, order) {
                 Ok(shot) => self.shots.push(shot),
                 Err(e) => self.broken_shots.push((id, e.to_string())),
             }
@@ -213,7 +225,7 @@ impl Session {
         Ok(())
     }
 
-    fn read_shot(&mut self, id: &str) -> Result<ShotFolder, SessionError> {
+    fn read_shot(&mut self, id: &str, order: usize) -> Result<ShotFolder, SessionError> {
         let path = self.root.join("shots").join(id);
         let file = path.join("shot.toml");
         let own: ShotFile = if file.exists() {
@@ -237,11 +249,24 @@ impl Session {
         if let Some(key) = own.groups.keys().find(|k| is_own_column(k)) {
             return Err(SessionError::Taken { path: file, key: key.clone() });
         }
+        if let Some((key, meant)) = own.groups.keys().find_map(|k| Some((k.clone(), meant(k)?))) {
+            return Err(SessionError::Misspelt { path: file, key, meant });
+        }
         if let Some(torque) = own.grip_torque.filter(|t| !GRIP_TORQUES.contains(t)) {
             return Err(SessionError::Value { path: file, key: "grip_torque", seen: torque.to_string(), allowed: "0 to 100 N m" });
         }
         let groups = own.groups.iter().map(|(k, v)| (k.clone(), v.as_str().map_or_else(|| v.to_string(), str::to_owned))).collect();
-        Ok(ShotFolder { id: id.to_owned(), path, racket, ball, impact_frame: own.impact_frame, note: own.note, grip_torque_n_m: own.grip_torque, groups })
+        Ok(ShotFolder {
+            id: id.to_owned(),
+            order,
+            path,
+            racket,
+            ball,
+            impact_frame: own.impact_frame,
+            note: own.note,
+            grip_torque_n_m: own.grip_torque,
+            groups,
+        })
     }
 
     /// The shots asked for, or all of them when `ids` is empty.
@@ -259,6 +284,38 @@ impl Session {
             })
             .collect()
     }
+}
+
+/// What ids sort by: their text with numbers compared by size; the id itself last, so that no two are alike.
+fn by_number(id: &str) -> (Vec<(u64, String)>, String) {
+    let mut parts: Vec<(u64, String)> = Vec::new();
+    let mut rest = id;
+    while !rest.is_empty() {
+        let text_ends = rest.find(|c: char| c.is_ascii_digit()).unwrap_or(rest.len());
+        let (text, after) = rest.split_at(text_ends);
+        let digits_end = after.find(|c: char| !c.is_ascii_digit()).unwrap_or(after.len());
+        let (digits, after) = after.split_at(digits_end);
+        // Text before its number: compared first.
+        parts.push((0, text.to_owned()));
+        parts.push((digits.parse().unwrap_or(u64::MAX), String::new()));
+        rest = after;
+    }
+    (parts, id.to_owned())
+}
+
+/// Keys of `shot.toml` with a meaning.
+const SHOT_KEYS: [&str; 5] = ["racket", "ball", "impact_frame", "note", "grip_torque"];
+
+/// The key meant, where one has a letter too many or too few, or two exchanged, or other capitals.
+fn meant(key: &str) -> Option<&'static str> {
+    let key = key.to_lowercase();
+    let without = |text: &str, at: usize| text.char_indices().filter(|(i, _)| *i != at).map(|(_, c)| c).collect::<String>();
+    let shortened = |long: &str, short: &str| long.char_indices().any(|(i, _)| without(long, i) == short);
+    let exchanged = |a: &str, b: &str| {
+        let (a, b): (Vec<char>, Vec<char>) = (a.chars().collect(), b.chars().collect());
+        a.len() == b.len() && (1..a.len()).any(|i| a[i - 1] == b[i] && a[i] == b[i - 1] && a[..i - 1] == b[..i - 1] && a[i + 1..] == b[i + 1..])
+    };
+    SHOT_KEYS.into_iter().find(|known| *known == key || shortened(&key, known) || shortened(known, &key) || exchanged(&key, known))
 }
 
 /// Reads a file that a shot names and remembers it.

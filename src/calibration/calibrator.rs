@@ -326,7 +326,11 @@ impl Calibration {
         }
         if let Some((volume, error)) = self.volume(&rig.global_from_left) {
             let coverage = self.coverage(&error);
-            rig.more.insert("advice".into(), serde_json::to_value(self.advice(&coverage))?);
+            let mut advice = self.advice(&coverage);
+            if rig.square_mm.is_none() {
+                advice.push("too few pairs to hold some out: how large the squares come out in space is not known".to_owned());
+            }
+            rig.more.insert("advice".into(), serde_json::to_value(advice)?);
             rig.more.insert("coverage".into(), serde_json::to_value(coverage)?);
             rig.more.insert("volume".into(), serde_json::to_value(volume)?);
         }

@@ -82,7 +82,8 @@ pub struct StereoRig {
     pub rms_stereo_px: f64,
     #[serde(default)]
     pub pairs: Vec<PairFate>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    /// `null` where too few pairs are used to hold some out.
+    #[serde(default)]
     pub square_mm: Option<SquareSize>,
     /// x_global = R x_left + t; the identity when the session has no axes images.
     pub global_from_left: RigidTransform,

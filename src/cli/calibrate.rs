@@ -47,6 +47,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
         Some(file) => imported(&session, file)?,
         None => calibrate(&session, &arguments, shell)?,
     };
+    advise_on_axes(&session, &mut rig);
     rig.more.insert("provenance".into(), serde_json::to_value(provenance).map_err(CliError::output)?);
     shell.write(&json, rig.to_json().map_err(CliError::output)?.as_bytes())?;
     shell.write(&out.join("calibration.yml"), rig.to_opencv_yaml().as_bytes())?;
@@ -193,6 +194,16 @@ fn lay_axes(session: &Session, rig: &mut StereoRig) -> Result<(), CliError> {
         rig.more.insert("axes".into(), serde_json::to_value(report).map_err(CliError::output)?);
     }
     Ok(())
+}
+
+/// Says in the calibration's advice that the frame's pictures are missing.
+fn advise_on_axes(session: &Session, rig: &mut StereoRig) {
+    let advice = "no pictures of the three-sphere frame where session.toml has them: the global axes are the left camera's, and nothing knows what is up";
+    if session.axes_missing
+        && let Some(list) = rig.more.entry("advice".to_owned()).or_insert_with(|| serde_json::json!([])).as_array_mut()
+    {
+        list.push(advice.into());
+    }
 }
 
 /// Cameras of another program: without covariance, so that points carry the pixels' uncertainty only.

@@ -120,11 +120,12 @@ impl Walk<'_> {
         }
         let mut diagnosis = first.clone();
         let mut refused: Vec<Refusal> = Vec::new();
-        for step in 0..self.arguments.most_effects {
+        let mut additions = 0;
+        while additions < self.arguments.most_effects {
             self.shell.check_cancelled()?;
             let tried: Vec<String> = refused.iter().map(|r| r.effect.clone()).collect();
             let Some(effect) = diagnosis.recommended.iter().find(|e| !tried.contains(e)).cloned() else { break };
-            self.shell.say(format_args!("\n--auto, step {}: adding {effect}", step + 1));
+            self.shell.say(format_args!("\n--auto, effect {}: adding {effect}", additions + 1));
             let added = with_effect_added(&text, &effect, &input.files.model)?;
             let (with, with_held_out) = self.fitted(&added)?;
             let (error, with_error) = (error_of(&held_out), error_of(&with_held_out));
@@ -138,6 +139,7 @@ impl Walk<'_> {
             }
             let parent = crate::provenance::sha256_hex(text.as_bytes());
             self.shell.say(format_args!("  held-out error {error:.3} -> {with_error:.3}"));
+            additions += 1;
             (text, held_out) = (with, with_held_out);
             refused.clear();
             comparison = self.compared(&text)?;

@@ -4,13 +4,14 @@ use super::Shell;
 use super::error::CliError;
 use crate::equipment_set::EquipmentSet;
 use crate::impact::{Base, Model};
-use crate::impact_table::ImpactTable;
-use crate::limited_file::{LARGEST_TEXT, read_text};
-use crate::provenance::{Provenance, VERSION, sha256_file, sha256_hex};
+use crate::impact_table::{ImpactTable, TableError};
+use crate::limited_file::{LARGEST_TABLE, LARGEST_TEXT, LimitedFile, read_text};
+use crate::provenance::{Provenance, VERSION, sha256_hex};
 use crate::validation::comparison::{Comparison, ParameterValue};
 use crate::validation::ledger::{Ledger, LedgerEntry, Refusal};
 use crate::validation::model_library::ModelLibrary;
 use crate::validation::observation::{Observations, TableOptions};
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 /// The files every command on a table of impacts needs.
@@ -55,7 +56,10 @@ pub struct Loaded {
 impl ImpactsInput {
     pub fn load(&self, command: &str) -> Result<Loaded, CliError> {
         let files = &self.files;
-        let mut table = ImpactTable::read(&files.impacts)?;
+        let unreadable = |e: std::io::Error| TableError::Unreadable { path: files.impacts.clone(), source: e.into() };
+        let mut bytes = Vec::new();
+        LimitedFile::open(&files.impacts, LARGEST_TABLE).and_then(|mut file| file.read_to_end(&mut bytes)).map_err(unreadable)?;
+        let mut table = ImpactTable::from_reader(bytes.as_slice(), &files.impacts)?;
         let equipment = EquipmentSet::read(&files.racket, &files.ball)?;
         let model_text =
             read_text(&files.model, LARGEST_TEXT).map_err(|e| CliError::input(format!("{}: cannot be read ({e}); check the name", files.model.display())))?;
@@ -72,11 +76,13 @@ impl ImpactsInput {
             observations.notes.push("`contact_time` is left out: base \"rigid\" is an impulse and has none".to_owned());
         }
         let library = ModelLibrary::new(model, &observations.gear);
-        let mut provenance = Provenance::new(command);
-        for path in [&files.impacts, &files.model].into_iter().chain(&files.racket).chain(&files.ball) {
+        let table_hash = sha256_hex(&bytes);
+        let mut provenance = Provenance::new(command).with_hash(&files.impacts, table_hash.clone()).with_hash(&files.model, sha256_hex(model_text.as_bytes()));
+        for path in files.racket.iter().chain(&files.ball) {
             provenance = provenance.with_file(path).map_err(CliError::input)?;
         }
-        let data_hash = sha256_file(&files.impacts).map_err(CliError::input)?;
+        // Other groups held out are other data: errors on them are not to be set beside each other.
+        let data_hash = self.group.as_ref().map_or(table_hash.clone(), |column| sha256_hex(format!("{table_hash} by {column}").as_bytes()));
         Ok(Loaded { observations, equipment, model_text, library, data_hash, provenance })
     }
 
@@ -125,6 +131,11 @@ pub struct Version<'a> {
     pub refused: Vec<Refusal>,
 }
 
+/// Deviation of a parameter as its file states it: that of the fit, where it is the fit's value; a first guess has none.
+fn sd_as_stated(stated: &ParameterValue, fitted: &ParameterValue) -> f64 {
+    if (stated.value - fitted.value).abs() <= fitted.sd { fitted.sd } else { 0.0 }
+}
+
 pub fn record(ledger: &mut Ledger, version: Version, comparison: &Comparison) -> String {
     let hash = sha256_hex(version.model_text.as_bytes());
     let ancestor = |e: &&LedgerEntry| e.data_hash == version.data_hash && e.model_hash != hash && e.effects.iter().all(|x| version.effects.contains(x));
@@ -151,7 +162,7 @@ pub fn record(ledger: &mut Ledger, version: Version, comparison: &Comparison) ->
         parameters: comparison
             .parameters_as_stated
             .iter()
-            .map(|p| ParameterValue { sd: comparison.parameters_refitted.iter().find(|r| r.name == p.name).map_or(0.0, |r| r.sd), ..p.clone() })
+            .map(|p| ParameterValue { sd: comparison.parameters_refitted.iter().find(|r| r.name == p.name).map_or(0.0, |r| sd_as_stated(p, r)), ..p.clone() })
             .collect(),
         heldout_error: comparison.heldout_error,
         fit_error: comparison.fit_error,

@@ -6,6 +6,7 @@
 pub mod error;
 mod impacts_input;
 mod racket_photograph;
+mod set_aside;
 mod tracked_session;
 
 use clap::{Args, Parser};

@@ -1,6 +1,7 @@
 //! `sweetspot shots`.
 
 use super::Shell;
+use super::set_aside::set_aside;
 use super::error::CliError;
 use super::track::{doubt, seen_flattening};
 use super::tracked_session::TrackedSession;
@@ -70,7 +71,12 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     for (id, outcome) in outcomes {
         match outcome {
             Ok(record) => shots.push(record),
-            Err(e) => failed.push((id, e.message)),
+            Err(e) => {
+                // What an earlier run measured is not this one's.
+                let kept = set_aside(&results.join("shots").join(&id).join(SHOT_FILE), "earlier")?;
+                let kept = kept.map_or_else(String::new, |k| format!("; what an earlier run measured is kept as {}", k.display()));
+                failed.push((id, e.message + &kept));
+            }
         }
     }
     failed.sort();
@@ -87,20 +93,22 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let impacts = results.join("impacts.csv");
     if !shots.is_empty() {
         let doubted = shots.iter().any(|r| r.doubt.is_some());
-        let row = |(k, r): (usize, &ShotRecord)| {
-            let mut row = r.shot.impact_row(k as f64);
+        let orders: BTreeMap<&str, usize> = session.shots.iter().map(|s| (s.id.as_str(), s.order)).collect();
+        let row = |r: &ShotRecord| {
+            // A shot that failed leaves its place in time empty.
+            let mut row = r.shot.impact_row(orders.get(r.shot.id.as_str()).map_or(0.0, |k| *k as f64));
             if doubted {
                 row.groups.insert(DOUBT_COLUMN.to_owned(), if r.doubt.is_some() { "yes" } else { "no" }.to_owned());
             }
             row
         };
-        let table = ImpactTable { rows: shots.iter().enumerate().map(row).collect() };
+        let table = ImpactTable { rows: shots.iter().map(row).collect() };
         shell.write(&impacts, table.to_csv().as_bytes())?;
         write_season(&tracked, &shots, shell)?;
-    } else if impacts.exists() {
-        shell.say(format_args!("{} is an earlier run's; it stays as it is", impacts.display()));
+        shell.say(format_args!("{} of {} shots measured: {}", shots.len(), shots.len() + failed.len(), impacts.display()));
+    } else if let Some(kept) = set_aside(&impacts, "earlier")? {
+        shell.say(format_args!("no shot measured; the impacts of an earlier run are kept as {}", kept.display()));
     }
-    shell.say(format_args!("{} of {} shots measured: {}", shots.len(), shots.len() + failed.len(), impacts.display()));
     let summary = Summary { impacts, shots, failed };
     shell.print_json(&summary)?;
     if summary.failed.is_empty() {
@@ -108,7 +116,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     }
     let lines: Vec<String> = summary.failed.iter().map(|(id, why)| format!("{id}: {why}")).collect();
     let message = format!("{} of {} shots failed:\n  {}", lines.len(), summary.shots.len() + lines.len(), lines.join("\n  "));
-    Err(if summary.shots.is_empty() { CliError::input(message) } else { CliError::some_failed(message) })
+    Err(CliError::some_failed(message))
 }
 
 #[derive(serde::Serialize)]
@@ -156,7 +164,7 @@ fn one_shot(tracked: &TrackedSession, folder: &ShotFolder, arguments: &Arguments
     let settings = tracked.settings(folder);
     let ball_flattening = seen_flattening(&place);
     let doubt = doubt(&place);
-    let settings_text = format!("{:?}", (&doubt, &folder.racket, &folder.ball, folder.grip_torque_n_m, &ball_flattening, &folder.groups, &arguments.point, &settings));
+    let settings_text = format!("{:?}", (&doubt, &folder.racket, &folder.ball, folder.grip_torque_n_m, &ball_flattening, &folder.groups, &folder.note, &arguments.point, &settings));
     provenance.inputs.insert("settings".into(), sha256_hex(settings_text.as_bytes()));
     let points_file = place.join("points.csv");
     if !shell.args.force
@@ -184,7 +192,7 @@ fn one_shot(tracked: &TrackedSession, folder: &ShotFolder, arguments: &Arguments
     // The first thing to know of it.
     measured.shot.remarks.splice(0..0, doubt.clone());
     let points = points_to_csv(&measured.points);
-    let record = ShotRecord { shot: measured.shot, doubt, points: sha256_hex(points.as_bytes()), provenance };
+    let record = ShotRecord { shot: measured.shot, doubt, note: folder.note.clone(), points: sha256_hex(points.as_bytes()), provenance };
     shell.write(&points_file, points.as_bytes())?;
     shell.write(&shot_file, record.to_json().as_bytes())?;
     Ok(record)

@@ -1,6 +1,7 @@
 //! `sweetspot track`.
 
 use super::Shell;
+use super::set_aside::{remove_if_there, set_aside};
 use super::error::CliError;
 use super::tracked_session::rig_to_measure_with;
 use crate::calibration::{CameraId, StereoRig};
@@ -236,7 +237,7 @@ fn one(
             said.push(format!("{}: {}", shot.id, summary.notes.join("; ")));
             return Ok(summary);
         }
-        set_unreadable_aside(&shot.id, folder, said);
+        set_unreadable_aside(&shot.id, folder, said).map_err(Failure::All)?;
     }
     bar.inc_length(clip.pairs.len() as u64);
     let setup = ShotSetup { rig: rig.0, racket: &shot.racket, ball: &shot.ball, frame_rate_hz: session.frame_rate_hz };
@@ -245,7 +246,7 @@ fn one(
         Ok(made) => made,
         Err(e) => {
             if !matches!(e, TrackingError::Cancelled) {
-                set_earlier_aside(&shot.id, folder, said);
+                set_earlier_aside(&shot.id, folder, said).map_err(Failure::All)?;
             }
             return Err(e.into());
         }
@@ -257,7 +258,7 @@ fn one(
     said.extend(summary.notes.iter().map(|note| format!("{}: {note}", shot.id)));
     if spin.is_none() {
         // An earlier run's spin does not belong to these tracks.
-        let _ = std::fs::remove_file(folder.join(SPIN_FILE));
+        remove_if_there(&folder.join(SPIN_FILE)).map_err(Failure::All)?;
     }
     let spin = spin.map(|s| (SPIN_FILE, spin_to_json(&s)));
     let write = |name: &str, text: &str| shell.write_soon(&folder.join(name), text.as_bytes()).map_err(Failure::All);
@@ -352,25 +353,27 @@ fn by_hand(id: &str, record: Option<TrackRecord>, folder: &Path) -> Option<ShotS
 
 /// A table that cannot be read may be somebody's work of an hour, saved by a program that writes tables otherwise: it is kept under
 /// another name. One that a power failure cut off does not end with a line.
-fn set_unreadable_aside(id: &str, folder: &Path, said: &mut Vec<String>) {
+fn set_unreadable_aside(id: &str, folder: &Path, said: &mut Vec<String>) -> Result<(), CliError> {
     let file = folder.join("tracks.csv");
     if !ends_with_line(&file) {
-        return;
+        return Ok(());
     }
-    let Err(why) = Tracks::read(&file) else { return };
-    if std::fs::rename(&file, folder.join("tracks.unreadable.csv")).is_ok() {
-        said.push(format!("{id}: {why}; it is kept as tracks.unreadable.csv, and the shot is tracked anew"));
+    let Err(why) = Tracks::read(&file) else { return Ok(()) };
+    if let Some(kept) = set_aside(&file, "unreadable")? {
+        said.push(format!("{id}: {why}; it is kept as {}, and the shot is tracked anew", kept.display()));
     }
+    Ok(())
 }
 
 /// Tracks of an earlier run are of other pictures or settings than those that just failed, and must not be measured in their place.
-fn set_earlier_aside(id: &str, folder: &Path, said: &mut Vec<String>) {
-    if std::fs::rename(folder.join("tracks.csv"), folder.join("tracks.earlier.csv")).is_ok() {
+fn set_earlier_aside(id: &str, folder: &Path, said: &mut Vec<String>) -> Result<(), CliError> {
+    if let Some(kept) = set_aside(&folder.join("tracks.csv"), "earlier")? {
         for name in [TRACK_FILE, SPIN_FILE, SHOT_FILE] {
-            let _ = std::fs::remove_file(folder.join(name));
+            remove_if_there(&folder.join(name))?;
         }
-        said.push(format!("{id}: the tracks of an earlier run are not this one's; they are kept as tracks.earlier.csv"));
+        said.push(format!("{id}: the tracks of an earlier run are not this one's; they are kept as {}", kept.display()));
     }
+    Ok(())
 }
 
 /// What an earlier run wrote down.

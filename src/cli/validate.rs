@@ -3,8 +3,10 @@
 use super::Shell;
 use super::error::{CliError, Kind, existing};
 use crate::report::{read_session_results, session_report};
+use crate::limited_file::{LARGEST_TABLE, read_text};
 use crate::session::Session;
 use crate::validation::observation::FEWEST_IMPACTS;
+use std::collections::BTreeMap;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
@@ -37,14 +39,43 @@ struct Outcome {
     session: PathBuf,
     results: PathBuf,
     shots_measured: usize,
+    /// What `diagnose` found, where there were shots enough.
+    diagnosis: Option<Found>,
     /// Failures by step, in the order they happened.
     failed: Vec<Failure>,
+}
+
+/// The head of `diagnosis.json`.
+#[derive(Debug, serde::Serialize, serde::Deserialize)]
+struct Found {
+    verdict: String,
+    recommended: Vec<String>,
+    heldout_error: f64,
+    noise_floor: f64,
+}
+
+impl Outcome {
+    /// Whether a step that judges the model was made now.
+    fn made(&self, step: &str) -> bool {
+        self.shots_measured >= FEWEST_IMPACTS && !self.failed.iter().any(|f| f.step == step)
+    }
 }
 
 #[derive(Debug, serde::Serialize)]
 pub(super) struct Failure {
     pub step: &'static str,
     pub reason: String,
+    /// Of the shots that failed, by id.
+    pub shots: BTreeMap<String, String>,
+}
+
+impl Failure {
+    fn of(step: &'static str, reason: String, session: &Session) -> Self {
+        let ids = session.shots.iter().map(|s| &s.id).chain(session.broken_shots.iter().map(|(id, _)| id));
+        let said = |id: &str| reason.lines().find_map(|line| line.trim_start().strip_prefix(id)?.strip_prefix(": ").map(str::to_owned));
+        let shots = ids.filter_map(|id| Some((id.clone(), said(id)?))).collect();
+        Failure { step, reason, shots }
+    }
 }
 
 pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
@@ -82,21 +113,18 @@ fn write_report(session: &Session, results: &Path, outcome: &Outcome, shell: &Sh
     let mut all = read_session_results(session, results);
     // What a step said of a shot beats the bare fact that its file is missing; what is of no shot is of the step.
     for f in &outcome.failed {
-        let said = |id: &str| f.reason.lines().find_map(|line| line.trim_start().strip_prefix(id)?.strip_prefix(": ").map(str::to_owned));
-        let mut of_shots = false;
         for (id, why) in &mut all.failed {
-            if let Some(reason) = said(id) {
-                (*why, of_shots) = (reason, true);
+            if let Some(reason) = f.shots.get(id) {
+                why.clone_from(reason);
             }
         }
-        if !of_shots {
+        if f.shots.is_empty() {
             all.steps_failed.push((f.step.to_owned(), f.reason.clone()));
         }
     }
     // What an earlier run found is of other shots.
-    let made = |step: &str| outcome.shots_measured >= FEWEST_IMPACTS && !outcome.failed.iter().any(|f| f.step == step);
-    all.comparison = all.comparison.filter(|_| made("compare"));
-    all.diagnosis = all.diagnosis.filter(|_| made("diagnose"));
+    all.comparison = all.comparison.filter(|_| outcome.made("compare"));
+    all.diagnosis = all.diagnosis.filter(|_| outcome.made("diagnose"));
     let path = results.join("report.html");
     shell.write(&path, session_report(&all).as_bytes())?;
     shell.say(format_args!("report: {}", path.display()));
@@ -134,14 +162,15 @@ pub(super) fn footage(session: &Session, results: &Path, shell: &Shell) -> Resul
             Err(e) if e.kind == Kind::Interrupted => return Err(e),
             Err(e) => {
                 let ends = e.kind != Kind::SomeFailed;
-                failed.push(Failure { step, reason: e.message });
+                failed.push(Failure::of(step, e.message, session));
                 if ends {
                     return Ok(Footage::Ended(failed));
                 }
             }
         }
     }
-    Ok(Footage::Measured(failed))
+    // Where every shot failed there is no table.
+    Ok(if results.join("impacts.csv").exists() { Footage::Measured(failed) } else { Footage::Ended(failed) })
 }
 
 /// The rigid base as `model.toml` among the results; one that is there already stays.
@@ -162,7 +191,7 @@ pub(super) fn table_words<'a>(session: &'a Session, impacts: &'a Path, model: &'
 }
 
 fn one_session(session: &Session, results: &Path, model: Option<&Path>, shell: &Shell) -> Result<Outcome, CliError> {
-    let mut outcome = Outcome { session: session.root.clone(), results: results.to_path_buf(), shots_measured: 0, failed: Vec::new() };
+    let mut outcome = Outcome { session: session.root.clone(), results: results.to_path_buf(), shots_measured: 0, diagnosis: None, failed: Vec::new() };
     outcome.failed = match footage(session, results, shell)? {
         Footage::Measured(failed) => failed,
         Footage::Ended(failed) => return Ok(Outcome { failed, ..outcome }),
@@ -189,8 +218,12 @@ fn one_session(session: &Session, results: &Path, model: Option<&Path>, shell: &
         match shell.run_step(&line, results) {
             Ok(()) => {}
             Err(e) if e.kind == Kind::Interrupted => return Err(e),
-            Err(e) => outcome.failed.push(Failure { step, reason: e.message }),
+            Err(e) => outcome.failed.push(Failure::of(step, e.message, session)),
         }
+    }
+    if outcome.made("diagnose") {
+        let text = read_text(&results.join("diagnosis.json"), LARGEST_TABLE).map_err(CliError::input)?;
+        outcome.diagnosis = Some(serde_json::from_str(&text).map_err(CliError::input)?);
     }
     Ok(outcome)
 }

@@ -24,6 +24,9 @@ pub struct ShotRecord {
     /// Why tracking found that its points should not be believed.
     #[serde(default)]
     pub doubt: Option<String>,
+    /// The note of its `shot.toml`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub note: Option<String>,
     /// SHA-256 of the `points.csv` written with it: tracking writes a table of that name too.
     #[serde(default)]
     pub points: String,

@@ -1,15 +1,15 @@
 //! Does the model fail otherwise in some groups of a table than in others: one racket, one ball, one player, one day?
 //!
 //! No smooth function of the inputs shows that, and where nothing looks for it it passes for noise. For every column that
-//! parts the impacts into groups, each group has an impulse of its own along the normal and along the slip, and its racket
-//! a push and a swing of its own; what the model's parameters, the offsets of the sessions and all smooth corrections can
+//! parts the impacts into groups, each group has an impulse of its own along the normal (with speed and along the racket, too:
+//! one player's grip, one racket's mass) and along the slip, and its racket a push and a swing of its own; what the model's parameters, the offsets of the sessions and all smooth corrections can
 //! imitate is projected out, and the rest tested as in [`super::structure`], corrected for the number of columns.
 
 use super::fit::Fit;
 use super::linearise::Linearised;
 use super::observation::{Observation, Observations};
 use super::project::{Nuisance, project_out};
-use super::structure::{channels, independent_directions, wild_p_value};
+use super::structure::{ContactInputs, channels, independent_directions, wild_p_value};
 use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
@@ -20,11 +20,52 @@ pub const GROUP_LEVEL: f64 = 0.0003;
 /// Groups smaller than this are not looked at, nor columns with more than so many.
 const FEWEST_IN_GROUP: usize = 8;
 const MOST_GROUPS: usize = 40;
-/// Channels (columns of [`channels`]) that a group may have of its own, in words.
-const CHANNELS: [(usize, &str); 4] =
-    [(0, "the impulse along the normal"), (1, "the impulse along the slip"), (9, "the racket's push along the normal"), (13, "the racket's swing")];
+/// What a group may have of its own: a channel (column of [`channels`]) times a factor, in words.
+const CHANNELS: [(usize, Factor, &str); 6] = [
+    (0, Factor::One, "the impulse along the normal"),
+    (0, Factor::Speed, "the impulse along the normal, at 25 m/s more,"),
+    (0, Factor::Along, "the impulse along the normal, at the head's end towards the handle,"),
+    (1, Factor::One, "the impulse along the slip"),
+    (9, Factor::One, "the racket's push along the normal"),
+    (ANGULAR, Factor::One, "the racket's angular impulse about the axis across the face"),
+];
+/// The channel whose unit is an impulse at a lever of 0.1 m, and the units in words.
+const ANGULAR: usize = 13;
+const IMPULSE: &str = "the impulse of a contact without rebound";
+const AT_A_LEVER: &str = "that of a contact without rebound 10 cm from the centre of mass";
+/// Speed that a change with speed is told for, m/s.
+const SPEED_M_S: f64 = 25.0;
+
+#[derive(Clone, Copy)]
+enum Factor {
+    One,
+    /// Approach speed less the table's mean, over [`SPEED_M_S`].
+    Speed,
+    /// Place along the racket less the table's mean, over half the head's length.
+    Along,
+}
+
+impl Factor {
+    fn of(self, observations: &Observations, impacts: &[&Observation], fit: &Fit) -> Vec<f64> {
+        let raw: Vec<f64> = fit
+            .impacts
+            .iter()
+            .zip(impacts)
+            .map(|(l, o)| {
+                let gear = &observations.gear[o.gear];
+                match self {
+                    Factor::One => 1.0,
+                    Factor::Speed => ContactInputs::of(&l.true_inputs, gear).approach_m_s / SPEED_M_S,
+                    Factor::Along => l.true_inputs[12] / (0.5 * gear.racket.head.inner_length_m),
+                }
+            })
+            .collect();
+        let mean = if matches!(self, Factor::One) { 0.0 } else { raw.iter().sum::<f64>() / raw.len().max(1) as f64 };
+        raw.iter().map(|v| v - mean).collect()
+    }
+}
 /// Precision of the smooth corrections that are projected out: as good as free.
-const FREE: f64 = 1e-9;
+pub(super) const FREE: f64 = 1e-9;
 
 /// What is most its own in a column whose groups differ.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -33,8 +74,10 @@ pub struct GroupMisfit {
     pub group: String,
     /// Impacts of the fit in it.
     pub n: usize,
-    /// What differs, and by how much of the impulse of a contact without rebound.
+    /// What differs, and by what share of `unit`.
     pub what: String,
+    #[serde(default)]
+    pub unit: String,
     pub change: f64,
     pub sd: f64,
     /// Of the whole column, corrected for the number of columns.
@@ -50,14 +93,15 @@ impl GroupMisfit {
     /// "where `racket` is "Gamma", the impulse along the normal is smaller than in the others by 3.9 ± 0.1 % …".
     pub fn words(&self) -> String {
         format!(
-            "where `{}` is {:?} ({} impacts), {} is {} than elsewhere by {:.1} ± {:.1} % of the impulse of a contact without rebound",
+            "where `{}` is {:?} ({} impacts), {} is {} than elsewhere by {:.1} ± {:.1} % of {}",
             self.column,
             self.group,
             self.n,
             self.what,
             if self.change < 0.0 { "smaller" } else { "larger" },
             100.0 * self.change.abs(),
-            100.0 * self.sd
+            100.0 * self.sd,
+            self.unit
         )
     }
 }
@@ -113,7 +157,12 @@ pub(super) fn group_test(fit: &Fit, observations: &Observations, impacts: &[&Obs
     }
     let mut parted = parted(observations, impacts);
     let tested = parted.len();
-    let responses: Vec<DMatrix<f64>> = fit.impacts.iter().zip(impacts).map(|(l, o)| channels(&l.true_inputs, &observations.gear[o.gear])).collect();
+    let factors = CHANNELS.map(|(_, factor, _)| factor.of(observations, impacts, fit));
+    let response = |(i, (l, o)): (usize, (&Linearised, &&Observation))| {
+        let all = channels(&l.true_inputs, &observations.gear[o.gear]);
+        DMatrix::from_fn(all.nrows(), CHANNELS.len(), |row, k| all[(row, CHANNELS[k].0)] * factors[k][i])
+    };
+    let responses: Vec<DMatrix<f64>> = fit.impacts.iter().zip(impacts).enumerate().map(response).collect();
     if let Groups::Known(known) = groups {
         let columns = known.iter().filter_map(|k| Some((k.clone(), parted.iter().find(|((name, _), _)| *name == k.column)?)));
         return GroupTest { tested, failing: columns.map(|(misfit, column)| (misfit, signatures(fit, &responses, column))).collect() };
@@ -122,7 +171,7 @@ pub(super) fn group_test(fit: &Fit, observations: &Observations, impacts: &[&Obs
     let mut smooth = generic.to_vec();
     // The column whose groups stand apart most first; the others must show something beside it.
     while !parted.is_empty() {
-        let Ok(nuisance) = Nuisance::with_columns(fit, &smooth, FREE) else { break };
+        let Ok(nuisance) = Nuisance::with_columns(fit, &smooth, |_| FREE) else { break };
         let most = parted
             .iter()
             .enumerate()
@@ -134,6 +183,13 @@ pub(super) fn group_test(fit: &Fit, observations: &Observations, impacts: &[&Obs
         failing.push((misfit, blocks));
     }
     GroupTest { tested, failing }
+}
+
+/// Whitened signatures of what the groups of columns that are known to fail have of their own; no columns without such.
+pub(super) fn known_signatures(fit: &Fit, observations: &Observations, impacts: &[&Observation], known: &[GroupMisfit]) -> Vec<DMatrix<f64>> {
+    let none: Vec<DMatrix<f64>> = fit.impacts.iter().map(|l| DMatrix::zeros(l.z.len(), 0)).collect();
+    let failing = group_test(fit, observations, impacts, &none, Groups::Known(known), 0).failing;
+    failing.iter().fold(none, |all, (_, blocks)| all.iter().zip(blocks).map(|(a, b)| beside(a, b)).collect())
 }
 
 /// Two blocks of columns in one.
@@ -148,10 +204,8 @@ fn signatures(fit: &Fit, responses: &[DMatrix<f64>], ((_, labels), groups): &(La
     let block = |((l, label), response): ((&Linearised, &Option<&str>), &DMatrix<f64>)| {
         let mut block = DMatrix::zeros(l.measured.len(), groups.len() * CHANNELS.len());
         if let Some(g) = groups.iter().position(|g| Some(*g) == *label) {
-            for (k, (channel, _)) in CHANNELS.iter().enumerate() {
-                for (row, &output) in l.measured.iter().enumerate() {
-                    block[(row, g * CHANNELS.len() + k)] = response[(output, *channel)];
-                }
+            for (row, &output) in l.measured.iter().enumerate() {
+                block.view_mut((row, g * CHANNELS.len()), (1, CHANNELS.len())).copy_from(&response.row(output));
             }
         }
         &l.whitener * block
@@ -184,7 +238,8 @@ fn one_column(
         column: column.clone(),
         group: group.to_owned(),
         n: labels.iter().filter(|l| **l == Some(group)).count(),
-        what: CHANNELS[most % CHANNELS.len()].1.to_owned(),
+        what: CHANNELS[most % CHANNELS.len()].2.to_owned(),
+        unit: if CHANNELS[most % CHANNELS.len()].0 == ANGULAR { AT_A_LEVER } else { IMPULSE }.to_owned(),
         change: projected.score[most] / projected.information[(most, most)],
         sd: projected.information[(most, most)].powf(-0.5),
         p_value,

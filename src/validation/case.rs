@@ -11,8 +11,8 @@ use super::heldout::{error_of, linearise_held_out};
 use super::linearise::Linearised;
 use super::local_spot::SPOT_LEVEL;
 use super::observation::{Observation, Observations};
+use super::one_sided::one_sided;
 use super::present::Present;
-use super::project::Nuisance;
 use super::rank::{Reference, flexible_nuisance};
 use super::screen::{LIBRARY_LEVEL, Screening, screen_beyond};
 use super::structure::{STRUCTURE_LEVEL, StructureTest, structure_test};
@@ -49,8 +49,7 @@ impl<'a> Case<'a> {
         // Effects that are in the model already may have another form than the catalogue's; what that leaves is no new effect.
         let present = Present::of(library);
         let c_screen = structure.noise_scale_for_screening();
-        let nuisance =
-            if present.is_empty() { Nuisance::of(&base) } else { flexible_nuisance(library.current(), &base, observations, &seen, &present.strengths)? };
+        let nuisance = flexible_nuisance(library.current(), &base, observations, &seen, &present.strengths, &structure.by_group)?;
         let screening = screen_beyond(library, &base, &seen, c_screen, &nuisance, None)?;
         let spot = local_spot(&Reference { library, observations, impacts: &seen, base: &base, groups: &structure.by_group, c: c_screen, seed }, &nuisance);
         let held_out = linearise_held_out(library.current(), &base, observations, &held)?;
@@ -77,12 +76,13 @@ impl<'a> Case<'a> {
         self.in_library() || self.smooth() || self.one_place()
     }
 
-    /// Whether a model that no test faults fails all the same: by residuals too large for noise, or on groups held out (of which
-    /// a note is made).
+    /// Whether a model that no test faults fails all the same: by residuals too large for noise, by outliers that lie on one side, or on
+    /// groups held out (of the latter two a note is made).
     pub fn fails_without_structure(&self, notes: &mut Vec<String>) -> bool {
-        let missed = missed_groups(self.observations, &self.held, &self.held_out, self.structure.noise_scale.sqrt());
-        let fails = missed.is_some() || is_more_than_noise(self.observations, &self.structure);
-        notes.extend(missed);
+        let missed = missed_groups(self.observations, &self.held, &self.held_out, &self.base.impacts);
+        let one_sided = one_sided(&outliers(&self.seen, &self.base.impacts, &self.held, &self.held_out), self.observations);
+        let fails = missed.is_some() || one_sided.is_some() || is_more_than_noise(self.observations, &self.structure);
+        notes.extend(missed.into_iter().chain(one_sided));
         fails
     }
 

@@ -4,9 +4,10 @@ use super::by_group::{GROUP_LEVEL, Groups};
 use super::error::ValidationError;
 use super::fit::{Column, Fit, FitOptions, fit};
 use super::forward::Forward;
-use super::heldout::{error_of, is_shared_error, linearise_held_out};
+use super::heldout::{error_of, linearise_held_out, taken_for_chance, taken_for_shared};
 use super::linearise::{Linearised, OUTLIER_LISTED};
 use super::observation::{Observation, Observations};
+use super::one_sided::one_sided;
 use super::polynomial::{PolynomialFit, polynomial_fits};
 use super::refits::LARGEST_NOISE_SCALE;
 use super::smooth::{FaceCell, SmoothCurve, face_map, smooth};
@@ -187,8 +188,10 @@ impl Comparison {
                 "what is left is {:.1} times the stated noise, and no smooth function of what was measured: the deviations are understated by far, or something is missing that nobody measured",
                 self.noise_floor
             )
-        } else {
+        } else if self.heldout_error_refitted > CLEARLY * self.noise_floor {
             "the error on held-out impacts is clearly above the noise, though no smooth structure shows".to_owned()
+        } else {
+            "what is left is not noise alone, as noted above".to_owned()
         }
     }
 
@@ -216,26 +219,24 @@ pub fn compare(forward: &dyn Forward, observations: &Observations, model: &str, 
     let impacts = impact_points(observations, &as_stated, &held_stated);
     let signs = NormalSigns::of(impacts.iter().map(|i| i.inputs.as_slice()));
     let floor = structure.noise_scale.sqrt();
-    // Shots of footage share more errors than their table states: structure that does not show in the error on those held out
-    // is not believed there, as `diagnose` does not.
+    // What `diagnose` does not believe is not believed here.
     let structured = structure.p_value < COMPARE_LEVEL;
-    let disbelieved = structured && is_shared_error(observations, &structure, &refitted, &held_refitted);
+    let disbelieved = taken_for_chance(&structure, &refitted, &held_refitted, floor)
+        .or_else(|| taken_for_shared(observations, &structure, &refitted, &held_refitted))
+        .filter(|_| structured);
     let too_noisy = is_more_than_noise(observations, &structure);
-    let group = missed_groups(observations, &held, &held_refitted, floor);
-    let fails = structured && !disbelieved || too_noisy || group.is_some() || error_of(&held_refitted) > CLEARLY * floor;
+    let group = missed_groups(observations, &held, &held_refitted, &refitted.impacts);
+    let outliers = outliers(&seen, &refitted.impacts, &held, &held_refitted);
+    let one_sided = one_sided(&outliers, observations);
+    let fails = structured && disbelieved.is_none() || too_noisy || group.is_some() || one_sided.is_some() || error_of(&held_refitted) > CLEARLY * floor;
     let present: Vec<usize> = (0..OUTPUTS.len()).filter(|k| impacts.iter().any(|i| i.outputs.iter().any(|p| p.output == *k))).collect();
     let mut notes = observations.notes.clone();
     note_noise(floor, !fails, &mut notes);
     note_group_noise(&structure, &mut notes);
     note_groups(&structure, &mut notes);
     notes.extend(group);
-    if disbelieved && !fails {
-        notes.push(format!(
-            "the structure test alone rejects (p = {}), but what it finds adds less than a tenth to the error of the fit and nothing to that of held-out impacts ({:.3}, floor {floor:.3}): not believed of shots that share a calibration",
-            p_text(structure.p_value),
-            error_of(&held_refitted)
-        ));
-    }
+    notes.extend(one_sided);
+    notes.extend(disbelieved.filter(|_| !fails));
     Ok(Comparison {
         verdict: if fails { "inadequate" } else { "adequate" }.to_owned(),
         false_alarm_rate: COMPARE_LEVEL + if structure.columns_of_groups > 0 { GROUP_LEVEL } else { 0.0 },
@@ -270,7 +271,7 @@ pub fn compare(forward: &dyn Forward, observations: &Observations, model: &str, 
             })
             .collect(),
         polynomials: polynomial_fits(&impacts, &varied_inputs(observations)),
-        outliers: outliers(&seen, &refitted.impacts, &held, &held_refitted),
+        outliers,
         session_offsets: session_offsets(observations, &refitted, structure.noise_scale),
         impacts,
         structure,
@@ -286,14 +287,14 @@ pub fn is_more_than_noise(observations: &Observations, structure: &StructureTest
     observations.states_noise() && structure.noise_scale > LARGEST_NOISE_SCALE
 }
 
-/// Says that the model does not carry over to the groups held out: their error is far above the floor, beyond what offsets of their own
-/// (half a deviation of every input) and chance can do.
-pub fn missed_groups(observations: &Observations, held: &[&Observation], linearised: &[Linearised], floor: f64) -> Option<String> {
+/// Says that the model does not carry over to the groups held out: their error is far above that of the impacts it was fitted to, beyond
+/// what offsets of their own (half a deviation of every input) and chance can do.
+pub fn missed_groups(observations: &Observations, held: &[&Observation], linearised: &[Linearised], fitted: &[Linearised]) -> Option<String> {
     let column = observations.group.as_ref()?;
     let numbers: usize = linearised.iter().map(|l| l.z.len()).sum();
-    let error = error_of(linearised);
+    let (error, others) = (error_of(linearised), error_of(fitted));
     let chance = 1.0 + HELD_DEVIATIONS * (2.0 / numbers.max(1) as f64).sqrt();
-    if error < HELD_CLEARLY * floor || (error / floor).powi(2) < chance {
+    if error < HELD_CLEARLY * others || (error / others).powi(2) < chance {
         return None;
     }
     let mut names: Vec<&str> = held.iter().map(|o| o.held_by.as_str()).collect();
@@ -302,7 +303,7 @@ pub fn missed_groups(observations: &Observations, held: &[&Observation], lineari
     let shown = names.iter().take(6).map(|n| format!("`{n}`")).collect::<Vec<_>>().join(", ");
     let more = if names.len() > 6 { format!(" and {} more", names.len() - 6) } else { String::new() };
     Some(format!(
-        "the model does not carry over to the groups of `{column}` that were held out ({shown}{more}): their error is {error:.2} where that of the others is {floor:.2}"
+        "the model does not carry over to the groups of `{column}` that were held out ({shown}{more}): their error is {error:.2} where that of the others is {others:.2}"
     ))
 }
 
@@ -313,10 +314,13 @@ pub fn note_noise(factor: f64, sound: bool, notes: &mut Vec<String>) {
         return;
     }
     let size = factor.max(1.0 / factor);
-    notes.push(if sound || factor < 1.0 {
+    notes.push(if factor < 1.0 {
         format!(
-            "the noise is {} by a factor {size:.2}: with all structure taken out, residuals are {factor:.2} times the stated noise; all tests and deviations here use the corrected noise",
-            if factor > 1.0 { "understated" } else { "overstated" },
+            "the noise is overstated by a factor {size:.2}: with all structure taken out, residuals are {factor:.2} times the stated noise; all tests and deviations here use the corrected noise"
+        )
+    } else if sound {
+        format!(
+            "the noise is understated by a factor {size:.2}, or something is missing that is no smooth function of what was measured: with all structure taken out, residuals are {factor:.2} times the stated noise; all tests and deviations here use the larger noise"
         )
     } else {
         format!(

@@ -17,7 +17,7 @@ use super::predicted::difference;
 use super::project::{Nuisance, project_out};
 use super::rank::{Reference, gain_over, log_evidence_over};
 use super::screen::Screening;
-use super::structure::{StructureTest, racket_turns, structure_test, swings_in_order};
+use super::structure::{ContactInputs, StructureTest, racket_turns, structure_test, swings_in_order};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -60,7 +60,7 @@ pub struct Found {
 /// The whitened derivative of the prediction with respect to k of a channel with feature 1, at the base fit. `None` when the
 /// base does not hold that quantity.
 fn channel_signature(reference: &Reference, channel: &TermChannel) -> Option<Vec<DVector<f64>>> {
-    let effect = own_effect(channel, &["1".to_owned()]);
+    let effect = own_effect(reference, channel, &["1".to_owned()]);
     let forward = reference.library.with_expression(&[], &[effect]).ok()?;
     let h = 0.05 * channel.typical;
     let (mut up, mut down) = (reference.base.values.clone(), reference.base.values.clone());
@@ -72,18 +72,25 @@ fn channel_signature(reference: &Reference, channel: &TermChannel) -> Option<Vec
     Some(moved.into_iter().zip(&reference.base.impacts).map(|(d, l)| &l.whitener * d / (2.0 * h)).collect())
 }
 
-fn own_effect(channel: &TermChannel, features: &[String]) -> OwnEffect {
+fn own_effect(reference: &Reference, channel: &TermChannel, features: &[String]) -> OwnEffect {
     let names: Vec<String> = (0..features.len()).map(|i| if features.len() == 1 { "k".to_owned() } else { format!("k{}", i + 1) }).collect();
     let terms: Vec<(String, String)> = names.iter().cloned().zip(features.iter().cloned()).collect();
     OwnEffect {
-        name: FOUND_EFFECT.to_owned(),
+        name: free_name(reference, FOUND_EFFECT),
         replaces: channel.replaces.to_owned(),
         expression: channel.expression(&terms),
         parameters: names.into_iter().map(|n| (n, channel.typical)).collect(),
     }
 }
 
-/// The features of a table: those of every table, then swings with the order of its impacts.
+/// The name, or with the first number that makes it one the model does not have: a formula may be looked for beside an earlier one.
+fn free_name(reference: &Reference, name: &str) -> String {
+    let numbered = (2..).map(|i| format!("{name}-{i}"));
+    std::iter::once(name.to_owned()).chain(numbered).find(|n| !reference.library.has_effect(n)).unwrap_or_default()
+}
+
+/// The features of a table: those of every table, what goes with speed along and across the face, then swings with the order of its
+/// impacts.
 struct TableFeatures {
     /// As the model file has it, and in words.
     names: Vec<(String, String)>,
@@ -96,9 +103,19 @@ impl TableFeatures {
         let n = reference.impacts.len();
         let rates = DVector::from_iterator(n, reference.base.impacts.iter().map(|l| l.true_inputs[10]));
         let swings = racket_turns(reference.observations, rates.variance().sqrt());
+        // Where all hit one side, what goes with it is what does not.
+        let from_above = reference.base.impacts.iter().filter(|l| l.true_inputs[2] < l.true_inputs[8]).count();
+        let one_side = from_above == 0 || from_above == n;
         // Written with three digits, and meant so.
         let angles: Vec<f64> = swings_in_order(reference.impacts).iter().map(|a| format!("{a:.2e}").parse().unwrap_or(*a)).collect();
         let mut names: Vec<(String, String)> = FEATURES.iter().map(|f| (f.text.to_owned(), f.words.to_owned())).collect();
+        // Around the table's own speed: what goes with speed and place is not to be hidden by what goes with place alone.
+        let speeds = reference.impacts.iter().zip(&reference.base.impacts);
+        let speeds = speeds.map(|(o, l)| ContactInputs::of(&l.true_inputs, &reference.observations.gear[o.gear]).approach_m_s);
+        let middle_m_s = (speeds.sum::<f64>() / n.max(1) as f64).round();
+        for (place, words) in [("impact_x / half_length", "with speed along the racket"), ("impact_y / half_width", "with speed across the face")] {
+            names.push((format!("((approach_speed - {middle_m_s}) / 25) * ({place})"), words.to_owned()));
+        }
         names.extend(angles.iter().map(|a| {
             let period = 2.0 * std::f64::consts::PI / a;
             (format!("cos({a} * order)"), format!("in waves of {period:.0} impacts"))
@@ -107,7 +124,8 @@ impl TableFeatures {
         for (i, (o, l)) in reference.impacts.iter().zip(&reference.base.impacts).enumerate() {
             let inputs = FeatureInputs::of(o, &l.true_inputs, &reference.observations.gear[o.gear]);
             let inputs = if swings { inputs } else { inputs.without_swing() };
-            let row = FEATURES.iter().map(|f| (f.value)(&inputs)).chain(angles.iter().map(|a| (a * o.order).cos()));
+            let inputs = if one_side { inputs.without_side() } else { inputs };
+            let row = FEATURES.iter().map(|f| (f.value)(&inputs)).chain(inputs.speed_times_place(middle_m_s)).chain(angles.iter().map(|a| (a * o.order).cos()));
             row.enumerate().for_each(|(j, value)| values[(i, j)] = value);
         }
         for j in 1..names.len() {
@@ -187,7 +205,7 @@ struct Fitted {
 }
 
 fn refit(reference: &Reference, channel: &TermChannel, features: &[String], start: &[f64]) -> Option<Fitted> {
-    let effect = own_effect(channel, features);
+    let effect = own_effect(reference, channel, features);
     let forward = reference.library.with_expression(&[], std::slice::from_ref(&effect)).ok()?;
     let mut values = reference.base.values.clone();
     values.extend(start.iter().map(|k| k.clamp(-5.0 * channel.typical, 5.0 * channel.typical)));
@@ -273,8 +291,8 @@ fn further(reference: &Reference, features: &TableFeatures, best: &Fitted, chose
     let channel = &CHANNELS[first.channel];
     let shared = reference.base.values.len();
     // The derivative of the first term's constant carries the channel's response at this fit; others are in proportion.
-    let bare = own_effect(channel, &["1".to_owned()]);
-    let own = OwnEffect { name: "found-further".to_owned(), ..bare };
+    let bare = own_effect(reference, channel, &["1".to_owned()]);
+    let own = OwnEffect { name: free_name(reference, "found-further"), ..bare };
     let Ok(forward) = reference.library.with_expression(&[], &[best.effect.clone(), own]) else { return Vec::new() };
     let h = 0.05 * channel.typical;
     let (mut up, mut down) = (best.fit.values.clone(), best.fit.values.clone());
@@ -307,7 +325,7 @@ fn further(reference: &Reference, features: &TableFeatures, best: &Fitted, chose
 /// Catalogue effects whose signature is most like the expression's, best first: cosine above 0.5, at most three.
 fn nearest(reference: &Reference, screening: &Screening, channel: &TermChannel, chosen: &[Term]) -> Result<Vec<String>, ValidationError> {
     let features: Vec<String> = chosen.iter().map(|t| t.feature.clone()).collect();
-    let effect = own_effect(channel, &features);
+    let effect = own_effect(reference, channel, &features);
     let forward = reference.library.with_expression(&[], &[effect])?;
     let mut values = reference.base.values.clone();
     values.extend(chosen.iter().map(|t| t.strength));

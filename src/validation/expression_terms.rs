@@ -49,6 +49,16 @@ impl FeatureInputs {
         FeatureInputs { swing: 0.0, ..self }
     }
 
+    /// The same where only one side of the racket is hit.
+    pub fn without_side(self) -> Self {
+        FeatureInputs { side: 0.0, ..self }
+    }
+
+    /// Approach speed beyond this one over 25 m/s, times the place along the racket and across the face.
+    pub fn speed_times_place(&self, from_m_s: f64) -> [f64; 2] {
+        self.place.map(|p| (self.u - from_m_s / 25.0) * p)
+    }
+
     /// Squared slip plus `least` (m²/s²), over the squared approach speed.
     fn squared_slip_and(&self, least: f64) -> f64 {
         self.g[0].powi(2) + self.g[1].powi(2) + least / (25.0 * self.u).powi(2)

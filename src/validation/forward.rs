@@ -102,6 +102,9 @@ pub trait Library: Sync {
     /// them) at `values`.
     fn extended(&self, effects: &[&str], values: &[f64]) -> Result<Box<dyn Library + '_>, ValidationError>;
 
+    /// Whether the current model has an effect of that name, a user's own included.
+    fn has_effect(&self, name: &str) -> bool;
+
     /// The same plus the user's own effect: an expression that replaces a quantity, with parameters that start at 0.
     fn with_expression(&self, effects: &[&str], expressions: &[OwnEffect]) -> Result<Box<dyn Forward + '_>, ValidationError>;
 }

@@ -9,7 +9,7 @@ use super::fit::{Fit, linearise_all};
 use super::forward::Forward;
 use super::linearise::Linearised;
 use super::observation::{Observation, Observations};
-use super::structure::StructureTest;
+use super::structure::{StructureTest, p_text};
 
 /// Passes for the true inputs: they settle to a thousandth of their deviation in three.
 const PASSES: usize = 3;
@@ -34,7 +34,7 @@ pub fn error_of(impacts: &[Linearised]) -> f64 {
 
 /// Whether the error on held-out impacts is that of noise and of what `fit` could know alone, within two deviations of their
 /// ratio: each is known to 1/√2N of it, the floor from the `floor_freedom` degrees of freedom that it was estimated from.
-pub fn is_noise_alone(impacts: &[Linearised], fit: &Fit, floor: f64, floor_freedom: f64) -> bool {
+fn is_noise_alone(impacts: &[Linearised], fit: &Fit, floor: f64, floor_freedom: f64) -> bool {
     let count: usize = impacts.iter().map(|l| l.z.len()).sum();
     let expected = floor * (1.0 + fit.own_uncertainty()).sqrt();
     count > 0 && error_of(impacts) <= expected * (1.0 + 2.0 * (0.5 / count as f64 + 0.5 / floor_freedom.max(1.0)).sqrt())
@@ -54,13 +54,40 @@ pub fn log_evidence_of(before: &[Linearised], after: &[Linearised], c: f64, most
     before.iter().zip(after).map(|pair| of(pair).clamp(-most, most)).sum()
 }
 
+/// Structure less likely than this is no chance, whatever the held-out impacts say.
+const NO_CHANCE: f64 = 1e-4;
+
+/// Why structure that the test finds is taken for chance: the error on held-out impacts is that of noise.
+pub fn taken_for_chance(structure: &StructureTest, fit: &Fit, held_out: &[Linearised], floor: f64) -> Option<String> {
+    let chance = structure.p_value > NO_CHANCE && structure.by_group.is_empty() && is_noise_alone(held_out, fit, floor, structure.residual_freedom);
+    chance.then(|| {
+        format!(
+            "the structure test alone rejects (p = {}), but the error on held-out impacts is that of noise ({:.3}, floor {floor:.3}): not believed",
+            p_text(structure.p_value),
+            error_of(held_out)
+        )
+    })
+}
+
+/// Why it is taken for what the shots of a calibration share.
+pub fn taken_for_shared(observations: &Observations, structure: &StructureTest, fit: &Fit, held_out: &[Linearised]) -> Option<String> {
+    is_shared_error(observations, structure, fit, held_out).then(|| {
+        format!(
+            "some structure is left (p = {}), but it adds less than a tenth to the error of the fit and nothing to that of held-out impacts ({:.3}, floor {:.3}): not believed of shots that share a calibration",
+            p_text(structure.p_value),
+            error_of(held_out),
+            structure.noise_scale.sqrt()
+        )
+    })
+}
+
 /// Share of the variance that structure may add before it counts as more than what the shots of a calibration share: a tenth of the
 /// error.
 const SMALL: f64 = 0.21;
 
 /// Whether structure in the impacts of `fit` is no more than shots of footage, which share more errors than their table states, may
 /// have: it adds less than a tenth to their error and nothing to that of the held-out ones.
-pub fn is_shared_error(observations: &Observations, structure: &StructureTest, fit: &Fit, held_out: &[Linearised]) -> bool {
+fn is_shared_error(observations: &Observations, structure: &StructureTest, fit: &Fit, held_out: &[Linearised]) -> bool {
     observations.is_footage()
         && structure.excess < SMALL * fit.count() as f64
         && is_noise_alone(held_out, fit, structure.noise_scale.sqrt(), structure.residual_freedom)

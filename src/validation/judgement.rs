@@ -8,11 +8,11 @@ use super::comparison::{note_noise, outliers, varied_coordinates};
 use super::diagnosis::{CandidateReport, Diagnosis, Together, Verdict};
 use super::error::ValidationError;
 use super::expression::{Found, find_expression};
-use super::heldout::{error_of, is_noise_alone, is_shared_error, is_worth, log_evidence_of};
+use super::heldout::{error_of, is_worth, log_evidence_of, taken_for_chance, taken_for_shared};
 use super::place::places;
 use super::rank::{Reference, Refit, added_parameters, form_overdispersion, gain_over};
 use super::refits::{FIRST_LEVEL, LARGEST_NOISE_SCALE, LOG_ODDS, Refits, SHARE, estimates, excess_at, share_removed};
-use super::structure::{STRUCTURE_LEVEL, StructureTest, p_text};
+use super::structure::{STRUCTURE_LEVEL, StructureTest};
 use super::verdict_words::verdict_words;
 
 /// Log evidence of a formula, or of an effect, that the error on held-out impacts alone does not show.
@@ -81,13 +81,16 @@ impl<'a> Judgement<'a> {
         Ok(judgement)
     }
 
-    /// The best of the catalogue, unless it is the form of what the model has already.
+    /// The best of the catalogue, unless it is the form of what the model has already, or what groups differ by.
     fn choose(&mut self) -> Result<(), ValidationError> {
         let case = self.case;
         let tested = case.screening.tested as f64;
         let stands_out =
             |name: &String| case.screening.effects.iter().any(|s| case.library.effects()[s.effect].name == *name && s.p_value * tested < FIRST_LEVEL);
-        let best = self.refits.choose(self.overdispersion).filter(|r| case.present.is_empty() || r.effects.iter().all(stands_out));
+        let best = self
+            .refits
+            .choose(self.overdispersion)
+            .filter(|r| case.present.is_empty() && case.structure.by_group.is_empty() || r.effects.iter().all(stands_out));
         let imitated = match best {
             Some(r) => case.present.imitated_by(&r.effects, &self.reference, &case.structure, self.c_believed)?,
             None => None,
@@ -126,6 +129,12 @@ impl<'a> Judgement<'a> {
             let mut reference = self.reference;
             self.alone = find_expression(&mut reference, &self.case.screening, excess_believed, &self.case.structure)?;
             self.c_of_formula = reference.c;
+            if let Some(f) = &self.alone {
+                eprintln!(
+                    "ALONE {} ev {:.1} honest {:.1} held {:.3} c {:.3}",
+                    f.suggestion.words, f.log_evidence, f.honest_gain, f.suggestion.heldout_error_after, reference.c
+                );
+            }
         }
         Ok(())
     }
@@ -143,12 +152,9 @@ impl<'a> Judgement<'a> {
                 "one place on the face alone stands out (p = {:.4}), but a model with it does not lower the error on held-out impacts: not believed",
                 case.spot_p_value
             ));
-        } else if is_noise_alone(&case.held_out, &case.base, floor, case.structure.residual_freedom) {
+        } else if let Some(why) = taken_for_chance(&case.structure, &case.base, &case.held_out, floor) {
             self.verdict = Verdict::Adequate;
-            self.notes.push(format!(
-                "the structure test alone rejects (p = {:.4}), but the error on held-out impacts is that of noise ({:.3}, floor {floor:.3}): not believed",
-                case.structure.p_value, case.error
-            ));
+            self.notes.push(why);
         }
     }
 
@@ -176,14 +182,11 @@ impl<'a> Judgement<'a> {
     /// Shots of one calibration share more than their table states.
     pub fn allow_shared_errors(&mut self) {
         let case = self.case;
-        if self.verdict == Verdict::Unexplained && is_shared_error(case.observations, &case.structure, &case.base, &case.held_out) {
+        if self.verdict == Verdict::Unexplained
+            && let Some(why) = taken_for_shared(case.observations, &case.structure, &case.base, &case.held_out)
+        {
             self.verdict = Verdict::Adequate;
-            self.notes.push(format!(
-                "some structure is left (p = {}), but it adds less than a tenth to the error of the fit and nothing to that of held-out impacts ({:.3}, floor {:.3}): not believed of shots that share a calibration",
-                p_text(case.structure.p_value),
-                case.error,
-                self.refits.c.sqrt()
-            ));
+            self.notes.push(why);
         }
     }
 

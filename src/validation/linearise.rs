@@ -18,6 +18,8 @@ use nalgebra::{DMatrix, DVector};
 
 /// Standardised residual beyond which a cell loses weight. Of 27 cells in 900 impacts a Gaussian puts eleven beyond it.
 pub const OUTLIER_START: f64 = 3.5;
+/// An output's residual counts this much more than an input's where one of them must be wrong.
+const AS_WELL: f64 = 1.05;
 /// A cell this far out is no chance of noise or model, but a wrong number.
 const GROSS: f64 = 8.0;
 /// A cell this far out is listed as an outlier.
@@ -354,12 +356,13 @@ fn whiten(point: &Point, setting: &Setting) -> Option<Linearised> {
     // The worst cell first: its neighbours often look odd only because of it. Of gross errors the worst is the one that alone explains most
     // of the residuals, the largest in deviations (for one wrong cell by Cauchy and Schwarz its own).
     for _ in 0..MOST_CELLS {
-        let of_output = (0..k).map(|i| (now_out[i].abs(), setting.spread.outputs[o.measured[i]], true, i));
+        // What an input alone moves may be the output's error as well (a spin about the normal): of two that do as well it is the output.
+        let of_output = (0..k).map(|i| (AS_WELL * now_out[i].abs(), setting.spread.outputs[o.measured[i]], true, i));
         let of_input = (0..INPUTS.len()).map(|j| (now_in[j].abs(), setting.spread.inputs[j], false, j));
         let odd: Vec<(f64, f64, bool, usize)> = of_output.chain(of_input).filter(|(t, spread, ..)| t / spread > OUTLIER_START).collect();
         let gross = odd.iter().filter(|(t, spread, ..)| t / spread > GROSS).max_by(|a, b| a.0.total_cmp(&b.0));
         let Some(&(size, spread, output, index)) = gross.or(odd.iter().max_by(|a, b| (a.0 / a.1).total_cmp(&(b.0 / b.1)))) else { break };
-        let t = size / spread;
+        let t = if output { size / AS_WELL } else { size } / spread;
         if outliers.iter().any(|c| c.output == output && c.column == if output { o.measured[index] } else { index }) {
             break;
         }

@@ -28,6 +28,7 @@ pub mod local_spot;
 pub mod model_library;
 pub mod noise;
 pub mod observation;
+mod one_sided;
 pub mod place;
 pub mod polynomial;
 pub mod predicted;

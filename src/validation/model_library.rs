@@ -202,6 +202,10 @@ impl Library for ModelLibrary {
         Ok(Box::new(ModelLibrary { current, outlines }))
     }
 
+    fn has_effect(&self, name: &str) -> bool {
+        self.current.model.has_effect(name)
+    }
+
     fn with_expression(&self, effects: &[&str], expressions: &[OwnEffect]) -> Result<Box<dyn Forward + '_>, ValidationError> {
         let mut forward = self.forward_with(effects)?;
         let mut names: Vec<String> = forward.free.iter().map(|p| p.name.clone()).collect();

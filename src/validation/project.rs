@@ -45,11 +45,11 @@ impl Nuisance {
         }
     }
 
-    /// The columns of the fit and further whitened ones, each with a normal prior of zero mean and this precision.
-    pub fn with_columns(fit: &Fit, extra: &[DMatrix<f64>], precision: f64) -> Result<Self, ValidationError> {
+    /// The columns of the fit and further whitened ones, each with a normal prior of zero mean and the precision given for its column.
+    pub fn with_columns(fit: &Fit, extra: &[DMatrix<f64>], precision: impl Fn(usize) -> f64) -> Result<Self, ValidationError> {
         let more = extra.first().map_or(0, DMatrix::ncols);
         let p = fit.columns.len() + more;
-        let prior_precision = DVector::from_fn(p, |i, _| if i < fit.columns.len() { fit.prior_precision[i] } else { precision });
+        let prior_precision = DVector::from_fn(p, |i, _| if i < fit.columns.len() { fit.prior_precision[i] } else { precision(i - fit.columns.len()) });
         let own = fit.prior_residual();
         let mut information = DMatrix::from_diagonal(&prior_precision);
         let design: Vec<DMatrix<f64>> = fit

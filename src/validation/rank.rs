@@ -11,7 +11,7 @@
 //! A second effect must not be the first one's wrong form: it counts only by what it explains after the first one's
 //! strength was allowed to vary smoothly with speed, place, obliqueness and spin.
 
-use super::by_group::{GroupMisfit, Groups};
+use super::by_group::{FREE, GroupMisfit, Groups, beside, known_signatures};
 use super::error::ValidationError;
 use super::fit::{Column, Fit, FitOptions, Start, fit};
 use super::forward::{EffectOutline, Forward, Library, Strength};
@@ -220,19 +220,24 @@ impl Reference<'_> {
         let forward = self.library.with(&names)?;
         let library = self.library.extended(&names, &first.fit.values)?;
         let places = self.strengths_in(forward.as_ref(), &names);
-        let nuisance = flexible_nuisance(forward.as_ref(), &first.fit, self.observations, self.impacts, &places)?;
+        let nuisance = flexible_nuisance(forward.as_ref(), &first.fit, self.observations, self.impacts, &places, self.groups)?;
         screen_beyond(library.as_ref(), &first.fit, self.impacts, self.c, &nuisance, only)
     }
 }
 
-/// The fit's columns and each strength's contribution times smooth features: the effects in any other form.
+/// The fit's columns, each strength's contribution times smooth features (the effects in any other form), and what groups that the model
+/// fails by have of their own.
 pub fn flexible_nuisance(
     forward: &dyn Forward,
     fit: &Fit,
     observations: &Observations,
     impacts: &[&Observation],
     places: &[(usize, Strength)],
+    groups: &[GroupMisfit],
 ) -> Result<Nuisance, ValidationError> {
+    if places.is_empty() && groups.is_empty() {
+        return Ok(Nuisance::of(fit));
+    }
     let features = form_features(fit, observations, impacts);
     let with = forward.prepare(&fit.values)?;
     // One contribution per strength: what the model loses when this strength alone is absent.
@@ -261,7 +266,9 @@ pub fn flexible_nuisance(
             block
         })
         .collect();
-    Nuisance::with_columns(fit, &blocks, FORM_SHARE.powi(-2))
+    let own = known_signatures(fit, observations, impacts, groups);
+    let both: Vec<DMatrix<f64>> = blocks.iter().zip(&own).map(|(a, b)| beside(a, b)).collect();
+    Nuisance::with_columns(fit, &both, |column| if column < width * contributions.len() { FORM_SHARE.powi(-2) } else { FREE })
 }
 
 /// Overdispersion by which log evidences are divided: 1 when the best model leaves no structure. `left` is its excess over

@@ -114,11 +114,12 @@ impl ContactInputs {
 }
 
 /// How many there are; the order of [`features`].
-const FEATURES: usize = 20;
+const FEATURES: usize = 22;
 /// The racket's rate among them.
 const SWING: usize = 11;
 
-/// Raw features of one impact: 1, v, v², X, Y, X², Y², |G|, |S|, torque, order, swing, G_x, G_y, S_x, S_y, S_z, XY, Y·torque, spin size.
+/// Raw features of one impact: 1, v, v², X, Y, X², Y², |G|, |S|, torque, order, swing, G_x, G_y, S_x, S_y, S_z, XY, Y·torque, spin size,
+/// vX, vY.
 fn features(o: &Observation, x: &Inputs, gear: &Gear) -> [f64; FEATURES] {
     let x = &o.without_unmeasured(x);
     let contact = ContactInputs::of(x, gear);
@@ -150,6 +151,8 @@ fn features(o: &Observation, x: &Inputs, gear: &Gear) -> [f64; FEATURES] {
         px * py,
         py * x[14],
         x[3].hypot(x[4]) * r,
+        v * px,
+        v * py,
     ]
 }
 
@@ -196,7 +199,7 @@ pub(super) fn channels(x: &Inputs, gear: &Gear) -> DMatrix<f64> {
 
 /// Which features go with which channel: smooth, of the symmetry a mechanism could have.
 const TERMS: [(usize, &[usize]); 15] = [
-    (0, &[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 16, 17, 19]),
+    (0, &[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 16, 17, 19, 20, 21]),
     (1, &[0, 1, 5, 6, 7, 8, 9, 10, 19]),
     (2, &[0, 1, 7, 16]),
     (3, &[0, 1, 3, 4, 12, 13, 14, 15, 16]),

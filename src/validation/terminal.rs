@@ -30,8 +30,11 @@ pub fn comparison_text(c: &Comparison) -> String {
     }
     let _ = writeln!(
         t,
-        "error on held-out impacts: {:.2} as the model stands, {:.2} with its free parameters fitted; a model without fault has {:.2} (in units of the stated noise)",
-        c.heldout_error, c.heldout_error_refitted, c.noise_floor
+        "error on held-out impacts: {:.2} as the model stands, {:.2} with its free parameters fitted; {} {:.2} (in units of the stated noise)",
+        c.heldout_error,
+        c.heldout_error_refitted,
+        if c.shows_structure() { "no smooth correction gets below" } else { "a model without fault has" },
+        c.noise_floor
     );
     let fitted: Vec<String> = c
         .parameters_refitted
@@ -56,7 +59,7 @@ pub fn comparison_text(c: &Comparison) -> String {
         let left = if c.keeps_structure() {
             "What structure is left does not show in the error of held-out impacts"
         } else {
-            "Nothing beyond the noise is left in the residuals"
+            "No structure beyond the noise shows in the residuals"
         };
         let _ = writeln!(t, "verdict: ADEQUATE. {left} ({structure}).");
         let _ = writeln!(t, "         `sweetspot diagnose` looks harder: at every effect of the catalogue, and every place on the face, by itself.");

@@ -4,6 +4,11 @@ use super::diagnosis::{Diagnosis, Verdict};
 use super::refits::LARGEST_NOISE_SCALE;
 use super::structure::{STRUCTURE_LEVEL, p_text};
 
+/// Which group the model fails by the most.
+fn by_group(d: &Diagnosis) -> Option<String> {
+    d.structure.by_group.first().map(|g| format!("It does not fail alike in all groups: {}.", g.words()))
+}
+
 /// The answer first, then what carries it.
 pub fn verdict_words(d: &Diagnosis) -> Vec<String> {
     let tests = format!(
@@ -35,13 +40,15 @@ pub fn verdict_words(d: &Diagnosis) -> Vec<String> {
                 .or_else(|| d.candidates.iter().find(|c| d.recommended.first() == Some(&c.effect)).map(|c| (c.heldout_error_after, c.probability)));
             if let Some((error, probability)) = after {
                 words.push(format!(
-                    "Probability {:.0} %. With {} the error on held-out impacts falls from {:.2} to {error:.2} (noise floor {:.2}); {tests}.",
+                    "Probability {:.0} %. With {} the error on held-out impacts {} from {:.2} to {error:.2} (noise floor {:.2}); {tests}.",
                     100.0 * probability,
                     if d.recommended.len() > 1 { "them" } else { "it" },
+                    if error < d.heldout_error { "falls" } else { "goes" },
                     d.heldout_error,
                     d.noise_floor
                 ));
             }
+            words.extend(by_group(d));
             if let Some(c) = d.candidates.iter().find(|c| d.recommended.first() == Some(&c.effect))
                 && let others = c.aliases.iter().filter(|a| !d.recommended.contains(a)).map(String::as_str).collect::<Vec<_>>()
                 && !others.is_empty()
@@ -69,8 +76,8 @@ pub fn verdict_words(d: &Diagnosis) -> Vec<String> {
             } else {
                 "UNEXPLAINED: the model fails, and no effect of the catalogue, nor two together, accounts for it.".to_owned()
             });
+            words.extend(by_group(d));
             words.push(format!("Error on held-out impacts {:.2}, noise floor {:.2}; {tests}.", d.heldout_error, d.noise_floor));
-            words.extend(d.structure.by_group.first().map(|g| format!("It does not fail alike in all groups: {}.", g.words())));
             match &d.suggested_expression {
                 Some(e) => words.push(format!("What the residuals say: {} (held-out error with it {:.2}).", e.words, e.heldout_error_after)),
                 None => words.push("No short formula was found in the residuals either; see where it fails.".to_owned()),

@@ -116,7 +116,9 @@ pub fn characteristics(s: &ShotState, e: &ShotEquipment<'_>) -> Vec<Measure> {
     // Points of the racket, local axes.
     let tip = Point3::new(racket.stringbed_centre_m - racket.length_m, 0.0, 0.0);
     let point_in = |p: &Point3<f64>| local(r0.point_velocity(p, &com));
-    let point_out = |p: &Point3<f64>| body_out.as_ref().map(|r| local(r.point_velocity(p, &com)));
+    // V + Ω x ρ with the place as at first contact, the axes in which the impacts table stands: an impulse model knows no turn
+    // during contact, and a restitution from the table is to be the one here.
+    let point_out = |p: &Point3<f64>| racket_out.zip(rate_out).map(|(v, w)| local(v) + local(w).cross(&(p - com)));
     for (name, p) in [("tip", &tip), ("impact_point", &impact)] {
         list.vector(&format!("{name}_in_v"), "m/s", Some(point_in(p)));
         list.put(&format!("{name}_in_speed"), "m/s", point_in(p).norm());

@@ -40,8 +40,9 @@ pub fn shots(results: &SessionResults) -> Option<Section> {
     if !measured.is_empty() {
         section = section.figures(Layout::Normal, &faces(&measured)).table(overview(&measured));
     }
-    for (_, shot) in &measured {
-        section = section.folded(&format!("Shot {}: all characteristics", shot.id), |s| details(s, shot));
+    for (results, shot) in &measured {
+        let note = results.record.as_ref().and_then(|r| r.note.as_deref());
+        section = section.folded(&format!("Shot {}: all characteristics", shot.id), |s| details(s, shot, note));
     }
     Some(section)
 }
@@ -66,7 +67,7 @@ fn overview(measured: &[(&ShotResults, &Shot)]) -> Table {
     table
 }
 
-fn details(mut section: Section, shot: &Shot) -> Section {
+fn details(mut section: Section, shot: &Shot, note: Option<&str>) -> Section {
     let groups: Vec<String> = shot.groups.iter().map(|(k, v)| format!("{k} {v}")).collect();
     let groups = if groups.is_empty() { String::new() } else { format!("; {}", groups.join(", ")) };
     let timing = match shot.impact_timing {
@@ -85,6 +86,9 @@ fn details(mut section: Section, shot: &Shot) -> Section {
     if let Some(m) = &shot.momentum {
         let hand = if m.hand_interferes { "something besides ball and racket took part (the hand)" } else { "ball and racket alone explain it" };
         section = section.paragraph(&format!("Momentum balance: {hand}; χ² = {} with 3 degrees of freedom, p = {}.", fixed(m.chi2, 1), fixed(m.p_value, 3)));
+    }
+    if let Some(note) = note {
+        section = section.paragraph(&format!("Note: {note}"));
     }
     section = section.list(&shot.remarks);
     let mut table = Table::new("").column("quantity").numbers("value ± sd").column("unit").column("name in shot.json");

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum PickError {
-    #[error("impact {id}: no {kind} file has the name {name:?}; given: {given}")]
+    #[error("impact {id}: no {kind} file has the name {name:?}; given: {given}; add its file with --{kind}")]
     NoSuchName { id: String, kind: &'static str, name: String, given: String },
     #[error("impact {id}: its `{kind}` column is empty and several {kind} files are given ({given}); name one")]
     Ambiguous { id: String, kind: &'static str, given: String },
@@ -41,7 +41,8 @@ impl EquipmentSet {
     }
 }
 
-fn pick(id: &str, kind: &'static str, wanted: Option<&str>, names: &[&str]) -> Result<usize, PickError> {
+/// The place of a name among those given; of the only one where none is named.
+pub(crate) fn pick(id: &str, kind: &'static str, wanted: Option<&str>, names: &[&str]) -> Result<usize, PickError> {
     let given = || names.join(", ");
     match wanted {
         Some(name) => {

@@ -78,7 +78,7 @@ pub fn unit(column: &str) -> &'static str {
 
 /// Largest size of a value of [`INPUTS`] or [`OUTPUTS`] that an impact can have, in the column's unit, well above every ball game: a larger one is in
 /// another unit, or a slip of the pen.
-pub fn largest(column: &str) -> f64 {
+fn largest(column: &str) -> f64 {
     match unit(column) {
         "m" => 2.0,
         "s" => 10.0,
@@ -87,6 +87,13 @@ pub fn largest(column: &str) -> f64 {
         "rad/s" => 1e4,
         _ => 500.0,
     }
+}
+
+/// Why cells cannot be those of an impact: the first value that none can have.
+pub fn impossible<'a>(mut cells: impl Iterator<Item = (&'a &'static str, &'a Option<Measured>)>) -> Option<String> {
+    let (name, value) = cells.find_map(|(name, m)| Some((*name, m.as_ref()?.value)).filter(|(name, value)| value.abs() > largest(name)))?;
+    let (most, unit) = (largest(name), unit(name));
+    Some(format!("`{name}` is {value:e} {unit}, allowed: up to {most} {unit} either way; give it in SI units, or correct the number"))
 }
 
 #[derive(Debug, thiserror::Error)]

@@ -31,6 +31,8 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let timed = results.iter().flatten().any(|o| o.contact_time.is_some());
     let columns = if timed { &OUTPUTS[..] } else { &OUTPUTS[..OUTPUTS.len() - 1] };
     shell.write(&path, predictions_csv(&rows, columns)?.as_bytes())?;
+    let mut failed: Vec<String> = results.iter().filter_map(|r| r.as_ref().err().map(ToString::to_string)).collect();
+    let unpredicted = failed.len();
     if arguments.sensitivities {
         let derivatives = differentiate_table(&model, &set, &table)?;
         let rows: Vec<(&str, &Result<RowSensitivity, RowError>)> = table.rows.iter().map(|r| r.id.as_str()).zip(&derivatives).collect();
@@ -39,15 +41,17 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
         let path = beside.join("predictions_sd.csv");
         shell.write(&path, deviations_csv(&rows, columns)?.as_bytes())?;
         shell.say(format_args!("derivatives and deviations: {}", path.display()));
+        // Of an impact without prediction the reason is told already.
+        let lost = results.iter().zip(&derivatives).filter(|(r, _)| r.is_ok()).filter_map(|(_, d)| d.as_ref().err());
+        failed.extend(lost.map(|e| format!("{e} (its derivatives)")));
     }
-    let failed: Vec<String> = results.iter().filter_map(|r| r.as_ref().err().map(ToString::to_string)).collect();
     let json: Vec<serde_json::Value> = rows.iter().map(|(id, o)| as_json(id, *o)).collect();
     let spinless = without_spin(&table);
     shell.print_json(&serde_json::json!({ "predictions": json, "failed": failed, "spin_taken_as_zero": spinless, "file": path }))?;
     if !spinless.is_empty() {
         shell.say(format_args!("incoming spin not measured, taken as 0, in {} impacts: {}", spinless.len(), spinless.join(", ")));
     }
-    shell.say(format_args!("{} of {} impacts predicted: {}", rows.len() - failed.len(), rows.len(), path.display()));
+    shell.say(format_args!("{} of {} impacts predicted: {}", rows.len() - unpredicted, rows.len(), path.display()));
     if failed.is_empty() { Ok(()) } else { Err(CliError::some_failed(failed.join("\n"))) }
 }
 
@@ -68,7 +72,8 @@ fn text_of(csv: csv::Writer<Vec<u8>>) -> Result<String, CliError> {
     String::from_utf8(csv.into_inner().map_err(CliError::output)?).map_err(CliError::output)
 }
 
-/// One row per impact and input or parameter (`of`): derivatives of every output, SI; `edge` where there is none.
+/// One row per impact and input or parameter (`of`): derivatives of every output, SI; `edge` where the outcome
+/// has an edge there (see [`crate::impact::sensitivity::Sensitivities::edges`] for what then stands).
 fn sensitivities_csv(rows: &[(&str, &Result<RowSensitivity, RowError>)], model: &Model, columns: &[&str]) -> Result<String, CliError> {
     let mut csv = csv::Writer::from_writer(Vec::new());
     csv.write_record(["id", "of", "edge"].iter().chain(columns)).map_err(CliError::output)?;
@@ -78,7 +83,7 @@ fn sensitivities_csv(rows: &[(&str, &Result<RowSensitivity, RowError>)], model: 
         let names = INPUTS.iter().copied().chain(model.parameters().iter().map(|p| p.name.as_str()));
         for (name, column) in names.zip(s.by_input.iter().chain(&s.by_parameter)) {
             let edge = if s.edges.iter().any(|e| e == name) { "yes" } else { "" };
-            let cells = column[..columns.len()].iter().map(|v| if edge.is_empty() { v.to_string() } else { String::new() });
+            let cells = column[..columns.len()].iter().map(f64::to_string);
             let record: Vec<String> = [id.to_string(), name.to_owned(), edge.to_owned()].into_iter().chain(cells).collect();
             csv.write_record(record).map_err(CliError::output)?;
         }

@@ -6,7 +6,7 @@ use super::model::Model;
 use super::prepared_model::PreparedModel;
 use super::sensitivity::{Column, Sensitivities, SensitivityModel};
 use crate::equipment_set::{EquipmentSet, PickError};
-use crate::impact_table::{INPUTS, ImpactRow, ImpactTable};
+use crate::impact_table::{INPUTS, ImpactRow, ImpactTable, impossible};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
@@ -15,6 +15,8 @@ use std::collections::BTreeMap;
 pub enum RowError {
     #[error("impact {id}: `{column}` was not measured, and the model needs it")]
     Missing { id: String, column: &'static str },
+    #[error("impact {id}: {what}")]
+    Impossible { id: String, what: String },
     #[error(transparent)]
     Pick(#[from] PickError),
     #[error("impact {id}: {source}")]
@@ -36,8 +38,11 @@ pub fn without_spin(table: &ImpactTable) -> Vec<&str> {
 /// were not measured; `order` is the row's sequence minus `first_sequence` (the table's smallest).
 ///
 /// # Errors
-/// [`RowError::Missing`] for any other input that was not measured.
+/// [`RowError::Missing`] for any other input that was not measured, [`RowError::Impossible`] for one that no impact has.
 pub fn input_of_row(row: &ImpactRow, first_sequence: f64) -> Result<ImpactInput, RowError> {
+    if let Some(what) = impossible(INPUTS.iter().zip(&row.inputs)) {
+        return Err(RowError::Impossible { id: row.id.clone(), what });
+    }
     let mut columns = [0.0; INPUTS.len()];
     for (i, column) in INPUTS.into_iter().enumerate() {
         columns[i] = match row.inputs[i] {

@@ -150,6 +150,12 @@ impl<T: Real> Body<T> {
         Vector3::new(position.x - self.com_x, position.y, T::zero())
     }
 
+    /// From the centre of mass as it is reported, to which the racket's velocity belongs as long as effects have not moved it
+    /// to the true one, to a point of the string plane, m.
+    pub fn reported_lever(&self, position: &Vector2<T>) -> Vector3<T> {
+        Vector3::new(position.x - self.reported_com_x, position.y, T::zero())
+    }
+
     /// Adds a point mass on the long axis, `from_butt` metres from the butt; centre of mass and inertias move with it.
     pub fn add_mass_on_axis(&mut self, mass: T, from_butt: T) {
         let x = -from_butt + self.stringbed_centre;

@@ -133,7 +133,7 @@ where
     /// The bodies of one impact, where an effect makes them depend on it.
     fn body_at(&self, truth: &ImpactInput<T>) -> Result<Body<T>, ModelError> {
         let mut body = self.body.clone();
-        let at = Contact::new(&self.body, truth)?;
+        let at = contact(&self.body, *truth)?;
         for (effect, p) in self.each() {
             effect.change_body_at(p, &at, &mut body);
         }
@@ -151,7 +151,7 @@ where
 
     /// Which effect made the outcome something that is not a number.
     fn blame(&self, input: &ImpactInput<T>) -> ModelError {
-        let Ok(at) = Contact::new(&self.body, input) else { return ModelError::NotFinite };
+        let Ok(at) = contact(&self.body, *input) else { return ModelError::NotFinite };
         let mut laws = self.base_laws(&self.body);
         for e in &self.model.effects {
             e.effect().change_laws(&self.values[e.range.clone()], &at, &mut laws);

@@ -57,11 +57,11 @@ pub fn swingweight_from_pendulum(mass: f64, balance: f64, balance_sd: f64, p: &P
         (central, central + mass * (balance - SWINGWEIGHT_AXIS_FROM_BUTT_M).powi(2))
     };
     let d = (balance - p.pivot_from_butt_m).abs();
-    if d < 0.05 {
+    if !(d >= 0.05) {
         return Err(BenchError::PivotAtBalance { seen_m: d });
     }
     let (central, value) = about_axis(balance, period);
-    if central <= 0.0 {
+    if !(central > 0.0) {
         return Err(BenchError::Negative { seen: central });
     }
     let by_period = about_axis(balance, period + p.period_sd_s).1 - value;

@@ -97,19 +97,24 @@ impl Triangulator {
         }
         let mut x = self.midpoint(left.uv, right.uv)?;
         let weights = [left.sd, right.sd].map(|sd| Vector2::new(1.0 / (sd.x * sd.x), 1.0 / (sd.y * sd.y)));
-        let mut last_step = f64::INFINITY;
+        let (mut last_step, mut settled) = (f64::INFINITY, false);
         for _ in 0..50 {
             let (normal, gradient, _) = self.equations(&x, left, right, &weights)?;
             let step = normal.cholesky().ok_or(TriangulationError::NotConverged)?.solve(&gradient);
             x += step;
             let size = step.norm();
             if size < 1e-12 * (1.0 + x.coords.norm()) {
+                settled = true;
                 break;
             }
             if !size.is_finite() || size > 1e3 * last_step {
                 return Err(TriangulationError::NotConverged);
             }
             last_step = size;
+        }
+        // Steps of rounding's size may go on for ever.
+        if !settled && last_step > 1e-9 * (1.0 + x.coords.norm()) {
+            return Err(TriangulationError::NotConverged);
         }
         let (normal, _, residuals) = self.equations(&x, left, right, &weights)?;
         let covariance = normal.try_inverse().ok_or(TriangulationError::NotConverged)?;

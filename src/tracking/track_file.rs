@@ -2,7 +2,7 @@
 
 use crate::calibration::CameraId;
 use crate::footage::LARGEST_FRAME_NUMBER;
-use crate::limited_file::{LARGEST_TABLE, LimitedFile};
+use crate::limited_file::{LARGEST_TABLE, LimitedFile, TableFile};
 use nalgebra::{Point3, Vector2, Vector3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -15,8 +15,8 @@ pub enum TrackFileError {
     Unreadable { path: PathBuf, source: csv::Error },
     #[error("{path}, line {line}: {what}", path = .path.display())]
     Row { path: PathBuf, line: u64, what: String },
-    #[error("{path}: frame {frame} has two rows of {camera} {target}; keep one of them", path = .path.display())]
-    Twice { path: PathBuf, frame: u64, camera: &'static str, target: &'static str },
+    #[error("{path}: frame {frame} has two rows of {what}; keep one of them", path = .path.display())]
+    Twice { path: PathBuf, frame: u64, what: String },
 }
 
 /// What is tracked: the five tape markers and the ball.
@@ -91,37 +91,31 @@ struct TrackRow {
 
 impl Tracks {
     pub fn read(path: &Path) -> Result<Self, TrackFileError> {
-        let unreadable = |source| TrackFileError::Unreadable { path: path.into(), source };
-        let file = LimitedFile::open(path, LARGEST_TABLE).map_err(|e| unreadable(e.into()))?;
-        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(file);
         let mut points = Vec::new();
-        for (i, row) in reader.deserialize::<TrackRow>().enumerate() {
-            let row = row.map_err(unreadable)?;
-            let line = i as u64 + 2;
-            let bad = |what: &str| TrackFileError::Row { path: path.into(), line, what: what.to_owned() };
-            if row.frame > LARGEST_FRAME_NUMBER {
-                return Err(bad(&format!("frame {}; allowed: up to {LARGEST_FRAME_NUMBER}", row.frame)));
-            }
+        each_row(path, |row: TrackRow| {
+            let bad = |what: &str| Err(what.to_owned());
+            check_frame(row.frame)?;
             let point = match (row.state, row.u, row.v) {
                 (PointState::Occluded, None, None) => None,
-                (PointState::Occluded, _, _) => return Err(bad("an occluded point has u, v; leave them empty, or write `manual`")),
+                (PointState::Occluded, _, _) => return bad("an occluded point has u, v; leave them empty, or write `manual`"),
                 (_, Some(u), Some(v)) => {
                     // A point clicked by hand rarely comes with its own deviation: half a pixel (thesis, chapter 3).
                     let sd = Vector2::new(row.u_sd.unwrap_or(0.5), row.v_sd.unwrap_or(0.5));
                     if !(u.is_finite() && v.is_finite() && sd.x > 0.0 && sd.y > 0.0 && sd.norm().is_finite()) {
-                        return Err(bad("u, v must be finite and their deviations above 0"));
+                        return bad("u, v must be finite and their deviations above 0");
                     }
                     Some(ImagePoint { uv: Vector2::new(u, v), sd })
                 }
-                _ => return Err(bad("a measured point lacks u or v; give both, or write `occluded`")),
+                _ => return bad("a measured point lacks u or v; give both, or write `occluded`"),
             };
             points.push(TrackPoint { frame: row.frame, camera: row.camera, target: row.target, point, state: row.state });
-        }
+            Ok(())
+        })?;
         let key = |p: &TrackPoint| (p.frame, p.camera, p.target);
         points.sort_by_key(key);
         if let Some(twice) = points.windows(2).find(|two| key(&two[0]) == key(&two[1])) {
             let (frame, camera, target) = (twice[0].frame, twice[0].camera.name(), twice[0].target.name());
-            return Err(TrackFileError::Twice { path: path.into(), frame, camera, target });
+            return Err(TrackFileError::Twice { path: path.into(), frame, what: format!("{camera} {target}") });
         }
         Ok(Tracks { points })
     }
@@ -235,21 +229,49 @@ fn table<T: Sync>(head: &str, items: &[T], row: impl Fn(&mut String, &T) -> std:
     format!("{head}\n{}", parts.concat())
 }
 
+/// Hands every row of a table on, and names the line of one that cannot be read or is refused.
+fn each_row<R: serde::de::DeserializeOwned>(path: &Path, mut take: impl FnMut(R) -> Result<(), String>) -> Result<(), TrackFileError> {
+    let unreadable = |source: csv::Error| TrackFileError::Unreadable { path: path.into(), source };
+    let file = LimitedFile::open(path, LARGEST_TABLE).map_err(|e| unreadable(e.into()))?;
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(TableFile::new(file));
+    let header = reader.headers().map_err(unreadable)?.clone();
+    let mut record = csv::StringRecord::new();
+    while reader.read_record(&mut record).map_err(unreadable)? {
+        let line = record.position().map_or(0, csv::Position::line);
+        let refused = |what: String| TrackFileError::Row { path: path.into(), line, what };
+        let row: R = record.deserialize(Some(&header)).map_err(|e| match e.kind() {
+            csv::ErrorKind::Deserialize { err, .. } => {
+                let column = err.field().and_then(|k| header.get(k as usize)).map_or_else(String::new, |c| format!("`{c}`: "));
+                refused(format!("{column}{}", err.kind()))
+            }
+            _ => refused(e.to_string()),
+        })?;
+        take(row).map_err(refused)?;
+    }
+    Ok(())
+}
+
+fn check_frame(frame: u64) -> Result<(), String> {
+    if frame > LARGEST_FRAME_NUMBER { Err(format!("frame {frame}; allowed: up to {LARGEST_FRAME_NUMBER}")) } else { Ok(()) }
+}
+
 /// Reads `points.csv`.
 pub fn read_points(path: &Path) -> Result<Vec<SpacePoint>, TrackFileError> {
     type Row = (u64, f64, Target, f64, f64, f64, f64, f64, f64, f64);
-    let unreadable = |source| TrackFileError::Unreadable { path: path.into(), source };
-    let file = LimitedFile::open(path, LARGEST_TABLE).map_err(|e| unreadable(e.into()))?;
-    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(file);
-    let mut points = Vec::new();
-    for (i, row) in reader.deserialize::<Row>().enumerate() {
-        let (frame, t, target, x, y, z, x_sd, y_sd, z_sd, residual_px) = row.map_err(unreadable)?;
-        if ![t, x, y, z, x_sd, y_sd, z_sd].iter().all(|v| v.is_finite()) {
-            return Err(TrackFileError::Row { path: path.into(), line: i as u64 + 2, what: "every number must be finite".to_owned() });
+    let mut points: Vec<SpacePoint> = Vec::new();
+    each_row(path, |(frame, t, target, x, y, z, x_sd, y_sd, z_sd, residual_px): Row| {
+        check_frame(frame)?;
+        if ![t, x, y, z, x_sd, y_sd, z_sd, residual_px].iter().all(|v| v.is_finite()) {
+            return Err("every number must be finite".to_owned());
         }
         points.push(SpacePoint { frame, t, target, position: Point3::new(x, y, z), sd: Vector3::new(x_sd, y_sd, z_sd), residual_px });
+        Ok(())
+    })?;
+    let key = |p: &SpacePoint| (p.frame, p.target);
+    points.sort_by_key(key);
+    if let Some(twice) = points.windows(2).find(|two| key(&two[0]) == key(&two[1])) {
+        return Err(TrackFileError::Twice { path: path.into(), frame: twice[0].frame, what: twice[0].target.name().to_owned() });
     }
-    points.sort_by_key(|p| (p.frame, p.target));
     Ok(points)
 }
 

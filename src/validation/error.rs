@@ -1,13 +1,12 @@
 //! What can stop a comparison, by cause.
 
 use crate::equipment::EquipmentError;
+use crate::equipment_set::PickError;
 
 #[derive(Debug, thiserror::Error)]
 pub enum ValidationError {
-    #[error("impact {id:?} names the {kind} {name:?}, which was not given; given: {given}; add its file with --{kind}")]
-    UnknownEquipment { id: String, kind: &'static str, name: String, given: String },
-    #[error("impact {id:?} names no {kind} and {count} were given; fill the column `{kind}` or give one file")]
-    AmbiguousEquipment { id: String, kind: &'static str, count: usize },
+    #[error(transparent)]
+    Pick(#[from] PickError),
     #[error(
         "only {usable} of {rows} impacts can be used ({reason}); at least {needed} are needed to judge a model (`sweetspot predict` works with any number)"
     )]

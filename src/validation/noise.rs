@@ -19,11 +19,16 @@ pub fn assumed_sd(column: &str) -> f64 {
     }
 }
 
-/// `sd = constant + slope·|value|`.
+/// Share of a column's median deviation below which no law takes it: where a column states its noise in proportion to the value, a value
+/// of nought is not known exactly.
+const LEAST: f64 = 0.1;
+
+/// `sd = constant + slope·|value|`, `least` at least.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NoiseLaw {
     pub constant: f64,
     pub slope: f64,
+    pub least: f64,
 }
 
 /// How a column's deviations are known.
@@ -47,13 +52,13 @@ impl ColumnNoise {
         let mut sizes: Vec<f64> = stated.iter().map(|s| s.1).filter(|sd| *sd > 0.0).collect();
         sizes.sort_by(f64::total_cmp);
         let typical = sizes.get(sizes.len() / 2).copied().unwrap_or_else(|| assumed_sd(column));
-        law(&stated).map_or(ColumnNoise::Stated(typical), ColumnNoise::Law)
+        law(&stated, LEAST * typical).map_or(ColumnNoise::Stated(typical), ColumnNoise::Law)
     }
 
     /// Deviation of one cell, at `value` where the law is known.
     pub fn sd(&self, stated: Option<f64>, value: f64) -> f64 {
         match self {
-            ColumnNoise::Law(law) => law.constant + law.slope * value.abs(),
+            ColumnNoise::Law(law) => (law.constant + law.slope * value.abs()).max(law.least),
             ColumnNoise::Assumed(sd) => *sd,
             ColumnNoise::Stated(typical) => stated.unwrap_or(*typical),
         }
@@ -61,7 +66,7 @@ impl ColumnNoise {
 }
 
 /// The exact straight line through the stated deviations, when there is one with a slope.
-fn law(stated: &[(f64, f64)]) -> Option<NoiseLaw> {
+fn law(stated: &[(f64, f64)], least: f64) -> Option<NoiseLaw> {
     let n = stated.len() as f64;
     if stated.len() < 5 {
         return None;
@@ -74,9 +79,11 @@ fn law(stated: &[(f64, f64)]) -> Option<NoiseLaw> {
     }
     let slope = sxy / sxx;
     let constant = my - slope * mx;
+    // Nought, but for rounding.
+    let constant = if constant.abs() < 1e-6 * my { 0.0 } else { constant };
     // Six written digits leave 1e-5 of rounding; a tenth of a per cent is far from any measured scatter.
     let exact = stated.iter().all(|s| (s.1 - constant - slope * s.0).abs() <= 1e-3 * s.1);
-    (exact && slope > 1e-6 && constant >= 0.0).then_some(NoiseLaw { constant, slope })
+    (exact && slope > 1e-6 && constant >= 0.0).then_some(NoiseLaw { constant, slope, least })
 }
 
 #[cfg(test)]
@@ -88,6 +95,10 @@ mod tests {
         let cells: Vec<_> = (0..20).map(|i| Some(Measured { value: -10.0 * f64::from(i), sd: Some(3.0 + 0.5 * f64::from(i)) })).collect();
         let ColumnNoise::Law(law) = ColumnNoise::of("ball_out_wy", &cells) else { panic!("3 + 5 %") };
         assert!((law.constant - 3.0).abs() < 1e-9 && (law.slope - 0.05).abs() < 1e-9);
+        let share: Vec<_> = (0..20).map(|i| Some(Measured { value: 0.7 * f64::from(i), sd: Some(0.014 * f64::from(i)) })).collect();
+        let noise = ColumnNoise::of("ball_out_vx", &share);
+        assert!(matches!(noise, ColumnNoise::Law(l) if l.constant == 0.0 && (l.slope - 0.02).abs() < 1e-9));
+        assert!(noise.sd(None, 0.0) > 0.01 && noise.sd(None, 10.0) > 0.19);
         let constant: Vec<_> = (0..20).map(|i| Some(Measured { value: f64::from(i), sd: Some(8.0) })).collect();
         assert_eq!(ColumnNoise::of("ball_out_wy", &constant), ColumnNoise::Stated(8.0));
         assert_eq!(ColumnNoise::of("impact_x", &[None]), ColumnNoise::Assumed(1.2e-3));

@@ -8,7 +8,8 @@ use super::holdout::{hash_fraction, is_held_out};
 use super::noise::ColumnNoise;
 use super::unseen_spin::is_open;
 use crate::equipment::{Ball, Racket};
-use crate::impact_table::{INPUTS, ImpactRow, ImpactTable, OUTPUTS, SHARED, largest, unit};
+use crate::equipment_set::pick;
+use crate::impact_table::{INPUTS, ImpactRow, ImpactTable, OUTPUTS, SHARED, impossible, unit};
 use std::collections::BTreeMap;
 
 /// A model with two base parameters and an offset per input needs more than this to say anything.
@@ -116,7 +117,11 @@ impl Observations {
             return Err(ValidationError::NoGroup { column: column.clone(), seen: seen.join(", ") });
         }
         let all_rows = table.rows.len();
-        let (wrong, sound): (Vec<_>, Vec<_>) = table.rows.iter().map(|row| (row, beyond_all_impacts(row))).partition(|(_, why)| why.is_some());
+        let (wrong, sound): (Vec<_>, Vec<_>) = table
+            .rows
+            .iter()
+            .map(|row| (row, impossible(INPUTS.iter().zip(&row.inputs).chain(OUTPUTS.iter().zip(&row.outputs)))))
+            .partition(|(_, why)| why.is_some());
         let unusable: Vec<(String, String)> = wrong.into_iter().filter_map(|(row, why)| Some((row.id.clone(), why?))).collect();
         // What such rows state must not tell the noise of the others either.
         let kept;
@@ -139,11 +144,13 @@ impl Observations {
             group: options.group.clone(),
             notes: Vec::new(),
         };
+        let racket_names: Vec<&str> = rackets.iter().map(|r| r.name.as_str()).collect();
+        let ball_names: Vec<&str> = balls.iter().map(|b| b.name.as_str()).collect();
         let mut pairs: BTreeMap<(usize, usize), usize> = BTreeMap::new();
         let spin_sd = spin_in_general(table);
         for row in &table.rows {
-            let r = pick("racket", row.racket.as_deref(), &row.id, rackets, |r| &r.name)?;
-            let b = pick("ball", row.ball.as_deref(), &row.id, balls, |b| &b.name)?;
+            let r = pick(&row.id, "racket", row.racket.as_deref(), &racket_names)?;
+            let b = pick(&row.id, "ball", row.ball.as_deref(), &ball_names)?;
             let gear = *pairs.entry((r, b)).or_insert_with(|| {
                 all.gear.push(Gear { racket: rackets[r].clone(), ball: balls[b].clone() });
                 all.gear.len() - 1
@@ -394,14 +401,6 @@ impl Observations {
     }
 }
 
-/// Why a row cannot be an impact: the first of its values that none can have.
-fn beyond_all_impacts(row: &ImpactRow) -> Option<String> {
-    let mut values = INPUTS.iter().zip(&row.inputs).chain(OUTPUTS.iter().zip(&row.outputs)).filter_map(|(name, m)| Some((*name, m.as_ref()?.value)));
-    let (name, value) = values.find(|(name, value)| value.abs() > largest(name))?;
-    let (most, unit) = (largest(name), unit(name));
-    Some(format!("`{name}` is {value:e} {unit}, allowed: up to {most} {unit} either way; give it in SI units, or correct the number"))
-}
-
 /// Size of the ball's incoming spin, per column, where it was not measured: that of its own column in other rows, else
 /// (about the two axes in the face) that of the other one, else [`MISSING_SPIN_SD`].
 fn spin_in_general(table: &ImpactTable) -> Inputs {
@@ -425,18 +424,5 @@ fn group_of<'a>(row: &'a ImpactRow, column: &str) -> Option<&'a String> {
         "racket" => row.racket.as_ref(),
         "ball" => row.ball.as_ref(),
         other => row.groups.get(other),
-    }
-}
-
-fn pick<T>(kind: &'static str, named: Option<&str>, id: &str, given: &[T], name: impl Fn(&T) -> &String) -> Result<usize, ValidationError> {
-    match named {
-        Some(wanted) => given.iter().position(|g| name(g) == wanted).ok_or_else(|| ValidationError::UnknownEquipment {
-            id: id.to_owned(),
-            kind,
-            name: wanted.to_owned(),
-            given: given.iter().map(|g| name(g).as_str()).collect::<Vec<_>>().join(", "),
-        }),
-        None if given.len() == 1 => Ok(0),
-        None => Err(ValidationError::AmbiguousEquipment { id: id.to_owned(), kind, count: given.len() }),
     }
 }

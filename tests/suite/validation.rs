@@ -6,6 +6,7 @@ use crate::shared::shared;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use sweetspot::equipment::{Ball, Racket};
+use sweetspot::equipment_set::PickError;
 use sweetspot::impact::Model;
 use sweetspot::impact_table::{ImpactTable, Measured};
 use sweetspot::synthetic::hidden::Hidden;
@@ -311,7 +312,7 @@ fn fails_tables_that_cannot_be_judged_say_why() {
     assert_eq!((observed.impacts.len(), observed.output_noise), (without.impacts.len(), without.output_noise));
     made.table.rows[3].racket = Some("another".into());
     let observed = Observations::new(&made.table, std::slice::from_ref(&made.racket), std::slice::from_ref(&made.ball), &TableOptions::default());
-    assert!(matches!(observed, Err(ValidationError::UnknownEquipment { kind: "racket", .. })));
+    assert!(matches!(observed, Err(ValidationError::Pick(PickError::NoSuchName { kind: "racket", .. }))));
 }
 
 fn run(folder: &Path, arguments: &[&str]) -> (i32, String) {

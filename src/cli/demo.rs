@@ -3,7 +3,7 @@
 use super::Shell;
 use super::error::CliError;
 use super::impacts_input::{ledger_path, read_ledger};
-use super::synth::film;
+use super::synth::{film, is_rendered};
 use super::validate::{Footage, footage, rigid_model, table_words};
 use crate::calibration::StereoRig;
 use crate::impact_table::ImpactTable;
@@ -76,6 +76,13 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
         if files.is_empty() {
             return Err(CliError::input("this program was built without the sample (footage-samples was missing)").hint("sweetspot demo --hidden-effect random"));
         }
+        let own = folder.join("session").join("session.toml");
+        let of_sample = files.iter().any(|(name, bytes)| *name == "session.toml" && std::fs::read(&own).ok().as_deref() == Some(*bytes));
+        if own.exists() && !of_sample && !shell.args.force {
+            return Err(CliError::input(format!("{}: there is a session already, and it is not the sample", folder.join("session").display()))
+                .hint("give another folder")
+                .hint("--force writes the sample over it"));
+        }
         shell.say(format_args!("The sample: {} files of one session, into {}", files.len(), folder.join("session").display()));
         for (name, bytes) in files {
             let path = folder.join("session").join(name);
@@ -122,8 +129,7 @@ fn make_room(session: &Path, shell: &Shell) -> Result<(), CliError> {
     if !session.exists() {
         return Ok(());
     }
-    let ours = read_text(&session.join("session.toml"), LARGEST_TEXT).is_ok_and(|t| t.starts_with("name = \"synthetic "));
-    if !shell.args.force || !ours {
+    if !shell.args.force || !is_rendered(session) {
         return Err(CliError::input(format!("{}: there is a session already", session.display()))
             .hint("give another folder")
             .hint("--force replaces a session that an earlier demonstration rendered"));

@@ -40,7 +40,7 @@ pub struct ShellArgs {
     /// Do again what an earlier run has already written
     #[arg(long, global = true)]
     pub force: bool,
-    /// Folder for the results (default: beside the input)
+    /// Folder for the results (default: beside the input), also for what -o names without a folder
     #[arg(long, global = true, value_name = "DIR")]
     pub out: Option<PathBuf>,
 }
@@ -52,9 +52,10 @@ pub struct Shell {
 }
 
 impl Shell {
-    /// A line for the person at the terminal (stderr).
+    /// A line for the person at the terminal: stdout, so that a result can be kept or searched; stderr where programs read stdout.
     pub fn say(&self, line: impl std::fmt::Display) {
-        let _ = writeln!(std::io::stderr(), "{line}");
+        // Who reads no further (`| head`) does not stop the work.
+        let _ = if self.args.json { writeln!(std::io::stderr(), "{line}") } else { writeln!(std::io::stdout(), "{line}") };
     }
 
     /// The result for programs (stdout), when `--json` was given.
@@ -84,6 +85,17 @@ impl Shell {
     /// Where results go: `--out`, else beside the input file.
     pub fn results_beside(&self, input: &Path) -> PathBuf {
         self.args.out.clone().unwrap_or_else(|| input.parent().map_or_else(PathBuf::new, Path::to_path_buf))
+    }
+
+    /// Where a file or folder that `-o` names goes: a bare name into `--out`, anything else where it says.
+    pub fn named_output(&self, named: &Path) -> PathBuf {
+        let bare = named.parent().is_some_and(|p| p.as_os_str().is_empty());
+        self.args.out.as_ref().filter(|_| bare).map_or_else(|| named.to_path_buf(), |out| out.join(named))
+    }
+
+    /// The same shell with its results where they are by default.
+    pub fn with_default_results(&self) -> Shell {
+        Shell { args: ShellArgs { out: None, ..self.args.clone() }, cancelled: self.cancelled.clone() }
     }
 
     /// Runs another command as if typed, with this shell's `--force` and cancel flag, its results going to `out`.

@@ -276,7 +276,7 @@ mod tests {
         let folder = tempfile::tempdir().expect("folder");
         let values: Vec<u16> = (0..64 * 48).map(|i| (i * 4095 / (64 * 48 - 1)) as u16).collect();
         for (name, gain, bits) in [("a_1.png", 1, 12), ("a_2.tif", 1, 12), ("a_3.png", 16, 16)] {
-            let image = image::ImageBuffer::<image::Luma<u16>, _>::from_raw(64, 48, values.iter().map(|v| v * gain).collect()).expect("sizes agree");
+            let image = image::ImageBuffer::<image::Luma<u16>, Vec<u16>>::from_raw(64, 48, values.iter().map(|v| v * gain).collect()).expect("sizes agree");
             image.save(folder.path().join(name)).expect("written");
             assert_eq!(read_decoded(&folder.path().join(name)).expect("read").bits(), bits, "{name}");
             let grey = read_grey(&folder.path().join(name)).expect("read").pixels;

@@ -7,15 +7,16 @@ pub fn sweetspot(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_sweetspot")).args(arguments).output().unwrap()
 }
 
-pub fn stderr(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
+/// Everything said to the person at the terminal.
+pub fn said(output: &Output) -> String {
+    [&output.stdout, &output.stderr].map(|text| String::from_utf8_lossy(text)).concat()
 }
 
 /// Exit status 2, one error, every word in it, no panic, nothing on stdout.
 #[track_caller]
 pub fn refused(arguments: &[&str], words: &[&str]) {
     let output = sweetspot(arguments);
-    let message = stderr(&output);
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
     assert!(!message.contains("panicked"), "{message}");
     assert!(output.stdout.is_empty(), "{arguments:?} wrote to stdout");
@@ -207,8 +208,8 @@ fn cli_predict_names_the_impacts_whose_spin_it_takes_as_zero() {
     let mut arguments = bench.table("predict");
     arguments.push("--json".into());
     let output = sweetspot(&arguments.iter().map(String::as_str).collect::<Vec<_>>());
-    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
-    assert!(stderr(&output).contains("taken as 0, in 1 impacts: a"), "{}", stderr(&output));
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    assert!(said(&output).contains("taken as 0, in 1 impacts: a"), "{}", said(&output));
     let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(json["spin_taken_as_zero"], serde_json::json!(["a"]));
     assert_eq!(json["predictions"][0]["ball_out_vz"], json["predictions"][1]["ball_out_vz"]);

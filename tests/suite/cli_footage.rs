@@ -1,6 +1,6 @@
 //! The chain on footage as a user runs it: broken pictures are named, other shots go on, a second run keeps what stands.
 
-use super::cli::{MODEL, refused, stderr, sweetspot, text};
+use super::cli::{MODEL, refused, said, sweetspot, text};
 use std::path::{Path, PathBuf};
 
 fn copy(from: &Path, to: &Path) {
@@ -55,11 +55,11 @@ fn fails_a_grouping_value_that_is_a_table_is_named() {
     let file = session.join("shots").join(&ids[0]).join("shot.toml");
     std::fs::write(&file, "[groups]\nplayer = \"A\"\n").unwrap();
     let calibrated = sweetspot(&["calibrate", &text(&session)]);
-    assert_eq!(calibrated.status.code(), Some(0), "{}", stderr(&calibrated));
+    assert_eq!(calibrated.status.code(), Some(0), "{}", said(&calibrated));
     let output = sweetspot(&["track", &text(&session)]);
-    assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
+    assert_eq!(output.status.code(), Some(1), "{}", said(&output));
     for word in [text(&file).as_str(), "`groups`", "player = \"A\""] {
-        assert!(stderr(&output).contains(word), "{}", stderr(&output));
+        assert!(said(&output).contains(word), "{}", said(&output));
     }
 }
 
@@ -73,9 +73,9 @@ fn cli_a_recorded_grip_torque_stands_in_the_table_and_measured_columns_are_not_g
     }
     assert_eq!(sweetspot(&["calibrate", &text(&session)]).status.code(), Some(0));
     let tracked = sweetspot(&["track", &text(&session)]);
-    assert_eq!(tracked.status.code(), Some(1), "{}", stderr(&tracked));
+    assert_eq!(tracked.status.code(), Some(1), "{}", said(&tracked));
     for word in ["`grip_torque` is -1; allowed: 0 to 100 N m", "`impact_x` is a column of the impacts table"] {
-        assert!(stderr(&tracked).contains(word), "{}", stderr(&tracked));
+        assert!(said(&tracked).contains(word), "{}", said(&tracked));
     }
     assert_eq!(sweetspot(&["shots", &text(&session)]).status.code(), Some(1));
     let table = sweetspot::impact_table::ImpactTable::read(&results.join("impacts.csv")).unwrap();
@@ -90,7 +90,7 @@ fn cli_a_hung_racket_before_a_black_curtain_raises_no_alarm() {
     let (_keep, session, ids) = sample(6);
     assert_eq!(sweetspot(&["calibrate", &text(&session)]).status.code(), Some(0));
     let tracked = sweetspot(&["track", "--no-spin", &text(&session)]);
-    assert!(tracked.status.success() && !stderr(&tracked).contains("dark"), "{}", stderr(&tracked));
+    assert!(tracked.status.success() && !said(&tracked).contains("dark"), "{}", said(&tracked));
     assert!(sweetspot(&["shots", &text(&session)]).status.success());
     let interferes = |id: &String| {
         let shot = std::fs::read_to_string(session.join("results/shots").join(id).join("shot.json")).unwrap();
@@ -118,7 +118,7 @@ fn cli_broken_pictures_in_shots_are_named_and_the_others_go_on() {
     }
     let run = |arguments: &[&str]| {
         let output = sweetspot(arguments);
-        let message = stderr(&output);
+        let message = said(&output);
         assert!(!message.contains("panicked"), "{message}");
         (output.status.code(), message)
     };
@@ -175,9 +175,9 @@ fn cli_shots_tracked_at_a_time_are_told_in_the_sessions_order() {
     assert_eq!(sweetspot(&["calibrate", &place]).status.code(), Some(0));
     let track = |threads: &str| {
         let output = sweetspot(&["track", &place, "--force", "--no-spin", "--json", "-j", threads]);
-        assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
+        assert_eq!(output.status.code(), Some(1), "{}", said(&output));
         let tables: Vec<Vec<u8>> = [0, 2, 3].map(|k| std::fs::read(session.join("results/shots").join(&ids[k]).join("tracks.csv")).unwrap()).into();
-        (stderr(&output), output.stdout, tables)
+        (said(&output), output.stdout, tables)
     };
     let (said, json, tables) = track("1");
     let at: Vec<usize> = ids.iter().map(|id| said.find(&format!("{id}: ")).unwrap()).collect();

@@ -1,7 +1,7 @@
 //! From pixels to the missing effect: a session is rendered by a world whose physics the models do not share, and the whole
 //! chain runs on the pictures alone, as a user would run it: calibrate, track, shots, compare, diagnose, add, fit, compare.
 
-use crate::cli::{stderr, sweetspot};
+use crate::cli::{said, sweetspot};
 use serde_json::Value;
 
 fn json(path: std::path::PathBuf) -> Value {
@@ -14,7 +14,7 @@ fn truth_from_pixels_the_hidden_effect_is_named_first_and_the_error_falls_to_the
     let place = folder.path().join("game");
     let out =
         sweetspot(&["--json", "demo", place.to_str().unwrap(), "--hidden-effect", "frame-vibration", "--seed", "44", "--shots", "80", "--strength", "0.35"]);
-    let words = stderr(&out);
+    let words = said(&out);
     assert!(out.status.success(), "{words}");
     let outcome: Value = serde_json::from_slice(&out.stdout).unwrap();
     assert!(outcome["shots_measured"].as_u64().unwrap() >= 76, "{outcome}");

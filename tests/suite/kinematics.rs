@@ -556,7 +556,7 @@ fn cli_shots_goes_on_after_a_failure_and_keeps_what_is_done() {
     assert!(header.contains("player") && header.contains("balance_shift_sd"), "{header}");
     let measured: Vec<&str> = table.lines().skip(1).filter_map(|l| l.split(',').next()).collect();
     assert_eq!(measured, ["ball-lost", "few-after", "good", "no-spin", "racket-lost"]);
-    let said = String::from_utf8_lossy(&first.stderr).into_owned();
+    let said = crate::cli::said(&first);
     assert!(said.contains("one-eyed: ") && said.contains("both cameras") && said.contains("torn: ") && said.contains("3 of 8 shots failed"), "{said}");
     // What was lost is left out and named; what is left is given.
     let shot = |id: &str| ShotRecord::read(&root.join("results/shots").join(id).join("shot.json")).unwrap().shot;

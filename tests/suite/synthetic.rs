@@ -1,6 +1,6 @@
 //! Worlds with known truth: that the plain world is the contract's rigid model, that truth and pictures agree.
 
-use crate::cli::{refused, stderr, sweetspot};
+use crate::cli::{refused, said, sweetspot};
 use std::collections::BTreeMap;
 use std::sync::Mutex;
 use std::sync::atomic::AtomicBool;
@@ -34,7 +34,7 @@ fn predicted(spec: &TableSpec, folder: &std::path::Path) -> (ImpactTable, Impact
         "--model",
         &file("model.toml"),
     ]);
-    assert!(out.status.success(), "{}", stderr(&out));
+    assert!(out.status.success(), "{}", said(&out));
     (made.table, ImpactTable::read(&folder.join("predictions.csv")).unwrap())
 }
 

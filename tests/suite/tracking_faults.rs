@@ -538,7 +538,7 @@ fn cli_track_prints_gaps_and_writes_exports_and_sheets() {
     let track = |words: &[&str]| {
         let out = std::process::Command::new(env!("CARGO_BIN_EXE_sweetspot")).arg("track").arg(session.path()).args(words).output().unwrap();
         assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
-        String::from_utf8_lossy(&out.stderr).into_owned()
+        crate::cli::said(&out)
     };
     let said = track(&["--no-spin"]);
     assert!(said.contains(&format!("s01: left camera: no picture of frame {frame}")), "{said}");
@@ -645,7 +645,7 @@ fn cli_shots_repeats_what_tracking_doubts() {
     let session = r.session(&practice);
     for words in [["track", "--no-spin"].as_slice(), &["shots"]] {
         let out = std::process::Command::new(env!("CARGO_BIN_EXE_sweetspot")).args(words).arg(session.path()).output().unwrap();
-        let said = String::from_utf8_lossy(&out.stderr);
+        let said = crate::cli::said(&out);
         assert!(said.contains("s01: the right camera's pictures are 2 frames early"), "{words:?}: {said}");
     }
 }

@@ -317,7 +317,7 @@ fn fails_tables_that_cannot_be_judged_say_why() {
 
 fn run(folder: &Path, arguments: &[&str]) -> (i32, String) {
     let done = Command::new(env!("CARGO_BIN_EXE_sweetspot")).current_dir(folder).args(arguments).env("SOURCE_DATE_EPOCH", "1795219200").output().unwrap();
-    (done.status.code().unwrap_or(-1), String::from_utf8_lossy(&done.stderr).into_owned())
+    (done.status.code().unwrap_or(-1), crate::cli::said(&done))
 }
 
 fn lay_out(made: &SyntheticTable, folder: &Path) {

@@ -3,7 +3,7 @@
 use super::Shell;
 use super::error::CliError;
 use crate::impact::model_file::with_effect_added;
-use crate::impact::{ModelError, effect_card};
+use crate::impact::{Base, Model, ModelError, effect_card};
 use crate::limited_file::{LARGEST_TEXT, read_text};
 use std::path::PathBuf;
 
@@ -30,5 +30,10 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     shell.print_json(&serde_json::json!({ "model": output, "added": card }))?;
     let free: Vec<&str> = card.iter().flat_map(|c| c.parameters).filter(|p| p.fit).map(|p| p.name).collect();
     shell.say(format_args!("{}: `{}` added; free for `sweetspot fit`: {}", output.display(), arguments.effect, free.join(", ")));
+    let base = Model::parse(&changed, &arguments.model)?.base();
+    if let Some(card) = card {
+        let how = if base == Base::Rigid { card.bases.rigid } else { card.bases.viscoelastic };
+        shell.say(format_args!("in base \"{}\": {how}", if base == Base::Rigid { "rigid" } else { "viscoelastic" }));
+    }
     Ok(())
 }

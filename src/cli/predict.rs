@@ -4,7 +4,7 @@ use super::Shell;
 use super::error::CliError;
 use super::impacts_input::ImpactFiles;
 use crate::equipment_set::EquipmentSet;
-use crate::impact::batch::{RowError, RowSensitivity, differentiate_table, predict_table, without_spin};
+use crate::impact::batch::{RowError, RowSensitivity, differentiate_table, limited_restitutions, predict_table, without_spin};
 use crate::impact::{ImpactOutput, Model};
 use crate::impact_table::{INPUTS, ImpactTable, OUTPUTS};
 
@@ -47,9 +47,13 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     }
     let json: Vec<serde_json::Value> = rows.iter().map(|(id, o)| as_json(id, *o)).collect();
     let spinless = without_spin(&table);
-    shell.print_json(&serde_json::json!({ "predictions": json, "failed": failed, "spin_taken_as_zero": spinless, "file": path }))?;
+    let limited = limited_restitutions(&model, &set, &table)?;
+    shell.print_json(&serde_json::json!({ "predictions": json, "failed": failed, "spin_taken_as_zero": spinless, "restitution_limited": limited.iter().map(|(id, _)| id).collect::<Vec<_>>(), "file": path }))?;
     if !spinless.is_empty() {
         shell.say(format_args!("incoming spin not measured, taken as 0, in {} impacts: {}", spinless.len(), spinless.join(", ")));
+    }
+    if let Some((id, e)) = limited.first() {
+        shell.say(format_args!("restitution beyond 0 to 1, taken as 0 or 1, in {} impacts (the first: {e:.3} in {id}); see the effects that change it", limited.len()));
     }
     shell.say(format_args!("{} of {} impacts predicted: {}", rows.len() - unpredicted, rows.len(), path.display()));
     if failed.is_empty() { Ok(()) } else { Err(CliError::some_failed(failed.join("\n"))) }

@@ -6,7 +6,7 @@ use super::error::CliError;
 use super::tracked_session::rig_to_measure_with;
 use crate::calibration::{CameraId, StereoRig};
 use crate::footage::Clip;
-use crate::kinematics::SHOT_FILE;
+use crate::kinematics::{SHOT_FILE, ShotRecord};
 use crate::limited_file::{LARGEST_TEXT, read_text};
 use crate::provenance::{Provenance, ends_with_line, sha256_file, sha256_hex};
 use crate::session::{Session, ShotFolder};
@@ -277,11 +277,28 @@ fn one(
     Ok(record.summary)
 }
 
+/// Points in space follow a correction by hand only once `shots` has measured it.
+fn points_are_of_tracks(folder: &Path) -> Result<(), CliError> {
+    let [tracks, points] = ["tracks.csv", "points.csv"].map(|name| folder.join(name));
+    let by_hand = Tracks::read(&tracks)?.points.iter().any(|p| p.state == PointState::Manual);
+    let hash = |path: &Path| sha256_file(path).map_err(|e| CliError::input(format!("{}: cannot be read ({e})", path.display())));
+    if !by_hand {
+        return Ok(());
+    }
+    let (of_tracks, of_points) = (hash(&tracks)?, hash(&points)?);
+    let measured = ShotRecord::read(&folder.join(SHOT_FILE)).is_ok_and(|r| r.provenance.inputs.get("tracks.csv") == Some(&of_tracks) && r.points == of_points);
+    if measured {
+        return Ok(());
+    }
+    Err(CliError::input(format!("{}: from before the correction by hand in tracks.csv", points.display())).hint("run `sweetspot shots` first, then export again"))
+}
+
 /// Writes what `--export` and `--overlay` ask for, from the tables on disk: a fresh run's or an earlier one's.
 fn for_others(arguments: &Arguments, session: &Session, shot: &ShotFolder, rig: &StereoRig, right_shift: i64, folder: &Path, shell: &Shell) -> Result<(), CliError> {
     if arguments.export.is_empty() && arguments.overlay.is_none() {
         return Ok(());
     }
+    points_are_of_tracks(folder)?;
     let (tracks, points) = (Tracks::read(&folder.join("tracks.csv")).map_err(CliError::input)?, read_points(&folder.join("points.csv")).map_err(CliError::input)?);
     let clip = Clip::list(&shot.camera("left"), &shot.camera("right")).map_err(CliError::input)?.shifted(right_shift);
     let (Some(first), Some(last)) = (clip.pairs.first(), clip.pairs.last()) else { return Ok(()) };

@@ -87,6 +87,17 @@ pub fn predict_table(model: &Model, set: &EquipmentSet, table: &ImpactTable) -> 
     Ok(table.rows.par_iter().with_min_len(32).map(one).collect())
 }
 
+/// Impacts for which the model's restitution comes out beyond 0 to 1, with it: the prediction takes 0 or 1.
+///
+/// # Errors
+/// As [`predict_table`].
+pub fn limited_restitutions<'a>(model: &Model, set: &EquipmentSet, table: &'a ImpactTable) -> Result<Vec<(&'a str, f64)>, ModelError> {
+    let prepared = prepare_pairs(model, set, table)?;
+    let first = first_sequence(table);
+    let of = |row: &ImpactRow| prepared.get(&set.pick(row).ok()?)?.unlimited_restitution(&input_of_row(row, first).ok()?);
+    Ok(table.rows.iter().filter_map(|row| Some((row.id.as_str(), of(row).filter(|e| !(0.0..=1.0).contains(e))?))).collect())
+}
+
 /// Derivatives at one impact of a table, and the standard deviations that its inputs' carry into the prediction.
 #[derive(Debug, Clone)]
 pub struct RowSensitivity {

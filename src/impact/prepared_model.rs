@@ -183,10 +183,7 @@ where
     /// The true outcome in base rigid; the racket's velocity at the centre of mass that its file states, in and out.
     fn collide(&self, body: &Body<T>, input: ImpactInput<T>, grip: f64) -> Result<(ImpactOutput<T>, Regime, T), ModelError> {
         let at = contact(body, input)?;
-        let mut laws = self.base_laws(body);
-        for (effect, p) in self.each() {
-            effect.change_laws(p, &at, &mut laws);
-        }
+        let mut laws = self.laws_at(&at);
         laws.friction = laws.friction * grip;
         // Not `max`: that would turn NaN into 0.
         if laws.friction.value() < 0.0 {
@@ -202,6 +199,15 @@ where
         }
         shift_back(body, &mut output);
         Ok((output, impulse.regime, impulse.spare_friction))
+    }
+
+    /// The laws of one contact in base rigid.
+    fn laws_at(&self, at: &Contact<T>) -> Laws<T> {
+        let mut laws = self.base_laws(at.body);
+        for (effect, p) in self.each() {
+            effect.change_laws(p, at, &mut laws);
+        }
+        laws
     }
 
     /// The visco-elastic laws of one contact.
@@ -265,6 +271,14 @@ impl PreparedModel {
         let ready = staged.ready()?;
         let output = viscoelastic::collide_all(std::slice::from_ref(&ready), self.steps).pop().unwrap_or(Err(ModelError::NotFinite))?;
         self.finish(&staged.truth, self.after_contact(&ready.at, output))
+    }
+
+    /// The restitution that model and effects give for an impact in base rigid, before it is limited to 0 to 1. `None` in base
+    /// visco-elastic, which has none, and where there is no contact.
+    pub fn unlimited_restitution(&self, input: &ImpactInput) -> Option<f64> {
+        let truth = self.true_input(input).ok().filter(|_| self.model.base == Base::Rigid)?;
+        let body = if self.body_varies { self.body_at(&truth).ok()? } else { self.body.clone() };
+        Some(self.laws_at(&contact(&body, truth).ok()?).restitution)
     }
 
     /// One visco-elastic impact with its ledger of energy and momentum, peak force, compression and deflection.

@@ -265,6 +265,9 @@ pub fn measure_shot(input: &ShotInput<'_>, settings: &MeasureSettings) -> Result
             motion.frames.len()
         ));
     }
+    if quantities.get("impact_success_ratio").is_none() {
+        remarks.push("no impact_success_ratio: the impact point stood still before the impact, and has no momentum to compare".to_owned());
+    }
     let points = space_points(input.rig, input.tracks, &motion);
     let marker_distances = marker_distances(&points, &motion.moving.figure);
     let thesis = thesis_shot(&points, &motion);

@@ -49,7 +49,7 @@ pub fn diagnosis_report(
     let methods: Vec<&str> = DIAGNOSE_METHODS.iter().chain(&COMPARE_METHODS).copied().collect();
     let mut report = Report::new(title)
         .subtitle(&format!("What the model is missing: {}", diagnosis.model))
-        .section(sections::diagnosis_verdict(diagnosis, versions.last()))
+        .section(sections::diagnosis_verdict(diagnosis, versions.last().filter(|_| ledger.iter().any(|e| e.step.starts_with("added")))))
         .section(sections::ledger(ledger, &versions.iter().collect::<Vec<_>>()))
         .section(sections::places(diagnosis, comparison))
         .section(sections::candidates(diagnosis))

@@ -1,4 +1,4 @@
-//! The current model on a table, before any effect is tried: its best fit, three tests of it, and the held-out impacts.
+//! The current model on a table, before any effect is tried: its best fit, the tests of it, and the held-out impacts.
 
 use super::by_group::{GROUP_LEVEL, Groups};
 use super::comparison::{is_more_than_noise, missed_groups, note_groups, outliers, parameter_values, session_offsets, summarise};
@@ -23,7 +23,7 @@ const FALSE_ALARM_RATE: f64 = LIBRARY_LEVEL + STRUCTURE_LEVEL + SPOT_LEVEL;
 /// When nothing is missing, all candidates together are no more likely than that.
 const ALL_CANDIDATES: f64 = 0.5;
 
-/// The current model at its best, and the three tests of it.
+/// The current model at its best, and the tests of it.
 pub(super) struct Case<'a> {
     pub library: &'a dyn Library,
     pub observations: &'a Observations,
@@ -71,7 +71,7 @@ impl<'a> Case<'a> {
         self.screening.library_p_value < LIBRARY_LEVEL
     }
 
-    /// Whether any of the three tests says that something is missing.
+    /// Whether any of the tests says that something is missing (that of groups counts into that of structure).
     pub fn alarm(&self) -> bool {
         self.in_library() || self.smooth() || self.one_place()
     }

@@ -16,6 +16,8 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
+/// Speeds of the ball further apart than this are different ones, m/s.
+const OTHER_SPEED_M_S: f64 = 4.0;
 /// Settings proposed at most, and impacts of each.
 const SETTINGS: usize = 4;
 const EACH: usize = 3;
@@ -64,13 +66,18 @@ pub fn next_experiment(
         })
         .collect();
     settings.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
+    // The first one, then the best at another speed, then the others.
+    let other = settings.first().and_then(|first| settings.iter().position(|s| (s.inputs[2] - first.inputs[2]).abs() > OTHER_SPEED_M_S));
+    if let Some(k) = other {
+        settings[1..=k].rotate_right(1);
+    }
     let mut chosen: Vec<Setting> = Vec::new();
     for s in settings {
         // Settings a person would call different: another place or another speed of the ball. Speeds are wanted apart
         // because a rival that is wrong at one speed only can be bent to it by its free parameters.
-        let apart = chosen
-            .iter()
-            .all(|c| (c.inputs[12] - s.inputs[12]).abs() > 0.03 || (c.inputs[13] - s.inputs[13]).abs() > 0.025 || (c.inputs[2] - s.inputs[2]).abs() > 4.0);
+        let apart = chosen.iter().all(|c| {
+            (c.inputs[12] - s.inputs[12]).abs() > 0.03 || (c.inputs[13] - s.inputs[13]).abs() > 0.025 || (c.inputs[2] - s.inputs[2]).abs() > OTHER_SPEED_M_S
+        });
         if apart && chosen.len() < SETTINGS && s.log_evidence > 0.01 {
             chosen.push(s);
         }

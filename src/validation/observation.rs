@@ -303,16 +303,16 @@ impl Observations {
     }
 
     fn note_assumptions(&mut self, table: &ImpactTable) {
-        let mut lacking = Vec::new();
+        let (mut lacking, mut assumed, mut laws) = (Vec::new(), Vec::new(), Vec::new());
         for (names, noise, output) in [(&INPUTS[..], &self.input_noise, false), (&OUTPUTS[..], &self.output_noise, true)] {
             for (i, name) in names.iter().enumerate() {
                 let measured = table.rows.iter().any(|r| if output { r.outputs[i] } else { r.inputs[i] }.is_some());
                 match &noise[i] {
                     ColumnNoise::Assumed(sd) if measured && *sd > 0.0 => {
-                        self.notes.push(format!("`{name}` states no deviation; {sd} {} is assumed", unit(name)));
+                        assumed.push(format!("`{name}` {sd} {}", unit(name)));
                     }
                     ColumnNoise::Law(law) => {
-                        self.notes.push(format!("the deviations of `{name}` follow {:.4} + {:.4} |value|; taken at the fitted value", law.constant, law.slope));
+                        laws.push(format!("`{name}` {:.4} + {:.4} |value|", law.constant, law.slope));
                     }
                     ColumnNoise::Stated(typical) => {
                         let cells = table.rows.iter().filter_map(|r| if output { r.outputs[i] } else { r.inputs[i] });
@@ -330,6 +330,12 @@ impl Observations {
                     self.notes.push(format!("`{name}` is empty in {missing} rows; taken as 0 ± {sd:.0} rad/s there"));
                 }
             }
+        }
+        if !assumed.is_empty() {
+            self.notes.push(format!("no deviation is stated in these columns, and this is assumed: {}", assumed.join(", ")));
+        }
+        if !laws.is_empty() {
+            self.notes.push(format!("deviations that follow a law are taken at the fitted value: {}", laws.join(", ")));
         }
         if !lacking.is_empty() {
             self.notes.push(format!("no deviation is stated in some rows, or 0; the usual one of the column is taken there: {}", lacking.join(", ")));

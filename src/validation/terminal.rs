@@ -81,8 +81,12 @@ fn outliers_text(t: &mut String, outliers: &[super::comparison::Outlier]) {
     }
     let list: Vec<String> = outliers.iter().take(6).map(|o| format!("{} {} ({:+.1} sd)", o.id, o.column, o.standardised)).collect();
     let more = outliers.len().saturating_sub(6);
-    let _ =
-        writeln!(t, "outlying numbers (they keep little weight): {}{}", list.join(", "), if more > 0 { format!(" and {more} more") } else { String::new() });
+    let _ = writeln!(
+        t,
+        "outlying numbers (they keep little weight, in chi²/n too): {}{}",
+        list.join(", "),
+        if more > 0 { format!(" and {more} more") } else { String::new() }
+    );
 }
 
 fn quantity(value: f64, column: &str) -> String {

@@ -10,7 +10,7 @@ use nalgebra::{Vector2, Vector3};
 pub struct Shot {
     /// Incoming ball speed along −z, m/s.
     pub ball_speed: f64,
-    /// Incoming topspin against the racket's upward motion, rad/s about x.
+    /// Incoming spin about x, rad/s: backspin where positive (the ball flies along −z), topspin where negative.
     pub ball_spin: f64,
     /// Speed of the racket's centre of mass along z, m/s.
     pub racket_speed: f64,
@@ -71,7 +71,7 @@ fn launch(model: &PreparedModel, input: &ImpactInput, output: &ImpactOutput) -> 
     let v = output.ball_velocity;
     Launch {
         speed: v.norm(),
-        // A brush along +y turns the ball's near side upward: spin about −x, which is topspin for a ball moving along +z.
+        // A brush along +y turns the ball's near side upward: spin about +x, which is topspin for a ball moving along +z.
         spin_rad_s: output.ball_spin.x,
         launch_angle_rad: v.y.atan2(v.z),
         side_angle_rad: v.x.atan2(v.z),

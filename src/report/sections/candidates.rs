@@ -44,7 +44,7 @@ pub fn candidates(d: &Diagnosis) -> Option<Section> {
             estimates(&t.parameters)
         ));
     }
-    let aliased: Vec<String> = shown.iter().filter(|c| !c.aliases.is_empty() && c.probability > 0.01).map(|c| alias_words(c)).collect();
+    let aliased: Vec<String> = shown.iter().filter(|c| !c.aliases.is_empty() && c.probability > 0.01).map(|c| alias_words(c, &d.candidates)).collect();
     if !aliased.is_empty() {
         section = section.heading("What else it could be").list(&aliased);
     }
@@ -89,11 +89,18 @@ pub(super) fn estimates(parameters: &BTreeMap<String, Estimate>) -> String {
     parameters.iter().map(|(name, e)| format!("{} {}", name.rsplit('.').next().unwrap_or(name), with_sd(e.value, e.sd))).collect::<Vec<_>>().join(", ")
 }
 
-fn alias_words(c: &CandidateReport) -> String {
+/// Times as likely as another that alone is no alias: twenty to one.
+const TOLD: f64 = 20.0;
+
+fn alias_words(c: &CandidateReport, all: &[CandidateReport]) -> String {
+    let told = |other: &str| all.iter().any(|o| o.effect == other && c.probability > TOLD * o.probability);
     let each: Vec<String> = c
         .aliases
         .iter()
         .map(|a| match c.alias_cosines.get(a) {
+            Some(cosine) if cosine.abs() > 0.95 && told(a) => {
+                format!("{a} (small amounts of both look alike, {}; the amount that is here fits better as {})", fixed(*cosine, 2), c.effect)
+            }
             Some(cosine) if cosine.abs() > 0.95 => format!("{a} (signatures alike to {}: cannot be told apart on this data)", fixed(*cosine, 2)),
             Some(cosine) => format!("{a} (signatures alike to {})", fixed(*cosine, 2)),
             None => a.clone(),

@@ -31,7 +31,7 @@ const WORDS: [(&str, &str); 22] = [
     ("centre of percussion", "A hit there leaves the hand's place at rest: no jar at the wrist."),
     ("node point", "The place on the strings where the frame's first vibration has no motion: a hit there does not sting."),
     ("ideal point", "The place that would have given the ball most speed in this very stroke."),
-    ("dead spot", "The place whose effective mass equals the ball's: a ball falling on the resting racket stays dead there."),
+    ("dead spot", "The place whose effective mass equals the ball's over the restitution: a ball falling on the resting racket stays dead there."),
     (
         "playing angle",
         "Angle in the face between the ball's incoming velocity relative to the impact point and the normal, positive where the ball climbs the face; playing_angle_thesis_deg in shot.json is the thesis's own (equations 4.16a, b).",

@@ -112,7 +112,7 @@ fn before_and_after(before: &Comparison, after: &Comparison) -> Vec<(String, Str
         let (output, input) = (column_words(&t.output).words, column_words(&t.input).words);
         let same = reach(&t.points);
         for (trend, when) in [(t, "Before"), (&new[n], "After")] {
-            figures.push((panel(trend, when, every, (210.0, 170.0), same), format!("{output} against {input}")));
+            figures.push((panel(trend, &format!("{when}: {output}"), every, (250.0, 190.0), same), format!("against {input}")));
         }
     }
     figures

@@ -86,9 +86,8 @@ pub fn residuals(comparison: &Comparison) -> Option<Section> {
             (panel(t, &title, every, (340.0, 230.0), reach(&t.points)), String::new())
         })
         .collect();
-    let best = (comparison.heldout_error - comparison.heldout_error_refitted).abs() < 1e-3;
-    let taken =
-        if best { "The free parameters of the model are at their best." } else { "The model is taken as its file states it, free parameters not fitted." };
+    let best = (comparison.heldout_error - comparison.heldout_error_refitted).abs() < 0.01 * comparison.heldout_error;
+    let taken = if best { "The free parameters of the model are at their best." } else { "The parameters are those stated in the model file." };
     let mut section = Section::new("residuals", "Residuals against every input")
         .note(&format!("Measured less predicted, each in units of its own standard deviation. A sound model scatters about zero with unit spread whatever the input; the band is the 95 % interval of the local mean. {taken}"))
         .figures(Layout::Wide, &[(matrix(comparison, &trends), "Where the local mean leaves zero: its greatest distance from zero in half-widths of its 95 % band. Values up to about 2 are what chance gives over a curve.".to_owned())])

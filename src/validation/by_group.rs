@@ -21,12 +21,13 @@ pub const GROUP_LEVEL: f64 = 0.0003;
 const FEWEST_IN_GROUP: usize = 8;
 const MOST_GROUPS: usize = 40;
 /// What a group may have of its own: a channel (column of [`channels`]) times a factor, in words.
-const CHANNELS: [(usize, Factor, &str); 6] = [
+const CHANNELS: [(usize, Factor, &str); 7] = [
     (0, Factor::One, "the impulse along the normal"),
     (0, Factor::Speed, "the impulse along the normal, at 25 m/s more,"),
     (0, Factor::Along, "the impulse along the normal, at the head's end towards the handle,"),
     (1, Factor::One, "the impulse along the slip"),
     (9, Factor::One, "the racket's push along the normal"),
+    (ANGULAR, Factor::Along, "the racket's angular impulse about the axis across the face, at the head's end towards the handle,"),
     (ANGULAR, Factor::One, "the racket's angular impulse about the axis across the face"),
 ];
 /// The channel whose unit is an impulse at a lever of 0.1 m, and the units in words.

@@ -129,12 +129,6 @@ impl<'a> Judgement<'a> {
             let mut reference = self.reference;
             self.alone = find_expression(&mut reference, &self.case.screening, excess_believed, &self.case.structure)?;
             self.c_of_formula = reference.c;
-            if let Some(f) = &self.alone {
-                eprintln!(
-                    "ALONE {} ev {:.1} honest {:.1} held {:.3} c {:.3}",
-                    f.suggestion.words, f.log_evidence, f.honest_gain, f.suggestion.heldout_error_after, reference.c
-                );
-            }
         }
         Ok(())
     }

@@ -48,6 +48,8 @@ pub struct ShellArgs {
 /// What a command gets from the shell: its options, a cancel flag and a way to speak.
 pub struct Shell {
     pub args: ShellArgs,
+    /// Whether stdout is for the JSON of this command, or of the one that runs it as a step.
+    stdout_is_json: bool,
     cancelled: Arc<AtomicBool>,
 }
 
@@ -55,7 +57,7 @@ impl Shell {
     /// A line for the person at the terminal: stdout, so that a result can be kept or searched; stderr where programs read stdout.
     pub fn say(&self, line: impl std::fmt::Display) {
         // Who reads no further (`| head`) does not stop the work.
-        let _ = if self.args.json { writeln!(std::io::stderr(), "{line}") } else { writeln!(std::io::stdout(), "{line}") };
+        let _ = if self.stdout_is_json { writeln!(std::io::stderr(), "{line}") } else { writeln!(std::io::stdout(), "{line}") };
     }
 
     /// The result for programs (stdout), when `--json` was given.
@@ -95,7 +97,7 @@ impl Shell {
 
     /// The same shell with its results where they are by default.
     pub fn with_default_results(&self) -> Shell {
-        Shell { args: ShellArgs { out: None, ..self.args.clone() }, cancelled: self.cancelled.clone() }
+        Shell { args: ShellArgs { out: None, ..self.args.clone() }, stdout_is_json: self.stdout_is_json, cancelled: self.cancelled.clone() }
     }
 
     /// Runs another command as if typed, with this shell's `--force` and cancel flag, its results going to `out`.
@@ -105,7 +107,7 @@ impl Shell {
         let words = std::iter::once(std::ffi::OsStr::new("sweetspot")).chain(arguments.iter().copied());
         let cli = Cli::try_parse_from(words).map_err(|e| CliError::input(format!("this program cannot run that step: {e}")))?;
         let args = ShellArgs { json: false, threads: None, force: self.args.force, out: Some(out.to_path_buf()) };
-        dispatch(cli.command, &Shell { args, cancelled: self.cancelled.clone() })
+        dispatch(cli.command, &Shell { args, stdout_is_json: self.stdout_is_json, cancelled: self.cancelled.clone() })
     }
 
     /// A progress bar on stderr, hidden when stderr is not a terminal.
@@ -206,7 +208,7 @@ pub fn main() -> ExitCode {
             return fail(&CliError::input(format!("--threads {n}: the threads could not be started")));
         }
     }
-    let shell = Shell { args: cli.shell, cancelled };
+    let shell = Shell { stdout_is_json: cli.shell.json, args: cli.shell, cancelled };
     match dispatch(cli.command, &shell) {
         Ok(()) => ExitCode::SUCCESS,
         Err(e) => fail(&e),

@@ -244,14 +244,21 @@ impl ImpactTable {
         let mut csv = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(TableFile::new(reader));
         let header = csv.headers().map_err(unreadable)?.clone();
         let names: Vec<String> = header.iter().map(|h| h.trim_start_matches('\u{feff}').to_owned()).collect();
+        if !names.iter().any(|n| n == "id") {
+            let parted = names.len() == 1 && names[0].contains([';', '\t']);
+            let numbers = names.iter().any(|n| n.parse::<f64>().is_ok());
+            let remedy = if parted {
+                "; part the fields by commas and write decimals with a point"
+            } else if numbers {
+                "; the first line must name the columns"
+            } else {
+                ""
+            };
+            return Err(TableError::NoColumn { path: path.into(), column: "id", seen: names.join(", "), remedy });
+        }
         let mut seen = BTreeSet::new();
         if let Some(twice) = names.iter().find(|n| !seen.insert(n.as_str())) {
             return Err(TableError::Twice { path: path.into(), column: twice.clone() });
-        }
-        if !names.iter().any(|n| n == "id") {
-            let parted = names.len() == 1 && names[0].contains([';', '\t']);
-            let remedy = if parted { "; part the fields by commas and write decimals with a point" } else { "" };
-            return Err(TableError::NoColumn { path: path.into(), column: "id", seen: names.join(", "), remedy });
         }
         if let Some((column, meant)) = names.iter().find_map(|n| Some((n.clone(), meant(n, &names)?))) {
             return Err(TableError::Misspelt { path: path.into(), column, meant });

@@ -68,7 +68,7 @@ struct AxesTable {
 struct ShotFile {
     racket: Option<String>,
     ball: Option<String>,
-    impact_frame: Option<u64>,
+    impact_frame: Option<i64>,
     note: Option<String>,
     grip_torque: Option<f64>,
     /// Anything else (player, sex, ...) becomes a grouping column of the impacts table.
@@ -252,21 +252,20 @@ impl Session {
         if let Some((key, meant)) = own.groups.keys().find_map(|k| Some((k.clone(), meant(k)?))) {
             return Err(SessionError::Misspelt { path: file, key, meant });
         }
+        let frame_number = |n: i64| {
+            u64::try_from(n).map_err(|_| SessionError::Value {
+                path: file.clone(),
+                key: "impact_frame",
+                seen: n.to_string(),
+                allowed: "a frame number, 0 or more",
+            })
+        };
+        let impact_frame = own.impact_frame.map(frame_number).transpose()?;
         if let Some(torque) = own.grip_torque.filter(|t| !GRIP_TORQUES.contains(t)) {
             return Err(SessionError::Value { path: file, key: "grip_torque", seen: torque.to_string(), allowed: "0 to 100 N m" });
         }
         let groups = own.groups.iter().map(|(k, v)| (k.clone(), v.as_str().map_or_else(|| v.to_string(), str::to_owned))).collect();
-        Ok(ShotFolder {
-            id: id.to_owned(),
-            order,
-            path,
-            racket,
-            ball,
-            impact_frame: own.impact_frame,
-            note: own.note,
-            grip_torque_n_m: own.grip_torque,
-            groups,
-        })
+        Ok(ShotFolder { id: id.to_owned(), order, path, racket, ball, impact_frame, note: own.note, grip_torque_n_m: own.grip_torque, groups })
     }
 
     /// The shots asked for, or all of them when `ids` is empty.

@@ -189,7 +189,8 @@ fn calibrate(session: &Session, arguments: &Arguments, shell: &Shell) -> Result<
 fn lay_axes(session: &Session, rig: &mut StereoRig) -> Result<(), CliError> {
     if let Some(axes) = &session.axes {
         let images = [read_grey(&axes_picture(&axes.images, "left")?)?, read_grey(&axes_picture(&axes.images, "right")?)?];
-        let (global_from_left, report) = global_axes(rig, &images[0], &images[1], &AxesFrame { arm_u_m: axes.arm_u_m, arm_w_m: axes.arm_w_m })?;
+        let frame = AxesFrame { arm_u_m: axes.arm_u_m, arm_w_m: axes.arm_w_m };
+        let (global_from_left, report) = global_axes(rig, &images[0], &images[1], &frame).map_err(|e| CliError::input(format!("{}: {e}", axes.images.display())))?;
         rig.global_from_left = global_from_left;
         rig.more.insert("axes".into(), serde_json::to_value(report).map_err(CliError::output)?);
     }

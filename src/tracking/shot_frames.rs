@@ -109,6 +109,18 @@ impl<S: FrameSource> Shot<'_, S> {
         if let Some(GreyView { width, height, .. }) = view
             && (width, height) != (calibrated_width, calibrated_height)
         {
+            // One picture of another size is broken; most of them are of another camera than the calibration's.
+            if self.has_mostly_size(camera, (calibrated_width, calibrated_height)) {
+                if let Ok(mut broken) = self.broken.lock() {
+                    let camera_name = CameraId::BOTH[camera].name();
+                    let what = format!(
+                        "{camera_name} camera, frame {}: {width}x{height} px where the others have {calibrated_width}x{calibrated_height}",
+                        self.source.number(index)
+                    );
+                    broken.insert((index, camera), what);
+                }
+                return Ok(None);
+            }
             return Err(TrackingError::Size {
                 frame: self.source.number(index),
                 camera: CameraId::BOTH[camera],
@@ -119,6 +131,19 @@ impl<S: FrameSource> Shot<'_, S> {
             });
         }
         Ok(view)
+    }
+
+    /// Whether most of a few of a camera's pictures have this size.
+    fn has_mostly_size(&self, camera: usize, size: (usize, usize)) -> bool {
+        const SAMPLES: usize = 5;
+        let n = self.source.len();
+        let mut buffer = FrameBuffer::default();
+        let of_size = |index: usize| {
+            let there = self.source.read(index, camera, Rows::ALL, &mut buffer).unwrap_or(false);
+            buffer.view().filter(|_| there).map(|v| (v.width, v.height) == size)
+        };
+        let seen: Vec<bool> = (0..SAMPLES).map(|k| k * n.saturating_sub(1) / (SAMPLES - 1)).filter_map(of_size).collect();
+        2 * seen.iter().filter(|same| **same).count() > seen.len()
     }
 
     /// Mean grey of a whole picture; `None` where it is missing.

@@ -10,6 +10,7 @@ use super::linearise::Linearised;
 use super::observation::{Observation, Observations};
 use super::place::output_words;
 use super::predicted::PIECE;
+use super::refits::LOG_ODDS;
 use super::terminal::short;
 use crate::impact_table::{INPUTS, OUTPUTS, unit};
 use nalgebra::{DMatrix, DVector};
@@ -21,8 +22,6 @@ const OTHER_SPEED_M_S: f64 = 4.0;
 /// Settings proposed at most, and impacts of each.
 const SETTINGS: usize = 4;
 const EACH: usize = 3;
-/// Twenty to one.
-const LOG_ODDS: f64 = 2.995_732_273_553_991;
 
 /// A candidate at its best fit.
 pub struct Rival<'a> {

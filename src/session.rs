@@ -337,3 +337,25 @@ fn inside(root: &Path, file: &Path, key: &'static str, named: &str) -> Result<Pa
     }
     Ok(root.join(relative))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn law_shots_come_in_the_order_of_their_numbers() {
+        let mut ids = ["s10", "s2", "s1", "day2-s1", "day10-s1", "day2", "s02"].map(str::to_owned);
+        ids.sort_by_key(|id| by_number(id));
+        assert_eq!(ids, ["day2", "day2-s1", "day10-s1", "s1", "s02", "s2", "s10"]);
+    }
+
+    #[test]
+    fn truth_a_key_with_a_letter_wrong_is_not_taken_for_a_group() {
+        for (key, known) in [("rackt", "racket"), ("rackets", "racket"), ("Racket", "racket"), ("impact_farme", "impact_frame"), ("notes", "note")] {
+            assert_eq!(meant(key), Some(known), "{key}");
+        }
+        for key in ["player", "hall", "sex", "day", "session", "hand"] {
+            assert_eq!(meant(key), None, "{key}");
+        }
+    }
+}

@@ -136,3 +136,55 @@ fn truth_a_rebound_that_wanders_is_told_by_the_order_of_the_impacts() {
     let formula = d.suggested_expression.unwrap();
     assert!(formula.expression.contains("order") && formula.heldout_error_after < d.heldout_error, "{}", formula.expression);
 }
+
+/// One player's racket turns more the farther from the middle it is hit: a push alike for all of his impacts shows nothing of it.
+#[test]
+fn truth_a_group_that_differs_with_the_place_of_impact_is_named() {
+    let made = changed(200, 6, |i, row| {
+        by_turns(i, row);
+        if row.groups["player"] == "player 1" {
+            let (x, mut out) = (row.get("impact_x").unwrap().value, row.get("racket_out_wy").unwrap());
+            out.value += 20.0 * x;
+            row.set("racket_out_wy", Some(out));
+        }
+    });
+    let (compared, d) = judged(&made, &TableOptions::default());
+    let misfit = d.structure.by_group.first().unwrap();
+    assert!(misfit.column == "player" && misfit.what.contains("towards the handle"), "{misfit:?}");
+    assert_eq!((compared.verdict.as_str(), d.verdict), ("inadequate", Verdict::Unexplained), "{:?}", d.words);
+}
+
+/// Dead balls are outliers that all lie on one side; wrong numbers lie on either.
+#[test]
+fn truth_outliers_of_one_side_are_no_wrong_numbers() {
+    let off = |dead: bool| {
+        changed(200, 7, |i, row| {
+            if i.is_multiple_of(8) {
+                let mut out = row.get("ball_out_vz").unwrap();
+                out.value += if dead || i.is_multiple_of(16) { -2.5 } else { 2.5 };
+                row.set("ball_out_vz", Some(out));
+            }
+        })
+    };
+    let (compared, d) = judged(&off(true), &TableOptions::default());
+    assert_eq!((compared.verdict.as_str(), d.verdict), ("inadequate", Verdict::Unexplained), "{:?}", d.words);
+    for notes in [&compared.notes, &d.notes] {
+        assert!(notes.iter().any(|n| n.contains("`ball_out_vz`") && n.contains("too small")), "{notes:?}");
+    }
+    let (compared, d) = judged(&off(false), &TableOptions::default());
+    assert_eq!((compared.verdict.as_str(), d.verdict), ("adequate", Verdict::Adequate), "{:?} {:?}", d.words, d.notes);
+}
+
+/// A restitution that falls with speed toward the handle and rises with it toward the tip: neither speed nor place alone shows it.
+#[test]
+fn truth_what_goes_with_speed_times_place_is_found() {
+    let made = changed(200, 8, |_, row| {
+        let (x, v) = (row.get("impact_x").unwrap().value, row.get("ball_in_vz").unwrap().value.abs());
+        scaled(row, "ball_out_vz", 1.0 - 0.006 * (v - 25.0) * x / 0.05);
+    });
+    let (_, d) = judged(&made, &TableOptions::default());
+    assert_eq!(d.verdict, Verdict::Unexplained, "{:?}", d.words);
+    let formula = d.suggested_expression.unwrap();
+    // (The ball alone was changed, not the racket that it pushes off: no formula of the restitution takes all of it.)
+    assert!(formula.expression.contains("approach_speed - ") && formula.share_removed > 0.9, "{formula:?}");
+}

@@ -419,6 +419,20 @@ proptest! {
         }
     }
 
+    /// What the impacts table holds gives the restitution, and the velocity of the point hit, by V + Ω x ρ, however far the racket turned during contact.
+    #[test]
+    fn law_the_table_and_the_characteristics_tell_one_restitution(x in proptest::array::uniform30(-1.0f64..1.0)) {
+        let s = drawn(&x);
+        let (_, racket, _) = by_hand();
+        let all = values(&s);
+        let of = |stem: &str| triple(&all, stem).expect("there");
+        let lever = Vector3::new(all["impact_x"] - racket.com_local().x, all["impact_y"], 0.0);
+        let (before, after) = (of("racket_in_v") + of("racket_in_w").cross(&lever), of("racket_out_v") + of("racket_out_w").cross(&lever));
+        prop_assert!((after - of("impact_point_out_v")).norm() < 1e-9);
+        let restitution = -(of("ball_out_v") - after).z / (of("ball_in_v") - before).z;
+        prop_assert!((restitution - all["restitution"]).abs() < 1e-9, "{} {}", restitution, all["restitution"]);
+    }
+
     /// A left-hander's shot, seen in a mirror that stands along the court: across the face everything changes sign, spins
     /// likewise but about the axis across; what has no side stays.
     #[test]

@@ -298,7 +298,9 @@ fn for_others(arguments: &Arguments, session: &Session, shot: &ShotFolder, rig: 
     if arguments.export.is_empty() && arguments.overlay.is_none() {
         return Ok(());
     }
-    points_are_of_tracks(folder)?;
+    if !arguments.export.is_empty() {
+        points_are_of_tracks(folder)?;
+    }
     let (tracks, points) = (Tracks::read(&folder.join("tracks.csv")).map_err(CliError::input)?, read_points(&folder.join("points.csv")).map_err(CliError::input)?);
     let clip = Clip::list(&shot.camera("left"), &shot.camera("right")).map_err(CliError::input)?.shifted(right_shift);
     let (Some(first), Some(last)) = (clip.pairs.first(), clip.pairs.last()) else { return Ok(()) };

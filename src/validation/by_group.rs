@@ -1,9 +1,9 @@
 //! Does the model fail otherwise in some groups of a table than in others: one racket, one ball, one player, one day?
 //!
 //! No smooth function of the inputs shows that, and where nothing looks for it it passes for noise. For every column that
-//! parts the impacts into groups, each group has an impulse of its own along the normal (with speed and along the racket, too:
-//! one player's grip, one racket's mass) and along the slip, and its racket a push and a swing of its own; what the model's parameters, the offsets of the sessions and all smooth corrections can
-//! imitate is projected out, and the rest tested as in [`super::structure`], corrected for the number of columns.
+//! parts the impacts into groups, each group has an impulse of its own along the normal (with speed and along the racket, too)
+//! and along the slip, and its racket a push, a turn, and a turn with the place of impact of its own: one player's hand, one
+//! racket's mass. What the model's parameters, the offsets of the sessions and all smooth corrections can imitate is projected out, and the rest tested as in [`super::structure`], corrected for the number of columns.
 
 use super::fit::Fit;
 use super::linearise::Linearised;

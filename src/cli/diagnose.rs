@@ -52,7 +52,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let path = ledger_path(&input.files.model);
     let mut ledger = read_ledger(&path)?;
     if arguments.auto {
-        let output = arguments.output.as_ref().map_or_else(|| auto_name(&input.files.model), |o| shell.named_output(o));
+        let output = arguments.output.clone().unwrap_or_else(|| auto_name(&input.files.model));
         let walk = Walk { arguments: &arguments, shell, loaded: &loaded, ledger_path: &path };
         let (text, stages) = walk.go(&mut ledger, &diagnosis, &comparison, &output, &options)?;
         last = (output, text);

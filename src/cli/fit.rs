@@ -44,8 +44,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let error = held_out_error(current, &fitted, &loaded.observations)?;
     let values: Vec<(String, f64)> = parameters.iter().map(|p| (p.name.clone(), p.value)).collect();
     let text = with_values(&loaded.model_text, &values, &input.files.model)?;
-    let output = shell.named_output(&arguments.output);
-    shell.write(&output, text.as_bytes())?;
+    shell.write(&arguments.output, text.as_bytes())?;
     for (p, old) in parameters.iter().zip(current.parameters()) {
         let limit = if p.at_limit { format!("  {}", p.limit_words()) } else { String::new() };
         shell.say(format_args!("  {:<40} {:>10} -> {} ± {}{limit}", p.name, short(old.value), short(p.value), short(p.sd)));
@@ -68,9 +67,9 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     for note in &loaded.observations.notes {
         shell.say(format_args!("note: {note}"));
     }
-    shell.say(format_args!("written: {}", output.display()));
+    shell.say(format_args!("written: {}", arguments.output.display()));
     shell.print_json(&serde_json::json!({
-        "model": output,
+        "model": arguments.output,
         "parameters": parameters,
         "covariance": covariance,
         "heldout_error": error,

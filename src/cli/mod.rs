@@ -40,7 +40,7 @@ pub struct ShellArgs {
     /// Do again what an earlier run has already written
     #[arg(long, global = true)]
     pub force: bool,
-    /// Folder for the results (default: beside the input), also for what -o names without a folder
+    /// Folder for the results (default: beside the input); what -o names goes where -o says
     #[arg(long, global = true, value_name = "DIR")]
     pub out: Option<PathBuf>,
 }
@@ -87,12 +87,6 @@ impl Shell {
     /// Where results go: `--out`, else beside the input file.
     pub fn results_beside(&self, input: &Path) -> PathBuf {
         self.args.out.clone().unwrap_or_else(|| input.parent().map_or_else(PathBuf::new, Path::to_path_buf))
-    }
-
-    /// Where a file or folder that `-o` names goes: a bare name into `--out`, anything else where it says.
-    pub fn named_output(&self, named: &Path) -> PathBuf {
-        let bare = named.parent().is_some_and(|p| p.as_os_str().is_empty());
-        self.args.out.as_ref().filter(|_| bare).map_or_else(|| named.to_path_buf(), |out| out.join(named))
     }
 
     /// The same shell with its results where they are by default.

@@ -20,7 +20,7 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
-    let (file, output) = (&arguments.scenario, shell.named_output(&arguments.output));
+    let (file, output) = (&arguments.scenario, &arguments.output);
     let named = |e: &dyn std::fmt::Display| CliError::input(format!("{}: {e}", file.display()));
     let text = read_text(file, LARGEST_TEXT).map_err(|e| named(&e).hint("give a scenario file; docs/synthetic.md describes it"))?;
     match Scenario::parse(&text).map_err(|e| named(&e).hint("docs/synthetic.md lists the keys"))? {
@@ -35,7 +35,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
             shell.say(format!("{} impacts in {}; what is true of them stands in truth.json", made.table.rows.len(), output.display()));
             shell.print_json(&made.truth)
         }
-        Scenario::Footage(spec) => make_room(&output).and_then(|()| film(&spec, &output, shell)).map_err(|mut e| {
+        Scenario::Footage(spec) => make_room(output).and_then(|()| film(&spec, output, shell)).map_err(|mut e| {
             e.message = format!("{}: {}", file.display(), e.message);
             e
         }),

@@ -286,17 +286,16 @@ impl Session {
 }
 
 /// What ids sort by: their text with numbers compared by size; the id itself last, so that no two are alike.
-fn by_number(id: &str) -> (Vec<(u64, String)>, String) {
-    let mut parts: Vec<(u64, String)> = Vec::new();
+fn by_number(id: &str) -> (Vec<(String, u64)>, String) {
+    let mut parts = Vec::new();
     let mut rest = id;
     while !rest.is_empty() {
         let text_ends = rest.find(|c: char| c.is_ascii_digit()).unwrap_or(rest.len());
         let (text, after) = rest.split_at(text_ends);
         let digits_end = after.find(|c: char| !c.is_ascii_digit()).unwrap_or(after.len());
         let (digits, after) = after.split_at(digits_end);
-        // Text before its number: compared first.
-        parts.push((0, text.to_owned()));
-        parts.push((digits.parse().unwrap_or(u64::MAX), String::new()));
+        let number = if digits.is_empty() { 0 } else { digits.parse().unwrap_or(u64::MAX) };
+        parts.push((text.to_owned(), number));
         rest = after;
     }
     (parts, id.to_owned())

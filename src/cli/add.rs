@@ -24,16 +24,15 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let unreadable = |e: std::io::Error| ModelError::Unreadable { path: arguments.model.clone(), message: e.to_string() };
     let text = read_text(&arguments.model, LARGEST_TEXT).map_err(unreadable)?;
     let changed = with_effect_added(&text, &arguments.effect, &arguments.model)?;
-    let output = &arguments.output;
-    shell.write(output, changed.as_bytes())?;
+    shell.write(&arguments.output, changed.as_bytes())?;
     let card = effect_card(&arguments.effect);
-    shell.print_json(&serde_json::json!({ "model": output, "added": card }))?;
+    shell.print_json(&serde_json::json!({ "model": arguments.output, "added": card }))?;
     let free: Vec<&str> = card.iter().flat_map(|c| c.parameters).filter(|p| p.fit).map(|p| p.name).collect();
-    shell.say(format_args!("{}: `{}` added; free for `sweetspot fit`: {}", output.display(), arguments.effect, free.join(", ")));
+    shell.say(format_args!("{}: `{}` added; free for `sweetspot fit`: {}", arguments.output.display(), arguments.effect, free.join(", ")));
     let base = Model::parse(&changed, &arguments.model)?.base();
     if let Some(card) = card {
-        let how = if base == Base::Rigid { card.bases.rigid } else { card.bases.viscoelastic };
-        shell.say(format_args!("in base \"{}\": {how}", if base == Base::Rigid { "rigid" } else { "viscoelastic" }));
+        let (name, how) = if base == Base::Rigid { ("rigid", card.bases.rigid) } else { ("viscoelastic", card.bases.viscoelastic) };
+        shell.say(format_args!("in base \"{name}\": {how}"));
     }
     Ok(())
 }

@@ -33,6 +33,12 @@ pub fn comparison_report(title: &str, comparison: &Comparison, racket: Option<&R
         .finish()
 }
 
+/// The last version, where it has more to fit than the first: an effect was added.
+fn extended(versions: &[Comparison]) -> Option<&Comparison> {
+    let free = |c: &Comparison| c.parameters_as_stated.len();
+    versions.first().zip(versions.last()).filter(|(first, last)| free(last) > free(first)).map(|(_, last)| last)
+}
+
 /// The report of `diagnose`. `comparison`: the diagnosed model's, its free parameters at their best; `versions`: those of all
 /// versions of a walk, from the first to the last (may be empty).
 pub fn diagnosis_report(
@@ -49,7 +55,7 @@ pub fn diagnosis_report(
     let methods: Vec<&str> = DIAGNOSE_METHODS.iter().chain(&COMPARE_METHODS).copied().collect();
     let mut report = Report::new(title)
         .subtitle(&format!("What the model is missing: {}", diagnosis.model))
-        .section(sections::diagnosis_verdict(diagnosis, versions.last().filter(|_| ledger.iter().any(|e| e.step.starts_with("added")))))
+        .section(sections::diagnosis_verdict(diagnosis, extended(versions)))
         .section(sections::ledger(ledger, &versions.iter().collect::<Vec<_>>()))
         .section(sections::places(diagnosis, comparison))
         .section(sections::candidates(diagnosis))

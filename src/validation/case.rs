@@ -79,7 +79,7 @@ impl<'a> Case<'a> {
     /// Whether a model that no test faults fails all the same: by residuals too large for noise, by outliers that lie on one side, or on
     /// groups held out (of the latter two a note is made).
     pub fn fails_without_structure(&self, notes: &mut Vec<String>) -> bool {
-        let missed = missed_groups(self.observations, &self.held, &self.held_out, &self.base.impacts);
+        let missed = missed_groups(self.observations, &self.held, &self.held_out, &self.base.impacts, self.structure.noise_scale.sqrt());
         let one_sided = one_sided(&outliers(&self.seen, &self.base.impacts, &self.held, &self.held_out), self.observations);
         let fails = missed.is_some() || one_sided.is_some() || is_more_than_noise(self.observations, &self.structure);
         notes.extend(missed.into_iter().chain(one_sided));

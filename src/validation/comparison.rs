@@ -225,7 +225,7 @@ pub fn compare(forward: &dyn Forward, observations: &Observations, model: &str, 
         .or_else(|| taken_for_shared(observations, &structure, &refitted, &held_refitted))
         .filter(|_| structured);
     let too_noisy = is_more_than_noise(observations, &structure);
-    let group = missed_groups(observations, &held, &held_refitted, &refitted.impacts);
+    let group = missed_groups(observations, &held, &held_refitted, &refitted.impacts, floor);
     let outliers = outliers(&seen, &refitted.impacts, &held, &held_refitted);
     let one_sided = one_sided(&outliers, observations);
     let fails = structured && disbelieved.is_none() || too_noisy || group.is_some() || one_sided.is_some() || error_of(&held_refitted) > CLEARLY * floor;
@@ -287,12 +287,12 @@ pub fn is_more_than_noise(observations: &Observations, structure: &StructureTest
     observations.states_noise() && structure.noise_scale > LARGEST_NOISE_SCALE
 }
 
-/// Says that the model does not carry over to the groups held out: their error is far above that of the impacts it was fitted to, beyond
-/// what offsets of their own (half a deviation of every input) and chance can do.
-pub fn missed_groups(observations: &Observations, held: &[&Observation], linearised: &[Linearised], fitted: &[Linearised]) -> Option<String> {
+/// Says that the model does not carry over to the groups held out: their error is far above that of the impacts it was fitted to (and above
+/// the noise `floor`: of a table without noise both errors are rounding), beyond what offsets of their own (half a deviation of every input) and chance can do.
+pub fn missed_groups(observations: &Observations, held: &[&Observation], linearised: &[Linearised], fitted: &[Linearised], floor: f64) -> Option<String> {
     let column = observations.group.as_ref()?;
     let numbers: usize = linearised.iter().map(|l| l.z.len()).sum();
-    let (error, others) = (error_of(linearised), error_of(fitted));
+    let (error, others) = (error_of(linearised), error_of(fitted).max(floor));
     let chance = 1.0 + HELD_DEVIATIONS * (2.0 / numbers.max(1) as f64).sqrt();
     if error < HELD_CLEARLY * others || (error / others).powi(2) < chance {
         return None;

@@ -356,13 +356,14 @@ fn whiten(point: &Point, setting: &Setting) -> Option<Linearised> {
     // The worst cell first: its neighbours often look odd only because of it. Of gross errors the worst is the one that alone explains most
     // of the residuals, the largest in deviations (for one wrong cell by Cauchy and Schwarz its own).
     for _ in 0..MOST_CELLS {
-        // What an input alone moves may be the output's error as well (a spin about the normal): of two that do as well it is the output.
-        let of_output = (0..k).map(|i| (AS_WELL * now_out[i].abs(), setting.spread.outputs[o.measured[i]], true, i));
+        let of_output = (0..k).map(|i| (now_out[i].abs(), setting.spread.outputs[o.measured[i]], true, i));
         let of_input = (0..INPUTS.len()).map(|j| (now_in[j].abs(), setting.spread.inputs[j], false, j));
         let odd: Vec<(f64, f64, bool, usize)> = of_output.chain(of_input).filter(|(t, spread, ..)| t / spread > OUTLIER_START).collect();
-        let gross = odd.iter().filter(|(t, spread, ..)| t / spread > GROSS).max_by(|a, b| a.0.total_cmp(&b.0));
-        let Some(&(size, spread, output, index)) = gross.or(odd.iter().max_by(|a, b| (a.0 / a.1).total_cmp(&(b.0 / b.1)))) else { break };
-        let t = if output { size / AS_WELL } else { size } / spread;
+        // What an input alone moves may be the output's error as well (a spin about the normal): of two that do as well it is the output.
+        let as_well = |c: &(f64, f64, bool, usize)| if c.2 { AS_WELL * c.0 } else { c.0 };
+        let gross = odd.iter().filter(|(t, spread, ..)| t / spread > GROSS).max_by(|a, b| as_well(a).total_cmp(&as_well(b)));
+        let Some(&(size, spread, output, index)) = gross.or(odd.iter().max_by(|a, b| (as_well(a) / a.1).total_cmp(&(as_well(b) / b.1)))) else { break };
+        let t = size / spread;
         if outliers.iter().any(|c| c.output == output && c.column == if output { o.measured[index] } else { index }) {
             break;
         }

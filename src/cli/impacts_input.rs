@@ -171,7 +171,7 @@ pub fn record(ledger: &mut Ledger, version: Version, comparison: &Comparison) ->
         n_held_out: comparison.n_held_out,
         data_hash: version.data_hash.to_owned(),
         date: today(),
-        verdict: comparison.verdict.clone(),
+        verdict: comparison.verdict,
         refused: version.refused,
         program_version: VERSION.to_owned(),
     });

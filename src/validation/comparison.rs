@@ -140,12 +140,29 @@ pub struct SessionOffset {
     pub unit: String,
 }
 
+/// What `compare` says of a model.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Adequacy {
+    Adequate,
+    Inadequate,
+}
+
+impl std::fmt::Display for Adequacy {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Adequacy::Adequate => "adequate",
+            Adequacy::Inadequate => "inadequate",
+        })
+    }
+}
+
 /// Model against measurement (compare.json).
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Comparison {
-    /// "adequate" or "inadequate", by the structure test with the free parameters at their best, or because the error on
-    /// held-out impacts lies far above the noise.
-    pub verdict: String,
+    /// By the structure test with the free parameters at their best, or because the error on held-out impacts lies far above
+    /// the noise.
+    pub verdict: Adequacy,
     /// How often a sound model is called inadequate.
     pub false_alarm_rate: f64,
     pub structure: StructureTest,
@@ -203,7 +220,7 @@ impl Comparison {
     /// Whether the model is called adequate although the structure test rejects it, because what it finds is no more than the shots
     /// of a calibration share.
     pub fn keeps_structure(&self) -> bool {
-        self.verdict == "adequate" && self.shows_structure()
+        self.verdict == Adequacy::Adequate && self.shows_structure()
     }
 }
 
@@ -238,7 +255,7 @@ pub fn compare(forward: &dyn Forward, observations: &Observations, model: &str, 
     notes.extend(one_sided);
     notes.extend(disbelieved.filter(|_| !fails));
     Ok(Comparison {
-        verdict: if fails { "inadequate" } else { "adequate" }.to_owned(),
+        verdict: if fails { Adequacy::Inadequate } else { Adequacy::Adequate },
         false_alarm_rate: COMPARE_LEVEL + if structure.columns_of_groups > 0 { GROUP_LEVEL } else { 0.0 },
         model: model.to_owned(),
         n_impacts: observations.impacts.len(),

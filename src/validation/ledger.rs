@@ -4,7 +4,7 @@
 //! effect to an earlier version). The error of every version is measured on the same held-out impacts of the same table;
 //! a version measured on other data is kept and told apart by its data hash.
 
-use super::comparison::ParameterValue;
+use super::comparison::{Adequacy, ParameterValue};
 use serde::{Deserialize, Serialize};
 
 /// One version of the model.
@@ -29,7 +29,7 @@ pub struct LedgerEntry {
     pub data_hash: String,
     /// Day the version was measured (UTC, YYYY-MM-DD); given by the caller, so that results repeat.
     pub date: String,
-    pub verdict: String,
+    pub verdict: Adequacy,
     /// Effects that were tried from here and did not earn their place.
     #[serde(default)]
     pub refused: Vec<Refusal>,
@@ -114,7 +114,7 @@ mod tests {
             n_held_out: 30,
             data_hash: "d".into(),
             date: "2026-11-21".into(),
-            verdict: "adequate".into(),
+            verdict: Adequacy::Adequate,
             refused: vec![],
             program_version: "0".into(),
         }

@@ -44,7 +44,7 @@ pub mod terminal;
 pub mod unseen_spin;
 pub mod verdict_words;
 
-pub use comparison::{Comparison, compare};
+pub use comparison::{Adequacy, Comparison, compare};
 pub use diagnosis::{Diagnosis, Verdict};
 pub use error::ValidationError;
 pub use fit::{Fit, FitOptions};

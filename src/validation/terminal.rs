@@ -1,6 +1,6 @@
 //! What a person reads in the terminal after `compare` and `diagnose`.
 
-use super::comparison::Comparison;
+use super::comparison::{Adequacy, Comparison};
 use super::diagnosis::{Diagnosis, Verdict};
 use super::ledger::LedgerEntry;
 use super::place::output_words;
@@ -55,7 +55,7 @@ pub fn comparison_text(c: &Comparison) -> String {
         let _ = writeln!(t, "note: {note}");
     }
     let structure = format!("structure test p = {}; a sound model fails it in {:.1} % of tables", p_text(c.structure.p_value), 100.0 * c.false_alarm_rate);
-    if c.verdict == "adequate" {
+    if c.verdict == Adequacy::Adequate {
         let left = if c.keeps_structure() {
             "What structure is left does not show in the error of held-out impacts"
         } else {

@@ -6,7 +6,7 @@ use rand_distr::StandardNormal;
 use std::collections::BTreeMap;
 use sweetspot::impact_table::{INPUTS, OUTPUTS, unit};
 use sweetspot::provenance::Provenance;
-use sweetspot::validation::comparison::{FaceMap, ImpactPoint, LeftOut, Outlier, OutputPoint, OutputSummary, ParameterValue, ResidualCurve, SessionOffset};
+use sweetspot::validation::comparison::{Adequacy, FaceMap, ImpactPoint, LeftOut, Outlier, OutputPoint, OutputSummary, ParameterValue, ResidualCurve, SessionOffset};
 use sweetspot::validation::diagnosis::{CandidateReport, Estimate, NextExperiment, NotVisible, Place, SuggestedExpression, Together};
 use sweetspot::validation::polynomial::{HeldEffect, PolynomialFit};
 use sweetspot::validation::smooth::{face_map, smooth};
@@ -70,7 +70,7 @@ pub fn comparison(n: usize, miss: f64, name: &str) -> Comparison {
     let held = HeldEffect { input: "impact_x".into(), low: mean.iter().map(|m| m - 0.3).collect(), high: mean.iter().map(|m| m + 0.3).collect(), x, mean };
     let parameter = |value, sd| ParameterValue { name: name.to_owned(), value, sd, at_limit: true, undetermined: false };
     Comparison {
-        verdict: if miss > 0.0 { "inadequate" } else { "adequate" }.to_owned(),
+        verdict: if miss > 0.0 { Adequacy::Inadequate } else { Adequacy::Adequate },
         false_alarm_rate: 0.01,
         structure: structure(if miss > 0.0 { 1e-6 } else { 0.4 }),
         model: name.to_owned(),
@@ -232,7 +232,7 @@ pub fn ledger_entry(step: &str, error: f64, name: &str) -> LedgerEntry {
         n_held_out: 20,
         data_hash: "d".into(),
         date: "2026-11-21".into(),
-        verdict: name.to_owned(),
+        verdict: Adequacy::Inadequate,
         refused: vec![sweetspot::validation::ledger::Refusal {
             effect: name.to_owned(),
             reason: name.to_owned(),

@@ -12,7 +12,7 @@ use sweetspot::validation::diagnose::{DiagnoseOptions, diagnose};
 use sweetspot::validation::forward::Library;
 use sweetspot::validation::model_library::ModelLibrary;
 use sweetspot::validation::observation::TableOptions;
-use sweetspot::validation::{Comparison, Diagnosis, Observations, Verdict};
+use sweetspot::validation::{Adequacy, Comparison, Diagnosis, Observations, Verdict};
 
 const SEED: u64 = 20_080_101;
 
@@ -65,7 +65,7 @@ fn truth_a_racket_that_rebounds_otherwise_is_named_and_equal_ones_are_not() {
         let (compared, d) = judged(&lively, &TableOptions::default());
         let misfit = d.structure.by_group.first().unwrap();
         assert_eq!((misfit.column.as_str(), misfit.what.as_str()), ("racket", "the impulse along the normal"), "table {seed}: {misfit:?}");
-        assert_eq!((compared.verdict.as_str(), d.verdict), ("inadequate", Verdict::Unexplained), "table {seed}: {:?}", d.words);
+        assert_eq!((compared.verdict, d.verdict), (Adequacy::Inadequate, Verdict::Unexplained), "table {seed}: {:?}", d.words);
         assert!((d.noise_floor - 1.0).abs() < 0.1, "table {seed}: what the rackets differ by is no noise ({})", d.noise_floor);
         let (compared, d) = judged(&changed(200, seed, by_turns), &TableOptions::default());
         assert!(d.structure.columns_of_groups == 2 && d.structure.by_group.is_empty(), "table {seed}: {:?}", d.structure.by_group);
@@ -88,7 +88,7 @@ fn truth_a_group_held_out_that_the_model_misses_is_named() {
         }
     });
     let (compared, d) = judged(&made, &options);
-    assert_eq!((compared.verdict.as_str(), d.verdict), ("inadequate", Verdict::Unexplained), "{:?}", d.words);
+    assert_eq!((compared.verdict, d.verdict), (Adequacy::Inadequate, Verdict::Unexplained), "{:?}", d.words);
     assert!(d.notes.iter().any(|n| n.contains("does not carry over") && n.contains(&held)), "{:?}", d.notes);
 }
 
@@ -131,7 +131,7 @@ fn truth_friction_is_found_wherever_it_starts() {
 fn truth_a_rebound_that_wanders_is_told_by_the_order_of_the_impacts() {
     let made = changed(300, 6, |i, row| scaled(row, "ball_out_vz", 1.0 + 0.04 * (i as f64 * std::f64::consts::TAU / 120.0).sin()));
     let (compared, d) = judged(&made, &TableOptions::default());
-    assert_eq!((compared.verdict.as_str(), d.verdict), ("inadequate", Verdict::Unexplained), "{:?}", d.words);
+    assert_eq!((compared.verdict, d.verdict), (Adequacy::Inadequate, Verdict::Unexplained), "{:?}", d.words);
     assert!(d.places.iter().any(|p| p.input == "order" && p.output == "ball_out_vz"), "{:?}", d.places);
     let formula = d.suggested_expression.unwrap();
     assert!(formula.expression.contains("order") && formula.heldout_error_after < d.heldout_error, "{}", formula.expression);
@@ -151,7 +151,7 @@ fn truth_a_group_that_differs_with_the_place_of_impact_is_named() {
     let (compared, d) = judged(&made, &TableOptions::default());
     let misfit = d.structure.by_group.first().unwrap();
     assert!(misfit.column == "player" && misfit.what.contains("towards the handle"), "{misfit:?}");
-    assert_eq!((compared.verdict.as_str(), d.verdict), ("inadequate", Verdict::Unexplained), "{:?}", d.words);
+    assert_eq!((compared.verdict, d.verdict), (Adequacy::Inadequate, Verdict::Unexplained), "{:?}", d.words);
 }
 
 /// Dead balls are outliers that all lie on one side; wrong numbers lie on either.
@@ -167,7 +167,7 @@ fn truth_outliers_of_one_side_are_no_wrong_numbers() {
         })
     };
     let (compared, d) = judged(&off(true), &TableOptions::default());
-    assert_eq!((compared.verdict.as_str(), d.verdict), ("inadequate", Verdict::Unexplained), "{:?}", d.words);
+    assert_eq!((compared.verdict, d.verdict), (Adequacy::Inadequate, Verdict::Unexplained), "{:?}", d.words);
     for notes in [&compared.notes, &d.notes] {
         assert!(notes.iter().any(|n| n.contains("`ball_out_vz`") && n.contains("too small")), "{notes:?}");
     }

@@ -4,11 +4,11 @@ use crate::report::column::column_words;
 use crate::report::markup::{fixed, percent, significant};
 use crate::report::page::{Section, Tone};
 use crate::validation::Comparison;
-use crate::validation::comparison::OutputSummary;
+use crate::validation::comparison::{Adequacy, OutputSummary};
 
 /// Verdict, cards and notes of a comparison.
 pub fn comparison_verdict(c: &Comparison) -> Section {
-    let adequate = c.verdict == "adequate";
+    let adequate = c.verdict == Adequacy::Adequate;
     let mut lines = vec![if c.keeps_structure() {
         format!(
             "The model “{}” is adequate for these {} impacts, but the structure test finds something in them: too little to show in the error of those held out.",

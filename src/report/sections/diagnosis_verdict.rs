@@ -2,7 +2,7 @@
 
 use crate::report::markup::{fixed, percent};
 use crate::report::page::{Section, Tone};
-use crate::validation::Comparison;
+use crate::validation::{Adequacy, Comparison};
 use crate::validation::diagnosis::{Diagnosis, Verdict};
 
 /// How the terminal text begins; the heading says it already.
@@ -26,7 +26,7 @@ pub fn diagnosis_verdict(d: &Diagnosis, after: Option<&Comparison>) -> Section {
         lines.push(format!("The better form stands below, ready for the model file ({name}, otherwise than in the catalogue)."));
     }
     if let Some(a) = after {
-        let state = if a.verdict == "adequate" { "adequate" } else { "still not adequate" };
+        let state = if a.verdict == Adequacy::Adequate { "adequate" } else { "still not adequate" };
         lines.push(format!("Added and fitted, the model is {state}: held-out error {}, noise floor {}.", fixed(a.heldout_error, 2), fixed(a.noise_floor, 2)));
     }
     let best = d.candidates.first().filter(|_| d.verdict != Verdict::Adequate);

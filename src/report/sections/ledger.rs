@@ -93,7 +93,7 @@ fn table(path: &[&LedgerEntry]) -> Table {
             step_name(e),
             fixed(e.heldout_error, 3),
             fixed(e.fit_error, 3),
-            e.verdict.clone(),
+            e.verdict.to_string(),
             parameters.join(", "),
             e.model_file.clone(),
             e.date.clone(),

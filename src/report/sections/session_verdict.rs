@@ -4,7 +4,7 @@ use super::diagnosis_verdict::VERDICT_WORDS;
 use crate::report::markup::{fixed, percent, with_sd};
 use crate::report::page::{Section, Tone};
 use crate::report::session_results::SessionResults;
-use crate::validation::Verdict;
+use crate::validation::{Adequacy, Verdict};
 use std::collections::BTreeSet;
 
 pub fn session_verdict(r: &SessionResults) -> Section {
@@ -64,7 +64,7 @@ pub fn session_verdict(r: &SessionResults) -> Section {
             cards.push((fixed(c.heldout_error_after, 2), format!("held-out error with {} (probability {})", c.effect, percent(c.probability))));
         }
     } else if let Some(c) = &r.comparison {
-        let adequate = c.verdict == "adequate";
+        let adequate = c.verdict == Adequacy::Adequate;
         tone = if adequate { tone } else { Tone::Bad };
         lines.insert(0, format!("The model “{}” is {} for these shots.", c.model, if adequate { "adequate" } else { "not adequate" }));
         cards.push((fixed(c.heldout_error_refitted, 2), format!("held-out error of the model, noise floor {}", fixed(c.noise_floor, 2))));

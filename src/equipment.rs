@@ -11,6 +11,9 @@ use std::path::{Path, PathBuf};
 
 /// Distance from the butt of the axis about which a swingweight is quoted (RDC convention), m.
 pub const SWINGWEIGHT_AXIS_FROM_BUTT_M: f64 = 0.10;
+/// From the strings' far end to the tip, m: the frame and its guard are 0.02; a wider range, for a file may say the length of the strings
+/// or of the hoop.
+const BEYOND_STRINGS_M: (f64, f64) = (-0.05, 0.12);
 /// Two markers nearer than this are one.
 const LEAST_APART_M: f64 = 0.01;
 
@@ -110,6 +113,18 @@ impl Racket {
         need("head.inner_width_m", self.head.inner_width_m, 0.05, self.length_m)?;
         need("head.tube_radius_m", self.head.tube_radius_m, 0.0, 0.05)?;
         need("strings.tension_lb", self.strings.tension_lb, 1.0, 120.0)?;
+        let beyond = self.length_m - self.stringbed_centre_m - 0.5 * self.head.inner_length_m;
+        if !(BEYOND_STRINGS_M.0..=BEYOND_STRINGS_M.1).contains(&beyond) {
+            return Err(EquipmentError::Value {
+                path: path.into(),
+                key: "stringbed_centre_m".into(),
+                seen: self.stringbed_centre_m,
+                allowed: format!(
+                    "such that half the head's inner length beyond it ends {} to {} m before the tip (it is measured from the butt; length_m {}, head.inner_length_m {})",
+                    BEYOND_STRINGS_M.0, BEYOND_STRINGS_M.1, self.length_m, self.head.inner_length_m
+                ),
+            });
+        }
         let principal = self.inertia_kg_m2();
         let offset = self.mass_kg * (self.balance_m - SWINGWEIGHT_AXIS_FROM_BUTT_M).powi(2);
         if principal.y <= 0.0 || principal.z <= 0.0 {
@@ -173,6 +188,14 @@ impl Racket {
                         allowed: format!("at least {LEAST_APART_M} m apart, or they cannot be told from each other"),
                     });
                 }
+            }
+            if let Some(k) = (1..p.len()).find(|&k| p[k].x <= p[0].x) {
+                return Err(EquipmentError::Value {
+                    path: path.into(),
+                    key: "markers.m1[0]".into(),
+                    seen: p[0].x,
+                    allowed: format!("below m{}'s x = {} (m1 is at the tip, and x runs toward the handle)", k + 1, p[k].x),
+                });
             }
             if p[2].y <= p[1].y {
                 return Err(EquipmentError::Value {

@@ -46,10 +46,17 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let text = with_values(&loaded.model_text, &values, &input.files.model)?;
     shell.write(&arguments.output, text.as_bytes())?;
     for (p, old) in parameters.iter().zip(current.parameters()) {
+        if p.undetermined {
+            shell.say(format_args!("  {:<40} {:>10} -> {}, not determined: these impacts do not bound it within its range", p.name, short(old.value), short(p.value)));
+            continue;
+        }
         let limit = if p.at_limit { format!("  {}", p.limit_words()) } else { String::new() };
         shell.say(format_args!("  {:<40} {:>10} -> {} ± {}{limit}", p.name, short(old.value), short(p.value), short(p.sd)));
     }
-    let covariance = fitted.parameter_covariance(structure.noise_scale);
+    let mut covariance = fitted.parameter_covariance(structure.noise_scale);
+    for (k, p) in parameters.iter().enumerate().filter(|(_, p)| p.undetermined) {
+        covariance[k][k] = p.sd * p.sd;
+    }
     for (a, row) in covariance.iter().enumerate() {
         for b in 0..a {
             let correlation = row[b] / (row[a] * covariance[b][b]).sqrt();

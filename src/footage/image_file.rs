@@ -38,7 +38,7 @@ pub enum FootageError {
     NumberTooLarge { path: PathBuf },
     #[error("{path}: {number} is no frame number; allowed: up to {LARGEST_FRAME_NUMBER}; number frames from 0 or 1", path = .path.display())]
     NoFrameNumber { path: PathBuf, number: u64 },
-    #[error("{first} and {second} both have the number {number}; keep one of them in this folder", first = .first.display(), second = .second.display())]
+    #[error("{first} and {second} both have the number {number} (the last digits of a name are the frame's number); keep one of them in this folder, or rename the pictures so that their names end with it", first = .first.display(), second = .second.display())]
     DuplicateNumber { number: u64, first: PathBuf, second: PathBuf },
     #[error("{path}: no pictures in this folder; allowed: BMP, PNG, TIFF, JPEG, their frame numbers in their names", path = .path.display())]
     NoPictures { path: PathBuf },

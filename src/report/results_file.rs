@@ -30,8 +30,10 @@ pub fn read_session_results(session: &Session, results: &Path) -> SessionResults
             let why = if tracks.is_some() { "tracked, but not measured (see `sweetspot shots`)" } else { "not tracked (see `sweetspot track`)" };
             failed.push((folder.id.clone(), why.to_owned()));
         }
-        let pictures = tracks.as_ref().map_or_else(Vec::new, |t| pictures(folder, right_shift(&place), t, &points));
-        shots.push(ShotResults { id: folder.id.clone(), racket: folder.racket.clone(), record, tracks, points, pictures });
+        let tracked = tracked(&place);
+        let pictures = tracks.as_ref().map_or_else(Vec::new, |t| pictures(folder, tracked.right_shift, t, &points));
+        let recording = if tracks.is_some() { [tracked.notes, tracked.unreadable].concat() } else { Vec::new() };
+        shots.push(ShotResults { id: folder.id.clone(), racket: folder.racket.clone(), record, tracks, points, pictures, recording });
     }
     let table = |name: &str, failed: &mut _| read(&results.join(name), name, failed, |p| ImpactTable::read(p).map_err(|e| e.to_string())).unwrap_or_default();
     let (measured, predictions) = (table("impacts.csv", &mut steps_failed), table("predictions.csv", &mut steps_failed));
@@ -74,10 +76,25 @@ fn json<T: DeserializeOwned>(path: &Path, what: &str, failed: &mut Vec<(String, 
 const MARGIN_PX: f64 = 22.0;
 const LEAST_PX: f64 = 110.0;
 
-/// By how many frames tracking moved the right pictures to pair them anew (`track --sync auto`).
-fn right_shift(place: &Path) -> i64 {
-    let record: Option<serde_json::Value> = read_text(&place.join("track.json"), LARGEST_TABLE).ok().and_then(|text| serde_json::from_str(&text).ok());
-    record.and_then(|r| r["summary"]["right_shift"].as_i64()).unwrap_or(0)
+/// What the report takes from `track.json`.
+#[derive(Default, serde::Deserialize)]
+struct Tracked {
+    /// By how many frames the right pictures were moved to pair them anew (`track --sync auto`).
+    #[serde(default)]
+    right_shift: i64,
+    #[serde(default)]
+    notes: Vec<String>,
+    #[serde(default)]
+    unreadable: Vec<String>,
+}
+
+fn tracked(place: &Path) -> Tracked {
+    #[derive(serde::Deserialize)]
+    struct Record {
+        summary: Tracked,
+    }
+    let record = read_text(&place.join("track.json"), LARGEST_TABLE).ok().and_then(|text| serde_json::from_str::<Record>(&text).ok());
+    record.map(|r| r.summary).unwrap_or_default()
 }
 
 /// Pieces of the frames of doubt. A frame that cannot be read (any more) is left out: the tracks are there all the same.

@@ -31,6 +31,8 @@ pub struct ShotResults {
     pub tracks: Option<Tracks>,
     pub points: Vec<SpacePoint>,
     pub pictures: Vec<FramePicture>,
+    /// Faults of the recording and what else tracking said of the shot.
+    pub recording: Vec<String>,
 }
 
 /// A measured shot and what the model says of it (row of `predictions.csv`).

@@ -5,6 +5,7 @@
 //! that stays: a straight-line fit of the miss against the motion tells both apart and gives the offset in frames.
 
 use super::agreement::Agreement;
+use super::lost_picture::{lost_pictures, lost_words};
 use super::racket_pose::View;
 use super::shot_tracker::track_shot;
 use super::shot_tracks::{ShotSetup, ShotTracks, TrackingError};
@@ -111,7 +112,7 @@ pub fn track_in_step(clip: &Clip, setup: &ShotSetup, mode: SyncMode, cancel: &At
         match (mode, first) {
             (SyncMode::Auto, _) => {
                 again.notes.insert(0, format!("{found}; corrected: frame n pairs the left picture n with the right picture n {shift:+}"));
-                return Ok(InStep { tracked: again, clip: shifted, right_shift: shift, out_of_step: false, doubt: None });
+                return Ok(InStep { right_shift: shift, ..InStep::as_recorded(&shifted, again, false, None) });
             }
             (SyncMode::Report, Ok(Paired { tracked, .. })) => {
                 return Ok(InStep::as_recorded(clip, tracked, true, Some(format!("{found}; `--sync auto` corrects it"))));
@@ -128,8 +129,10 @@ pub fn track_in_step(clip: &Clip, setup: &ShotSetup, mode: SyncMode, cancel: &At
 }
 
 impl InStep {
-    /// Pictures stay paired by their numbers.
+    /// Pictures paired by their numbers as the clip has them.
     fn as_recorded(clip: &Clip, mut tracked: ShotTracks, out_of_step: bool, doubt: Option<String>) -> Self {
+        let lost = lost_words(&lost_pictures(&tracked.tracks));
+        let doubt = doubt.into_iter().chain(lost).reduce(|a, b| format!("{a}; {b}"));
         tracked.notes.splice(0..0, doubt.clone());
         InStep { tracked, clip: clip.clone(), right_shift: 0, out_of_step, doubt }
     }
@@ -161,7 +164,7 @@ impl Paired {
         let why = if self.agreement.tape_alone() {
             "does racket.toml say where the markers are? Or was a camera moved since calibration?"
         } else {
-            "was a camera moved since calibration, or a picture lost in one of them?"
+            "was a camera moved since calibration, or a picture lost in one of them? Is diameter_m of ball.toml right?"
         };
         self.agreement.doubtful().then(|| format!("the two cameras do not agree ({found}): {why}"))
     }

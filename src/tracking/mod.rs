@@ -42,6 +42,7 @@ mod foretold_pose;
 mod free_flight;
 mod in_step;
 mod lanes;
+mod lost_picture;
 mod lost_racket;
 mod other_thing;
 mod overlay;

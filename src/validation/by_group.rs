@@ -10,8 +10,10 @@ use super::linearise::Linearised;
 use super::observation::{Observation, Observations};
 use super::project::{Nuisance, project_out};
 use super::structure::{ContactInputs, channels, independent_directions, wild_p_value};
+use crate::impact_table::INPUTS;
 use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Level of the test, corrected for the number of columns. At 0.002 five of 300 sound tables with three such columns each failed: far in its
@@ -20,6 +22,9 @@ pub const GROUP_LEVEL: f64 = 0.0003;
 /// Groups smaller than this are not looked at, nor columns with more than so many.
 const FEWEST_IN_GROUP: usize = 8;
 const MOST_GROUPS: usize = 40;
+/// A column of more different numbers is cut into so many ranges, unless it goes with an input or the order (correlation above the second).
+const RANGES: usize = 4;
+const OWN: f64 = 0.4;
 /// What a group may have of its own: a channel (column of [`channels`]) times a factor, in words.
 const CHANNELS: [(usize, Factor, &str); 7] = [
     (0, Factor::One, "the impulse along the normal"),
@@ -114,28 +119,74 @@ pub struct GroupTest {
 }
 
 /// A column, and of each impact its group there.
-type Labels<'a> = (String, Vec<Option<&'a str>>);
+type Labels<'a> = (String, Vec<Option<Cow<'a, str>>>);
 
 fn columns<'a>(observations: &'a Observations, impacts: &[&'a Observation]) -> Vec<Labels<'a>> {
-    let named = |of: &dyn Fn(&Observation) -> &'a str| impacts.iter().map(|o| Some(of(o))).collect::<Vec<_>>();
+    let named = |of: &dyn Fn(&Observation) -> &'a str| impacts.iter().map(|o| Some(Cow::Borrowed(of(o)))).collect::<Vec<_>>();
     let gear = &observations.gear;
     let mut all: Vec<Labels> =
         vec![("racket".to_owned(), named(&|o| gear[o.gear].racket.name.as_str())), ("ball".to_owned(), named(&|o| gear[o.gear].ball.name.as_str()))];
     let keys: BTreeSet<&String> = impacts.iter().flat_map(|o| o.groups.keys()).collect();
-    all.extend(keys.into_iter().map(|key| (key.clone(), impacts.iter().map(|o| o.groups.get(key).map(String::as_str)).collect())));
+    all.extend(keys.into_iter().filter_map(|key| {
+        let texts: Vec<Option<&str>> = impacts.iter().map(|o| o.groups.get(key).map(String::as_str)).collect();
+        let distinct: BTreeSet<&str> = texts.iter().flatten().copied().collect();
+        let labels = if distinct.len() > MOST_GROUPS { ranges(&texts, impacts)? } else { texts.iter().map(|t| t.map(Cow::Borrowed)).collect() };
+        Some((key.clone(), labels))
+    }));
     all
 }
 
+/// A column of numbers (a temperature) in [`RANGES`] groups of neighbours of about equal size. `None` where it holds something else, or goes with
+/// an input or with the order: what depends on these is not the column's.
+fn ranges<'a>(texts: &[Option<&str>], impacts: &[&Observation]) -> Option<Vec<Option<Cow<'a, str>>>> {
+    let mut numbers: Vec<(usize, f64)> = Vec::new();
+    for (i, text) in texts.iter().enumerate() {
+        if let Some(text) = text.filter(|t| !t.trim().is_empty()) {
+            numbers.push((i, text.trim().parse::<f64>().ok().filter(|v| v.is_finite())?));
+        }
+    }
+    let goes_with = |of: &dyn Fn(&Observation) -> f64| {
+        let pairs: Vec<(f64, f64)> = numbers.iter().map(|(i, v)| (*v, of(impacts[*i]))).collect();
+        correlation(&pairs).abs() > OWN
+    };
+    if (0..INPUTS.len()).any(|j| goes_with(&|o| o.inputs[j]) || goes_with(&|o| o.inputs[j].abs())) || goes_with(&|o| o.order) {
+        return None;
+    }
+    numbers.sort_by(|a, b| a.1.total_cmp(&b.1));
+    let mut labels: Vec<Option<Cow<str>>> = vec![None; texts.len()];
+    for k in 0..RANGES {
+        let part = &numbers[k * numbers.len() / RANGES..(k + 1) * numbers.len() / RANGES];
+        let (Some(first), Some(last)) = (part.first(), part.last()) else { continue };
+        for (i, _) in part {
+            labels[*i] = Some(Cow::Owned(format!("{} to {}", first.1, last.1)));
+        }
+    }
+    Some(labels)
+}
+
+fn correlation(pairs: &[(f64, f64)]) -> f64 {
+    let n = pairs.len().max(1) as f64;
+    let (mean_a, mean_b) = (pairs.iter().map(|p| p.0).sum::<f64>() / n, pairs.iter().map(|p| p.1).sum::<f64>() / n);
+    let (mut aa, mut bb, mut ab) = (0.0, 0.0, 0.0);
+    for (a, b) in pairs {
+        aa += (a - mean_a).powi(2);
+        bb += (b - mean_b).powi(2);
+        ab += (a - mean_a) * (b - mean_b);
+    }
+    if aa > 0.0 && bb > 0.0 { ab / (aa * bb).sqrt() } else { 0.0 }
+}
+
 /// The columns that part the impacts, each with its groups that are large enough.
-fn parted<'a>(observations: &'a Observations, impacts: &[&'a Observation]) -> Vec<(Labels<'a>, Vec<&'a str>)> {
-    let mut parted: Vec<(Labels, Vec<&str>)> = Vec::new();
+fn parted<'a>(observations: &'a Observations, impacts: &[&'a Observation]) -> Vec<(Labels<'a>, Vec<String>)> {
+    let mut parted: Vec<(Labels, Vec<String>)> = Vec::new();
     for labels in columns(observations, impacts) {
         let mut count: BTreeMap<&str, usize> = BTreeMap::new();
         labels.1.iter().flatten().for_each(|l| *count.entry(l).or_default() += 1);
-        let groups: Vec<&str> = count.iter().filter(|(_, n)| **n >= FEWEST_IN_GROUP).map(|(l, _)| *l).collect();
+        let groups: Vec<String> = count.iter().filter(|(_, n)| **n >= FEWEST_IN_GROUP).map(|(l, _)| (*l).to_owned()).collect();
         // Two columns that part the impacts alike are one (a player and his racket).
         let again = parted.iter().any(|((_, earlier), _)| same_parts(earlier, &labels.1));
-        if (2..=MOST_GROUPS).contains(&groups.len()) && count.len() <= MOST_GROUPS && !again {
+        let few = (2..=MOST_GROUPS).contains(&groups.len()) && count.len() <= MOST_GROUPS;
+        if few && !again {
             parted.push((labels, groups));
         }
     }
@@ -201,10 +252,10 @@ pub(super) fn beside(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
 }
 
 /// Whitened signatures of what each group of a column may have of its own.
-fn signatures(fit: &Fit, responses: &[DMatrix<f64>], ((_, labels), groups): &(Labels, Vec<&str>)) -> Vec<DMatrix<f64>> {
-    let block = |((l, label), response): ((&Linearised, &Option<&str>), &DMatrix<f64>)| {
+fn signatures(fit: &Fit, responses: &[DMatrix<f64>], ((_, labels), groups): &(Labels, Vec<String>)) -> Vec<DMatrix<f64>> {
+    let block = |((l, label), response): ((&Linearised, &Option<Cow<str>>), &DMatrix<f64>)| {
         let mut block = DMatrix::zeros(l.measured.len(), groups.len() * CHANNELS.len());
-        if let Some(g) = groups.iter().position(|g| Some(*g) == *label) {
+        if let Some(g) = groups.iter().position(|g| Some(g.as_str()) == label.as_deref()) {
             for (row, &output) in l.measured.iter().enumerate() {
                 block.view_mut((row, g * CHANNELS.len()), (1, CHANNELS.len())).copy_from(&response.row(output));
             }
@@ -219,7 +270,7 @@ fn one_column(
     fit: &Fit,
     nuisance: &Nuisance,
     responses: &[DMatrix<f64>],
-    column: &(Labels, Vec<&str>),
+    column: &(Labels, Vec<String>),
     tested: usize,
     seed: u64,
 ) -> Option<(GroupMisfit, Vec<DMatrix<f64>>)> {
@@ -234,11 +285,11 @@ fn one_column(
     let told = |j: &usize| projected.information[(*j, *j)] > 1e-6 * projected.raw[*j];
     let z = |j: usize| projected.score[j].abs() / projected.information[(j, j)].sqrt();
     let most = (0..projected.score.len()).filter(told).max_by(|a, b| z(*a).total_cmp(&z(*b)))?;
-    let group = groups[most / CHANNELS.len()];
+    let group = &groups[most / CHANNELS.len()];
     let misfit = GroupMisfit {
         column: column.clone(),
-        group: group.to_owned(),
-        n: labels.iter().filter(|l| **l == Some(group)).count(),
+        group: group.clone(),
+        n: labels.iter().filter(|l| l.as_deref() == Some(group)).count(),
         what: CHANNELS[most % CHANNELS.len()].2.to_owned(),
         unit: if CHANNELS[most % CHANNELS.len()].0 == ANGULAR { AT_A_LEVER } else { IMPULSE }.to_owned(),
         change: projected.score[most] / projected.information[(most, most)],
@@ -248,8 +299,8 @@ fn one_column(
     Some((misfit, blocks))
 }
 
-fn same_parts(a: &[Option<&str>], b: &[Option<&str>]) -> bool {
-    let pairs: BTreeSet<(Option<&str>, Option<&str>)> = a.iter().copied().zip(b.iter().copied()).collect();
+fn same_parts(a: &[Option<Cow<str>>], b: &[Option<Cow<str>>]) -> bool {
+    let pairs: BTreeSet<(Option<&str>, Option<&str>)> = a.iter().map(Option::as_deref).zip(b.iter().map(Option::as_deref)).collect();
     let left: BTreeSet<Option<&str>> = pairs.iter().map(|p| p.0).collect();
     let right: BTreeSet<Option<&str>> = pairs.iter().map(|p| p.1).collect();
     pairs.len() == left.len() && pairs.len() == right.len()

@@ -181,6 +181,6 @@ fn place_words(x: &Inputs) -> String {
     } else {
         "at mid-length".to_owned()
     };
-    let across = if x[13].abs() > 0.015 { format!(", {:.0} mm off the axis", 1e3 * x[13].abs()) } else { String::new() };
+    let across = if x[13].abs() > 0.015 { format!(", {:.0} mm toward marker {}", 1e3 * x[13].abs(), if x[13] < 0.0 { 2 } else { 3 }) } else { String::new() };
     format!("{along}{across}, ball at {:.0} m/s:", x[0].hypot(x[1]).hypot(x[2]))
 }

@@ -90,6 +90,8 @@ pub struct Fit {
     pub rounds: usize,
     /// Parameters that hardly any impact told where the fit began.
     untold_at_start: Vec<usize>,
+    /// Parameters that hardly any impact tells, whose deviation is larger than the slope at the best says: by this factor.
+    widened: Vec<(usize, plateau::Widening)>,
 }
 
 impl Fit {
@@ -106,19 +108,33 @@ impl Fit {
 
     /// Deviation of a free parameter at noise scale `c` (variance ratio); 0 when it did not move, about its prior's where nothing informs it.
     pub fn sd(&self, parameter: usize, c: f64) -> f64 {
-        self.columns.iter().position(|col| *col == Column::Parameter(parameter)).map_or(0.0, |i| (self.covariance[(i, i)] * c).max(0.0).sqrt())
+        self.columns
+            .iter()
+            .position(|col| *col == Column::Parameter(parameter))
+            .map_or(0.0, |i| self.widening(parameter) * (self.covariance[(i, i)] * c).max(0.0).sqrt())
     }
 
-    /// Covariance of the free parameters at noise scale `c`, row by row in their order; 0 where one did not move.
+    fn widening(&self, parameter: usize) -> f64 {
+        let widening = self.widened.iter().find(|w| w.0 == parameter).map(|w| w.1);
+        if let Some(plateau::Widening::By(factor)) = widening { factor } else { 1.0 }
+    }
+
+    /// Covariance of the free parameters at noise scale `c`, row by row in their order; 0 where one did not move or is not determined.
     pub fn parameter_covariance(&self, c: f64) -> Vec<Vec<f64>> {
-        let places: Vec<Option<usize>> = (0..self.names.len()).map(|p| self.columns.iter().position(|col| *col == Column::Parameter(p))).collect();
-        let entry = |a: Option<usize>, b: Option<usize>| a.zip(b).map_or(0.0, |(a, b)| self.covariance[(a, b)] * c);
-        places.iter().map(|a| places.iter().map(|b| entry(*a, *b)).collect()).collect()
+        let place = |p: usize| self.columns.iter().position(|col| *col == Column::Parameter(p)).filter(|_| self.is_informed(p));
+        let places: Vec<Option<usize>> = (0..self.names.len()).map(place).collect();
+        let entry = |p: usize, q: usize| places[p].zip(places[q]).map_or(0.0, |(a, b)| self.widening(p) * self.widening(q) * self.covariance[(a, b)] * c);
+        (0..places.len()).map(|p| (0..places.len()).map(|q| entry(p, q)).collect()).collect()
     }
 
     /// Whether the impacts say anything about a free parameter.
     pub fn is_informed(&self, parameter: usize) -> bool {
-        self.columns.iter().position(|col| *col == Column::Parameter(parameter)).is_some_and(|i| self.information[(i, i)] > 1.01 * self.prior_precision[i])
+        !self.widened.contains(&(parameter, plateau::Widening::Unbounded))
+            && self
+                .columns
+                .iter()
+                .position(|col| *col == Column::Parameter(parameter))
+                .is_some_and(|i| self.information[(i, i)] > 1.01 * self.prior_precision[i])
     }
 
     /// P^½ (mean − value): the residuals of the prior, which act like one more measurement each.
@@ -274,6 +290,7 @@ fn fit_holding(
     let design = work.design(&state, information.as_ref())?;
     let (_, information) = work.step(&state, &design)?;
     let covariance = invert(&information)?;
+    let widened = if start.is_none() && options.move_parameters { plateau::widened(&work, &state, &covariance, &spread)? } else { Vec::new() };
     Ok(Fit {
         names: forward.parameters().iter().map(|p| p.name.clone()).collect(),
         values: state.values,
@@ -291,6 +308,7 @@ fn fit_holding(
         objective: state.objective,
         rounds,
         untold_at_start,
+        widened,
     })
 }
 

@@ -62,7 +62,7 @@ pub fn taken_for_chance(structure: &StructureTest, fit: &Fit, held_out: &[Linear
     let chance = structure.p_value > NO_CHANCE && structure.by_group.is_empty() && is_noise_alone(held_out, fit, floor, structure.residual_freedom);
     chance.then(|| {
         format!(
-            "the structure test alone rejects (p = {}), but the error on held-out impacts is that of noise ({:.3}, floor {floor:.3}): not believed",
+            "the structure test alone rejects ({}), but the error on held-out impacts is that of noise ({:.3}, floor {floor:.3}): not believed",
             p_text(structure.p_value),
             error_of(held_out)
         )
@@ -73,7 +73,7 @@ pub fn taken_for_chance(structure: &StructureTest, fit: &Fit, held_out: &[Linear
 pub fn taken_for_shared(observations: &Observations, structure: &StructureTest, fit: &Fit, held_out: &[Linearised]) -> Option<String> {
     is_shared_error(observations, structure, fit, held_out).then(|| {
         format!(
-            "some structure is left (p = {}), but it adds less than a tenth to the error of the fit and nothing to that of held-out impacts ({:.3}, floor {:.3}): not believed of shots that share a calibration",
+            "some structure is left ({}), but it adds less than a tenth to the error of the fit and nothing to that of held-out impacts ({:.3}, floor {:.3}): not believed of shots that share a calibration",
             p_text(structure.p_value),
             error_of(held_out),
             structure.noise_scale.sqrt()

@@ -12,7 +12,7 @@ use super::heldout::{error_of, is_worth, log_evidence_of, taken_for_chance, take
 use super::place::places;
 use super::rank::{Reference, Refit, added_parameters, form_overdispersion, gain_over};
 use super::refits::{FIRST_LEVEL, LARGEST_NOISE_SCALE, LOG_ODDS, Refits, SHARE, estimates, excess_at, share_removed};
-use super::structure::{STRUCTURE_LEVEL, StructureTest};
+use super::structure::{STRUCTURE_LEVEL, StructureTest, p_text};
 use super::verdict_words::verdict_words;
 
 /// Log evidence of a formula, or of an effect, that the error on held-out impacts alone does not show.
@@ -143,8 +143,8 @@ impl<'a> Judgement<'a> {
         if !case.smooth() {
             self.verdict = Verdict::Adequate;
             self.notes.push(format!(
-                "one place on the face alone stands out (p = {:.4}), but a model with it does not lower the error on held-out impacts: not believed",
-                case.spot_p_value
+                "one place on the face alone stands out ({}), but a model with it does not lower the error on held-out impacts: not believed",
+                p_text(case.spot_p_value)
             ));
         } else if let Some(why) = taken_for_chance(&case.structure, &case.base, &case.held_out, floor) {
             self.verdict = Verdict::Adequate;

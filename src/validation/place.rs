@@ -18,9 +18,10 @@ const MOST_PLACES: usize = 6;
 /// A place must be this unlikely by chance, all ranges looked at counted.
 const LEVEL: f64 = 0.01;
 
-/// The places that stand out, most significant first; one per pair of output and input. `c` is the noise scale.
+/// The places that stand out, most significant first; one per pair of output and input. `c` is the noise scale. They must stand out of
+/// the noise, and (but for the first) of the scatter that is there: `p_value` is by the larger of the two.
 pub fn places(impacts: &[&Observation], fitted: &[Linearised], varied: &[usize], c: f64) -> Vec<Place> {
-    let mut found: Vec<Place> = Vec::new();
+    let mut found: Vec<(f64, Place)> = Vec::new();
     let signs = NormalSigns::of(impacts.iter().map(|o| o.inputs.as_slice()));
     let ranges = GROUPS * (GROUPS + 1) / 2;
     for k in 0..OUTPUTS.len() {
@@ -40,10 +41,14 @@ pub fn places(impacts: &[&Observation], fitted: &[Linearised], varied: &[usize],
             }
         }
     }
-    found.sort_by(|a, b| a.p_value.total_cmp(&b.p_value).then(a.output.cmp(&b.output)).then(a.input.cmp(&b.input)));
+    found.sort_by(|(n, a), (m, b)| a.p_value.total_cmp(&b.p_value).then(n.total_cmp(m)).then(a.output.cmp(&b.output)).then(a.input.cmp(&b.input)));
     // Two inputs that vary together tell the same story twice; the stronger one stands.
     let mut listed: Vec<Place> = Vec::new();
-    for place in found {
+    for (_, place) in found {
+        // Where everything scatters by what is missing, the clearest stands for all.
+        if place.p_value > LEVEL && !listed.is_empty() {
+            continue;
+        }
         let told = listed.iter().filter(|l| l.output == place.output).count();
         // A bias over the whole range is one story, whatever input it is put in order of.
         let again = listed.iter().any(|l| l.output == place.output && l.words == place.words);
@@ -54,7 +59,8 @@ pub fn places(impacts: &[&Observation], fitted: &[Linearised], varied: &[usize],
     listed
 }
 
-fn worst_range(rows: &[(usize, f64, f64)], impacts: &[&Observation], signs: &NormalSigns, k: usize, j: usize, looked_at: usize) -> Option<Place> {
+/// The place, and how unlikely it is by the noise alone.
+fn worst_range(rows: &[(usize, f64, f64)], impacts: &[&Observation], signs: &NormalSigns, k: usize, j: usize, looked_at: usize) -> Option<(f64, Place)> {
     let groups = GROUPS.min(rows.len() / 6);
     if groups < 3 {
         return None;
@@ -71,14 +77,11 @@ fn worst_range(rows: &[(usize, f64, f64)], impacts: &[&Observation], signs: &Nor
             // The whole range is a bias, told by one full-range place; parts are compared with the rest.
             let inside = &sorted[edges[a]..edges[b]];
             let outside: Vec<_> = sorted[..edges[a]].iter().chain(&sorted[edges[b]..]).collect();
-            let mean = |r: &[&(usize, f64, f64)]| {
-                (r.iter().map(|x| x.1 / x.2).sum::<f64>() / r.iter().map(|x| 1.0 / x.2).sum::<f64>(), 1.0 / r.iter().map(|x| 1.0 / x.2).sum::<f64>())
-            };
-            let (m_in, v_in) = mean(&inside.iter().collect::<Vec<_>>());
+            let (m_in, v_in) = mean_and_variance(inside.iter());
             let z = if outside.is_empty() {
                 m_in / v_in.sqrt()
             } else {
-                let (m_out, v_out) = mean(&outside);
+                let (m_out, v_out) = mean_and_variance(outside.iter().copied());
                 // What is off must be the inside: a range whose complement is the odd one will be found as such.
                 if m_in.abs() < m_out.abs() {
                     continue;
@@ -91,18 +94,22 @@ fn worst_range(rows: &[(usize, f64, f64)], impacts: &[&Observation], signs: &Nor
         }
     }
     let (z, a, b) = best?;
-    let p_value = (2.0 * normal_tail(z.abs()) * looked_at as f64).min(1.0);
-    if p_value > LEVEL {
+    let corrected = |z: f64| (2.0 * normal_tail(z.abs()) * looked_at as f64).min(1.0);
+    let by_noise = corrected(z);
+    if by_noise > LEVEL {
         return None;
     }
     let inside = &sorted[edges[a]..edges[b]];
     let outside: Vec<(usize, f64, f64)> = sorted[..edges[a]].iter().chain(&sorted[edges[b]..]).copied().collect();
     let m = inside.len();
-    // Weighted as in the test: an impact that is hardly known must not widen the interval of the others.
-    let weighted = |rows: &[(usize, f64, f64)]| rows.iter().map(|r| r.1 / r.2).sum::<f64>() / rows.iter().map(|r| 1.0 / r.2).sum::<f64>();
-    let mean = weighted(inside);
-    let sd = inside.iter().map(|r| ((r.1 - mean) / r.2).powi(2)).sum::<f64>().sqrt() / inside.iter().map(|r| 1.0 / r.2).sum::<f64>();
-    let elsewhere = if outside.is_empty() { 0.0 } else { weighted(&outside) };
+    let (mean, variance) = mean_and_variance(inside.iter());
+    let sd = scatter_variance(inside, mean).sqrt();
+    if mean.abs() < 1.96 * sd {
+        return None;
+    }
+    let (elsewhere, beyond) = if outside.is_empty() { (0.0, 0.0) } else { mean_and_variance(outside.iter()) };
+    let spread = scatter_variance(inside, mean).max(variance) + if outside.is_empty() { 0.0 } else { scatter_variance(&outside, elsewhere).max(beyond) };
+    let p_value = corrected((mean - elsewhere) / spread.sqrt());
     let (from, to) = (value(edges[a]), value(edges[b] - 1));
     // Mean of the output itself there: whether a difference makes it larger or smaller in size.
     let level = inside
@@ -113,7 +120,7 @@ fn worst_range(rows: &[(usize, f64, f64)], impacts: &[&Observation], signs: &Nor
         .sum::<f64>()
         / m as f64;
     let words = in_words(OUTPUTS[k], coordinate_name(j), from, to, mean, elsewhere, level, a == 0, b == groups);
-    Some(Place {
+    let place = Place {
         output: OUTPUTS[k].to_owned(),
         input: coordinate_name(j).to_owned(),
         from,
@@ -125,7 +132,20 @@ fn worst_range(rows: &[(usize, f64, f64)], impacts: &[&Observation], signs: &Nor
         n: m,
         p_value,
         words,
-    })
+    };
+    Some((by_noise, place))
+}
+
+/// Mean residual with the weights of the noise, and its variance by that noise.
+fn mean_and_variance<'a>(rows: impl Iterator<Item = &'a (usize, f64, f64)>) -> (f64, f64) {
+    let (sum, weight) = rows.fold((0.0, 0.0), |(s, w), r| (s + r.1 / r.2, w + 1.0 / r.2));
+    (sum / weight, 1.0 / weight)
+}
+
+/// Variance of that mean by how the residuals scatter: what else is wrong with the model widens it.
+fn scatter_variance(rows: &[(usize, f64, f64)], mean: f64) -> f64 {
+    // Weighted as in the test: an impact that is hardly known must not widen the interval of the others.
+    rows.iter().map(|r| ((r.1 - mean) / r.2).powi(2)).sum::<f64>() / rows.iter().map(|r| 1.0 / r.2).sum::<f64>().powi(2)
 }
 
 /// "ball speed normal to the strings is over-predicted by 1.9 m/s for impacts beyond 60 mm toward the tip, not elsewhere".
@@ -188,7 +208,7 @@ pub fn output_words(column: &str) -> String {
 fn range_words(input: &str, from: f64, to: f64, lowest: bool, highest: bool) -> String {
     let mm = |v: f64| format!("{:.0} mm", 1e3 * v);
     match input {
-        _ if lowest && highest => "for all impacts".to_owned(),
+        _ if lowest && highest => "over the whole range".to_owned(),
         "impact_x" if lowest && to < 0.0 => format!("for impacts beyond {} toward the tip", mm(-to)),
         "impact_x" if highest && from > 0.0 => format!("for impacts beyond {} toward the handle", mm(from)),
         "impact_x" => format!("for impacts between {} and {} along the racket (tip negative)", mm(from), mm(to)),

@@ -438,7 +438,12 @@ pub fn chi2_tail(value: f64, freedom: f64) -> f64 {
 
 /// A p-value as people write it.
 pub fn p_text(p: f64) -> String {
-    if p < 1e-4 { "below 0.0001".to_owned() } else { format!("{p:.2}").replace("0.00", &format!("{p:.4}")) }
+    if p < 1e-4 { "p < 0.0001".to_owned() } else { format!("p = {}", format!("{p:.2}").replace("0.00", &format!("{p:.4}"))) }
+}
+
+/// A probability in per cent as people write it: never certain.
+pub fn probability_text(p: f64) -> String {
+    if p > 0.995 { "above 99 %".to_owned() } else { format!("{:.0} %", 100.0 * p) }
 }
 
 /// P(standard normal > z).

@@ -54,7 +54,7 @@ pub fn comparison_text(c: &Comparison) -> String {
     for note in &c.notes {
         let _ = writeln!(t, "note: {note}");
     }
-    let structure = format!("structure test p = {}; a sound model fails it in {:.1} % of tables", p_text(c.structure.p_value), 100.0 * c.false_alarm_rate);
+    let structure = format!("structure test {}; a sound model fails it in {:.1} % of tables", p_text(c.structure.p_value), 100.0 * c.false_alarm_rate);
     if c.verdict == Adequacy::Adequate {
         let left = if c.keeps_structure() {
             "What structure is left does not show in the error of held-out impacts"

@@ -2,17 +2,20 @@
 
 use super::diagnosis::{Diagnosis, Verdict};
 use super::refits::LARGEST_NOISE_SCALE;
-use super::structure::{STRUCTURE_LEVEL, p_text};
+use super::structure::{STRUCTURE_LEVEL, p_text, probability_text};
 
 /// Which group the model fails by the most.
 fn by_group(d: &Diagnosis) -> Option<String> {
     d.structure.by_group.first().map(|g| format!("It does not fail alike in all groups: {}.", g.words()))
 }
 
+/// Outlying numbers, at least, and as a share of the outputs, that a sound verdict does not pass over.
+const MANY_OUTLIERS: (usize, f64) = (10, 0.01);
+
 /// The answer first, then what carries it.
 pub fn verdict_words(d: &Diagnosis) -> Vec<String> {
     let tests = format!(
-        "structure test p = {}, strongest place on the face p = {}, best of {} effects p = {} (corrected); together they raise a false alarm in at most {:.1} % of sound tables",
+        "structure test {}, strongest place on the face {}, best of {} effects {} (corrected); together they raise a false alarm in at most {:.1} % of sound tables",
         p_text(d.structure.p_value),
         p_text(d.spot_p_value),
         d.n_tested,
@@ -28,6 +31,14 @@ pub fn verdict_words(d: &Diagnosis) -> Vec<String> {
                 format!("ADEQUATE: nothing is missing that {} impacts could show.", d.n_impacts)
             });
             words.push(format!("Error on held-out impacts {:.2}, noise floor {:.2}; {tests}.", d.heldout_error, d.noise_floor));
+            let numbers: usize = d.outputs.iter().map(|o| o.n).sum();
+            if d.outliers.len() >= MANY_OUTLIERS.0 && d.outliers.len() as f64 > MANY_OUTLIERS.1 * numbers as f64 {
+                let most = d.outliers.iter().map(|o| o.standardised.abs()).fold(0.0, f64::max);
+                words.push(format!(
+                    "But {} numbers are outlying (of {numbers} outputs, and the inputs), by up to {most:.0} deviations: the noise has long tails, or something acts on a part of the impacts that no test here looks for. They are listed with their impacts.",
+                    d.outliers.len()
+                ));
+            }
         }
         Verdict::EffectMissing => {
             let names = d.recommended.join(" and ");
@@ -40,8 +51,8 @@ pub fn verdict_words(d: &Diagnosis) -> Vec<String> {
                 .or_else(|| d.candidates.iter().find(|c| d.recommended.first() == Some(&c.effect)).map(|c| (c.heldout_error_after, c.probability)));
             if let Some((error, probability)) = after {
                 words.push(format!(
-                    "Probability {:.0} %. With {} the error on held-out impacts {} from {:.2} to {error:.2} (noise floor {:.2}); {tests}.",
-                    100.0 * probability,
+                    "Probability {}. With {} the error on held-out impacts {} from {:.2} to {error:.2} (noise floor {:.2}); {tests}.",
+                    probability_text(probability),
                     if d.recommended.len() > 1 { "them" } else { "it" },
                     if error < d.heldout_error { "falls" } else { "goes" },
                     d.heldout_error,

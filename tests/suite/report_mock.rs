@@ -6,7 +6,9 @@ use rand_distr::StandardNormal;
 use std::collections::BTreeMap;
 use sweetspot::impact_table::{INPUTS, OUTPUTS, unit};
 use sweetspot::provenance::Provenance;
-use sweetspot::validation::comparison::{Adequacy, FaceMap, ImpactPoint, LeftOut, Outlier, OutputPoint, OutputSummary, ParameterValue, ResidualCurve, SessionOffset};
+use sweetspot::validation::comparison::{
+    Adequacy, FaceMap, ImpactPoint, LeftOut, Outlier, OutputPoint, OutputSummary, ParameterValue, ResidualCurve, SessionOffset,
+};
 use sweetspot::validation::diagnosis::{CandidateReport, Estimate, NextExperiment, NotVisible, Place, SuggestedExpression, Together};
 use sweetspot::validation::polynomial::{HeldEffect, PolynomialFit};
 use sweetspot::validation::smooth::{face_map, smooth};

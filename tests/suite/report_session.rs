@@ -171,7 +171,15 @@ fn shot_results(name: &str, k: u32) -> ShotResults {
     let picture =
         FramePicture { frame: 110, camera: CameraId::Left, png: png.into_inner(), corner: [180, 200], size: [120, 110], words: name.to_owned(), doubt: 2.0 };
     let record = ShotRecord { shot: shot(name, k), doubt: None, note: None, points: String::new(), provenance: provenance(name) };
-    ShotResults { id: format!("{name}{k}"), racket: racket(name), record: Some(record), tracks: Some(tracks), points, pictures: vec![picture] }
+    ShotResults {
+        id: format!("{name}{k}"),
+        racket: racket(name),
+        record: Some(record),
+        tracks: Some(tracks),
+        points,
+        pictures: vec![picture],
+        recording: vec![name.to_owned()],
+    }
 }
 
 fn session(name: &str, shots: u32) -> SessionResults {

@@ -69,7 +69,33 @@ fn truth_a_racket_that_rebounds_otherwise_is_named_and_equal_ones_are_not() {
         assert!((d.noise_floor - 1.0).abs() < 0.1, "table {seed}: what the rackets differ by is no noise ({})", d.noise_floor);
         let (compared, d) = judged(&changed(200, seed, by_turns), &TableOptions::default());
         assert!(d.structure.columns_of_groups == 2 && d.structure.by_group.is_empty(), "table {seed}: {:?}", d.structure.by_group);
-        assert_eq!((compared.verdict.as_str(), d.verdict), ("adequate", Verdict::Adequate), "table {seed}: {:?}", d.words);
+        assert_eq!((compared.verdict, d.verdict), (Adequacy::Adequate, Verdict::Adequate), "table {seed}: {:?}", d.words);
+    }
+}
+
+/// A column of numbers that has nothing to do with the inputs: strings that rebound more on warm days. It is named where the rebound goes with it,
+/// and not where it does not.
+#[test]
+fn truth_a_column_of_numbers_that_the_rebound_goes_with_is_named() {
+    for seed in [1, 2] {
+        let day = |i: usize| 10.0 + 25.0 * (0.618_033_988_7 * (i as f64 + seed as f64)).fract();
+        let warm = changed(160, seed, |i, row| {
+            row.groups.insert("temperature".into(), format!("{:.2}", day(i)));
+            scaled(row, "ball_out_vz", 1.0 + 0.003 * (day(i) - 22.0));
+        });
+        let (compared, d) = judged(&warm, &TableOptions::default());
+        let misfit = d.structure.by_group.first().unwrap();
+        assert_eq!((misfit.column.as_str(), misfit.what.as_str()), ("temperature", "the impulse along the normal"), "table {seed}: {misfit:?}");
+        assert!(misfit.group.contains(" to "), "{misfit:?}");
+        assert_eq!((compared.verdict, d.verdict), (Adequacy::Inadequate, Verdict::Unexplained), "table {seed}: {:?}", d.words);
+        let sound = changed(160, seed, |i, row| {
+            row.groups.insert("temperature".into(), format!("{:.2}", day(i)));
+            row.groups.insert("speed".into(), format!("{}", row.get("ball_in_vz").unwrap().value));
+        });
+        let (compared, d) = judged(&sound, &TableOptions::default());
+        // A column that is an input in other words is no group.
+        assert!(d.structure.columns_of_groups == 1 && d.structure.by_group.is_empty(), "table {seed}: {:?}", d.structure.by_group);
+        assert_eq!((compared.verdict, d.verdict), (Adequacy::Adequate, Verdict::Adequate), "table {seed}: {:?}", d.words);
     }
 }
 
@@ -102,7 +128,7 @@ fn law_a_table_without_any_spin_is_no_reason_to_doubt_the_model() {
             });
         });
         let (compared, d) = judged(&blind, &TableOptions::default());
-        assert_eq!((compared.verdict.as_str(), d.verdict), ("adequate", Verdict::Adequate), "table {seed}: {:?}", d.words);
+        assert_eq!((compared.verdict, d.verdict), (Adequacy::Adequate, Verdict::Adequate), "table {seed}: {:?}", d.words);
     }
 }
 
@@ -172,7 +198,7 @@ fn truth_outliers_of_one_side_are_no_wrong_numbers() {
         assert!(notes.iter().any(|n| n.contains("`ball_out_vz`") && n.contains("too small")), "{notes:?}");
     }
     let (compared, d) = judged(&off(false), &TableOptions::default());
-    assert_eq!((compared.verdict.as_str(), d.verdict), ("adequate", Verdict::Adequate), "{:?} {:?}", d.words, d.notes);
+    assert_eq!((compared.verdict, d.verdict), (Adequacy::Adequate, Verdict::Adequate), "{:?} {:?}", d.words, d.notes);
 }
 
 /// A restitution that falls with speed toward the handle and rises with it toward the tip: neither speed nor place alone shows it.

@@ -122,8 +122,8 @@ pub fn findings(arguments: &Arguments) -> Result<Outcome, CliError> {
                     &[
                         (heat("Ball speed", "m/s", &|l| l.speed), "Same swing, every place of the face.".into()),
                         (heat("Spin", "rpm", &|l| rpm(l.spin_rad_s)), "About the long axis.".into()),
-                        (heat("Launch angle", "deg", &|l| l.launch_angle_rad.to_degrees()), "Upward (along y) from the face's normal before impact.".into()),
-                        (heat("Side angle", "deg", &|l| l.side_angle_rad.to_degrees()), "Toward the handle (along x) from the normal.".into()),
+                        (heat("Launch angle", "°", &|l| l.launch_angle_rad.to_degrees()), "Upward (along y) from the face's normal before impact.".into()),
+                        (heat("Side angle", "°", &|l| l.side_angle_rad.to_degrees()), "Toward the handle (along x) from the normal.".into()),
                     ],
                 )
                 .note("Seen from the side the ball comes from, tip at the top. Angles are those of the ball's velocity against the face as it stood at first touch."),
@@ -131,9 +131,9 @@ pub fn findings(arguments: &Arguments) -> Result<Outcome, CliError> {
         .section(
             Section::new("accuracy", "Accuracy")
                 .figure(
-                    &Chart::new("Where it lands against where it was hit")
+                    &Chart::new("Scatter of the launch against scatter of the impact")
                         .x("scatter of the impact position (sd)", "mm")
-                        .y("scatter of the direction (sd)", "deg")
+                        .y("scatter of the direction (sd)", "°")
                         .add(Line::new(&up).name("launch angle"))
                         .add(Line::new(&sideways).name("side angle"))
                         .to_svg(),
@@ -155,7 +155,7 @@ pub fn findings(arguments: &Arguments) -> Result<Outcome, CliError> {
                             "A held handle twists less. Impact 50 mm off the axis.".into(),
                         ),
                         (
-                            curve("Grip: direction", "torque about the handle", "N m", "launch angle", "deg", &line(&grips, |l| l.launch_angle_rad.to_degrees())),
+                            curve("Grip: direction", "torque about the handle", "N m", "launch angle", "°", &line(&grips, |l| l.launch_angle_rad.to_degrees())),
                             "The ball leaves nearer to the normal.".into(),
                         ),
                     ],
@@ -174,7 +174,7 @@ fn three_findings(weights: &[Weighted], chop: &[(f64, Launch)]) -> Vec<String> {
     let mut lines = Vec::new();
     if let (Some(plain), Some(tip), Some(sides), Some(handle)) = (at(Place::Tip, 0.0), at(Place::Tip, most), at(Place::Sides, most), at(Place::Handle, most)) {
         lines.push(format!(
-            "Weighting raises the ball's speed off the tip: {:.0} g at the tip give {:+.2} m/s, at 3 and 9 o'clock {:+.2}, at the handle {:+.2} (same swing, {:.2} m/s without).",
+            "Weighting raises the ball's speed where it is hit 80 mm toward the tip: {:.0} g at the tip give {:+.2} m/s, at 3 and 9 o'clock {:+.2}, at the handle {:+.2} (same swing, {:.2} m/s without).",
             1e3 * most,
             tip.tip.speed - plain.tip.speed,
             sides.tip.speed - plain.tip.speed,

@@ -62,10 +62,16 @@ impl Expression {
     /// Parses and checks an expression that replaces `channel`, with the effect's own parameters `names`.
     ///
     /// # Errors
-    /// Where and what: syntax, unknown names (with near matches), names not yet known, dimensions that do not fit.
+    /// Where and what: syntax, unknown names (with near matches), names not yet known, parameters named like quantities, dimensions that do
+    /// not fit.
     pub fn parse(text: &str, channel: &Channel, names: &[&str]) -> Result<Self, SyntaxError> {
         if text.len() > MAX_LENGTH {
             return Err(SyntaxError { at: MAX_LENGTH, message: format!("{} bytes long; allowed: {MAX_LENGTH}", text.len()) });
+        }
+        let taken =
+            |name: &str| quantities().iter().any(|q| q.name == name) || FUNCTIONS.iter().any(|f| f.name == name) || name == channel.name || name == "pi";
+        if let Some(name) = names.iter().find(|n| taken(n)) {
+            return Err(SyntaxError { at: 0, message: format!("the parameter `{name}` would hide what is called so already; give it another name") });
         }
         let mut parser = Parser { text, at: 0, depth: 0, channel, names, program: Vec::new(), uses_node: false };
         let dimension = parser.sum()?;
@@ -338,6 +344,14 @@ impl Parser<'_> {
         }
         if !self.take(')') {
             return Err(self.error(format!("`)` expected here; `{name}` takes {wanted} argument{}", if wanted == 1 { "" } else { "s" })));
+        }
+        if let (Op::Clamp, [.., Op::Number(low), Op::Number(high)]) = (function.op, self.program.as_slice())
+            && low > high
+        {
+            return Err(SyntaxError {
+                at: start,
+                message: format!("`{name}` takes a value, the least and the most it may be, in this order; {low} is more than {high}"),
+            });
         }
         self.program.push(function.op);
         Ok(match function.rule {

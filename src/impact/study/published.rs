@@ -105,7 +105,7 @@ fn wall(lines: &mut Lines) -> Result<(), ModelError> {
         // The drop test's speed. Just below it, where the ball leaves at less than k_B0/(c_B0/1 mm) = 5.2 m/s, the last millimetre
         // still pushes and the contact is 0.2 ms longer.
         ("contact time on a rigid wall, 7.06 m/s", ("about 5 ms", Some([5.0; 2])), 4.3, 7.06),
-        ("contact time on a rigid wall, 20 m/s", ("between", Some([3.5, 5.0])), 3.6, 20.0),
+        ("contact time on a rigid wall, 20 m/s", ("between 3.5 and 5 ms", Some([3.5, 5.0])), 3.6, 20.0),
         ("contact time on a rigid wall, 30 m/s", ("3.5 ms", Some([3.5; 2])), 3.3, 30.0),
     ] {
         lines.add(quantity, published, reference, milliseconds(&head_on(clamped(60.0), &WALL, speed, 0.0)?), "ms");

@@ -70,9 +70,11 @@ fn pad(low: f64, high: f64) -> (f64, f64) {
 
 impl Scale {
     pub fn over(low: f64, high: f64, count: usize) -> Scale {
-        let step = step(high - low, count);
-        let first = (low / step - 1e-9).ceil();
-        let last = (high / step + 1e-9).floor();
+        let ends = |step: f64| ((low / step - 1e-9).ceil(), (high / step + 1e-9).floor());
+        let coarse = step(high - low, count);
+        // One tick alone tells no scale.
+        let step = if ends(coarse).1 - ends(coarse).0 < 1.0 { step(high - low, 2 * count.max(1)) } else { coarse };
+        let (first, last) = ends(step);
         let largest = low.abs().max(high.abs());
         // Long labels are unreadable: take powers of a thousand out.
         let power = if !(0.01..1e5).contains(&largest) { 3 * (largest.log10() / 3.0).floor().clamp(-100.0, 100.0) as i32 } else { 0 };

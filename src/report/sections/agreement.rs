@@ -44,7 +44,7 @@ pub fn agreement(comparison: &Comparison) -> Option<Section> {
     }
     Some(
         Section::new("agreement", "Predicted against measured")
-            .note("Blue circles: impacts the fit used; orange squares: impacts held out. Dashed: prediction equals measurement. Bars: one standard deviation of the difference, noise of inputs included.")
+            .note("The model as its file states it. Blue circles: impacts the fit used; orange squares: impacts held out. Dashed: prediction equals measurement. Bars: one standard deviation of the difference, noise of inputs included.")
             .figures(Layout::Small, &panels)
             .table(table),
     )

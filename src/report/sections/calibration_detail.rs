@@ -62,7 +62,7 @@ impl CalibrationDetail {
         let mut out = Vec::new();
         if let Some(v) = &self.verdict {
             out.push(format!(
-                "On {} boards held out of the fit, squares come out as {} ± {} mm (bias {} mm) and board diagonals of {} mm are wrong by {} ± {} mm, at most {} mm. The thesis reached ± 2.5 mm on court.",
+                "On {} boards, each measured with a calibration made without it, squares come out as {} ± {} mm (bias {} mm) and board diagonals of {} mm are wrong by {} ± {} mm, at most {} mm. The thesis reached ± 2.5 mm on court.",
                 v.boards,
                 fixed(v.squares.mean, 3),
                 fixed(v.squares.sd, 3),

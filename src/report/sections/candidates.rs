@@ -19,17 +19,18 @@ pub fn candidates(d: &Diagnosis) -> Option<Section> {
         section = section.paragraph("The model is adequate, so none of these is called for; they are listed for completeness.");
     }
     section = section.note(&format!(
-        "{} effects were tested, physics and measurement on equal terms. Probability: over the models refitted and “none”. Errors: on impacts no fit saw, in units of the noise.",
+        "{} effects were tested, physics and measurement on equal terms. Probability: over the models refitted and “none”. Errors: on impacts no fit saw, in units of the noise. Excess of the fit removed: of the chi-square of the other impacts, those of the fit, beyond what noise leaves.",
         d.n_tested
     ));
     let shown: Vec<&CandidateReport> = d.candidates.iter().take(LISTED).collect();
     section = section.table(table(&shown));
-    if shown.len() > 1 {
+    let refitted: Vec<&CandidateReport> = shown.iter().copied().filter(|c| c.refitted).collect();
+    if refitted.len() > 1 {
         section = section.figures(
             Layout::Normal,
             &[(
-                fall(&shown, d.noise_floor),
-                "Held-out error before (ring) and after (dot) each candidate is added by itself, down to the noise floor.".to_owned(),
+                fall(&refitted, d.noise_floor),
+                "Held-out error before (ring) and after (dot) each candidate is added by itself; dashed: the noise floor.".to_owned(),
             )],
         );
     }
@@ -65,7 +66,7 @@ fn table(candidates: &[&CandidateReport]) -> Table {
         .column("probability")
         .numbers("error before")
         .numbers("after")
-        .numbers("excess removed")
+        .numbers("excess of the fit removed")
         .column("parameters (± sd)")
         .column("kind");
     for c in candidates {
@@ -75,8 +76,8 @@ fn table(candidates: &[&CandidateReport]) -> Table {
             plain(c.effect.clone()),
             (percent(c.probability), Some(c.probability)),
             plain(fixed(c.heldout_error_before, 2)),
-            plain(fixed(c.heldout_error_after, 2)),
-            plain(percent(c.share_removed.clamp(-9.99, 1.0))),
+            plain(if c.refitted { fixed(c.heldout_error_after, 2) } else { "–".to_owned() }),
+            plain(if c.refitted { percent(c.share_removed.clamp(-9.99, 1.0)) } else { "–".to_owned() }),
             plain(estimates(&c.parameters)),
             plain(format!("{}{refitted}", c.kind)),
         ]);
@@ -102,8 +103,7 @@ fn alias_words(c: &CandidateReport, all: &[CandidateReport]) -> String {
                 format!("{a} (small amounts of both look alike, {}; the amount that is here fits better as {})", fixed(*cosine, 2), c.effect)
             }
             Some(cosine) if cosine.abs() > 0.95 => format!("{a} (signatures alike to {}: cannot be told apart on this data)", fixed(*cosine, 2)),
-            Some(cosine) => format!("{a} (signatures alike to {})", fixed(*cosine, 2)),
-            None => a.clone(),
+            _ => format!("{a} (takes about as much of the excess away)"),
         })
         .collect();
     format!("{} could also be {}.", c.effect, each.join("; "))

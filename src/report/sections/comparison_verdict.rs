@@ -6,6 +6,9 @@ use crate::report::page::{Section, Tone};
 use crate::validation::Comparison;
 use crate::validation::comparison::{Adequacy, OutputSummary};
 
+/// The file's own numbers are told to be worse than the best ones from this ratio of held-out errors on.
+const STATED_WORSE: f64 = 1.05;
+
 /// Verdict, cards and notes of a comparison.
 pub fn comparison_verdict(c: &Comparison) -> Section {
     let adequate = c.verdict == Adequacy::Adequate;
@@ -15,20 +18,21 @@ pub fn comparison_verdict(c: &Comparison) -> Section {
             c.model, c.n_impacts
         )
     } else if adequate {
-        format!("The model “{}” is adequate: nothing in these {} impacts speaks against it beyond their noise.", c.model, c.n_impacts)
+        let best = if c.heldout_error > STATED_WORSE * c.heldout_error_refitted { " once its free parameters are at their best" } else { "" };
+        format!("The model “{}” is adequate{best}: nothing in these {} impacts speaks against it beyond their noise.", c.model, c.n_impacts)
     } else if !c.shows_structure() {
         format!("The model “{}” is not adequate: {}.", c.model, c.failing_words())
     } else {
         format!("The model “{}” is not adequate: its errors on these {} impacts have structure that noise does not explain.", c.model, c.n_impacts)
     }];
     lines.push(format!(
-        "With its free parameters at their best, the error on {} impacts that the fit never saw is {} of the noise (as its file states them: {}); a model without fault would have {}.",
+        "With its free parameters at their best, the error on {} impacts that the fit never saw is {} times the noise (as its file states them: {}); a model without fault would have {}.",
         c.n_held_out,
         fixed(c.heldout_error_refitted, 2),
         fixed(c.heldout_error, 2),
         fixed(c.noise_floor, 2)
     ));
-    if c.heldout_error > 1.05 * c.heldout_error_refitted {
+    if c.heldout_error > STATED_WORSE * c.heldout_error_refitted {
         lines.push(
             "The numbers in the model file are not the best ones for this data: run `sweetspot fit`. The figures below show the model as its file states it."
                 .to_owned(),

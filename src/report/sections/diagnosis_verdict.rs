@@ -2,8 +2,8 @@
 
 use crate::report::markup::{fixed, percent};
 use crate::report::page::{Section, Tone};
-use crate::validation::{Adequacy, Comparison};
 use crate::validation::diagnosis::{Diagnosis, Verdict};
+use crate::validation::{Adequacy, Comparison};
 
 /// How the terminal text begins; the heading says it already.
 pub(super) const VERDICT_WORDS: [&str; 3] = ["ADEQUATE", "EFFECT MISSING", "UNEXPLAINED"];
@@ -31,14 +31,19 @@ pub fn diagnosis_verdict(d: &Diagnosis, after: Option<&Comparison>) -> Section {
     }
     let best = d.candidates.first().filter(|_| d.verdict != Verdict::Adequate);
     let mut cards = vec![(fixed(d.heldout_error, 2), "held-out error now (1 = the stated noise)".to_owned())];
-    match (&d.together, best) {
-        (Some(t), _) => cards.push((fixed(t.heldout_error_after, 2), format!("with {}", t.effects.join(" and ")))),
-        (None, Some(c)) => cards.push((fixed(c.heldout_error_after, 2), format!("with {}", c.effect))),
-        _ => {}
+    // What the verdict names: a pair, an effect, or a formula where no effect will do.
+    let named = match (&d.together, best, &d.suggested_expression) {
+        (_, None, _) => None,
+        (Some(t), ..) => Some((t.heldout_error_after, t.effects.join(" and "), Some(t.probability))),
+        (None, _, Some(e)) if d.verdict == Verdict::Unexplained => Some((e.heldout_error_after, "the formula found".to_owned(), None)),
+        (None, Some(c), _) => Some((c.heldout_error_after, c.effect.clone(), Some(c.probability))),
+    };
+    if let Some((error, with, _)) = &named {
+        cards.push((fixed(*error, 2), format!("with {with}")));
     }
     cards.push((fixed(d.noise_floor, 2), "noise floor".to_owned()));
-    if let Some(c) = best {
-        cards.push((percent(c.probability), format!("probability of {}", c.effect)));
+    if let Some((_, with, Some(probability))) = &named {
+        cards.push((percent(*probability), format!("probability of {with}")));
     }
     Section::new("verdict", "Verdict").verdict(tone, &lines).cards(&cards).list(&d.notes)
 }

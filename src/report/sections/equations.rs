@@ -3,15 +3,18 @@
 use crate::impact::{EffectKind, effect_card};
 use crate::report::markup::plain;
 use crate::report::page::{Section, Table};
-use crate::validation::diagnosis::Diagnosis;
+use crate::validation::diagnosis::{Diagnosis, Verdict};
 
 /// Cards shown.
 const MOST: usize = 5;
 /// A candidate less probable than this is not explained.
 const LEAST_PROBABILITY: f64 = 0.005;
 
-/// Cards of the recommended effects, the likely candidates and their aliases; `None` when there are none.
+/// Cards of the recommended effects, the likely candidates and their aliases; `None` when there are none, or nothing is missing.
 pub fn equations(d: &Diagnosis) -> Option<Section> {
+    if d.verdict == Verdict::Adequate && d.recommended.is_empty() {
+        return None;
+    }
     let likely = d.candidates.iter().filter(|c| c.probability >= LEAST_PROBABILITY);
     let mut names: Vec<&str> = d.recommended.iter().map(String::as_str).collect();
     names.extend(likely.clone().map(|c| c.effect.as_str()));

@@ -8,10 +8,15 @@ use crate::report::page::{Layout, Section};
 use crate::validation::Comparison;
 use crate::validation::comparison::NormalSigns;
 
-/// Standard deviation of the kernel that averages over the face, mm: a third of the half width of a head.
+/// Standard deviation of the kernel that averages over the face, mm, with a hundred impacts or more: a third of the half width of a
+/// head. Fewer are averaged more widely.
 const KERNEL_MM: f64 = 18.0;
 /// A place of the face is coloured when so many impacts count there.
 const FEWEST_IMPACTS: f64 = 3.0;
+/// The colours reach at least so many deviations of a local mean: of the fifty or so places of a face some are two off by chance.
+const PALE: f64 = 5.0;
+/// A face of which less is covered is not drawn.
+const LEAST_COVERED: f64 = 0.1;
 /// Cells across the face.
 const ACROSS: usize = 26;
 
@@ -24,9 +29,14 @@ pub fn face_maps(comparison: &Comparison, racket: Option<&Racket>) -> Option<Sec
     }
     Some(
         Section::new("face", "Residuals over the face")
-            .note("Local mean of measured less predicted (kernel of 18 mm), seen from +z, tip at the top, impacts as dots. Blue: the prediction is too high; orange: too low; pale: right. The colours reach at least half a noise standard deviation, so that a sound model stays pale; places with fewer than three impacts near are left blank. Where both faces were hit, velocities and rates that a blow on the back reverses are counted along the normal of the face that was hit.")
+            .note(&format!("Local mean of measured less predicted (kernel of {:.0} mm), seen from +z, tip at the top, impacts as dots. Blue: the prediction is too high; orange: too low; pale: right. The colours reach at least five standard deviations of a local mean, so that a sound model stays pale; places with fewer than three impacts near are left blank. Where both faces were hit, velocities and rates that a blow on the back reverses are counted along the normal of the face that was hit.", kernel_mm(comparison.impacts.len())))
             .figures(Layout::Small, &maps),
     )
+}
+
+/// By how much the face is smoothed for so many impacts, mm.
+fn kernel_mm(impacts: usize) -> f64 {
+    KERNEL_MM * (100.0 / impacts.max(1) as f64).max(1.0).powf(1.0 / 6.0)
 }
 
 fn map(comparison: &Comparison, racket: &Racket, output: &str) -> Option<String> {
@@ -53,9 +63,16 @@ fn map(comparison: &Comparison, racket: &Racket, output: &str) -> Option<String>
         return None;
     }
     let (cells, side) = face::cells(racket, ACROSS);
-    let coloured: Vec<(f64, f64, f64)> = cells.iter().filter_map(|&(y, x)| Some((y, x, local_mean(&hits, y, x)?))).collect();
-    let noise = comparison.outputs.iter().find(|o| o.name == output).map_or(0.0, |o| w.factor * o.noise_sd);
-    let most = coloured.iter().map(|c| c.2.abs()).fold(0.5 * noise, f64::max).max(f64::MIN_POSITIVE);
+    let kernel = kernel_mm(comparison.impacts.len());
+    let known: Vec<(f64, f64, (f64, f64))> = cells.iter().filter_map(|&(y, x)| Some((y, x, local_mean(&hits, y, x, kernel)?))).collect();
+    if (known.len() as f64) < LEAST_COVERED * cells.len() as f64 {
+        return None;
+    }
+    let mut sds: Vec<f64> = known.iter().map(|c| c.2.1).collect();
+    sds.sort_by(f64::total_cmp);
+    let usual = comparison.noise_floor.max(1.0) * sds.get(sds.len() / 2).copied().unwrap_or(0.0);
+    let coloured: Vec<(f64, f64, f64)> = known.into_iter().map(|(y, x, (mean, _))| (y, x, mean)).collect();
+    let most = coloured.iter().map(|c| c.2.abs()).fold(PALE * usual, f64::max).max(f64::MIN_POSITIVE);
     let dots: Vec<(f64, f64)> = hits.iter().map(|h| (h.0, h.1)).collect();
     let chart: Chart = face::bare(&w.words, racket)
         .size(210.0, 300.0)
@@ -66,14 +83,15 @@ fn map(comparison: &Comparison, racket: &Racket, output: &str) -> Option<String>
     Some(face::outline(chart, racket).add(Points::new(&dots).size(1.4).colour(Colour(0x33, 0x33, 0x33))).to_svg())
 }
 
-/// Weighted mean with a Gaussian kernel; `None` where too few impacts count.
-fn local_mean(hits: &[(f64, f64, f64, f64)], y: f64, x: f64) -> Option<f64> {
-    let (mut sum, mut weights, mut count) = (0.0, 0.0, 0.0);
+/// Weighted mean with a Gaussian kernel, and its deviation; `None` where too few impacts count.
+fn local_mean(hits: &[(f64, f64, f64, f64)], y: f64, x: f64, kernel: f64) -> Option<(f64, f64)> {
+    let (mut sum, mut weights, mut squares, mut count) = (0.0, 0.0, 0.0, 0.0);
     for (hy, hx, residual, weight) in hits {
-        let near = (-0.5 * ((hy - y).powi(2) + (hx - x).powi(2)) / (KERNEL_MM * KERNEL_MM)).exp();
+        let near = (-0.5 * ((hy - y).powi(2) + (hx - x).powi(2)) / (kernel * kernel)).exp();
         sum += near * weight * residual;
         weights += near * weight;
+        squares += near * near * weight;
         count += near;
     }
-    (count >= FEWEST_IMPACTS && weights > 0.0).then(|| sum / weights)
+    (count >= FEWEST_IMPACTS && weights > 0.0).then(|| (sum / weights, squares.sqrt() / weights))
 }

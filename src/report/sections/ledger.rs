@@ -9,6 +9,8 @@ use crate::validation::{Comparison, LedgerEntry};
 
 /// Trends shown before and after.
 const PAIRS: usize = 4;
+/// A trend that changed by less (half-widths of its band) looks the same after the step.
+const LEAST_CHANGE: f64 = 0.5;
 
 /// `path`: the versions from the first to this one, measured on the same data. `stages`: comparisons of versions, first to
 /// last, for the small multiples before and after each step; the last ones belong to the last versions of the path.
@@ -68,7 +70,7 @@ fn staircase(path: &[&LedgerEntry]) -> String {
             path.len() - 1,
             fixed(floor, 2)
         ))
-        .size((120.0 + 85.0 * path.len() as f64).clamp(360.0, 640.0), 270.0)
+        .size((200.0 + 85.0 * path.len() as f64).clamp(560.0, 900.0), 270.0)
         .x_categories(&names)
         .y("rms residual, noise = 1", "")
         .y_include(0.0)
@@ -106,8 +108,12 @@ fn before_and_after(before: &Comparison, after: &Comparison) -> Vec<(String, Str
     let (old, new) = (trends(before), trends(after));
     let twin = |t: &Trend| new.iter().position(|n| n.output == t.output && n.input == t.input);
     let mut figures = Vec::new();
-    for t in strongest(&old, 1).into_iter().take(PAIRS) {
-        let Some(n) = twin(t) else { continue };
+    // Those that changed most; what stayed as it was tells nothing of the step.
+    let mut changed: Vec<(&Trend, usize)> = strongest(&old, 1).into_iter().filter_map(|t| Some((t, twin(t)?))).collect();
+    let change = |(t, n): &(&Trend, usize)| (t.strength - new[*n].strength).abs();
+    changed.retain(|pair| change(pair) > LEAST_CHANGE);
+    changed.sort_by(|a, b| change(b).total_cmp(&change(a)));
+    for (t, n) in changed.into_iter().take(PAIRS) {
         let every = t.points.len().div_ceil(900).max(1);
         let (output, input) = (column_words(&t.output).words, column_words(&t.input).words);
         let same = reach(&t.points);

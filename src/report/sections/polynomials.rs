@@ -1,5 +1,6 @@
 //! Polynomial fits of the outputs (thesis 2.8, James 2004): the effect of one input while the others are held.
 
+use super::agreement::points_of;
 use crate::report::chart::{Band, Chart, Colour, Legend, Line};
 use crate::report::column::column_words;
 use crate::report::markup::{fixed, significant};
@@ -17,10 +18,10 @@ pub fn polynomials(comparison: &Comparison) -> Option<Section> {
         .numbers("terms")
         .numbers("R², held out")
         .numbers("rms error, held out")
-        .numbers("model's rms error");
+        .numbers("model's, held out");
     for p in &comparison.polynomials {
         let w = column_words(&p.output);
-        let model = comparison.outputs.iter().find(|o| o.name == p.output).map_or(f64::NAN, |o| o.rmse);
+        let model = held_out_rms(comparison, &p.output);
         let show = |v: f64| significant(w.factor * v, 3);
         table = table.row(&[w.words.clone(), w.unit.to_owned(), p.n_terms.to_string(), fixed(p.r2_heldout, 3), show(p.rmse_heldout), show(model)]);
     }
@@ -42,7 +43,7 @@ pub fn polynomials(comparison: &Comparison) -> Option<Section> {
                     .size(210.0, 160.0)
                     .legend(Legend::Hidden)
                     .x(&x.words, x.unit)
-                    .y(&w.words, w.unit)
+                    .y("", w.unit)
                     .add(Band::new(&band).colour(Colour::GREEN))
                     .add(Line::new(&line).colour(Colour::GREEN));
                 (chart.to_svg(), String::new())
@@ -51,4 +52,10 @@ pub fn polynomials(comparison: &Comparison) -> Option<Section> {
         section = section.folded(&format!("{}: each input, the others at their means", w.words), |s| s.figures(Layout::Small, &panels));
     }
     Some(section)
+}
+
+/// Of the model as its file states it, over the impacts held out; not a number when no output is among them.
+fn held_out_rms(comparison: &Comparison, output: &str) -> f64 {
+    let residuals: Vec<f64> = points_of(comparison, output).into_iter().filter(|(i, _)| i.held_out).map(|(_, p)| p.residual()).collect();
+    (residuals.iter().map(|r| r * r).sum::<f64>() / residuals.len() as f64).sqrt()
 }

@@ -22,7 +22,7 @@ pub(super) struct Trend {
     /// (input in its shown unit, standardised residual)
     pub points: Vec<(f64, f64)>,
     pub curve: Option<SmoothCurve>,
-    /// Greatest distance of the smooth from zero in half-widths of its band: above 1 somewhere, the band leaves zero.
+    /// Greatest distance of the smooth from the mean of all points, in half-widths of its band: an offset is no trend.
     pub strength: f64,
 }
 
@@ -44,7 +44,7 @@ pub(super) fn trends(comparison: &Comparison) -> Vec<Trend> {
             let at: Vec<(f64, f64)> =
                 points.iter().filter_map(|(i, p)| i.inputs.get(j).map(|x| (factor * x, signs.of_output(&o.name, &i.inputs) * p.standardised()))).collect();
             let curve = smooth(&at, CURVE_POINTS);
-            let strength = curve.as_ref().map_or(0.0, strength);
+            let strength = curve.as_ref().map_or(0.0, |c| strength(c, mean_of(&at)));
             all.push(Trend { output: o.name.clone(), input: (*input).to_owned(), points: at, curve, strength });
         }
     }
@@ -64,9 +64,20 @@ pub(super) fn strongest(trends: &[Trend], of_each: usize) -> Vec<&Trend> {
     kept
 }
 
-fn strength(curve: &SmoothCurve) -> f64 {
-    let each = curve.mean.iter().zip(curve.low.iter().zip(&curve.high)).map(|(m, (l, h))| m.abs() / (0.5 * (h - l)).max(1e-9));
+fn strength(curve: &SmoothCurve, mean: f64) -> f64 {
+    let each = curve.mean.iter().zip(curve.low.iter().zip(&curve.high)).map(|(m, (l, h))| (m - mean).abs() / (0.5 * (h - l)).max(1e-9));
     each.fold(0.0, f64::max)
+}
+
+fn mean_of(points: &[(f64, f64)]) -> f64 {
+    points.iter().map(|p| p.1).sum::<f64>() / points.len().max(1) as f64
+}
+
+/// The mean of all residuals of an output, in half-widths of its own 95 % interval.
+fn offset(points: &[(f64, f64)]) -> f64 {
+    let (n, mean) = (points.len() as f64, mean_of(points));
+    let variance = points.iter().map(|p| (p.1 - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
+    (mean / (1.96 * (variance / n).sqrt()).max(1e-9)).abs()
 }
 
 /// The overview matrix, the clearest trends, and all panels folded per output.
@@ -90,7 +101,7 @@ pub fn residuals(comparison: &Comparison) -> Option<Section> {
     let taken = if best { "The free parameters of the model are at their best." } else { "The parameters are those stated in the model file." };
     let mut section = Section::new("residuals", "Residuals against every input")
         .note(&format!("Measured less predicted, each in units of its own standard deviation. A sound model scatters about zero with unit spread whatever the input; the band is the 95 % interval of the local mean. {taken}"))
-        .figures(Layout::Wide, &[(matrix(comparison, &trends), "Where the local mean leaves zero: its greatest distance from zero in half-widths of its 95 % band. Values up to about 2 are what chance gives over a curve.".to_owned())])
+        .figures(Layout::Wide, &[(matrix(comparison, &trends), "How far the local mean goes from the mean of all impacts, at most, in half-widths of its 95 % band; bottom row: how far the mean of all lies from zero, in half-widths of its own interval. Values up to about 2 are what chance gives over a curve, up to 1 in the bottom row.".to_owned())])
         .heading("The clearest trends")
         .figures(Layout::Normal, &clearest);
     if every > 1 {
@@ -155,16 +166,21 @@ fn matrix(comparison: &Comparison, trends: &[Trend]) -> String {
     }
     let place = |names: &[&str], name: &str| names.iter().position(|n| *n == name).unwrap_or(0) as f64;
     let outputs: Vec<&str> = comparison.outputs.iter().map(|o| o.name.as_str()).collect();
-    let cells: Vec<(f64, f64, f64)> = trends.iter().map(|t| (place(&outputs, &t.output), place(&inputs, &t.input), t.strength)).collect();
-    let most = trends.iter().map(|t| t.strength).fold(4.0, f64::max);
-    let words: Vec<String> = inputs.iter().map(|i| column_words(i).words).collect();
+    let mut cells: Vec<(f64, f64, f64)> = trends.iter().map(|t| (place(&outputs, &t.output), 1.0 + place(&inputs, &t.input), t.strength)).collect();
+    for (k, o) in outputs.iter().enumerate() {
+        let Some(t) = trends.iter().find(|t| t.output == *o) else { continue };
+        cells.push((k as f64, 0.0, offset(&t.points)));
+    }
+    let most = cells.iter().map(|c| c.2).fold(4.0, f64::max);
+    let mut words = vec!["(mean of all)".to_owned()];
+    words.extend(inputs.iter().map(|i| column_words(i).words));
     let strongest = trends.iter().max_by(|a, b| a.strength.total_cmp(&b.strength));
     let told = strongest.map_or_else(String::new, |t| {
         format!("Strongest: {} against {}, {} half-widths.", column_words(&t.output).words, column_words(&t.input).words, fixed(t.strength, 1))
     });
     Chart::new("Trend of each output against each input")
         .describe(&told)
-        .size(520.0, 140.0 + 20.0 * inputs.len() as f64)
+        .size(520.0, 160.0 + 20.0 * inputs.len() as f64)
         .x_categories(&outputs.iter().map(|o| column_words(o).words).collect::<Vec<_>>())
         .y_categories(&words)
         .without_grid()

@@ -5,7 +5,7 @@ use super::regression::regression;
 use crate::equipment::Racket;
 use crate::kinematics::{Shot, effective_mass, season_statistics};
 use crate::report::chart::{Arrows, Band, Bars, Cells, Chart, Line, Points, Rule, SERIES, Symbol, bin_edges, face, histogram};
-use crate::report::markup::fixed;
+use crate::report::markup::{fixed, with_sd};
 use crate::report::page::{Layout, Section, Table};
 use crate::report::session_results::SessionResults;
 use nalgebra::Vector2;
@@ -204,7 +204,7 @@ fn mean_sd(values: &[f64]) -> String {
     let n = values.len() as f64;
     let mean = values.iter().sum::<f64>() / n;
     let sd = (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0)).sqrt();
-    let decimals = usize::from(mean.abs() < 1000.0);
+    let decimals = usize::from(mean.abs() < 1000.0 && !(sd >= 100.0));
     if values.len() < 2 { fixed(mean, decimals) } else { format!("{} ± {}", fixed(mean, decimals), fixed(sd, decimals)) }
 }
 
@@ -310,9 +310,8 @@ fn trend(name: &str, groups: &[Group<'_>], x: &str, y: &str, thesis: &str) -> Op
     if let Some(r) = regression(&all) {
         chart = chart.add(Band::new(&r.band).colour(SERIES[4])).add(Line::new(&r.line).colour(SERIES[4])).note(&format!("R² = {}", fixed(r.r2, 2)));
         caption = format!(
-            "Straight line with its 95 % band: slope {} ± {} {} per {}, R² = {} (as thesis figure {thesis}).",
-            fixed(r.slope, 2),
-            fixed(r.slope_sd, 2),
+            "Straight line with its 95 % band: slope {} {} per {}, R² = {} (as thesis figure {thesis}).",
+            with_sd(r.slope, r.slope_sd),
             wy.unit,
             wx.unit,
             fixed(r.r2, 2)

@@ -4,8 +4,12 @@ use super::diagnosis_verdict::VERDICT_WORDS;
 use crate::report::markup::{fixed, percent, with_sd};
 use crate::report::page::{Section, Tone};
 use crate::report::session_results::SessionResults;
+use crate::validation::observation::FEWEST_IMPACTS;
 use crate::validation::{Adequacy, Verdict};
 use std::collections::BTreeSet;
+
+/// Shots named in a line at most.
+const NAMED: usize = 6;
 
 pub fn session_verdict(r: &SessionResults) -> Section {
     let measured = r.shots.iter().filter(|s| s.record.is_some()).count();
@@ -17,10 +21,15 @@ pub fn session_verdict(r: &SessionResults) -> Section {
     }
     if all > 0 {
         lines.push(if measured == all {
-            format!("All {all} shots were measured.")
+            if all == 1 { "The one shot was measured.".to_owned() } else { format!("All {all} shots were measured.") }
         } else {
             format!("{measured} of {all} shots were measured; the others are named with their reason below.")
         });
+    }
+    let faulty: Vec<&str> = r.shots.iter().filter(|s| !s.recording.is_empty()).map(|s| s.id.as_str()).collect();
+    if !faulty.is_empty() {
+        let more = if faulty.len() > NAMED { format!(" and {} more", faulty.len() - NAMED) } else { String::new() };
+        lines.push(format!("The recording has faults (shots {}{more}); they are listed with the tracks.", faulty[..faulty.len().min(NAMED)].join(", ")));
     }
     let doubts: Vec<String> = r.shots.iter().filter_map(|s| Some(format!("{}: {}", s.id, s.record.as_ref()?.doubt.as_ref()?))).collect();
     if !doubts.is_empty() {
@@ -41,7 +50,7 @@ pub fn session_verdict(r: &SessionResults) -> Section {
             format!("mean ball speed after; shots spread by {} m/s, each known to {} m/s (sd)", fixed(spread, 1), fixed(own, 2)),
         ));
     }
-    let mut tone = if r.failed.is_empty() && r.steps_failed.is_empty() && doubts.is_empty() { Tone::Good } else { Tone::Doubt };
+    let mut tone = if r.failed.is_empty() && r.steps_failed.is_empty() && doubts.is_empty() && faulty.is_empty() { Tone::Good } else { Tone::Doubt };
     if let Some(d) = &r.diagnosis {
         (tone, _) = match d.verdict {
             Verdict::Adequate => (tone, ()),
@@ -68,6 +77,15 @@ pub fn session_verdict(r: &SessionResults) -> Section {
         tone = if adequate { tone } else { Tone::Bad };
         lines.insert(0, format!("The model “{}” is {} for these shots.", c.model, if adequate { "adequate" } else { "not adequate" }));
         cards.push((fixed(c.heldout_error_refitted, 2), format!("held-out error of the model, noise floor {}", fixed(c.noise_floor, 2))));
+    }
+    if r.diagnosis.is_none() && r.comparison.is_none() && (1..FEWEST_IMPACTS).contains(&measured) {
+        lines.insert(
+            0,
+            format!(
+                "No model can be judged from {}: {FEWEST_IMPACTS} or more are needed.",
+                if measured == 1 { "one shot".to_owned() } else { format!("{measured} shots") }
+            ),
+        );
     }
     if lines.is_empty() {
         lines.push("Nothing has been measured yet.".to_owned());

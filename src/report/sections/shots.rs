@@ -8,6 +8,7 @@ use crate::report::chart::{Points, face};
 use crate::report::markup::{fixed, with_sd};
 use crate::report::page::{Layout, Section, Table};
 use crate::report::session_results::{SessionResults, ShotResults};
+use crate::validation::structure::p_text;
 
 /// Columns of the table over all shots.
 const COLUMNS: [&str; 10] = [
@@ -85,7 +86,7 @@ fn details(mut section: Section, shot: &Shot, note: Option<&str>) -> Section {
     section = section.paragraph(&format!("{}, {}{groups}; the ball came to the {} face.{timing}{swing}", shot.racket, shot.ball, shot.ball_side_of_face));
     if let Some(m) = &shot.momentum {
         let hand = if m.hand_interferes { "something besides ball and racket took part (the hand)" } else { "ball and racket alone explain it" };
-        section = section.paragraph(&format!("Momentum balance: {hand}; χ² = {} with 3 degrees of freedom, p = {}.", fixed(m.chi2, 1), fixed(m.p_value, 3)));
+        section = section.paragraph(&format!("Momentum balance: {hand}; χ² = {} with 3 degrees of freedom, {}.", fixed(m.chi2, 1), p_text(m.p_value)));
     }
     if let Some(note) = note {
         section = section.paragraph(&format!("Note: {note}"));

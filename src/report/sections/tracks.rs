@@ -12,6 +12,8 @@ use crate::tracking::{PointState, Target, Tracks};
 const AROUND: u64 = 20;
 /// Pictures shown for the whole session, those in greatest doubt; all shots' charts are folded below.
 const MOST_PICTURES: usize = 12;
+/// Notes on the recording shown at once.
+const MOST_FAULTS: usize = 10;
 
 pub fn tracks(results: &SessionResults) -> Option<Section> {
     let shots: Vec<&ShotResults> = results.shots.iter().filter(|s| s.tracks.is_some() || !s.pictures.is_empty()).collect();
@@ -22,13 +24,19 @@ pub fn tracks(results: &SessionResults) -> Option<Section> {
     let mut pictures: Vec<(&ShotResults, &FramePicture)> = shots.iter().flat_map(|s| s.pictures.iter().map(move |p| (*s, p))).collect();
     pictures.sort_by(|a, b| b.1.doubt.total_cmp(&a.1.doubt).then_with(|| (&a.0.id, a.1.frame, a.1.camera).cmp(&(&b.0.id, b.1.frame, b.1.camera))));
     let shown: Vec<(String, String)> = pictures.iter().take(MOST_PICTURES).map(|(shot, p)| (overlay(shot, p), p.words.clone())).collect();
+    let faults: Vec<String> = shots.iter().flat_map(|s| s.recording.iter().map(|note| format!("{}: {note}", s.id))).collect();
+    if faults.len() > MOST_FAULTS {
+        section = section.folded(&format!("What tracking says of the recording ({} notes)", faults.len()), |s| s.list(&faults));
+    } else if !faults.is_empty() {
+        section = section.heading("What tracking says of the recording").list(&faults);
+    }
     if !shown.is_empty() {
         section = section
             .heading("Frames of doubt first, then the impacts")
             .note("Rings mark what was measured in this frame; dotted: the path through the neighbouring frames. What has no ring was not measured.")
             .figures(Layout::Normal, &shown);
     }
-    section = section.note("Paths of the five markers and the ball in both pictures, from 20 frames before to 20 after the impact, and below them what was measured in which frame. A hidden point is never drawn.");
+    section = section.note("Paths of the five markers and the ball in both pictures, from 20 frames before to 20 after the impact (as far as the recording goes), and beside them what was measured in which frame. A hidden point is never drawn.");
     for (k, shot) in shots.iter().enumerate() {
         let Some(tracks) = &shot.tracks else { continue };
         let figures = shot_figures(shot, tracks);

@@ -24,7 +24,7 @@ pub fn trajectories(results: &SessionResults) -> Option<Section> {
         let figures = [
             (
                 scene(shot, room),
-                "Ball and markers around the impact; the racket's outline through its markers in every fifth frame, bold at the impact.".to_owned(),
+                "Ball and markers around the impact; the racket's outline through its markers in every fifth frame, pink at the impact.".to_owned(),
             ),
             (components(shot, room), "The ball's centre against time, with error bars of two standard deviations where they are visible.".to_owned()),
         ];
@@ -65,7 +65,7 @@ fn scene(shot: &ShotResults, room: Room) -> String {
         let order = [Target::M1, Target::M2, Target::M4, Target::M5, Target::M3];
         let corners: Vec<Point3<f64>> =
             order.iter().filter_map(|t| near(shot).find(|p| p.frame == *frame && p.target == *t).map(|p| room.point(&p.position))).collect();
-        if corners.len() >= 3 {
+        if corners.len() >= 4 {
             let bold = Some(*frame) == impact;
             scene = scene.outline(&corners, if bold { "racket at impact" } else { "" }, if bold { Colour::PINK } else { Colour::GREY });
         }

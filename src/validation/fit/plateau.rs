@@ -2,6 +2,7 @@
 //! one many would slide, as they did.
 
 use super::{Column, Spread, State, ValidationError, Work, begin_of};
+use nalgebra::DMatrix;
 
 /// A parameter that fewer than this share of the impacts tell is looked for elsewhere.
 const TOLD: f64 = 0.1;
@@ -47,4 +48,57 @@ pub(super) fn leave(work: &Work, mut state: State, parameters: impl Iterator<Ite
         }
     }
     Ok(state)
+}
+
+/// Two deviations either way must cost so much in chi-square: a quarter more of them than a parabola would need shows a kink.
+const SIDES: f64 = 2.0;
+const KINKED: f64 = 1.25;
+
+/// What becomes of a deviation that the slope alone makes too small.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Widening {
+    /// It is so many times larger.
+    By(f64),
+    /// The impacts do not bound the parameter within its range, on one side at least.
+    Unbounded,
+}
+
+/// Of the parameters that hardly any impact tells at a state, those of which chi-square does not bear out on both sides what the slope there
+/// says: just where the first ball slides the slope is steep, and beyond it nothing tells the friction any more.
+pub(super) fn widened(work: &Work, state: &State, covariance: &DMatrix<f64>, spread: &Spread) -> Result<Vec<(usize, Widening)>, ValidationError> {
+    let mut widened = Vec::new();
+    for p in untold(work, state)? {
+        let Some(column) = work.columns.iter().position(|c| *c == Column::Parameter(p)) else { continue };
+        let (limits, sd) = (&work.forward.parameters()[p], covariance[(column, column)].max(0.0).sqrt());
+        if !(sd > 0.0) || limits.prior.is_some() {
+            continue;
+        }
+        let begin = begin_of(state);
+        let cost_at = |value: f64| {
+            let mut columns = state.column_values.clone();
+            columns[column] = value;
+            work.evaluate(&columns, &begin, Some(&state.impacts), spread, 1).map(|there| state.cost_of(&there))
+        };
+        let value = state.column_values[column];
+        let here = cost_at(value)?;
+        let (mut reach, mut bounded) = (0.0_f64, true);
+        for (side, limit) in [(-1.0, limits.min), (1.0, limits.max)] {
+            let room = (limit - value).abs();
+            // What cannot be predicted there is no better.
+            let costs = |distance: f64| cost_at(value + side * distance).map_or(true, |c| c - here >= SIDES * SIDES);
+            let mut distance = SIDES * sd;
+            while distance < room && !costs(distance) {
+                distance *= KINKED;
+            }
+            bounded &= distance < room || room < SIDES * sd || costs(room);
+            reach = reach.max(distance.min(room));
+        }
+        let factor = reach / (SIDES * sd);
+        if !bounded {
+            widened.push((p, Widening::Unbounded));
+        } else if factor > KINKED {
+            widened.push((p, Widening::By(factor)));
+        }
+    }
+    Ok(widened)
 }

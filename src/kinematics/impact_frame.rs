@@ -18,7 +18,7 @@ const LEAST_JUMP_M_S: f64 = 3.0;
 /// Half of a flight's places lie nearer to its line, m: 24 frames of free fall and depths that are good to some millimetres.
 const STRAIGHT_M: f64 = 0.02;
 /// The face's half extents around the stringbed centre within which an approach counts as an impact, m.
-const FACE: (f64, f64) = (0.30, 0.20);
+pub(super) const FACE: (f64, f64) = (0.30, 0.20);
 
 /// The frame at which the ball is nearest to the face, or that was `stated`, within the frames of the `span`; and the side it came from.
 pub fn find_impact(

@@ -80,6 +80,12 @@ pub enum KinematicsError {
          if there is one, give `impact_frame` in shot.toml"
     )]
     NoImpact { nearest_m: f64, reach_m: f64 },
+    #[error(
+        "the ball touches the string plane {x_m:.3} m along and {y_m:.3} m across from the stringbed's centre, beyond any racket (allowed: {} and {}): \
+         the pictures of the two cameras may not belong together, or this is no impact; look at the tracks around it, or give `impact_frame` in shot.toml",
+        impact_frame::FACE.0, impact_frame::FACE.1
+    )]
+    OffTheFace { x_m: f64, y_m: f64 },
     #[error("{seen} frames show the {body} {when} contact; at least {need} are needed")]
     TooFewFrames { body: &'static str, when: &'static str, seen: usize, need: usize },
     #[error(

@@ -5,6 +5,7 @@ use super::calibration_share::CalibrationShare;
 use super::characteristics::{ShotEquipment, characteristics};
 use super::contact::BodyMotion;
 use super::face_pose::face_pose_sd;
+use super::impact_frame::FACE;
 use super::least_squares::chi2_tail_3;
 use super::marker_distance::{MarkerDistance, marker_distances, mismatch_remark};
 use super::shot_motion::{BENDS_P, MeasureSettings, ShotMotion, measure_motion};
@@ -226,6 +227,11 @@ pub fn measure_shot(input: &ShotInput<'_>, settings: &MeasureSettings) -> Result
         Some(MomentumVerdict { chi2, p_value, hand_interferes: p_value < 0.05 })
     })();
     let mut quantities = Quantities(measures.iter().filter_map(|(m, sd)| Some((m.name.clone(), m.quantity(*sd)?))).collect());
+    let place = |name: &str| quantities.get(name).map_or(0.0, |q| q.value);
+    let (x_m, y_m) = (place("impact_x"), place("impact_y"));
+    if x_m.abs() > FACE.0 || y_m.abs() > FACE.1 {
+        return Err(KinematicsError::OffTheFace { x_m, y_m });
+    }
     for (name, component) in [("ball_in_spin_component", input.spin.before_component), ("ball_out_spin_component", input.spin.after_component)] {
         if let Some(c) = component {
             let rpm = 30.0 / std::f64::consts::PI;

@@ -15,6 +15,8 @@ const KERNEL_MM: f64 = 18.0;
 const FEWEST_IMPACTS: f64 = 3.0;
 /// The colours reach at least so many deviations of a local mean: of the fifty or so places of a face some are two off by chance.
 const PALE: f64 = 5.0;
+/// A local mean within so many of its deviations is drawn as nothing.
+const WITHIN: f64 = 2.0;
 /// A face of which less is covered is not drawn.
 const LEAST_COVERED: f64 = 0.1;
 /// Cells across the face.
@@ -29,7 +31,7 @@ pub fn face_maps(comparison: &Comparison, racket: Option<&Racket>) -> Option<Sec
     }
     Some(
         Section::new("face", "Residuals over the face")
-            .note(&format!("Local mean of measured less predicted (kernel of {:.0} mm), seen from +z, tip at the top, impacts as dots. Blue: the prediction is too high; orange: too low; pale: right. The colours reach at least five standard deviations of a local mean, so that a sound model stays pale; places with fewer than three impacts near are left blank. Where both faces were hit, velocities and rates that a blow on the back reverses are counted along the normal of the face that was hit.", kernel_mm(comparison.impacts.len())))
+            .note(&format!("Local mean of measured less predicted (kernel of {:.0} mm), seen from +z, tip at the top, impacts as dots. Blue: the prediction is too high; orange: too low; white: the mean is within two of its standard deviations. The colours reach at least five of them, so that what chance leaves stays pale; places with fewer than three impacts near are left blank. Where both faces were hit, velocities and rates that a blow on the back reverses are counted along the normal of the face that was hit.", kernel_mm(comparison.impacts.len())))
             .figures(Layout::Small, &maps),
     )
 }
@@ -70,9 +72,11 @@ fn map(comparison: &Comparison, racket: &Racket, output: &str) -> Option<String>
     }
     let mut sds: Vec<f64> = known.iter().map(|c| c.2.1).collect();
     sds.sort_by(f64::total_cmp);
-    let usual = comparison.noise_floor.max(1.0) * sds.get(sds.len() / 2).copied().unwrap_or(0.0);
-    let coloured: Vec<(f64, f64, f64)> = known.into_iter().map(|(y, x, (mean, _))| (y, x, mean)).collect();
-    let most = coloured.iter().map(|c| c.2.abs()).fold(PALE * usual, f64::max).max(f64::MIN_POSITIVE);
+    let usual = sds.get(sds.len() / 2).copied().unwrap_or(0.0);
+    let scale = comparison.noise_floor.max(1.0);
+    let shown = |mean: f64, sd: f64| if mean.abs() < WITHIN * scale * sd { 0.0 } else { mean };
+    let coloured: Vec<(f64, f64, f64)> = known.into_iter().map(|(y, x, (mean, sd))| (y, x, shown(mean, sd))).collect();
+    let most = coloured.iter().map(|c| c.2.abs()).fold(PALE * scale * usual, f64::max).max(f64::MIN_POSITIVE);
     let dots: Vec<(f64, f64)> = hits.iter().map(|h| (h.0, h.1)).collect();
     let chart: Chart = face::bare(&w.words, racket)
         .size(210.0, 300.0)

@@ -27,18 +27,34 @@ pub struct LostPictures {
     pub lost: [u64; 2],
 }
 
+/// Of one frame, by camera and target.
+type Seen = [[Option<ImagePoint>; 6]; 2];
+
 /// Where pictures were lost without a gap in the numbers.
 pub fn lost_pictures(tracks: &Tracks) -> Vec<LostPictures> {
-    let told = |frame| LostPictures { after: frame, lost: CameraId::BOTH.map(|camera| lost_after(tracks, frame, camera).unwrap_or(0)) };
-    tracks.frames().into_iter().map(told).filter(|l| l.lost != [0, 0]).collect()
+    let mut frames: Vec<(u64, Seen)> = Vec::new();
+    for p in &tracks.points {
+        if frames.last().is_none_or(|(frame, _)| *frame != p.frame) {
+            frames.push((p.frame, Seen::default()));
+        }
+        if let Some((_, seen)) = frames.last_mut() {
+            seen[p.camera.index()][p.target.index()] = p.point;
+        }
+    }
+    let in_a_row = |four: &&[(u64, Seen)]| four[3].0 - four[0].0 == 3;
+    let told = |four: &[(u64, Seen)]| LostPictures {
+        after: four[1].0,
+        lost: [0, 1].map(|camera| lost_between([0, 1, 2, 3].map(|k| &four[k].1[camera])).unwrap_or(0)),
+    };
+    frames.windows(4).filter(in_a_row).map(told).filter(|l| l.lost != [0, 0]).collect()
 }
 
-fn lost_after(tracks: &Tracks, frame: u64, camera: CameraId) -> Option<u64> {
-    let numbers = [frame.checked_sub(1)?, frame, frame.checked_add(1)?, frame.checked_add(2)?];
+/// How many pictures are missing between the middle ones of four frames of one camera.
+fn lost_between(frames: [&[Option<ImagePoint>; 6]; 4]) -> Option<u64> {
     let (mut along, mut size, mut steps) = (0.0, 0.0, Vec::new());
     let (mut bends, mut targets) = (0.0_f64, 0);
-    for target in Target::ALL {
-        let Some([p, q, r, s]) = four(numbers.map(|n| tracks.get(n, camera, target))) else { continue };
+    for target in 0..Target::ALL.len() {
+        let Some([p, q, r, s]) = four(frames.map(|f| f[target])) else { continue };
         let (before, step, after) = (q.uv - p.uv, r.uv - q.uv, s.uv - r.uv);
         let usual = 0.5 * (before + after);
         let sd = [p, q, r, s].iter().map(|p| p.sd.max()).fold(0.0, f64::max);

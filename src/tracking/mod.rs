@@ -19,6 +19,7 @@ mod ball_presence;
 mod ball_pressed;
 mod ball_refine;
 mod ball_ring;
+mod ball_saturated;
 mod ball_search;
 mod ball_shading;
 mod ball_surroundings;

@@ -60,6 +60,7 @@ pub fn track_shot(source: &impl FrameSource, setup: &ShotSetup, cancel: &AtomicB
     let points = space_points::space_points(source, setup, &view, &figure, &racket, &ball, contact_frame);
     let tracks = named(source, &racket, &ball);
     notes.extend(unseen(&tracks));
+    notes.extend(shot.saturated_ball(&ball));
     let mut broken = shot.broken.into_inner().unwrap_or_default();
     broken.append(&mut watched.broken.into_inner().unwrap_or_default());
     let unreadable = broken.into_values().collect();

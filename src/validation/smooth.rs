@@ -24,7 +24,7 @@ const WIDENINGS: i32 = 14;
 
 /// Local-linear regression with a Gaussian kernel at `count` points between the 2nd and 98th percentile of x.
 ///
-/// The kernel's width is the one of [`WIDTHS`] with the least corrected Akaike criterion (Hurvich, Simonoff and Tsai 1998), so that a
+/// The kernel's width is the one of eight with the least corrected Akaike criterion (Hurvich, Simonoff and Tsai 1998), so that a
 /// bend which stands out of the scatter is followed and a straight line is not chased. The band uses the local variance about the
 /// curve. `None` with fewer than ten points or no spread in x.
 pub fn smooth(points: &[(f64, f64)], count: usize) -> Option<SmoothCurve> {

@@ -26,10 +26,10 @@ pub fn session_verdict(r: &SessionResults) -> Section {
             format!("{measured} of {all} shots were measured; the others are named with their reason below.")
         });
     }
-    let faulty: Vec<&str> = r.shots.iter().filter(|s| !s.recording.is_empty()).map(|s| s.id.as_str()).collect();
-    if !faulty.is_empty() {
-        let more = if faulty.len() > NAMED { format!(" and {} more", faulty.len() - NAMED) } else { String::new() };
-        lines.push(format!("The recording has faults (shots {}{more}); they are listed with the tracks.", faulty[..faulty.len().min(NAMED)].join(", ")));
+    let noted: Vec<&str> = r.shots.iter().filter(|s| !s.recording.is_empty()).map(|s| s.id.as_str()).collect();
+    if !noted.is_empty() {
+        let more = if noted.len() > NAMED { format!(" and {} more", noted.len() - NAMED) } else { String::new() };
+        lines.push(format!("Tracking noted something about the recording of {}{more}; it stands with the tracks.", noted[..noted.len().min(NAMED)].join(", ")));
     }
     let doubts: Vec<String> = r.shots.iter().filter_map(|s| Some(format!("{}: {}", s.id, s.record.as_ref()?.doubt.as_ref()?))).collect();
     if !doubts.is_empty() {
@@ -50,7 +50,7 @@ pub fn session_verdict(r: &SessionResults) -> Section {
             format!("mean ball speed after; shots spread by {} m/s, each known to {} m/s (sd)", fixed(spread, 1), fixed(own, 2)),
         ));
     }
-    let mut tone = if r.failed.is_empty() && r.steps_failed.is_empty() && doubts.is_empty() && faulty.is_empty() { Tone::Good } else { Tone::Doubt };
+    let mut tone = if r.failed.is_empty() && r.steps_failed.is_empty() && doubts.is_empty() { Tone::Good } else { Tone::Doubt };
     if let Some(d) = &r.diagnosis {
         (tone, _) = match d.verdict {
             Verdict::Adequate => (tone, ()),

@@ -101,7 +101,7 @@ pub fn lost_words(all: &[LostPictures]) -> Option<String> {
         if !after.is_empty() {
             let camera = camera.name();
             sentences.push(format!(
-                "pictures of the {camera} camera seem lost after {}: all that moves goes a multiple of its way there in its pictures",
+                "pictures of the {camera} camera (of it at least) seem lost after {}: all that moves goes a multiple of its way there in its pictures",
                 frames(&after)
             ));
         }

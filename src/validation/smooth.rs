@@ -42,18 +42,12 @@ pub fn smooth(points: &[(f64, f64)], count: usize) -> Option<SmoothCurve> {
         return None;
     }
     let bins = Bin::of(points, from, to);
-    let fits: Vec<(f64, f64, Vec<f64>)> = WIDTHS.iter().filter_map(|w| akaike(&bins, n, w * spread)).collect();
-    let (_, width, fitted) = fits.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let curves = WIDTHS.iter().filter_map(|w| AtBins::with(w * spread, &bins, n));
+    let AtBins { width, trace, means, .. } = curves.min_by(|a, b| a.criterion.total_cmp(&b.criterion))?;
     // What scatters about the curve, bin by bin: within it, and its mean off the curve.
-    let scatter: Vec<f64> = bins.iter().zip(&fitted).map(|(b, f)| b.within + b.n * (b.y - f).powi(2)).collect();
+    let scatter: Vec<f64> = bins.iter().zip(&means).map(|(b, f)| b.within + b.n * (b.y - f).powi(2)).collect();
     // A curve takes some of the scatter with it.
-    let freed = {
-        let mut taken = 0.0;
-        for b in &bins {
-            taken += b.n * LocalLine::at(b.x, &bins, width).map_or(0.0, |l| l.weight_of(b.x));
-        }
-        n as f64 / (n as f64 - taken).max(1.0)
-    };
+    let freed = n as f64 / (n as f64 - trace).max(1.0);
     let mut curve = SmoothCurve { x: Vec::new(), mean: Vec::new(), low: Vec::new(), high: Vec::new() };
     for i in 0..count {
         let x0 = from + (to - from) * i as f64 / (count - 1) as f64;
@@ -134,19 +128,32 @@ impl LocalLine {
     }
 }
 
-/// Corrected Akaike criterion of a width, the width, and the curve at the bins; `None` where it takes all freedom.
-fn akaike(bins: &[Bin], n: usize, width: f64) -> Option<(f64, f64, Vec<f64>)> {
-    let (mut left, mut trace, mut fitted) = (0.0, 0.0, Vec::with_capacity(bins.len()));
-    for b in bins {
-        let line = LocalLine::at(b.x, bins, width)?;
-        let mean: f64 = bins.iter().map(|o| o.n * line.weight_of(o.x) * o.y).sum();
-        left += b.within + b.n * (b.y - mean).powi(2);
-        trace += b.n * line.weight_of(b.x);
-        fitted.push(mean);
+/// The curve of one width at the bins.
+struct AtBins {
+    width: f64,
+    /// Corrected Akaike criterion.
+    criterion: f64,
+    /// Degrees of freedom that it takes.
+    trace: f64,
+    means: Vec<f64>,
+}
+
+impl AtBins {
+    /// `None` where it takes all freedom of the `n` points.
+    fn with(width: f64, bins: &[Bin], n: usize) -> Option<AtBins> {
+        let (mut left, mut trace, mut means) = (0.0, 0.0, Vec::with_capacity(bins.len()));
+        for b in bins {
+            let line = LocalLine::at(b.x, bins, width)?;
+            let mean: f64 = bins.iter().map(|o| o.n * line.weight_of(o.x) * o.y).sum();
+            left += b.within + b.n * (b.y - mean).powi(2);
+            trace += b.n * line.weight_of(b.x);
+            means.push(mean);
+        }
+        let n = n as f64;
+        let freedom = n - trace - 2.0;
+        let criterion = (left / n).max(f64::MIN_POSITIVE).ln() + PENALTY * (trace + 1.0) / freedom;
+        (freedom > 0.0).then_some(AtBins { width, criterion, trace, means })
     }
-    let n = n as f64;
-    let freedom = n - trace - 2.0;
-    (freedom > 0.0).then(|| ((left / n).max(f64::MIN_POSITIVE).ln() + PENALTY * (trace + 1.0) / freedom, width, fitted))
 }
 
 /// Mean of a quantity over one cell of the face (racket-local, m).

@@ -35,6 +35,9 @@ pub struct AxesReport {
     pub warnings: Vec<String>,
 }
 
+/// Mean square of the spheres' misses over their deviations beyond which something moved: good sessions stay below 7.
+const UNLIKELY_CHI2: f64 = 16.0;
+
 /// Where the spheres of the frame lie in its own axes, m.
 fn frame_points(frame: &AxesFrame) -> [Point3<f64>; 3] {
     [Point3::origin(), Point3::new(frame.arm_u_m, 0.0, 0.0), Point3::new(0.0, 0.0, frame.arm_w_m)]
@@ -155,7 +158,7 @@ fn frame_among_spots(rig: &StereoRig, spots: &[Vec<Spot>; 2], frame: &AxesFrame)
     }
     best.map(|b| b.1).ok_or_else(|| {
         axes_error(format!(
-            "no three of {} and {} bright spots are {u:.3} m and {w:.3} m apart at a right angle; check arm_u_m and arm_w_m, and that all three spheres are in both pictures",
+            "no three of {} and {} bright spots are {u:.3} m and {w:.3} m apart at a right angle; check arm_u_m, arm_w_m and square_m, and that all three spheres are in both pictures",
             spots[0].len(),
             spots[1].len()
         ))
@@ -206,12 +209,36 @@ fn lay_axes(
             warnings.push(format!("{name} is {stated:.4} m in session.toml and {seen:.4} m in the pictures"));
         }
     }
+    let scales = [u.norm() / frame.arm_u_m, w.norm() / frame.arm_w_m];
+    let measured_scale = 0.5 * (scales[0] + scales[1]);
+    let both_off_alike = (scales[0] - scales[1]).abs() < 0.5 * (measured_scale - 1.0).abs();
     let mut squares = 0.0;
     for (sphere, uv) in frame_points(frame).iter().zip(centres) {
         for id in CameraId::BOTH {
             let seen = predicted(rig, &pose, sphere, id, radius_m).ok_or_else(|| axes_error("the frame lies behind a camera"))?;
             squares += (seen.0 - uv[id.index()]).norm_squared();
         }
+    }
+    if (measured_scale - 1.0).abs() > 0.002 && (measured_scale - 1.0).abs() > 3.0 * arm_sd / (frame.arm_u_m.hypot(frame.arm_w_m)) && both_off_alike {
+        warnings.push(format!(
+            "both arms come out {:.2} % {}: square_m of session.toml (or the printed board) is off by as much, and with it every length and speed",
+            100.0 * (measured_scale - 1.0).abs(),
+            if measured_scale > 1.0 { "too long" } else { "too short" }
+        ));
+    }
+    // Six centres of two coordinates, six numbers of the pose.
+    if chi2 / 6.0 > UNLIKELY_CHI2 {
+        warnings.push(format!(
+            "the spheres lie {:.2} px from where the frame's shape puts them, {:.0} times what their outlines are good to: a camera moved between the boards and the frame, the frame's lengths are wrong, or the boards were not where the frame stands",
+            (squares / 6.0).sqrt(),
+            (chi2 / 6.0).sqrt()
+        ));
+    }
+    if let [Some(true), Some(true)] = CameraId::BOTH.map(|id| points_down(rig, &pose, id)) {
+        warnings.push(
+            "V, which is up, points down in both pictures: arm_u_m and arm_w_m are exchanged, the pictures are mirrored, or both cameras stood on their heads"
+                .to_owned(),
+        );
     }
     let report = AxesReport {
         orthogonality_error_deg: angle - 90.0,
@@ -226,6 +253,13 @@ fn lay_axes(
         warnings,
     };
     Ok((out, report))
+}
+
+/// Whether the V axis runs down one camera's picture more than across it. `None` where its end cannot be seen.
+fn points_down(rig: &StereoRig, pose: &Isometry3<f64>, id: CameraId) -> Option<bool> {
+    let at = |v: f64| predicted(rig, pose, &Point3::new(0.0, v, 0.0), id, 0.0).map(|p| p.0);
+    let up = at(0.1)? - at(0.0)?;
+    Some(up.y > up.x.abs())
 }
 
 /// Pixel of a sphere's outline centre, and its derivative with respect to the point in the left camera's frame.

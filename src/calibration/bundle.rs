@@ -52,6 +52,8 @@ pub struct BundleOptions {
     pub clustered_errors: bool,
 }
 
+/// Boards that pull harder against each other than this are another world's.
+const MOST_CLUSTERING: f64 = 100.0;
 /// Gain at which nothing but rounding is left to be found.
 pub const TO_THE_END: f64 = 1e-11;
 /// Largest step of a settled adjustment, rad, m or share of the focal length, per gain. Along the valley of centre, tangential
@@ -208,7 +210,7 @@ impl Bundle {
         if expected < 1.0 || variance_px2 <= 0.0 {
             return 1.0; // too few boards to tell
         }
-        (pull / (variance_px2 * expected)).clamp(1.0, 10.0)
+        (pull / (variance_px2 * expected)).clamp(1.0, MOST_CLUSTERING)
     }
 
     /// The same cameras and boards with the corners of another bundle of the same views.

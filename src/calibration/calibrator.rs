@@ -1,7 +1,7 @@
 //! The calibration itself: views of the board from both cameras in, cameras, rig and each pair's fate out.
 
 use super::board::Checkerboard;
-use super::bundle::{Bundle, BundleFit, BundleOptions, BundleView, GOOD_START};
+use super::bundle::{Bundle, BundleError, BundleFit, BundleOptions, BundleView, GOOD_START};
 use super::distortion::{CAMERA_NAMES, DistortionModel, ROTATION, SHARED, SHIFT, shared_names};
 use super::error::CalibrationError;
 use super::model_choice::{ModelFit, adjust_all, choose, summaries};
@@ -18,8 +18,15 @@ pub const MIN_PAIRS: usize = 3;
 const NAMED: usize = 12;
 /// A view is inconsistent when its residual is above this many times the median view's ...
 const VIEW_FACTOR: f64 = 4.0;
-/// ... and above this, px: sharp pictures differ among themselves by less.
-const VIEW_FLOOR_PX: f64 = 0.3;
+/// ... and above this, px: sharp pictures differ among themselves by less. (A board that moved by 5 mm between the cameras is 0.2 px off.)
+const VIEW_FLOOR_PX: f64 = 0.06;
+/// Corners count in proportion beyond this many deviations of all once the adjustment has begun to settle: where corners are good to
+/// 0.01 px a pair that is not of one instant may be far off and yet within a pixel.
+const HUBER_SD: f64 = 3.0;
+/// Clustering beyond which something is wrong with the boards or their pictures.
+const CLUSTERED: f64 = 6.0;
+/// Cameras that stand apart by less than this many deviations may stand in one place: nothing has a depth then.
+const BASELINE_SD: f64 = 5.0;
 /// A corner is an outlier beyond this many robust standard deviations of one coordinate.
 const CORNER_SD: f64 = 6.0;
 
@@ -88,16 +95,26 @@ pub fn calibrate_views(
         for _ in 0..4 {
             let mut robust = bundle.clone();
             let model = options.model.unwrap_or(DistortionModel::K1K2);
-            match robust.adjust(&BundleOptions {
-                active: model.active(),
-                huber_px: Some(HUBER_PX),
-                max_iterations: options.max_iterations,
-                settled_gain: GOOD_START,
-                clustered_errors: false,
-            }) {
-                Ok(_) | Err(super::bundle::BundleError::NotConverged { .. }) => bundle = robust,
-                Err(e) => return Err(e.into()),
+            let mut huber_px = HUBER_PX;
+            loop {
+                match robust.adjust(&BundleOptions {
+                    active: model.active(),
+                    huber_px: Some(huber_px),
+                    max_iterations: options.max_iterations,
+                    settled_gain: GOOD_START,
+                    clustered_errors: false,
+                }) {
+                    Ok(_) | Err(BundleError::NotConverged { .. }) => {}
+                    Err(e) => return Err(e.into()),
+                }
+                let narrower = HUBER_SD * robust_sd_px(&robust).unwrap_or(f64::INFINITY);
+                // Twice as narrow at least, or nothing much changes.
+                if !(narrower < 0.5 * huber_px) {
+                    break;
+                }
+                huber_px = narrower;
             }
+            bundle = robust;
             if !drop_inconsistent(&mut bundle, &mut pair_of_view, pairs, &mut fates) {
                 break;
             }
@@ -110,7 +127,7 @@ pub fn calibrate_views(
     let mut corners_left_out = 0;
     let fit_models = |starts: &[(DistortionModel, Bundle)]| -> Result<(Vec<ModelFit>, usize), CalibrationError> {
         let models = adjust_all(starts, options)?;
-        let best = choose(&models).ok_or(super::bundle::BundleError::Singular)?;
+        let best = choose(&models).ok_or(BundleError::Singular)?;
         Ok((models, best))
     };
     let asked = DistortionModel::ALL.into_iter().filter(|m| options.model.is_none_or(|only| only == *m));
@@ -124,6 +141,10 @@ pub fn calibrate_views(
         }
     }
     let ModelFit { model, bundle, fit, .. } = models[best].clone();
+    let (baseline_m, sd_m) = (bundle.right_from_left.translation.vector.norm(), (SHIFT..SHIFT + 3).map(|i| fit.covariance[(i, i)]).sum::<f64>().sqrt());
+    if baseline_m < BASELINE_SD * sd_m {
+        return Err(CalibrationError::NoBaseline { baseline_mm: 1e3 * baseline_m, sd_mm: 1e3 * sd_m });
+    }
     for (view, &pair) in bundle.views.iter().zip(&pair_of_view) {
         fates[pair].used = !view.left.is_empty() && !view.right.is_empty();
         fates[pair].rms_px = bundle.view_rms_px(view);
@@ -236,14 +257,20 @@ fn drop_inconsistent(bundle: &mut Bundle, pair_of_view: &mut Vec<usize>, pairs: 
     keep.contains(&false)
 }
 
+/// Robust standard deviation of one coordinate over all views, px. `None` where a board lies behind a camera.
+fn robust_sd_px(bundle: &Bundle) -> Option<f64> {
+    let residuals: Vec<_> = bundle.views.iter().map(|v| bundle.residuals(v)).collect::<Option<_>>()?;
+    let mut sizes: Vec<f64> = residuals.iter().flat_map(|(l, r)| l.iter().chain(r)).flat_map(|d| [d.x.abs(), d.y.abs()]).collect();
+    Some(1.4826 * median(&mut sizes)?)
+}
+
 /// Leaves out single corners far outside the spread of all; at most a twentieth of a view, else the view stays whole.
 fn drop_outlying_corners(bundle: &mut Bundle) -> usize {
     let residuals: Vec<_> = bundle.views.iter().filter_map(|v| bundle.residuals(v)).collect();
     if residuals.len() != bundle.views.len() {
         return 0;
     }
-    let mut sizes: Vec<f64> = residuals.iter().flat_map(|(l, r)| l.iter().chain(r)).flat_map(|d| [d.x.abs(), d.y.abs()]).collect();
-    let limit = CORNER_SD * 1.4826 * median(&mut sizes).unwrap_or(f64::INFINITY);
+    let limit = CORNER_SD * robust_sd_px(bundle).unwrap_or(f64::INFINITY);
     let mut left_out = 0;
     for (view, (l, r)) in bundle.views.iter_mut().zip(&residuals) {
         for (corners, residual) in [(&mut view.left, l), (&mut view.right, r)] {
@@ -320,20 +347,30 @@ impl Calibration {
     /// Adds what is judged in millimetres to a rig whose global axes are laid: `square_mm`, `verdict`, `volume`, `coverage`,
     /// `advice`.
     pub fn add_quality(&self, rig: &mut StereoRig) -> Result<(), serde_json::Error> {
+        let mut stretched = None;
         if let Some(verdict) = self.verdict() {
+            stretched = verdict.stretched();
             rig.square_mm = Some(verdict.squares.clone());
             rig.more.insert("verdict".into(), serde_json::to_value(verdict)?);
         }
+        let mut advice = Vec::new();
         if let Some((volume, error)) = self.volume(&rig.global_from_left) {
             let coverage = self.coverage(&error);
-            let mut advice = self.advice(&coverage);
-            if rig.square_mm.is_none() {
-                advice.push("too few pairs to hold some out: how large the squares come out in space is not known".to_owned());
-            }
-            rig.more.insert("advice".into(), serde_json::to_value(advice)?);
+            advice = self.advice(&coverage);
             rig.more.insert("coverage".into(), serde_json::to_value(coverage)?);
             rig.more.insert("volume".into(), serde_json::to_value(volume)?);
         }
+        if rig.square_mm.is_none() {
+            advice.push("too few pairs to hold some out: how large the squares come out in space is not known".to_owned());
+        }
+        if self.fit.clustering > CLUSTERED {
+            advice.push(format!(
+                "the corners of a board err together, {:.0} times the variance of single ones (deviations are widened for it): a board that is not flat or not square, or pairs whose pictures are not of one instant",
+                self.fit.clustering
+            ));
+        }
+        advice.extend(stretched);
+        rig.more.insert("advice".into(), serde_json::to_value(advice)?);
         Ok(())
     }
 

@@ -13,7 +13,9 @@ pub struct ModelFit {
     pub bundle: Bundle,
     pub fit: BundleFit,
     /// Akaike's criterion with the noise variance unknown, corrected for the number of unknowns:
-    /// `n ln(SSE/n) + 2 p n / (n - p - 1)`. Lower is better; it estimates the error on corners not used.
+    /// `n/c ln(SSE/n) + 2 p n / (n - p - 1)`. Lower is better; it estimates the error on corners not used. c: clustering of the
+    /// corners' errors, the least of all models, since corners that err together say less than their number (Burnham and Anderson
+    /// 2002, section 2.5).
     pub aic: f64,
 }
 
@@ -38,7 +40,9 @@ pub struct ModelSummary {
 pub fn adjust_all(starts: &[(DistortionModel, Bundle)], options: &CalibrationOptions) -> Result<Vec<ModelFit>, BundleError> {
     let adjusted: Vec<Result<ModelFit, BundleError>> = starts.par_iter().map(|(model, start)| adjust(*model, start, options)).collect();
     let mut last_error = BundleError::Singular;
-    let fits: Vec<ModelFit> = adjusted.into_iter().filter_map(|a| a.map_err(|e| last_error = e).ok()).collect();
+    let mut fits: Vec<ModelFit> = adjusted.into_iter().filter_map(|a| a.map_err(|e| last_error = e).ok()).collect();
+    let clustering = fits.iter().map(|f| f.fit.clustering).fold(f64::INFINITY, f64::min);
+    fits.iter_mut().for_each(|f| f.aic = criterion(f, clustering));
     if fits.is_empty() { Err(last_error) } else { Ok(fits) }
 }
 
@@ -54,11 +58,14 @@ fn adjust(model: DistortionModel, start: &Bundle, options: &CalibrationOptions) 
     }
     let (max_iterations, clustered_errors) = (options.max_iterations, options.clustered_errors);
     let fit = bundle.adjust(&BundleOptions { active, huber_px: None, max_iterations, settled_gain: TO_THE_END, clustered_errors })?;
-    let n = 2.0 * bundle.views.iter().map(|v| v.left.len() + v.right.len()).sum::<usize>() as f64;
-    let p = (model.free_parameters() + 6 * bundle.views.len()) as f64;
+    Ok(ModelFit { model, bundle, fit, aic: f64::INFINITY })
+}
+
+fn criterion(f: &ModelFit, clustering: f64) -> f64 {
+    let n = 2.0 * f.bundle.views.iter().map(|v| v.left.len() + v.right.len()).sum::<usize>() as f64;
+    let p = (f.model.free_parameters() + 6 * f.bundle.views.len()) as f64;
     // A world without noise would give minus infinity: the floor is far below any camera.
-    let aic = n * (fit.squared_error_px2 / n).max(1e-20).ln() + 2.0 * p * n / (n - p - 1.0).max(1.0);
-    Ok(ModelFit { model, bundle, fit, aic })
+    n / clustering * (f.fit.squared_error_px2 / n).max(1e-20).ln() + 2.0 * p * n / (n - p - 1.0).max(1.0)
 }
 
 /// Difference of the criterion up to which a model cannot be ruled out (Burnham and Anderson 2002, section 2.6).

@@ -25,6 +25,30 @@ pub struct Verdict {
     pub diagonals: usize,
     pub diagonal_stated_mm: f64,
     pub boards: usize,
+    /// Mean side along the board's rows and along its columns, and the deviation of their difference (from how it scatters over
+    /// boards).
+    #[serde(default)]
+    pub side_along_rows_mm: f64,
+    #[serde(default)]
+    pub side_along_columns_mm: f64,
+    #[serde(default)]
+    pub side_difference_sd_mm: f64,
+}
+
+/// Squares whose sides differ by more than this share, and by so many deviations, are not square.
+const STRETCHED: (f64, f64) = (3e-4, 4.0);
+
+impl Verdict {
+    /// Says so when the squares are longer one way than the other.
+    pub fn stretched(&self) -> Option<String> {
+        let difference = (self.side_along_rows_mm - self.side_along_columns_mm).abs();
+        (difference > STRETCHED.0 * self.squares.mean && difference > STRETCHED.1 * self.side_difference_sd_mm && self.side_difference_sd_mm > 0.0).then(|| {
+            format!(
+                "the squares come out {:.3} mm along the board's rows and {:.3} mm along its columns: the print is stretched, and what is measured with it is too; measure the board both ways, print it again",
+                self.side_along_rows_mm, self.side_along_columns_mm
+            )
+        })
+    }
 }
 
 /// One board seen by both cameras, with the corners both found.
@@ -94,6 +118,15 @@ impl Calibration {
         let stated = 1e3 * (corners[ends[0].0] - corners[ends[0].1]).norm();
         let diagonals: Vec<f64> = boards.iter().flat_map(|b| ends.iter().filter_map(|p| length(b, *p)).collect::<Vec<_>>()).map(|d| d - stated).collect();
         let (mean, sd) = mean_sd(&sides)?;
+        // Neighbours in a row have neighbouring indices.
+        let along = |rows: bool, b: &MeasuredBoard| {
+            let lengths: Vec<f64> = self.board.neighbours().into_iter().filter(|(i, j)| (i.abs_diff(*j) == 1) == rows).filter_map(|p| length(b, p)).collect();
+            (!lengths.is_empty()).then(|| lengths.iter().sum::<f64>() / lengths.len() as f64)
+        };
+        let both_ways: Vec<(f64, f64)> = boards.iter().filter_map(|b| along(true, b).zip(along(false, b))).collect();
+        let n = both_ways.len().max(1) as f64;
+        let (in_rows, in_columns) = both_ways.iter().fold((0.0, 0.0), |sum, b| (sum.0 + b.0 / n, sum.1 + b.1 / n));
+        let differences: Vec<f64> = both_ways.iter().map(|b| b.0 - b.1).collect();
         let (diagonal_error_mean_mm, diagonal_error_sd_mm) = mean_sd(&diagonals)?;
         Some(Verdict {
             squares: SquareSize { mean, sd, n: sides.len() },
@@ -104,6 +137,9 @@ impl Calibration {
             diagonals: diagonals.len(),
             diagonal_stated_mm: stated,
             boards: boards.len(),
+            side_along_rows_mm: in_rows,
+            side_along_columns_mm: in_columns,
+            side_difference_sd_mm: mean_sd(&differences).map_or(0.0, |(_, sd)| sd / n.sqrt()),
         })
     }
 }

@@ -25,6 +25,8 @@ pub enum ViewFault {
     NoPicture,
     #[error("{0}")]
     Unreadable(String),
+    #[error("the very picture of {0}")]
+    SamePicture(String),
     #[error("board not found")]
     NotFound,
     #[error("{}{}", if .seen < .all { format!("only {seen} of the board's {all} corners found") } else { format!("{seen} corners found, but not in the board's rows and columns (board_rows and board_columns of session.toml count inner corners)") }, if *.cut_by_border { ": it is cut by the picture's border" } else { "" })]

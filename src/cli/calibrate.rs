@@ -45,7 +45,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     }
     let mut rig = match &arguments.import {
         Some(file) => imported(&session, file)?,
-        None => calibrate(&session, &arguments, shell)?,
+        None => calibrate(&session, &arguments, &provenance, shell)?,
     };
     advise_on_axes(&session, &mut rig);
     rig.more.insert("provenance".into(), serde_json::to_value(provenance).map_err(CliError::output)?);
@@ -128,7 +128,7 @@ fn inputs(session: &Session, import: Option<&Path>) -> Result<Provenance, CliErr
     Ok(provenance)
 }
 
-fn calibrate(session: &Session, arguments: &Arguments, shell: &Shell) -> Result<StereoRig, CliError> {
+fn calibrate(session: &Session, arguments: &Arguments, provenance: &Provenance, shell: &Shell) -> Result<StereoRig, CliError> {
     let board = Checkerboard { columns: session.board.columns, rows: session.board.rows, square_m: session.board.square_m };
     let (left, right) = (pictures(&session.board.images, "left")?, pictures(&session.board.images, "right")?);
     same_number(&session.board.images, &left, &right)?;
@@ -136,13 +136,16 @@ fn calibrate(session: &Session, arguments: &Arguments, shell: &Shell) -> Result<
     numbers.sort_unstable();
     numbers.dedup();
 
-    let jobs: Vec<(u64, &PathBuf)> = numbers.iter().flat_map(|n| [left.get(n), right.get(n)].into_iter().flatten().map(move |p| (*n, p))).collect();
+    let jobs: Vec<(&'static str, &PathBuf)> =
+        numbers.iter().flat_map(|n| [("left", left.get(n)), ("right", right.get(n))]).filter_map(|(camera, path)| Some((camera, path?))).collect();
+    let copies = copies(&jobs, provenance);
     let progress = shell.progress(jobs.len() as u64, "corners");
     let found = jobs
         .par_iter()
         .map(|(_, path)| {
             shell.check_cancelled()?;
             let view = match read_grey(path) {
+                _ if copies.contains_key(path.as_path()) => (None, Err(ViewFault::SamePicture(copies[path.as_path()].clone()))),
                 Ok(image) => (Some([image.width, image.height]), find_corners(&image, &board)?),
                 Err(e) => (None, Err(ViewFault::Unreadable(e.to_string()))),
             };
@@ -183,6 +186,25 @@ fn calibrate(session: &Session, arguments: &Arguments, shell: &Shell) -> Result<
         rig.more.insert("methods".into(), serde_json::to_value(methods).map_err(CliError::output)?);
     }
     Ok(rig)
+}
+
+/// Pictures that are byte for byte an earlier one, and which: a copy is no evidence, and a right picture that is the left one shows no depth.
+fn copies<'a>(pictures: &[(&'static str, &'a PathBuf)], provenance: &Provenance) -> BTreeMap<&'a Path, String> {
+    let mut first: BTreeMap<&str, String> = BTreeMap::new();
+    let mut copies = BTreeMap::new();
+    for (camera, path) in pictures {
+        let name = format!("{camera}/{}", path.file_name().unwrap_or_default().to_string_lossy());
+        let Some(hash) = provenance.inputs.get(&format!("calib/{name}")) else { continue };
+        match first.entry(hash) {
+            std::collections::btree_map::Entry::Occupied(earlier) => {
+                copies.insert(path.as_path(), earlier.get().clone());
+            }
+            std::collections::btree_map::Entry::Vacant(place) => {
+                place.insert(name);
+            }
+        }
+    }
+    copies
 }
 
 /// The global axes from the three-sphere frame, where the session has pictures of it.
@@ -233,8 +255,15 @@ fn summarise(rig: &StereoRig, json: &Path, shell: &Shell) {
     if let Some(s) = &rig.square_mm {
         shell.say(format!("squares on boards held out: {:.3} mm, sd {:.3} mm ({} sides)", s.mean, s.sd, s.n));
     }
-    let advice: Vec<String> = rig.more.get("advice").and_then(|a| serde_json::from_value(a.clone()).ok()).unwrap_or_default();
-    for line in advice {
+    let number = |key: &str| rig.more.get("volume").and_then(|v| v.get(key)).and_then(serde_json::Value::as_f64);
+    if let (Some(rms), Some(worst)) = (number("rms_calibration_mm"), number("worst_calibration_mm")) {
+        shell.say(format!("a point in the 2 m cube around the boards' middle: {rms:.2} mm rms from the calibration alone, {worst:.2} mm at worst"));
+    }
+    let texts = |value: Option<&serde_json::Value>| value.and_then(|a| serde_json::from_value::<Vec<String>>(a.clone()).ok()).unwrap_or_default();
+    for line in texts(rig.more.get("axes").and_then(|a| a.get("warnings"))) {
+        shell.say(format!("  warning: axes: {line}"));
+    }
+    for line in texts(rig.more.get("advice")) {
         shell.say(format!("  advice: {line}"));
     }
     for p in rig.pairs.iter().filter(|p| !p.used) {

@@ -2,14 +2,14 @@
 //!
 //! No smooth function of the inputs shows that, and where nothing looks for it it passes for noise. For every column that
 //! parts the impacts into groups, each group has an impulse of its own along the normal (with speed and along the racket, too)
-//! and along the slip, and its racket a push, a turn, and a turn with the place of impact of its own: one player's hand, one
+//! and along the slip, a friction, and its racket a push, a turn, and a turn with the place of impact of its own: one player's hand, one
 //! racket's mass. What the model's parameters, the offsets of the sessions and all smooth corrections can imitate is projected out, and the rest tested as in [`super::structure`], corrected for the number of columns.
 
 use super::fit::Fit;
 use super::linearise::Linearised;
 use super::observation::{Observation, Observations};
 use super::project::{Nuisance, project_out};
-use super::structure::{ContactInputs, channels, independent_directions, wild_p_value};
+use super::structure::{ContactInputs, channels, friction_slope, independent_directions, wild_p_value};
 use crate::impact_table::INPUTS;
 use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
@@ -35,6 +35,9 @@ const CHANNELS: [(usize, Factor, &str); 7] = [
     (ANGULAR, Factor::Along, "the racket's angular impulse about the axis across the face, at the head's end towards the handle,"),
     (ANGULAR, Factor::One, "the racket's angular impulse about the axis across the face"),
 ];
+/// And the friction, where balls slide; its unit.
+const FRICTION: &str = "the friction";
+const OF_ITSELF: &str = "what it is in all";
 /// The channel whose unit is an impulse at a lever of 0.1 m, and the units in words.
 const ANGULAR: usize = 13;
 const IMPULSE: &str = "the impulse of a contact without rebound";
@@ -210,14 +213,17 @@ pub(super) fn group_test(fit: &Fit, observations: &Observations, impacts: &[&Obs
     let mut parted = parted(observations, impacts);
     let tested = parted.len();
     let factors = CHANNELS.map(|(_, factor, _)| factor.of(observations, impacts, fit));
+    let friction = friction_slope(fit);
+    // Whitened, outputs × channels.
     let response = |(i, (l, o)): (usize, (&Linearised, &&Observation))| {
         let all = channels(&l.true_inputs, &observations.gear[o.gear]);
-        DMatrix::from_fn(all.nrows(), CHANNELS.len(), |row, k| all[(row, CHANNELS[k].0)] * factors[k][i])
+        let own = &l.whitener * DMatrix::from_fn(l.measured.len(), CHANNELS.len(), |row, k| all[(l.measured[row], CHANNELS[k].0)] * factors[k][i]);
+        friction.as_ref().map_or_else(|| own.clone(), |slope| beside(&own, &DMatrix::from_columns(&[slope[i].column(0)])))
     };
     let responses: Vec<DMatrix<f64>> = fit.impacts.iter().zip(impacts).enumerate().map(response).collect();
     if let Groups::Known(known) = groups {
         let columns = known.iter().filter_map(|k| Some((k.clone(), parted.iter().find(|((name, _), _)| *name == k.column)?)));
-        return GroupTest { tested, failing: columns.map(|(misfit, column)| (misfit, signatures(fit, &responses, column))).collect() };
+        return GroupTest { tested, failing: columns.map(|(misfit, column)| (misfit, signatures(&responses, column))).collect() };
     }
     let mut failing: Vec<(GroupMisfit, Vec<DMatrix<f64>>)> = Vec::new();
     let mut smooth = generic.to_vec();
@@ -252,17 +258,16 @@ pub(super) fn beside(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
 }
 
 /// Whitened signatures of what each group of a column may have of its own.
-fn signatures(fit: &Fit, responses: &[DMatrix<f64>], ((_, labels), groups): &(Labels, Vec<String>)) -> Vec<DMatrix<f64>> {
-    let block = |((l, label), response): ((&Linearised, &Option<Cow<str>>), &DMatrix<f64>)| {
-        let mut block = DMatrix::zeros(l.measured.len(), groups.len() * CHANNELS.len());
+fn signatures(responses: &[DMatrix<f64>], ((_, labels), groups): &(Labels, Vec<String>)) -> Vec<DMatrix<f64>> {
+    let block = |(label, response): (&Option<Cow<str>>, &DMatrix<f64>)| {
+        let width = response.ncols();
+        let mut block = DMatrix::zeros(response.nrows(), groups.len() * width);
         if let Some(g) = groups.iter().position(|g| Some(g.as_str()) == label.as_deref()) {
-            for (row, &output) in l.measured.iter().enumerate() {
-                block.view_mut((row, g * CHANNELS.len()), (1, CHANNELS.len())).copy_from(&response.row(output));
-            }
+            block.columns_mut(g * width, width).copy_from(response);
         }
-        &l.whitener * block
+        block
     };
-    fit.impacts.iter().zip(labels).zip(responses).map(block).collect()
+    labels.iter().zip(responses).map(block).collect()
 }
 
 /// What is most its own in a column whose groups differ, with the whitened signatures of its groups.
@@ -274,7 +279,7 @@ fn one_column(
     tested: usize,
     seed: u64,
 ) -> Option<(GroupMisfit, Vec<DMatrix<f64>>)> {
-    let blocks = signatures(fit, responses, column);
+    let blocks = signatures(responses, column);
     let ((column, labels), groups) = column;
     let projected = project_out(fit, nuisance, &blocks);
     let parts = &projected.contributions * independent_directions(&projected);
@@ -285,13 +290,18 @@ fn one_column(
     let told = |j: &usize| projected.information[(*j, *j)] > 1e-6 * projected.raw[*j];
     let z = |j: usize| projected.score[j].abs() / projected.information[(j, j)].sqrt();
     let most = (0..projected.score.len()).filter(told).max_by(|a, b| z(*a).total_cmp(&z(*b)))?;
-    let group = &groups[most / CHANNELS.len()];
+    let width = projected.score.len() / groups.len();
+    let group = &groups[most / width];
+    let (what, unit) = match CHANNELS.get(most % width) {
+        Some((channel, _, what)) => (*what, if *channel == ANGULAR { AT_A_LEVER } else { IMPULSE }),
+        None => (FRICTION, OF_ITSELF),
+    };
     let misfit = GroupMisfit {
         column: column.clone(),
         group: group.clone(),
         n: labels.iter().filter(|l| l.as_deref() == Some(group)).count(),
-        what: CHANNELS[most % CHANNELS.len()].2.to_owned(),
-        unit: if CHANNELS[most % CHANNELS.len()].0 == ANGULAR { AT_A_LEVER } else { IMPULSE }.to_owned(),
+        what: what.to_owned(),
+        unit: unit.to_owned(),
         change: projected.score[most] / projected.information[(most, most)],
         sd: projected.information[(most, most)].powf(-0.5),
         p_value,

@@ -3,7 +3,7 @@
 //! All pairs of a channel and a feature are scored at once (nuisance projected out), the best refitted in the full model,
 //! then up to two more terms of the same channel are added, each only if it gains more than its price; constants are
 //! rounded to two digits and refitted around. A dead spot (a bump over the face) has a place and a width to find
-//! ([`super::local_spot`]). (missing-physics.md, section 7.)
+//! ([`super::local_spot`]), a step its moment ([`super::step_in_order`]). (missing-physics.md, section 7.)
 
 use super::by_group::Groups;
 use super::diagnosis::{Estimate, SuggestedExpression};
@@ -17,6 +17,7 @@ use super::predicted::difference;
 use super::project::{Nuisance, project_out};
 use super::rank::{Reference, gain_over, log_evidence_over};
 use super::screen::Screening;
+use super::step_in_order::{StepInOrder, strongest_step};
 use super::structure::{ContactInputs, StructureTest, racket_turns, structure_test, swings_in_order};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -148,6 +149,7 @@ fn score_terms(reference: &Reference, features: &TableFeatures) -> Vec<Term> {
         .map(|(c, channel)| {
             let Some(channel) = channel else { return Vec::new() };
             let mut found = terms_of(reference, &nuisance, channel, features, c);
+            found.extend(strongest_step(reference, &nuisance, channel).map(|s| step_term(&s, c)));
             if CHANNELS[c].replaces == "restitution" {
                 found.extend(strongest_spot(reference, &nuisance, channel).map(|s| spot_term(&s, c)));
             }
@@ -174,6 +176,19 @@ fn terms_of(reference: &Reference, nuisance: &Nuisance, channel: &[DVector<f64>]
             Term { channel: c, feature, words, strength, gain }
         })
         .collect()
+}
+
+/// The strongest step in the order of the impacts as a term.
+fn step_term(step: &StepInOrder, channel: usize) -> Term {
+    Term {
+        channel,
+        feature: format!("step(order - {})", step.after),
+        // People count from one.
+        words: format!("from impact {:.0} on, in the order they were recorded", step.first + 1.0),
+        strength: step.strength,
+        // One number was chosen to get it.
+        gain: step.gain - 6.0,
+    }
 }
 
 /// The strongest place on the face as a term.

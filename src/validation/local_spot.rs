@@ -7,7 +7,7 @@
 use super::observation::Gear;
 use super::project::{Nuisance, project_out};
 use super::rank::Reference;
-use super::structure::chi2_tail;
+use super::structure::ratio_tail;
 use nalgebra::{DMatrix, DVector, RowDVector};
 use rayon::prelude::*;
 
@@ -80,8 +80,8 @@ pub fn strongest_spot(reference: &Reference, nuisance: &Nuisance, signature: &[D
                     return None;
                 }
                 let strength = score / information;
-                let variance = projected.variance(j, &[j], &DVector::from_element(1, strength), reference.c);
-                let p_value = (chi2_tail(score * score / variance / reference.c, 1.0) * places.len() as f64).min(1.0);
+                let spread = projected.spread(j, &[j], &DVector::from_element(1, strength), reference.c);
+                let p_value = (ratio_tail(score * score / spread.variance / reference.c, 1.0, spread.freedom) * places.len() as f64).min(1.0);
                 Some(LocalSpot { along_m, across_m, half_width_m, strength, gain: score * strength / reference.c, p_value })
             };
             piece.iter().enumerate().filter_map(one).collect::<Vec<_>>()

@@ -6,7 +6,12 @@
 
 use super::error::ValidationError;
 use super::fit::{Fit, invert};
+use super::structure::effective;
+use crate::impact_table::OUTPUTS;
 use nalgebra::{DMatrix, DVector};
+
+/// Impacts that must carry a score, in effect, for their own scatter to tell its variance.
+const ENOUGH_FOR_SANDWICH: f64 = 12.0;
 
 /// Projected scores of m terms.
 #[derive(Debug, Clone)]
@@ -23,6 +28,15 @@ pub struct Projected {
     pub per_impact: DMatrix<f64>,
     /// What is left of each impact's signatures after projection.
     left: Vec<DMatrix<f64>>,
+    /// Whitened residuals of each impact, and which outputs they are.
+    residuals: Vec<(DVector<f64>, Vec<usize>)>,
+}
+
+/// Variance of a score at noise scale 1, and the degrees of freedom it is known from: infinite when it is the information.
+#[derive(Debug, Clone, Copy)]
+pub struct Spread {
+    pub variance: f64,
+    pub freedom: f64,
 }
 
 /// What is projected out: the fit's own columns, and more if asked.
@@ -112,7 +126,8 @@ pub fn project_out(fit: &Fit, nuisance: &Nuisance, signatures: &[DMatrix<f64>]) 
         }
     }
     let score = contributions.row_sum().transpose();
-    Projected { contributions, score, information, raw, per_impact, left: remaining }
+    let residuals = fit.impacts.iter().map(|l| (l.z.clone(), l.measured.clone())).collect();
+    Projected { contributions, score, information, raw, per_impact, left: remaining, residuals }
 }
 
 /// `sum += a'b`. Transposed first: the blocked product of large matrices is many times faster than row by row.
@@ -149,29 +164,97 @@ impl Projected {
         self.information[(a, b)] / (self.information[(a, a)] * self.information[(b, b)]).max(1e-300).sqrt()
     }
 
-    /// Variance of one score at noise scale 1: the larger of I and its sandwich estimate, which stands wrong noise.
+    /// Spread of one score: the larger of I and its sandwich estimate, which stands wrong noise.
     ///
     /// The sandwich is taken about the fitted strengths of the terms `which`: a real effect carried by a few impacts must
-    /// not count as their noise.
-    pub fn variance(&self, term: usize, which: &[usize], strengths: &DVector<f64>, c: f64) -> f64 {
-        let information = self.information[(term, term)];
-        let (sum, squares) = self.per_impact.column(term).iter().fold((0.0, 0.0), |(s, q), v| (s + v, q + v * v));
-        let effective = if squares > 0.0 { sum * sum / squares } else { 0.0 };
-        if effective < 12.0 || c <= 0.0 {
-            return information;
+    /// not count as their noise. The scatter of few impacts says little about itself; there that of all impacts stands in
+    /// (balls that rebound differently scatter along the normal more than stated, wherever they hit).
+    pub fn spread(&self, term: usize, which: &[usize], strengths: &DVector<f64>, c: f64) -> Spread {
+        let known = Spread { variance: self.information[(term, term)], freedom: f64::INFINITY };
+        if c <= 0.0 {
+            return known;
         }
-        let sandwich: f64 = self
-            .left
-            .iter()
-            .enumerate()
-            .map(|(i, left)| {
+        let effective = effective(self.per_impact.column(term).iter().copied());
+        let seen = if effective < ENOUGH_FOR_SANDWICH {
+            Spread { variance: self.pooled_variance(term, which, strengths) / c, freedom: self.left.len() as f64 - 1.0 }
+        } else {
+            let about_fitted = |(i, left): (usize, &DMatrix<f64>)| {
                 let own = left.column(term);
                 let explained: f64 = which.iter().zip(strengths.iter()).map(|(&j, k)| k * own.dot(&left.column(j))).sum();
                 (self.contributions[(i, term)] - explained).powi(2)
+            };
+            let sandwich: f64 = self.left.iter().enumerate().map(about_fitted).sum();
+            Spread { variance: sandwich * effective / (effective - 1.0) / c, freedom: effective - 1.0 }
+        };
+        if seen.variance > known.variance { seen } else { known }
+    }
+
+    /// Variance of one score when the residuals of every impact scatter like those of all, about the fitted strengths.
+    fn pooled_variance(&self, term: usize, which: &[usize], strengths: &DVector<f64>) -> f64 {
+        let mut products = [[0.0; OUTPUTS.len()]; OUTPUTS.len()];
+        let mut pairs = [[0.0; OUTPUTS.len()]; OUTPUTS.len()];
+        for (left, (z, measured)) in self.left.iter().zip(&self.residuals) {
+            let mut own = z.clone();
+            for (&j, k) in which.iter().zip(strengths.iter()) {
+                own.axpy(-k, &left.column(j), 1.0);
+            }
+            for (a, &k) in measured.iter().enumerate() {
+                for (b, &l) in measured.iter().enumerate() {
+                    products[k][l] += own[a] * own[b];
+                    pairs[k][l] += 1.0;
+                }
+            }
+        }
+        self.left
+            .iter()
+            .zip(&self.residuals)
+            .map(|(left, (_, measured))| {
+                let own = left.column(term);
+                let along = |(a, &k): (usize, &usize)| -> f64 {
+                    let across = |(b, &l): (usize, &usize)| own[b] * products[k][l] / (pairs[k][l] - 1.0f64).max(1.0);
+                    own[a] * measured.iter().enumerate().map(across).sum::<f64>()
+                };
+                measured.iter().enumerate().map(along).sum::<f64>()
             })
-            .sum::<f64>()
-            * effective
-            / (effective - 1.0);
-        information.max(sandwich / c)
+            .sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{Rng, SeedableRng};
+
+    /// 60 impacts of two outputs of which the first scatters three times as much as stated; four impacts carry a term along each.
+    fn balls_that_rebound_differently() -> Projected {
+        let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(7);
+        let mut normal = || (0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0;
+        let carries = |i: usize| if i < 4 { 1.0 } else { 0.0 };
+        let left: Vec<_> = (0..60).map(|i| DMatrix::from_diagonal_element(2, 2, carries(i))).collect();
+        let residuals: Vec<_> = (0..60).map(|_| (DVector::from_vec(vec![3.0 * normal(), normal()]), vec![2, 8])).collect();
+        let contributions = DMatrix::from_fn(60, 2, |i, j| carries(i) * residuals[i].0[j]);
+        Projected {
+            score: contributions.row_sum().transpose(),
+            information: DMatrix::from_diagonal_element(2, 2, 4.0),
+            raw: DVector::from_element(2, 4.0),
+            per_impact: DMatrix::from_fn(60, 2, |i, _| carries(i)),
+            contributions,
+            left,
+            residuals,
+        }
+    }
+
+    #[test]
+    fn truth_few_impacts_are_judged_by_the_scatter_of_all() {
+        let projected = balls_that_rebound_differently();
+        let none = DVector::zeros(1);
+        let wide = projected.spread(0, &[0], &none, 1.0);
+        assert!((wide.variance / 4.0 / 9.0 - 1.0).abs() < 0.5 && wide.freedom == 59.0, "{wide:?}");
+        let stated = projected.spread(1, &[1], &none, 1.0);
+        assert!((stated.variance / 4.0 - 1.0).abs() < 0.5, "{stated:?}");
+        // What the term explains is no scatter.
+        let mut effect = projected.clone();
+        effect.residuals.iter_mut().take(4).for_each(|(z, _)| z[1] += 20.0);
+        assert!((effect.spread(1, &[1], &DVector::from_element(1, 20.0), 1.0).variance / stated.variance - 1.0).abs() < 0.05);
     }
 }

@@ -11,7 +11,7 @@ use super::forward::{EffectOutline, Library};
 use super::observation::Observation;
 use super::predicted::difference;
 use super::project::{Nuisance, Projected, project_out};
-use super::structure::{chi2_tail, normal_tail};
+use super::structure::ratio_tail;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
@@ -190,16 +190,24 @@ fn screen_one(projected: &Projected, outline: &EffectOutline, effect: usize, ter
         }
         screened.p_value = if columns.len() == 1 {
             let t = columns[0];
-            let z = projected.score[t] / (projected.variance(t, &columns, &strengths, c) * c).max(1e-300).sqrt();
-            let one_sided = outline.strengths[active[0]].one_sided;
-            let p = if one_sided { normal_tail(z) } else { 2.0 * normal_tail(z.abs()) };
+            let spread = projected.spread(t, &columns, &strengths, c);
+            let z = projected.score[t] / (spread.variance * c).max(1e-300).sqrt();
+            let both_sides = ratio_tail(z * z, 1.0, spread.freedom);
+            let p = match (outline.strengths[active[0]].one_sided, z > 0.0) {
+                (true, true) => 0.5 * both_sides,
+                (true, false) => 1.0 - 0.5 * both_sides,
+                (false, _) => both_sides,
+            };
             // The other strengths were looked at too.
             (p * screened.terms.len() as f64).min(1.0)
         } else {
             // Each term's sandwich may exceed its information: shrink the joint gain by the worst of them.
-            let inflation =
-                columns.iter().map(|&t| projected.variance(t, &columns, &strengths, c) / projected.information[(t, t)].max(1e-300)).fold(1.0, f64::max);
-            chi2_tail(screened.gain / inflation, columns.len() as f64)
+            let inflation = |&t: &usize| {
+                let spread = projected.spread(t, &columns, &strengths, c);
+                (spread.variance / projected.information[(t, t)].max(1e-300), spread.freedom)
+            };
+            let (by, freedom) = columns.iter().map(inflation).fold((1.0, f64::INFINITY), |worst, i| if i.0 > worst.0 { i } else { worst });
+            ratio_tail(screened.gain / by, columns.len() as f64, freedom)
         };
         break;
     }

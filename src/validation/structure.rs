@@ -1,8 +1,8 @@
 //! Is anything missing at all? A generic set of smooth corrections, tested at once.
 //!
 //! Impulses at the contact point (along the normal, the slip, across it, along the face's axes), spin impulses on the
-//! ball, impulses and angular impulses on the racket, each times smooth features of the inputs. They span what almost
-//! any missing mechanism would do, whatever its name. Statistic T = U' I⁺ U of rank q; its p-value by a wild bootstrap
+//! ball, impulses and angular impulses on the racket, each times smooth features of the inputs, and a friction that goes with what
+//! sliding balls differ by. They span what almost any missing mechanism would do, whatever its name. Statistic T = U' I⁺ U of rank q; its p-value by a wild bootstrap
 //! (random signs on the impacts' contributions), which keeps its level with outliers and wrongly stated noise where
 //! chi-square and F tails do not (missing-physics.md, section 2). The noise scale c is what is left when all structure is taken
 //! out: it tells a wrongly stated noise from a wrong model. It is found for each group of outputs by itself (Σ e² over
@@ -10,12 +10,12 @@
 //! take most out of those outputs whose noise is understated the most, and the floor of the error with it.
 
 use super::by_group::{GroupMisfit, GroupTest, Groups, beside, group_test};
-use super::fit::Fit;
+use super::fit::{Column, Fit};
 use super::forward::Inputs;
 use super::observation::{Gear, Observation, Observations};
 use super::project::{Projected, project};
 use crate::impact_table::OUTPUTS;
-use nalgebra::{DMatrix, DVector, Vector3};
+use nalgebra::{DMatrix, DVector, RowDVector, Vector3};
 use rand::{Rng, SeedableRng};
 use serde::{Deserialize, Serialize};
 
@@ -258,6 +258,44 @@ fn spots(fit: &Fit, observations: &Observations, impacts: &[&Observation]) -> Ve
         .collect()
 }
 
+/// What the friction that sliding balls feel may go with: feature of [`features`] or the slip's direction.
+const FRICTION_GOES_WITH: [usize; 6] = [1, 3, 4, 7, 8, 10];
+/// Sliding balls that must tell the friction, in effect.
+const FEWEST_SLIDING: f64 = 8.0;
+
+/// Whitened derivatives of each impact's prediction by the logarithm of the friction: few balls slide, and what they alone do differently
+/// an impulse that all have in part does not show. `None` where the friction is not free or hardly any ball tells it.
+pub(super) fn friction_slope(fit: &Fit) -> Option<Vec<DVector<f64>>> {
+    let parameter = fit.names.iter().position(|n| n == "friction")?;
+    let column = fit.columns.iter().position(|c| *c == Column::Parameter(parameter))?;
+    let slope: Vec<DVector<f64>> = fit.design.iter().map(|a| a.column(column) * fit.values[parameter]).collect();
+    (effective(slope.iter().map(|s| s.norm_squared())) >= FEWEST_SLIDING).then_some(slope)
+}
+
+/// How many impacts of equal weight would carry as much.
+pub(super) fn effective(weights: impl Iterator<Item = f64>) -> f64 {
+    let (sum, squares) = weights.fold((0.0, 0.0), |(s, q), w| (s + w, q + w * w));
+    if squares > 0.0 { sum * sum / squares } else { 0.0 }
+}
+
+/// Whitened signatures of a friction that goes with what the sliding balls differ by; no columns where nothing tells it.
+fn friction_signatures(fit: &Fit, raw: &[[f64; FEATURES]]) -> Vec<DMatrix<f64>> {
+    let Some(slope) = friction_slope(fit) else { return fit.impacts.iter().map(|l| DMatrix::zeros(l.z.len(), 0)).collect() };
+    let weights: Vec<f64> = slope.iter().map(|s| s.norm_squared()).collect();
+    let total: f64 = weights.iter().sum();
+    // The slip's direction, from across the face to along it: strings slide on each other one way only.
+    let direction = |f: &[f64; FEATURES]| (f[12] * f[12] - f[13] * f[13]) / (f[12] * f[12] + f[13] * f[13]).max(1e-12);
+    let mut columns: Vec<Vec<f64>> = FRICTION_GOES_WITH.iter().map(|&k| raw.iter().map(|f| f[k]).collect()).collect();
+    columns.push(raw.iter().map(direction).collect());
+    columns.retain_mut(|values| {
+        let mean = values.iter().zip(&weights).map(|(v, w)| v * w).sum::<f64>() / total;
+        let sd = (values.iter().zip(&weights).map(|(v, w)| w * (v - mean).powi(2)).sum::<f64>() / total).sqrt();
+        values.iter_mut().for_each(|v| *v = (*v - mean) / sd.max(1e-300));
+        sd > 1e-9 * (1.0 + mean.abs())
+    });
+    slope.iter().enumerate().map(|(i, s)| s * RowDVector::from_iterator(columns.len(), columns.iter().map(|c| c[i]))).collect()
+}
+
 /// Standardised smooth features by which an effect's form may differ from the catalogue's: speed, place, obliqueness, spin.
 /// One row per impact; constants are left out.
 pub fn form_features(fit: &Fit, observations: &Observations, impacts: &[&Observation]) -> DMatrix<f64> {
@@ -296,6 +334,7 @@ pub fn generic_signatures(fit: &Fit, observations: &Observations, impacts: &[&Ob
         .collect();
     let mut rebounds = spots(fit, observations, impacts);
     rebounds.extend(swings_in_order(impacts).iter().map(|angle| impacts.iter().map(|o| (angle * o.order).cos()).collect()));
+    let friction = friction_signatures(fit, &raw);
     fit.impacts
         .iter()
         .zip(impacts)
@@ -316,7 +355,7 @@ pub fn generic_signatures(fit: &Fit, observations: &Observations, impacts: &[&Ob
                     block[(row, column)] = response[(output, *c)] * value;
                 }
             }
-            &l.whitener * block
+            beside(&(&l.whitener * block), &friction[i])
         })
         .collect()
 }
@@ -436,6 +475,18 @@ pub fn chi2_tail(value: f64, freedom: f64) -> f64 {
     statrs::function::gamma::checked_gamma_ur(0.5 * freedom, 0.5 * value).unwrap_or(0.0).clamp(0.0, 1.0)
 }
 
+/// P(F with `freedom` and `of_scale` degrees > `value / freedom`): the tail of chi-square where the scale is itself an estimate of
+/// `of_scale` degrees of freedom, or known (infinity).
+pub fn ratio_tail(value: f64, freedom: f64, of_scale: f64) -> f64 {
+    if of_scale.is_infinite() {
+        return chi2_tail(value, freedom);
+    }
+    if !(value > 0.0) || !(freedom > 0.0) || !(of_scale > 0.0) {
+        return 1.0;
+    }
+    statrs::function::beta::checked_beta_reg(0.5 * of_scale, 0.5 * freedom, of_scale / (of_scale + value)).unwrap_or(1.0).clamp(0.0, 1.0)
+}
+
 /// A p-value as people write it.
 pub fn p_text(p: f64) -> String {
     if p < 1e-4 { "p < 0.0001".to_owned() } else { format!("p = {}", format!("{p:.2}").replace("0.00", &format!("{p:.4}"))) }
@@ -449,4 +500,18 @@ pub fn probability_text(p: f64) -> String {
 /// P(standard normal > z).
 pub fn normal_tail(z: f64) -> f64 {
     0.5 * statrs::function::erf::erfc(z / std::f64::consts::SQRT_2)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn truth_an_estimated_scale_has_heavier_tails() {
+        // Student's t of 10 degrees beyond 2.228 either way, F of 3 and 12 beyond 3.49: 5 % each (tables).
+        assert!((ratio_tail(2.228f64.powi(2), 1.0, 10.0) - 0.05).abs() < 1e-4);
+        assert!((ratio_tail(3.0 * 3.490, 3.0, 12.0) - 0.05).abs() < 1e-4);
+        assert!((ratio_tail(3.841, 1.0, f64::INFINITY) - 0.05).abs() < 1e-4);
+        assert!(ratio_tail(25.0, 1.0, 15.0) > 100.0 * ratio_tail(25.0, 1.0, f64::INFINITY));
+    }
 }

@@ -68,7 +68,10 @@ pub fn verdict_words(d: &Diagnosis) -> Vec<String> {
                 words.push(format!("On these impacts {which} could also be {}; further impacts that would tell are listed below.", others.join(", ")));
             }
             if let Some(name) = &d.other_form {
-                words.push(if d.recommended.len() > 1 {
+                let left = d.structure_after.as_ref().is_none_or(|s| s.p_value < STRUCTURE_LEVEL);
+                words.push(if !left {
+                    "Another form than the catalogue's fits better, though neither leaves structure.".to_owned()
+                } else if d.recommended.len() > 1 {
                     "One of them is not quite in the catalogue's form: some structure is left when both are added.".to_owned()
                 } else {
                     format!("It is {name}, but not quite in the catalogue's form: some structure is left when it is added.")

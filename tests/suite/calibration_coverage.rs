@@ -20,8 +20,21 @@ fn cameras() -> (Camera, Camera, Isometry3<f64>) {
     (left, right, Isometry3::new(Vector3::new(-7.4, 0.1, 2.5), Vector3::new(0.02, 0.65, -0.01)))
 }
 
+/// What may be wrong with the pictures of the boards.
+struct Recording {
+    noise_px: f64,
+    /// The print's length along its rows over the stated one.
+    stretched: f64,
+    /// A pair in which the board moved by so many metres before the right camera's picture was taken.
+    moved: Option<(usize, f64)>,
+}
+
 /// A calibration's views with noise, and where the volume's middle is (left camera's frame).
 fn views(seed: u64, board: &Checkerboard) -> Vec<PairViews> {
+    recorded(seed, board, &Recording { noise_px: NOISE_PX, stretched: 1.0, moved: None })
+}
+
+fn recorded(seed: u64, board: &Checkerboard, recording: &Recording) -> Vec<PairViews> {
     let (left, right, right_from_left) = cameras();
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let middle = Vector3::new((board.columns - 1) as f64, (board.rows - 1) as f64, 0.0) * (board.square_m / 2.0);
@@ -33,16 +46,18 @@ fn views(seed: u64, board: &Checkerboard) -> Vec<PairViews> {
         let mut see = |camera: &Camera, pose: Isometry3<f64>| -> Result<BoardView, ViewFault> {
             let mut corners = Vec::new();
             for p in board.corners() {
-                let uv = camera.project(&(pose * p)).ok_or(ViewFault::NotFound)?;
+                let uv = camera.project(&(pose * Point3::new(recording.stretched * p.x, p.y, p.z))).ok_or(ViewFault::NotFound)?;
                 if uv.x < 5.0 || uv.y < 5.0 || uv.x > 506.0 || uv.y > 506.0 {
                     return Err(ViewFault::NotFound);
                 }
                 let noise: [f64; 2] = [StandardNormal.sample(&mut rng), StandardNormal.sample(&mut rng)];
-                corners.push(uv + Vector2::new(noise[0], noise[1]) * NOISE_PX);
+                corners.push(uv + Vector2::new(noise[0], noise[1]) * recording.noise_px);
             }
             BoardView::from_corners(board, corners)
         };
-        let pair = PairViews { name: out.len().to_string(), left: see(&left, pose), right: see(&right, right_from_left * pose) };
+        let meanwhile = recording.moved.filter(|(pair, _)| *pair == out.len()).map_or(0.0, |(_, m)| m);
+        let later = Isometry3::translation(0.0, meanwhile, 0.0) * pose;
+        let pair = PairViews { name: out.len().to_string(), left: see(&left, pose), right: see(&right, right_from_left * later) };
         if pair.left.is_ok() && pair.right.is_ok() {
             out.push(pair);
         }
@@ -111,4 +126,36 @@ fn truth_intervals_of_parameters_and_distances_cover_over_seeded_calibrations() 
     assert!((93.0..=97.0).contains(&percent(0)), "parameters: {:.2} %", percent(0));
     assert!((93.0..=97.0).contains(&percent(2)), "distances: {:.2} %", percent(2));
     assert_eq!(total[4], total[5], "no good pair may be dropped");
+}
+
+#[test]
+fn truth_a_pair_that_is_not_of_one_instant_is_left_out_however_sharp_the_pictures() {
+    let board = Checkerboard { columns: 9, rows: 6, square_m: 0.06 };
+    for (seed, moved_m) in [(1, 0.005), (2, 0.005), (3, 0.02), (4, 0.1)] {
+        let pairs = recorded(seed, &board, &Recording { noise_px: 0.01, stretched: 1.0, moved: Some((4, moved_m)) });
+        let c = calibrate_views(&board, [512, 512], &pairs, &CalibrationOptions::default()).unwrap();
+        let unused: Vec<&str> = c.pairs.iter().filter(|p| !p.used).map(|p| p.name.as_str()).collect();
+        assert_eq!(unused, ["4"], "moved by {moved_m} m");
+        assert!(c.rms_px(None) < 0.02, "{}", c.rms_px(None));
+    }
+}
+
+#[test]
+fn truth_a_stretched_print_is_told() {
+    let board = Checkerboard { columns: 9, rows: 6, square_m: 0.06 };
+    let told = |stretched: f64| {
+        let pairs = recorded(5, &board, &Recording { noise_px: 0.02, stretched, moved: None });
+        calibrate_views(&board, [512, 512], &pairs, &CalibrationOptions::default()).unwrap().verdict().unwrap().stretched()
+    };
+    assert_eq!(told(1.0), None);
+    assert!(told(1.003).is_some_and(|w| w.contains("along the board's rows")));
+}
+
+#[test]
+fn truth_one_camera_twice_is_no_pair_of_cameras() {
+    let board = Checkerboard { columns: 9, rows: 6, square_m: 0.06 };
+    let mut pairs = views(6, &board);
+    pairs.iter_mut().for_each(|p| p.right = p.left.clone());
+    let error = calibrate_views(&board, [512, 512], &pairs, &CalibrationOptions::default()).unwrap_err();
+    assert!(error.to_string().contains("stand in one place"), "{error}");
 }

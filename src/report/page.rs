@@ -1,5 +1,6 @@
 //! The page: sections one after the other, with a table of contents, in one file that needs nothing else.
 
+use super::chart;
 use super::markup::{base64, escape};
 use std::fmt::Write;
 
@@ -161,6 +162,13 @@ impl Section {
     }
 }
 
+/// How a cell with a share bar begins.
+const BAR: &str = "<span class=\"bar\">";
+/// A column of words holds long texts from this many characters on.
+const LONG_TEXT: usize = 36;
+/// Tables of more columns are set small, so that a page holds them without scrolling.
+const MANY_COLUMNS: usize = 9;
+
 /// A table; cells are text. Columns marked as numbers are set to the right.
 #[derive(Debug, Clone, Default)]
 pub struct Table {
@@ -194,7 +202,7 @@ impl Table {
     /// A row whose cells may hold a share bar: text and, where wanted, a share from 0 to 1 drawn before it.
     pub fn row_with_bars(mut self, cells: &[(String, Option<f64>)]) -> Self {
         let cell = |(text, share): &(String, Option<f64>)| match share {
-            Some(s) if s.is_finite() => format!("<span class=\"bar\"><i style=\"width:{:.0}%\"></i></span>{}", 100.0 * s.clamp(0.0, 1.0), escape(text)),
+            Some(s) if s.is_finite() => format!("{BAR}<i style=\"width:{:.0}%\"></i></span>{}", 100.0 * s.clamp(0.0, 1.0), escape(text)),
             _ => escape(text),
         };
         self.rows.push(cells.iter().map(cell).collect());
@@ -209,20 +217,35 @@ impl Table {
         if self.rows.is_empty() {
             return String::new();
         }
-        let class = |i: usize| if self.head.get(i).is_some_and(|h| h.1) { " class=\"n\"" } else { "" };
-        let mut out = String::from("<div class=\"scroll\"><table>");
+        let number = |i: usize| self.head.get(i).is_some_and(|h| h.1);
+        // Words are broken only in columns that hold a long text; share bars are short.
+        let long = |i: usize| {
+            let lengths = self.rows.iter().filter_map(|r| r.get(i)).filter(|c| !c.starts_with(BAR)).map(|c| c.chars().count());
+            !number(i) && lengths.max().unwrap_or(0) > LONG_TEXT
+        };
+        let columns = self.rows.iter().map(Vec::len).max().unwrap_or(0).max(self.head.len());
+        let kind = |i: usize| match (number(i), long(i)) {
+            (true, _) => " class=\"n\"",
+            (false, true) => " class=\"long\"",
+            (false, false) => "",
+        };
+        let classes: Vec<&str> = (0..columns).map(kind).collect();
+        let class = |i: usize| classes.get(i).copied().unwrap_or("");
+        let many = if self.head.len() > MANY_COLUMNS { " class=\"many\"" } else { "" };
+        let mut out = format!("<div class=\"scroll\" tabindex=\"0\"><table{many}>");
         if !self.caption.is_empty() {
-            let _ = write!(out, "<caption>{}</caption>", escape(&self.caption));
+            let _ = write!(out, "<caption><span>{}</span></caption>", escape(&self.caption));
         }
         out.push_str("<thead><tr>");
         for (i, (head, _)) in self.head.iter().enumerate() {
-            let _ = write!(out, "<th scope=\"col\"{}>{}</th>", class(i), escape(head));
+            let _ = write!(out, "<th scope=\"col\"{}>{}</th>", class(i), escape(head).replace("± ", "±\u{a0}"));
         }
         out.push_str("</tr></thead><tbody>");
         for row in &self.rows {
             out.push_str("<tr>");
             for (i, cell) in row.iter().enumerate() {
-                let _ = write!(out, "<td{}>{cell}</td>", class(i));
+                // On paper a number may break before its deviation, but not after the sign.
+                let _ = write!(out, "<td{}>{}</td>", class(i), if number(i) { cell.replace(" ± ", " ±\u{a0}") } else { cell.clone() });
             }
             out.push_str("</tr>");
         }
@@ -236,16 +259,24 @@ impl Table {
 pub struct Report {
     title: String,
     subtitle: String,
+    window: String,
     sections: Vec<Section>,
 }
 
 impl Report {
     pub fn new(title: &str) -> Self {
-        Report { title: title.to_owned(), subtitle: String::new(), sections: Vec::new() }
+        Report { title: title.to_owned(), subtitle: String::new(), window: format!("{title} – sweetspot"), sections: Vec::new() }
     }
 
     pub fn subtitle(mut self, text: &str) -> Self {
         self.subtitle = text.to_owned();
+        self
+    }
+
+    /// The command or the kind of report the page is of, for the title in the browser's tab and in a printed page's head: among many open reports
+    /// a tab must tell its own.
+    pub fn command(mut self, command: &str) -> Self {
+        self.window = format!("{} – sweetspot {command}", self.title);
         self
     }
 
@@ -259,11 +290,12 @@ impl Report {
 
     /// The page. Well-formed as XML too, so that other programs can read it.
     pub fn finish(&self) -> String {
-        let title = escape(&self.title);
+        let (title, window) = (escape(&self.title), escape(&self.window));
         let mut out = format!(
             "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"/><meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\
-             <meta name=\"generator\" content=\"sweetspot {}\"/><title>{title}</title><style>\n{STYLE}</style></head>\n<body><header><h1>{title}</h1>",
-            crate::provenance::VERSION
+             <meta name=\"generator\" content=\"sweetspot {}\"/><title>{window}</title><style>\n{STYLE}{}</style></head>\n<body><header><h1>{title}</h1>",
+            crate::provenance::VERSION,
+            chart::dark_style()
         );
         if !self.subtitle.is_empty() {
             let _ = write!(out, "<p class=\"sub\">{}</p>", escape(&self.subtitle));

@@ -19,10 +19,36 @@ impl Colour {
     pub const GREY: Colour = Colour(0x80, 0x80, 0x80);
 }
 
+impl Colour {
+    /// Whether white letters read better on it than black ones (perceived brightness after Rec. 601, halfway).
+    pub(super) fn is_dark(self) -> bool {
+        0.299 * f64::from(self.0) + 0.587 * f64::from(self.1) + 0.114 * f64::from(self.2) < 128.0
+    }
+}
+
 impl fmt::Display for Colour {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "#{:02x}{:02x}{:02x}", self.0, self.1, self.2)
     }
+}
+
+/// What each colour becomes on dark paper: the same hue, light enough to be seen there (4.5 : 1 and more against the page).
+const ON_DARK: [(Colour, Colour); 7] = [
+    (Colour::BLUE, Colour(0x4c, 0x9f, 0xe6)),
+    (Colour::ORANGE, Colour(0xe8, 0x70, 0x2a)),
+    (Colour::GREEN, Colour(0x2f, 0xbf, 0x94)),
+    (Colour::PINK, Colour(0xe3, 0x9b, 0xc4)),
+    (Colour::SKY, Colour(0xa8, 0xdc, 0xff)),
+    (Colour::AMBER, Colour(0xf5, 0xc2, 0x42)),
+    (Colour::GREY, Colour(0xa6, 0xad, 0xb5)),
+];
+
+/// Rules that give figures inside a page their colours for dark paper. A figure's own attributes are those for light
+/// paper, which is what it shows in a file of its own; a page's rules go before attributes. Print is light.
+pub(in crate::report) fn dark_style() -> String {
+    let rules: String =
+        ON_DARK.iter().map(|(light, dark)| format!("svg [stroke=\"{light}\"] {{ stroke: {dark}; }} svg [fill=\"{light}\"] {{ fill: {dark}; }}\n")).collect();
+    format!("@media screen and (prefers-color-scheme: dark) {{\n{rules}}}\n")
 }
 
 /// Colours of series in order of use.
@@ -51,4 +77,38 @@ fn between(anchors: &[[f64; 3]], share: f64) -> Colour {
         (a + (b - a) * (place - left as f64)).round() as u8
     };
     Colour(mix(0), mix(1), mix(2))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Contrast of two colours (WCAG 2.1: relative luminances, 0.05 of flare).
+    fn contrast(a: Colour, b: Colour) -> f64 {
+        let linear = |v: u8| {
+            let s = f64::from(v) / 255.0;
+            if s <= 0.04045 { s / 12.92 } else { ((s + 0.055) / 1.055).powf(2.4) }
+        };
+        let luminance = |c: Colour| 0.2126 * linear(c.0) + 0.7152 * linear(c.1) + 0.0722 * linear(c.2);
+        let (a, b) = (luminance(a), luminance(b));
+        (a.max(b) + 0.05) / (a.min(b) + 0.05)
+    }
+
+    #[test]
+    fn truth_black_on_white_has_the_greatest_contrast() {
+        assert!((contrast(Colour(0, 0, 0), Colour(255, 255, 255)) - 21.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn law_every_series_is_seen_on_dark_paper() {
+        let style = dark_style();
+        assert!(style.contains("screen and (prefers-color-scheme: dark)"), "print stays light");
+        for colour in SERIES.into_iter().chain([Colour::GREY]) {
+            let (_, dark) = ON_DARK.iter().find(|(light, _)| *light == colour).unwrap();
+            // The page's dark paper, as page.css has it.
+            let seen = contrast(*dark, Colour(0x14, 0x18, 0x1d));
+            assert!(seen >= 4.5, "{colour} becomes {dark}: {seen:.1} : 1");
+            assert!(style.contains(&format!("[stroke=\"{colour}\"] {{ stroke: {dark}; }}")) && style.contains(&format!("[fill=\"{colour}\"]")));
+        }
+    }
 }

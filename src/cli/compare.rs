@@ -51,7 +51,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
         let library = ModelLibrary::new(Model::parse(&text, &file).ok()?, &loaded.observations.gear);
         compare(library.current(), &loaded.observations, &parent.model_file, input.seed).ok()
     });
-    let page = crate::report::comparison_report(&input.model_name(), &comparison, loaded.equipment.rackets.first(), &staircase, before.as_ref());
+    let page = crate::report::comparison_report(&input.report_title(), &comparison, loaded.equipment.rackets.first(), &staircase, before.as_ref());
     shell.write(&folder.join("report.html"), page.as_bytes())?;
     if !arguments.no_ledger {
         write_ledger(shell, &path, &ledger)?;

@@ -62,7 +62,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let staircase = ledger.path_to(&hash, &loaded.data_hash);
     // The pictures show what the words speak of: the residuals with the free parameters at their best.
     let shown = at_its_best(&loaded, input, comparison)?;
-    let page = crate::report::diagnosis_report(&input.model_name(), &diagnosis, Some(&shown), &versions, loaded.equipment.rackets.first(), &staircase);
+    let page = crate::report::diagnosis_report(&input.report_title(), &diagnosis, Some(&shown), &versions, loaded.equipment.rackets.first(), &staircase);
     shell.write(&folder.join("report.html"), page.as_bytes())?;
     shell.say(format_args!("written: {}, report.html", folder.join("diagnosis.json").display()));
     shell.print_json(&diagnosis)

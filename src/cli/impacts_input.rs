@@ -89,6 +89,13 @@ impl ImpactsInput {
     pub fn model_name(&self) -> String {
         file_name(&self.files.model)
     }
+
+    /// Title of a report on model and table. Tables are mostly called `impacts.csv`: their folder tells which.
+    pub fn report_title(&self) -> String {
+        let impacts = &self.files.impacts;
+        let folder = std::path::absolute(impacts).ok().and_then(|p| Some(file_name(p.parent()?))).filter(|f| !f.is_empty());
+        format!("{} against {}{}", self.model_name(), folder.map_or_else(String::new, |f| format!("{f}/")), file_name(impacts))
+    }
 }
 
 fn file_name(path: &Path) -> String {

@@ -11,7 +11,7 @@ pub type NamedFigure = (String, String);
 /// The page, and its figures for files of their own.
 pub fn frame_rate_page(session: &str, studies: &[FrameRateStudy]) -> (String, Vec<NamedFigure>) {
     let mut figures = Vec::new();
-    let mut page = Report::new("What a slower camera would have got wrong").subtitle(session).section(
+    let mut page = Report::new(&format!("{session}: what a slower camera would have got wrong")).command("explore frame-rate").section(
         Section::new("errors", "Errors added by dropping frames")
             .paragraph(
                 "Every second and every fourth frame of the tracks was kept, in every phase, and each shot measured again. A cell is the root mean square \

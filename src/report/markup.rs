@@ -66,6 +66,12 @@ pub fn with_sd(value: f64, sd: f64) -> String {
     format!("{} ± {}", fixed(value, decimals), fixed(sd, decimals))
 }
 
+/// A value to the place of its deviation's second digit: what [`with_sd`] writes before the sign.
+pub fn rounded(value: f64, sd: f64) -> String {
+    let text = with_sd(value, sd);
+    text.split(" ± ").next().unwrap_or_default().to_owned()
+}
+
 /// A probability in per cent, never rounded to certainty.
 pub fn percent(p: f64) -> String {
     match p {
@@ -75,6 +81,24 @@ pub fn percent(p: f64) -> String {
         p if !(0.1..=0.9).contains(&p) => format!("{} %", fixed(100.0 * p, 1)),
         p => format!("{} %", fixed(100.0 * p, 0)),
     }
+}
+
+/// A probability that data gave: never certain, however near it comes.
+pub fn probability(p: f64) -> String {
+    percent(p.clamp(f64::MIN_POSITIVE, 1.0 - f64::EPSILON))
+}
+
+/// Minus signs for the hyphens that stand before numbers in words written for the terminal.
+pub fn true_minus(text: &str) -> String {
+    let mut out = String::with_capacity(text.len() + 8);
+    let mut last = ' ';
+    let mut rest = text.chars().peekable();
+    while let Some(c) = rest.next() {
+        let negative = c == '-' && !last.is_alphanumeric() && rest.peek().is_some_and(char::is_ascii_digit);
+        out.push(if negative { '\u{2212}' } else { c });
+        last = c;
+    }
+    out
 }
 
 /// An integer as superscript characters.
@@ -123,10 +147,25 @@ mod tests {
         assert_eq!(fixed(-1.5, 1), "\u{2212}1.5");
         assert_eq!(with_sd(21.4567, 0.0432), "21.457 ± 0.043");
         assert_eq!(with_sd(1125.0, 122.0), "1125 ± 122");
+        assert_eq!((rounded(0.22512, 0.0286), rounded(-3.0, 0.0)), ("0.225".to_owned(), "\u{2212}3.000".to_owned()));
         assert_eq!(significant(0.00001234, 3), "1.23×10⁻⁵");
         assert_eq!(significant(1234.5, 3), "1234"); // digits left of the point are never blanked
         assert_eq!(percent(0.99999), "> 99.9 %");
         assert_eq!(fixed(f64::NAN, 2), "–");
+    }
+
+    #[test]
+    fn truth_no_probability_is_certain() {
+        assert_eq!((probability(1.0), probability(0.0), probability(0.5)), ("> 99.9 %".to_owned(), "< 0.1 %".to_owned(), "50 %".to_owned()));
+        assert_eq!(percent(1.0), "100.0 %", "a share may be the whole");
+    }
+
+    #[test]
+    fn truth_only_hyphens_before_numbers_become_minus_signs() {
+        assert_eq!(
+            true_minus("between -45 mm and -14 mm (-3), lab-0003, under-predicted"),
+            "between \u{2212}45 mm and \u{2212}14 mm (\u{2212}3), lab-0003, under-predicted"
+        );
     }
 
     #[test]

@@ -15,12 +15,13 @@ const DIAGNOSE_METHODS: [&str; 1] = [
     "Candidates are screened by their signature at the fit with nuisance parameters projected out, the best refitted with the full model and ranked by Laplace evidence; an effect is accepted only when evidence, a test corrected for the size of the catalogue, and the held-out impacts agree.",
 ];
 
-/// The report of `compare`. `ledger`: versions from the first to this one (may be empty); `before`: the comparison of the
+/// The report of `compare`. `title`: model and table, as the reader knows them. `ledger`: versions from the first to this one (may be empty); `before`: the comparison of the
 /// version this one came from, for pictures before and after.
 pub fn comparison_report(title: &str, comparison: &Comparison, racket: Option<&Racket>, ledger: &[&LedgerEntry], before: Option<&Comparison>) -> String {
     let records: Vec<(Option<&str>, &Provenance)> = comparison.provenance.iter().map(|p| (None, p)).collect();
     Report::new(title)
-        .subtitle(&format!("Model against measurement: {}", comparison.model))
+        .command("compare")
+        .subtitle("Model against measurement")
         .section(sections::comparison_verdict(comparison))
         .section(sections::ledger(ledger, &before.into_iter().chain([comparison]).collect::<Vec<_>>()))
         .section(sections::agreement(comparison))
@@ -39,7 +40,7 @@ fn extended(versions: &[Comparison]) -> Option<&Comparison> {
     versions.first().zip(versions.last()).filter(|(first, last)| free(last) > free(first)).map(|(_, last)| last)
 }
 
-/// The report of `diagnose`. `comparison`: the diagnosed model's, its free parameters at their best; `versions`: those of all
+/// The report of `diagnose`, with the same `title`. `comparison`: the diagnosed model's, its free parameters at their best; `versions`: those of all
 /// versions of a walk, from the first to the last (may be empty).
 pub fn diagnosis_report(
     title: &str,
@@ -54,8 +55,9 @@ pub fn diagnosis_report(
     let stated = comparison.map_or(&[][..], |c| &c.parameters_as_stated);
     let methods: Vec<&str> = DIAGNOSE_METHODS.iter().chain(&COMPARE_METHODS).copied().collect();
     let mut report = Report::new(title)
-        .subtitle(&format!("What the model is missing: {}", diagnosis.model))
-        .section(sections::diagnosis_verdict(diagnosis, extended(versions)))
+        .command("diagnose")
+        .subtitle("What the model is missing")
+        .section(sections::diagnosis_verdict(diagnosis, comparison, extended(versions)))
         .section(sections::ledger(ledger, &versions.iter().collect::<Vec<_>>()))
         .section(sections::places(diagnosis, comparison))
         .section(sections::candidates(diagnosis))

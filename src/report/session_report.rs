@@ -17,7 +17,10 @@ pub fn session_report(results: &SessionResults) -> String {
     let records: Vec<(Option<&str>, &Provenance)> = of_shots.chain(of_tables.map(|p| (None, p))).collect();
     let racket = results.shots.first().map(|s| &s.racket);
     let path: Vec<_> = results.ledger.iter().collect();
+    // Footage alone has no model; what was compared belongs in the title where there is one.
+    let model = results.comparison.as_ref().map(|c| c.model.as_str()).or(results.diagnosis.as_ref().map(|d| d.model.as_str()));
     let mut report = Report::new(&results.name)
+        .command(&model.map_or_else(|| "session report".to_owned(), |m| format!("session report with {m}")))
         .subtitle(&format!("{} shots, {} frames a second", results.shots.len(), super::markup::fixed(results.frame_rate_hz, 0)))
         .section(sections::session_verdict(results));
     if let Some(d) = &results.diagnosis {

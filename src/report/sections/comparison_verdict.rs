@@ -9,6 +9,12 @@ use crate::validation::comparison::{Adequacy, OutputSummary};
 /// The file's own numbers are told to be worse than the best ones from this ratio of held-out errors on.
 const STATED_WORSE: f64 = 1.05;
 
+/// What the noise floor of a comparison is. Where the model fails, part of its failure is finer than any smooth trend and
+/// stays in: `diagnose`, which tries other models, may find a lower one.
+pub(super) fn floor_words(c: &Comparison) -> &'static str {
+    if c.verdict == Adequacy::Adequate { "noise floor" } else { "upper bound of the noise floor" }
+}
+
 /// Verdict, cards and notes of a comparison.
 pub fn comparison_verdict(c: &Comparison) -> Section {
     let adequate = c.verdict == Adequacy::Adequate;
@@ -26,10 +32,11 @@ pub fn comparison_verdict(c: &Comparison) -> Section {
         format!("The model “{}” is not adequate: its errors on these {} impacts have structure that noise does not explain.", c.model, c.n_impacts)
     }];
     lines.push(format!(
-        "With its free parameters at their best, the error on {} impacts that the fit never saw is {} times the noise (as its file states them: {}); a model without fault would have {}.",
+        "With its free parameters at their best, the error on {} impacts that the fit never saw is {} times the noise (as its file states them: {}); a model without fault would have {}{}.",
         c.n_held_out,
         fixed(c.heldout_error_refitted, 2),
         fixed(c.heldout_error, 2),
+        if adequate { "" } else { "at most about " },
         fixed(c.noise_floor, 2)
     ));
     if c.heldout_error > STATED_WORSE * c.heldout_error_refitted {
@@ -56,7 +63,7 @@ pub fn comparison_verdict(c: &Comparison) -> Section {
     ));
     let cards = [
         (fixed(c.heldout_error_refitted, 2), "held-out error, in units of the noise (fitted)".to_owned()),
-        (fixed(c.noise_floor, 2), "noise floor on this data".to_owned()),
+        (fixed(c.noise_floor, 2), format!("{}: what is left when every smooth trend is taken out of this model's residuals", floor_words(c))),
         (format!("{} + {}", c.n_impacts.saturating_sub(c.n_held_out), c.n_held_out), "impacts to fit + held out".to_owned()),
     ];
     Section::new("verdict", "Verdict").verdict(if adequate { Tone::Good } else { Tone::Bad }, &lines).cards(&cards).list(&c.notes)

@@ -1,6 +1,6 @@
 //! The diagnosis in words: is something missing, and what.
 
-use crate::report::markup::{fixed, percent};
+use crate::report::markup::{fixed, probability};
 use crate::report::page::{Section, Tone};
 use crate::validation::diagnosis::{Diagnosis, Verdict};
 use crate::validation::{Adequacy, Comparison};
@@ -8,8 +8,19 @@ use crate::validation::{Adequacy, Comparison};
 /// How the terminal text begins; the heading says it already.
 pub(super) const VERDICT_WORDS: [&str; 3] = ["ADEQUATE", "EFFECT MISSING", "UNEXPLAINED"];
 
-/// Verdict, the answer's sentences and the figures that matter; `after`: the model with the recommended effects added.
-pub fn diagnosis_verdict(d: &Diagnosis, after: Option<&Comparison>) -> Section {
+/// Why a diagnosis and a comparison of the same model print different noise floors, where they do so.
+pub(super) fn floors_differ(d: &Diagnosis, comparison: Option<&Comparison>) -> Option<String> {
+    let (here, there) = (fixed(d.noise_floor, 2), fixed(comparison?.noise_floor, 2));
+    (here != there).then(|| {
+        format!(
+            "The noise floor of {here} is the least that any model tried leaves; `compare`, which knows this model alone, puts it at {there}: what its residuals hold when every smooth trend is taken out."
+        )
+    })
+}
+
+/// Verdict, the answer's sentences and the figures that matter; `comparison`: the diagnosed model's; `after`: the model with
+/// the recommended effects added.
+pub fn diagnosis_verdict(d: &Diagnosis, comparison: Option<&Comparison>, after: Option<&Comparison>) -> Section {
     let (tone, head) = match d.verdict {
         Verdict::Adequate if d.keeps_structure() => {
             (Tone::Good, format!("Nothing is missing that shows in the error of held-out impacts; some structure is left in these {} impacts.", d.n_impacts))
@@ -29,6 +40,7 @@ pub fn diagnosis_verdict(d: &Diagnosis, after: Option<&Comparison>) -> Section {
         let state = if a.verdict == Adequacy::Adequate { "adequate" } else { "still not adequate" };
         lines.push(format!("Added and fitted, the model is {state}: held-out error {}, noise floor {}.", fixed(a.heldout_error, 2), fixed(a.noise_floor, 2)));
     }
+    lines.extend(floors_differ(d, comparison));
     let best = d.candidates.first().filter(|_| d.verdict != Verdict::Adequate);
     let mut cards = vec![(fixed(d.heldout_error, 2), "held-out error now (1 = the stated noise)".to_owned())];
     // What the verdict names: a pair, an effect, or a formula where no effect will do.
@@ -39,11 +51,11 @@ pub fn diagnosis_verdict(d: &Diagnosis, after: Option<&Comparison>) -> Section {
         (None, Some(c), _) => Some((c.heldout_error_after, c.effect.clone(), Some(c.probability))),
     };
     if let Some((error, with, _)) = &named {
-        cards.push((fixed(*error, 2), format!("with {with}")));
+        cards.push((fixed(*error, 2), format!("held-out error with {with}")));
     }
-    cards.push((fixed(d.noise_floor, 2), "noise floor".to_owned()));
-    if let Some((_, with, Some(probability))) = &named {
-        cards.push((percent(*probability), format!("probability of {with}")));
+    cards.push((fixed(d.noise_floor, 2), "noise floor: the least that any model tried leaves".to_owned()));
+    if let Some((_, with, Some(p))) = &named {
+        cards.push((probability(*p), format!("probability of {with}")));
     }
     Section::new("verdict", "Verdict").verdict(tone, &lines).cards(&cards).list(&d.notes)
 }

@@ -17,7 +17,10 @@ const WORDS: [(&str, &str); 22] = [
     ),
     ("95 % interval, 95 % band", "A range made so that it holds the true value in 95 of 100 such experiments."),
     ("residual", "Measured less predicted. In “own sd” it is divided by its standard deviation, so that 1 is an ordinary miss and 4 a rare one."),
-    ("noise floor", "The error that even a perfect model would show, because the measurements scatter. 1 when the stated noise is right."),
+    (
+        "noise floor",
+        "The error that even a perfect model would show, because the measurements scatter; 1 when the stated noise is right. `compare` takes it from one model's residuals, smooth trends taken out: where that model fails this is an upper bound. `diagnose` takes the least that any model it tried leaves.",
+    ),
     ("held-out impacts", "Impacts the fit never sees, always the same ones, picked by a hash of their id. An error that falls on them has fallen in earnest."),
     ("reduced χ²", "Mean square of the residuals in own sd; about 1 for a sound model."),
     ("p-value", "How often chance alone would give a result at least this odd, if nothing were wrong."),

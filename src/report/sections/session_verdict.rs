@@ -1,7 +1,8 @@
 //! What came of a session, in words and a few figures, at the top of its report.
 
-use super::diagnosis_verdict::VERDICT_WORDS;
-use crate::report::markup::{fixed, percent, with_sd};
+use super::comparison_verdict::floor_words;
+use super::diagnosis_verdict::{VERDICT_WORDS, floors_differ};
+use crate::report::markup::{fixed, probability, with_sd};
 use crate::report::page::{Section, Tone};
 use crate::report::session_results::SessionResults;
 use crate::validation::observation::FEWEST_IMPACTS;
@@ -68,15 +69,22 @@ pub fn session_verdict(r: &SessionResults) -> Section {
             },
         );
         lines.extend(d.words.iter().filter(|w| !VERDICT_WORDS.iter().any(|v| w.starts_with(v))).cloned());
-        cards.push((fixed(d.heldout_error, 2), format!("held-out error of the model, noise floor {}", fixed(d.noise_floor, 2))));
+        lines.extend(floors_differ(d, r.comparison.as_ref()));
+        cards.push((
+            fixed(d.heldout_error, 2),
+            format!("held-out error of the model in units of the noise; noise floor {}, the least that any model tried leaves", fixed(d.noise_floor, 2)),
+        ));
         if let Some(c) = d.candidates.first().filter(|_| d.verdict != Verdict::Adequate) {
-            cards.push((fixed(c.heldout_error_after, 2), format!("held-out error with {} (probability {})", c.effect, percent(c.probability))));
+            cards.push((fixed(c.heldout_error_after, 2), format!("held-out error with {} (probability {})", c.effect, probability(c.probability))));
         }
     } else if let Some(c) = &r.comparison {
         let adequate = c.verdict == Adequacy::Adequate;
         tone = if adequate { tone } else { Tone::Bad };
         lines.insert(0, format!("The model “{}” is {} for these shots.", c.model, if adequate { "adequate" } else { "not adequate" }));
-        cards.push((fixed(c.heldout_error_refitted, 2), format!("held-out error of the model, noise floor {}", fixed(c.noise_floor, 2))));
+        cards.push((
+            fixed(c.heldout_error_refitted, 2),
+            format!("held-out error of the model in units of the noise; {} {}", floor_words(c), fixed(c.noise_floor, 2)),
+        ));
     }
     if r.diagnosis.is_none() && r.comparison.is_none() && (1..FEWEST_IMPACTS).contains(&measured) {
         lines.insert(

@@ -11,6 +11,7 @@ mod frame_rate;
 mod markup;
 mod model_reports;
 mod page;
+mod parameter_unit;
 mod results_file;
 pub mod sections;
 mod session_report;

@@ -1,8 +1,9 @@
 //! Which effect is missing: candidates with their probability, what else it could be, what cannot be seen here.
 
 use crate::report::chart::{Chart, Colour, Legend, Line, Points, Rule, Symbol};
-use crate::report::markup::{fixed, percent, with_sd};
+use crate::report::markup::{fixed, percent, probability, with_sd};
 use crate::report::page::{Layout, Section, Table};
+use crate::report::parameter_unit::with_unit;
 use crate::validation::diagnosis::{CandidateReport, Diagnosis, Estimate, Verdict};
 use std::collections::BTreeMap;
 
@@ -30,7 +31,7 @@ pub fn candidates(d: &Diagnosis) -> Option<Section> {
             Layout::Normal,
             &[(
                 fall(&refitted, d.noise_floor),
-                "Held-out error before (ring) and after (dot) each candidate is added by itself; dashed: the noise floor.".to_owned(),
+                "Held-out error before (ring) and after (dot) each candidate is added by itself; dashed: the noise floor, the least that any model tried leaves.".to_owned(),
             )],
         );
     }
@@ -38,7 +39,7 @@ pub fn candidates(d: &Diagnosis) -> Option<Section> {
         section = section.paragraph(&format!(
             "{} belong together: probability {}, held-out error {} before and {} after, {} of the excess removed ({}).",
             t.effects.join(" and "),
-            percent(t.probability),
+            probability(t.probability),
             fixed(t.heldout_error_before, 2),
             fixed(t.heldout_error_after, 2),
             percent(t.share_removed),
@@ -74,7 +75,7 @@ fn table(candidates: &[&CandidateReport]) -> Table {
         let refitted = if c.refitted { String::new() } else { " (scored, not refitted)".to_owned() };
         table = table.row_with_bars(&[
             plain(c.effect.clone()),
-            (percent(c.probability), Some(c.probability)),
+            (probability(c.probability), Some(c.probability)),
             plain(fixed(c.heldout_error_before, 2)),
             plain(if c.refitted { fixed(c.heldout_error_after, 2) } else { "–".to_owned() }),
             plain(if c.refitted { percent(c.share_removed.clamp(-9.99, 1.0)) } else { "–".to_owned() }),
@@ -85,9 +86,10 @@ fn table(candidates: &[&CandidateReport]) -> Table {
     table
 }
 
-/// `frequency_hz 141 ± 3, ...`, without the effect's name before each.
+/// `frequency_hz 141 ± 3 Hz, ...`, without the effect's name before each.
 pub(super) fn estimates(parameters: &BTreeMap<String, Estimate>) -> String {
-    parameters.iter().map(|(name, e)| format!("{} {}", name.rsplit('.').next().unwrap_or(name), with_sd(e.value, e.sd))).collect::<Vec<_>>().join(", ")
+    let each = |(name, e): (&String, &Estimate)| format!("{} {}", name.rsplit('.').next().unwrap_or(name), with_unit(&with_sd(e.value, e.sd), name));
+    parameters.iter().map(each).collect::<Vec<_>>().join(", ")
 }
 
 /// Times as likely as another that alone is no alias: twenty to one.
@@ -116,6 +118,7 @@ fn fall(candidates: &[&CandidateReport], floor: f64) -> String {
         .x("held-out error, noise = 1", "")
         .y_categories(&names)
         .legend(Legend::Hidden)
+        .describe(&format!("Held-out error of each of {} candidates, before and after it is added.", names.len()))
         .add(Rule::vertical(floor));
     for (row, c) in candidates.iter().rev().enumerate() {
         let y = row as f64;

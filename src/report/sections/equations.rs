@@ -28,7 +28,7 @@ pub fn equations(d: &Diagnosis) -> Option<Section> {
         section = section.heading(&format!("{} ({kind})", card.name)).paragraph(card.physics).code(card.equation);
         let mut table = Table::new("").column("parameter").column("unit").numbers("default").numbers("from").numbers("to").column("meaning");
         for p in card.parameters {
-            table = table.row(&[p.name, p.unit, &plain(p.default), &plain(p.min), &plain(p.max), p.meaning]);
+            table = table.row(&[p.name, if p.unit.is_empty() { "1" } else { p.unit }, &plain(p.default), &plain(p.min), &plain(p.max), p.meaning]);
         }
         section = section
             .table(table)

@@ -3,11 +3,17 @@
 use crate::report::column::column_words;
 use crate::report::markup::{fixed, significant, with_sd};
 use crate::report::page::{Section, Table};
+use crate::report::parameter_unit::parameter_unit;
 use crate::validation::comparison::{Outlier, ParameterValue, SessionOffset};
 
 /// Tables of the fit; `None` when all are empty. `stated` are the parameters as the model file has them.
 pub fn fit_details(stated: &[ParameterValue], fitted: &[ParameterValue], outliers: &[Outlier], offsets: &[SessionOffset]) -> Option<Section> {
-    let mut parameters = Table::new("Free parameters").column("parameter").numbers("in the model file").numbers("fitted (± sd)").column("");
+    let mut parameters = Table::new("Free parameters; unit 1: a plain number")
+        .column("parameter")
+        .column("unit")
+        .numbers("in the model file")
+        .numbers("fitted (± sd)")
+        .column("remark");
     for p in fitted {
         let before = stated.iter().find(|s| s.name == p.name).map_or_else(|| "–".to_owned(), |s| significant(s.value, 4));
         let (after, remark) = match (p.undetermined, p.at_limit) {
@@ -15,12 +21,15 @@ pub fn fit_details(stated: &[ParameterValue], fitted: &[ParameterValue], outlier
             (false, true) => (with_sd(p.value, p.sd), p.limit_words()),
             (false, false) => (with_sd(p.value, p.sd), ""),
         };
-        parameters = parameters.row(&[p.name.clone(), before, after, remark.to_owned()]);
+        parameters = parameters.row(&[p.name.clone(), parameter_unit(&p.name).to_owned(), before, after, remark.to_owned()]);
     }
-    let mut odd =
-        Table::new("Measured numbers that do not belong to the rest; they were given less weight").column("impact").column("column").numbers("deviations");
+    let mut odd = Table::new("Measured numbers that do not belong to the rest; they were given less weight")
+        .column("impact")
+        .column("quantity")
+        .column("column")
+        .numbers("residual (own sd)");
     for o in outliers {
-        odd = odd.row(&[o.id.clone(), o.column.clone(), fixed(o.standardised, 1)]);
+        odd = odd.row(&[o.id.clone(), column_words(&o.column).words, o.column.clone(), fixed(o.standardised, 1)]);
     }
     let mut shared = Table::new("Offsets that all impacts of a session share, fitted with the sd they may have")
         .column("session")

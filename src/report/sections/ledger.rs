@@ -5,6 +5,7 @@ use crate::report::chart::{Bars, Chart, Colour, Points, Rule, Symbol};
 use crate::report::column::column_words;
 use crate::report::markup::{fixed, with_sd};
 use crate::report::page::{Layout, Section, Table};
+use crate::report::parameter_unit::with_unit;
 use crate::validation::{Comparison, LedgerEntry};
 
 /// Trends shown before and after.
@@ -22,7 +23,7 @@ pub fn ledger(path: &[&LedgerEntry], stages: &[&Comparison]) -> Option<Section> 
     if path.len() >= 2 {
         section = section.figures(
             Layout::Wide,
-            &[(staircase(path), "Error on the same held-out impacts, version by version; dashed: what a model without fault would show on this data. Dots: error on the impacts the fit used.".to_owned())],
+            &[(staircase(path), "Root mean square of residual over noise. Bars: on the same held-out impacts, version by version; diamonds: on the impacts the fit used. Dashed: the noise floor as the last version leaves it, what a model without fault would show on this data.".to_owned())],
         );
         section = section.table(table(path));
         let refused: Vec<String> = path
@@ -72,7 +73,8 @@ fn staircase(path: &[&LedgerEntry]) -> String {
         ))
         .size((200.0 + 85.0 * path.len() as f64).clamp(560.0, 900.0), 270.0)
         .x_categories(&names)
-        .y("rms residual, noise = 1", "")
+        .x("version of the model", "")
+        .y("rms residual / noise", "")
         .y_include(0.0)
         .add(Bars::new(&bars).name("held out").colour(Colour::BLUE))
         .add(Points::new(&fit).symbol(Symbol::Diamond).size(7.0).name("impacts of the fit").colour(Colour::ORANGE))
@@ -90,7 +92,7 @@ fn table(path: &[&LedgerEntry]) -> Table {
         .column("file")
         .column("date");
     for e in path {
-        let parameters: Vec<String> = e.parameters.iter().map(|p| format!("{} {}", p.name, with_sd(p.value, p.sd))).collect();
+        let parameters: Vec<String> = e.parameters.iter().map(|p| format!("{} {}", p.name, with_unit(&with_sd(p.value, p.sd), &p.name))).collect();
         table = table.row(&[
             step_name(e),
             fixed(e.heldout_error, 3),

@@ -68,7 +68,7 @@ fn volume() -> Volume {
         let point = |a: i32, b: i32| {
             let mut at_m = [0.0, 1.0, 0.0];
             (at_m[(fixed + 1) % 3], at_m[(fixed + 2) % 3]) = (0.25 * f64::from(a), 0.25 * f64::from(b));
-            SlicePoint { at_m, in_view: a != 4, calibration_sd_mm: [0.1 + 0.01 * f64::from(a), 0.1, 0.2], pixel_sd_mm: [0.3; 3] }
+            SlicePoint { at_m, in_view: a != 4, calibration_sd_mm: [0.1 + 0.01 * f64::from(a), 0.1, 0.2 + fixed as f64], pixel_sd_mm: [0.3; 3] }
         };
         Slice { fixed_axis, points: (-4..=4).flat_map(|a| (-4..=4).map(move |b| (a, b))).map(|(a, b)| point(a, b)).collect() }
     };
@@ -211,6 +211,31 @@ fn law_a_session_report_holds_with_plain_and_hostile_names() {
     }
     let page = session_report(&session("forty", 40));
     assert_page(&page);
+}
+
+/// The markup of the figure with this title.
+fn figure<'a>(page: &'a str, title: &str) -> &'a str {
+    let at = page.find(&format!("<title>{title}")).unwrap_or_else(|| panic!("no figure {title}"));
+    &page[at..at + page[at..].find("</svg>").unwrap()]
+}
+
+#[test]
+fn law_calibration_maps_have_axes_units_and_a_common_scale() {
+    let page = session_report(&session("lab 2026", 6));
+    for title in ["Corners over the left picture", "Corners over the right picture", "Reprojection error over the left picture"] {
+        let svg = figure(&page, title);
+        assert!(svg.contains(">u (px)<") && svg.contains(">v (px)<") && svg.contains(">500<"), "{title}: {svg:.600}");
+    }
+    // Every cell says how many corners it holds.
+    let svg = figure(&page, "Corners over the left picture");
+    assert!(svg.contains(">33</text>") && svg.contains(">corners</text>"), "{svg}");
+    // Each slice of these has values of its own; the colours of all span the same range.
+    let ticks = |axis: char| -> Vec<&str> {
+        let svg = figure(&page, &format!("Uncertainty of a point, {axis}"));
+        assert!(svg.contains(">sd (mm)</text>"), "{svg}");
+        svg.split("<text ").filter(|t| t.contains("font-size=\"10\"")).filter_map(|t| t.split(['>', '<']).nth(1)).collect()
+    };
+    assert!(ticks('U').len() > 1 && ticks('U') == ticks('V') && ticks('V') == ticks('W'), "{:?} {:?}", ticks('U'), ticks('V'));
 }
 
 #[test]

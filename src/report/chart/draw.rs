@@ -201,16 +201,29 @@ pub(super) fn cells(svg: &mut Svg, plane: &Plane, layer: &Cells) {
     // One path per colour step keeps the file small; 40 steps are finer than the eye.
     const STEPS: usize = 40;
     let mut by_step = vec![String::new(); STEPS + 1];
+    let mut numbers = Vec::new();
     for &(x, y, value) in layer.at.iter().filter(|c| c.0.is_finite() && c.1.is_finite() && c.2.is_finite()) {
         let a = plane.clamp(plane.at((x - 0.5 * layer.cell.0, y - 0.5 * layer.cell.1)));
         let b = plane.clamp(plane.at((x + 0.5 * layer.cell.0, y + 0.5 * layer.cell.1)));
         let step = (((value - low) / (high - low)).clamp(0.0, 1.0) * STEPS as f64).round() as usize;
         let _ = write!(by_step[step], "M{} {}H{}V{}H{}z", px(a.0), px(a.1), px(b.0), px(b.1), px(a.0));
+        numbers.push((0.5 * (a.0 + b.0), 0.5 * (a.1 + b.1), value));
     }
     for (step, d) in by_step.iter().enumerate() {
         let paint = colour(low + (high - low) * step as f64 / STEPS as f64);
         // The stroke closes the hair lines between neighbours.
         svg.path(d, &format!("fill=\"{paint}\" stroke=\"{paint}\" stroke-width=\"0.8\""));
+    }
+    // Edges tell a dark cell from a blank one on dark paper, and a pale one on white; many cells tell it by their number.
+    const MOST_EDGED: usize = 400;
+    if numbers.len() <= MOST_EDGED {
+        svg.path(&by_step.concat(), "fill=\"none\" stroke=\"currentColor\" stroke-width=\"0.6\" stroke-opacity=\"0.45\"");
+    }
+    if layer.numbered {
+        for (x, y, value) in numbers {
+            let ink = if colour(value).is_dark() { "#ffffff" } else { "#000000" };
+            svg.text(x, y + 0.35 * TEXT, Anchor::Middle, &crate::report::markup::fixed(value, 0), &format!("fill=\"{ink}\""));
+        }
     }
     let (x, height) = (plane.right + 8.0, (plane.bottom - plane.top).min(180.0));
     let top = plane.top + TEXT + 6.0;
@@ -220,6 +233,7 @@ pub(super) fn cells(svg: &mut Svg, plane: &Plane, layer: &Cells) {
         let slice = height / STEPS as f64;
         svg.rect(x, top + step as f64 * slice, 10.0, slice + 0.4, &format!("fill=\"{}\"", colour(value)));
     }
+    svg.rect(x, top, 10.0, height, "fill=\"none\" stroke=\"currentColor\" stroke-width=\"0.6\" stroke-opacity=\"0.6\"");
     let scale = Scale::over(low, high, 4);
     for (value, label) in &scale.ticks {
         let y = top + height * (high - value) / (high - low);

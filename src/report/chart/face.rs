@@ -63,6 +63,12 @@ pub fn outline(mut chart: Chart, racket: &Racket) -> Chart {
     chart.add(Points::new(&[(0.0, com)]).symbol(Symbol::Plus).size(9.0).colour(Colour::GREY).name("centre of mass"))
 }
 
+/// The strung area, to be filled below a heat map.
+pub fn strung_area(racket: &Racket) -> Shape {
+    let (a, b) = half_sizes_mm(racket);
+    Shape::new(&ellipse(a, b))
+}
+
 /// Marks special points (sweet spots) with their names.
 pub fn spots(mut chart: Chart, spots: &[Spot]) -> Chart {
     for (i, spot) in spots.iter().filter(|s| s.x_m.is_finite() && s.y_m.is_finite()).enumerate() {

@@ -182,13 +182,14 @@ pub struct Cells {
     pub(super) cell: (f64, f64),
     pub(super) range: Option<(f64, f64)>,
     pub(super) signed: bool,
+    pub(super) numbered: bool,
     pub(super) label: String,
 }
 
 impl Cells {
     /// `at`: centre x, centre y, value; `cell`: width and height of one cell; `label`: the quantity with its unit.
     pub fn new(at: &[(f64, f64, f64)], cell: (f64, f64), label: &str) -> Self {
-        Cells { at: at.to_vec(), cell, range: None, signed: false, label: label.to_owned() }
+        Cells { at: at.to_vec(), cell, range: None, signed: false, numbered: false, label: label.to_owned() }
     }
     /// Colours from `low` to `high` instead of the data's own range.
     pub fn range(mut self, low: f64, high: f64) -> Self {
@@ -198,6 +199,11 @@ impl Cells {
     /// Sign matters: a diverging scale, pale at zero, symmetric.
     pub fn signed(mut self) -> Self {
         self.signed = true;
+        self
+    }
+    /// Writes each whole value into its cell, for maps of few cells.
+    pub fn numbered(mut self) -> Self {
+        self.numbered = true;
         self
     }
     /// The value range the colours span.

@@ -251,10 +251,14 @@ impl Chart {
                 let _ = write!(grid, "M{} {}H{}", px(p.left - 3.0), px(y), px(p.right));
                 svg.text(p.left - 6.0, y + 0.35 * TEXT, Anchor::End, &shorten(label, TEXT, 0.4 * self.width), "");
             }
+            // Without a label nobody left room for a title.
             let title = shorten(&self.y.title(p.y.power), TEXT, self.height);
             let reach = 0.5 * text_width(&title, TEXT) + 2.0;
             let y = (0.5 * (p.top + p.bottom)).min(self.height - reach).max(reach);
-            svg.text(TEXT, y, Anchor::Middle, &title, &format!("transform=\"rotate(-90 {} {})\"", px(TEXT), px(y)));
+            // Without a label nobody left room for a title.
+            if !self.y.label.is_empty() {
+                svg.text(TEXT, y, Anchor::Middle, &title, &format!("transform=\"rotate(-90 {} {})\"", px(TEXT), px(y)));
+            }
         }
         if self.grid {
             svg.path(&grid, &format!("{line} stroke-opacity=\"0.13\""));

@@ -4,7 +4,7 @@ use super::calibration_detail::CalibrationDetail;
 use super::room::{Room, camera_corners};
 use crate::calibration::{Camera, CameraId, StereoRig};
 use crate::report::chart::{Arrows, Bars, Chart, Colour, Legend, Points, Rule, Scene, Symbol};
-use crate::report::markup::{fixed, significant, with_sd};
+use crate::report::markup::{fixed, plain, significant, with_sd};
 use crate::report::page::{Layout, Section, Table};
 
 /// The section on a rig; `axes_known` is false when the global axes are the left camera's own.
@@ -19,14 +19,20 @@ pub fn calibration(rig: &StereoRig, axes_known: bool) -> Section {
     figures.extend(scatter(&detail).map(|svg| {
         (svg, "Reprojection error of every corner: a round cloud without direction is what a good camera model leaves (thesis figure 3.9).".to_owned())
     }));
+    let factor = arrow_factor(rig, &detail);
     for camera in CameraId::BOTH {
-        figures.extend(
-            quiver(rig, &detail, camera)
-                .map(|svg| (svg, "Where corners were seen and how they miss; blank parts of the picture were never calibrated.".to_owned())),
-        );
+        figures.extend(quiver(rig, &detail, camera, factor).map(|svg| {
+            let caption = format!(
+                "Reprojection errors (found less projected) where corners were seen, drawn {factor:.0} times their length: an arrow of 100 px on the axes is an error of {} px. Blank parts of the picture were never calibrated.",
+                plain(100.0 / factor)
+            );
+            (svg, caption)
+        }));
     }
-    figures.extend(pair_errors(rig).map(|svg| (svg, "Error of each pair used; one that sticks out is worth a look.".to_owned())));
-    section = section.figures(Layout::Normal, &figures).figures(Layout::Normal, &detail.figures());
+    figures.extend(
+        pair_errors(rig).map(|svg| (svg, "Root mean square over the corners of each pair used, both cameras; one that sticks out is worth a look.".to_owned())),
+    );
+    section = section.figures(Layout::Normal, &figures).figures(Layout::Normal, &detail.figures(rig.image_size));
     section = section.table(cameras(rig)).table(detail.table());
     let dropped: Vec<String> = rig.pairs.iter().filter(|p| !p.reason.is_empty()).map(|p| format!("{}: {}", p.name, p.reason)).collect();
     if !dropped.is_empty() {
@@ -109,7 +115,17 @@ fn scatter(detail: &CalibrationDetail) -> Option<String> {
 /// Most arrows of a quiver; more would only be grey.
 const MOST_ARROWS: usize = 700;
 
-fn quiver(rig: &StereoRig, detail: &CalibrationDetail, camera: CameraId) -> Option<String> {
+/// How many times their length errors are drawn, the same for both cameras: a typical arrow is a thirtieth of the picture
+/// long. One, two or five times a power of ten, so that lengths can be read off the axes.
+fn arrow_factor(rig: &StereoRig, detail: &CalibrationDetail) -> f64 {
+    let squares = detail.corners.iter().map(|c| c.error.0.powi(2) + c.error.1.powi(2));
+    let rms = (squares.sum::<f64>() / detail.corners.len().max(1) as f64).sqrt().max(1e-6);
+    let wanted = (0.03 * rig.image_size[0] as f64 / rms).max(1.0);
+    let power = 10f64.powf(wanted.log10().floor());
+    power * [5.0, 2.0, 1.0].into_iter().find(|f| f * power <= wanted).unwrap_or(1.0)
+}
+
+fn quiver(rig: &StereoRig, detail: &CalibrationDetail, camera: CameraId, factor: f64) -> Option<String> {
     let corners: Vec<_> = detail.corners.iter().filter(|c| c.camera == camera).collect();
     if corners.is_empty() {
         return None;
@@ -117,11 +133,7 @@ fn quiver(rig: &StereoRig, detail: &CalibrationDetail, camera: CameraId) -> Opti
     let every = corners.len().div_ceil(MOST_ARROWS);
     let from: Vec<(f64, f64)> = corners.iter().step_by(every).map(|c| c.at).collect();
     let by: Vec<(f64, f64)> = corners.iter().step_by(every).map(|c| c.error).collect();
-    let rms = (corners.iter().map(|c| c.error.0.powi(2) + c.error.1.powi(2)).sum::<f64>() / corners.len() as f64).sqrt().max(1e-6);
     let [width, height] = rig.image_size.map(|s| s as f64);
-    // A typical arrow is a thirtieth of the picture long; the factor is a round number.
-    let wanted = 0.03 * width / rms;
-    let factor = (wanted / 10f64.powf(wanted.log10().floor())).round().max(1.0) * 10f64.powf(wanted.log10().floor());
     let chart = Chart::new(&format!("Reprojection error over the {} picture", camera.name()))
         .size(340.0, 340.0)
         .height_from_width()
@@ -130,20 +142,28 @@ fn quiver(rig: &StereoRig, detail: &CalibrationDetail, camera: CameraId) -> Opti
         .x_range(0.0, width)
         .y_range(0.0, height)
         .y_reversed()
-        .add(Arrows::new(&from, &by, factor).name(&format!("error × {factor:.0}")));
+        .add(Arrows::new(&from, &by, factor).name(&format!("error × {factor:.0} (100 px: {} px)", plain(100.0 / factor))));
     Some(chart.to_svg())
 }
+
+/// Pairs whose names stand under their bars.
+const MOST_NAMED: usize = 24;
 
 fn pair_errors(rig: &StereoRig) -> Option<String> {
     let pairs: Vec<(&str, f64)> = rig.pairs.iter().filter(|p| p.used).filter_map(|p| Some((p.name.as_str(), p.rms_px?))).collect();
     if pairs.is_empty() {
         return None;
     }
-    let bars: Vec<(f64, f64, f64)> = pairs.iter().enumerate().map(|(i, (_, e))| (i as f64 + 0.6, i as f64 + 1.4, *e)).collect();
+    // Pairs by their names while these find room; a season's worth of pairs by their order.
+    let named = pairs.len() <= MOST_NAMED;
+    let first = if named { 0.0 } else { 1.0 };
+    let bars: Vec<(f64, f64, f64)> = pairs.iter().enumerate().map(|(i, (_, e))| (first + i as f64 - 0.4, first + i as f64 + 0.4, *e)).collect();
+    let names: Vec<String> = if named { pairs.iter().map(|(name, _)| (*name).to_owned()).collect() } else { Vec::new() };
     let worst = pairs.iter().max_by(|a, b| a.1.total_cmp(&b.1));
     let chart = Chart::new("Error of each pair")
         .describe(&format!("{} pairs.", pairs.len()))
-        .x("pair used, in order", "")
+        .x(if named { "pair used" } else { "pair used, in order" }, "")
+        .x_categories(&names)
         .y("rms reprojection error", "px")
         .legend(Legend::Hidden)
         .add(Bars::new(&bars));
@@ -151,20 +171,30 @@ fn pair_errors(rig: &StereoRig) -> Option<String> {
 }
 
 fn cameras(rig: &StereoRig) -> Table {
-    let mut table = Table::new("Camera parameters with one standard deviation").column("").column("unit").numbers("left").numbers("right");
+    let mut table = Table::new("Camera parameters (± one standard deviation); distortion as OpenCV has it, of coordinates in units of the focal length")
+        .column("parameter")
+        .column("unit")
+        .numbers("left")
+        .numbers("right");
     let show = |c: &Camera, name: &str, value: f64| c.sd.get(name).map_or_else(|| significant(value, 5), |sd| with_sd(value, *sd));
+    const NAMES: [&str; 9] = ["fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3"];
+    let meaning = |k: usize| match k {
+        0 | 1 => "focal length",
+        2 | 3 => "principal point",
+        6 | 7 => "tangential distortion",
+        _ => "radial distortion",
+    };
     let pick = |c: &Camera, k: usize| -> (&'static str, f64) {
-        let names = ["fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3"];
         let values = [c.fx, c.fy, c.cx, c.cy, c.distortion[0], c.distortion[1], c.distortion[2], c.distortion[3], c.distortion[4]];
-        (names[k], values[k])
+        (NAMES[k], values[k])
     };
     for k in 0..9 {
         let ((name, l), (_, r)) = (pick(&rig.left, k), pick(&rig.right, k));
         if k >= 4 && l == 0.0 && r == 0.0 {
             continue;
         }
-        table = table.row(&[name.to_owned(), if k < 4 { "px" } else { "" }.to_owned(), show(&rig.left, name, l), show(&rig.right, name, r)]);
+        table = table.row(&[format!("{name}, {}", meaning(k)), if k < 4 { "px" } else { "1" }.to_owned(), show(&rig.left, name, l), show(&rig.right, name, r)]);
     }
-    table = table.row(&["rms error".to_owned(), "px".to_owned(), fixed(rig.left.rms_px, 3), fixed(rig.right.rms_px, 3)]);
+    table = table.row(&["rms reprojection error".to_owned(), "px".to_owned(), fixed(rig.left.rms_px, 3), fixed(rig.right.rms_px, 3)]);
     table
 }

@@ -1,6 +1,6 @@
 //! What a calibration reports beyond the rig itself, read from the other keys of `calibration.json` where they stand.
 
-use crate::calibration::{AxesReport, CameraId, Coverage, MethodError, Slice, StereoRig, Verdict, Volume};
+use crate::calibration::{AxesReport, CameraId, Coverage, MethodError, Slice, SlicePoint, StereoRig, Verdict, Volume};
 use crate::report::chart::{Bars, Cells, Chart, Colour, Rule, bin_edges, histogram};
 use crate::report::markup::fixed;
 use crate::report::page::{Section, Table};
@@ -96,17 +96,21 @@ impl CalibrationDetail {
         out
     }
 
-    /// Slices of uncertainty, coverage of both pictures, tilts, methods.
-    pub fn figures(&self) -> Vec<(String, String)> {
+    /// Slices of uncertainty, coverage of both pictures, tilts, methods. Figures of one kind share their colours' scale, so
+    /// that they can be compared.
+    pub fn figures(&self, image_size: [usize; 2]) -> Vec<(String, String)> {
         let mut out = Vec::new();
         if let Some(v) = &self.volume {
+            let all = v.slices.iter().flat_map(|s| &s.points).filter(|p| p.in_view).map(total_sd_mm).filter(|s| s.is_finite());
+            let range = all.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), s| (a.min(s), b.max(s)));
             for slice in &v.slices {
-                out.extend(slice_map(v, slice));
+                out.extend(slice_map(v, slice, range));
             }
         }
         if let Some(c) = &self.coverage {
+            let most = c.left_cells.iter().chain(&c.right_cells).flatten().copied().max().unwrap_or(0);
             for (name, cells) in [("left", &c.left_cells), ("right", &c.right_cells)] {
-                out.extend(coverage(name, cells));
+                out.extend(coverage(name, cells, image_size, most));
             }
             out.extend(tilts(c));
         }
@@ -125,6 +129,7 @@ impl CalibrationDetail {
             self.methods.iter().enumerate().map(|(i, m)| (i as f64 + from, i as f64 + from + 0.35, pick(m))).collect()
         };
         let chart = Chart::new("Methods compared on the same pictures")
+            .x("method", "")
             .x_categories(&names)
             .y("error of lengths", "mm")
             .add(Bars::new(&bars(-0.37, |m| m.mean_error_mm)).name("mean"))
@@ -159,7 +164,12 @@ fn part<T: DeserializeOwned>(rig: &StereoRig, key: &str) -> Option<T> {
     serde_json::from_value(rig.more.get(key)?.clone()).ok()
 }
 
-fn slice_map(volume: &Volume, slice: &Slice) -> Option<(String, String)> {
+/// Root sum of squares over the three axes, calibration and image noise together.
+fn total_sd_mm(p: &SlicePoint) -> f64 {
+    (Vector3::from(p.calibration_sd_mm).norm_squared() + Vector3::from(p.pixel_sd_mm).norm_squared()).sqrt()
+}
+
+fn slice_map(volume: &Volume, slice: &Slice, (low, high): (f64, f64)) -> Option<(String, String)> {
     let names = ['U', 'V', 'W'];
     let fixed_axis = names
         .iter()
@@ -168,8 +178,7 @@ fn slice_map(volume: &Volume, slice: &Slice) -> Option<(String, String)> {
     // V upward wherever it is drawn.
     let (across, up) = [(2, 1), (0, 2), (0, 1)][fixed_axis];
     let seen: Vec<_> = slice.points.iter().filter(|p| p.in_view).collect();
-    let total = |p: &crate::calibration::SlicePoint| (Vector3::from(p.calibration_sd_mm).norm_squared() + Vector3::from(p.pixel_sd_mm).norm_squared()).sqrt();
-    let cells: Vec<(f64, f64, f64)> = seen.iter().map(|p| (p.at_m[across], p.at_m[up], total(p))).collect();
+    let cells: Vec<(f64, f64, f64)> = seen.iter().map(|p| (p.at_m[across], p.at_m[up], total_sd_mm(p))).collect();
     let pitch = |k: usize| {
         let mut values: Vec<f64> = slice.points.iter().map(|p| p.at_m[k]).collect();
         values.sort_by(f64::total_cmp);
@@ -193,28 +202,39 @@ fn slice_map(volume: &Volume, slice: &Slice) -> Option<(String, String)> {
         .y_include(middle[up] - half)
         .y_include(middle[up] + half)
         .without_grid()
-        .add(Cells::new(&cells, cell, "mm"));
+        .add(Cells::new(&cells, cell, "sd (mm)").range(low, high));
     let caption = format!(
-        "Standard deviation of a point (root sum over three axes): calibration and {} px of image noise together; blank: not in view of both cameras.",
+        "Colour: standard deviation of a point (root sum of squares over the three axes), calibration and {} px of image noise together; blank: not in view of both cameras. The slices share one scale.",
         fixed(volume.pixel_sd, 2)
     );
     Some((chart.to_svg(), caption))
 }
 
-fn coverage(camera: &str, rows: &[Vec<usize>]) -> Option<(String, String)> {
+fn coverage(camera: &str, rows: &[Vec<usize>], image_size: [usize; 2], most: usize) -> Option<(String, String)> {
+    let [width, height] = image_size.map(|s| s as f64);
+    let cell = (width / rows.first()?.len() as f64, height / rows.len() as f64);
+    // Cell i reaches from i to i + 1 cell widths; the first pixel's centre is at 0.
+    let middle = |k: usize, side: f64| (k as f64 + 0.5) * side - 0.5;
     let cells: Vec<(f64, f64, f64)> =
-        rows.iter().enumerate().flat_map(|(j, row)| row.iter().enumerate().map(move |(i, n)| (i as f64, j as f64, *n as f64))).collect();
+        rows.iter().enumerate().flat_map(|(j, row)| row.iter().enumerate().map(move |(i, n)| (middle(i, cell.0), middle(j, cell.1), *n as f64))).collect();
     if cells.is_empty() {
         return None;
     }
     let chart = Chart::new(&format!("Corners over the {camera} picture"))
         .size(340.0, 300.0)
         .height_from_width()
-        .without_axes()
+        .x("u", "px")
+        .y("v", "px")
+        .x_range(-0.5, width - 0.5)
+        .y_range(-0.5, height - 0.5)
         .y_reversed()
         .without_grid()
-        .add(Cells::new(&cells, (1.0, 1.0), "corners"));
-    Some((chart.to_svg(), format!("How many corners fell into each part of the {camera} picture: dark parts are calibrated by few.")))
+        .describe(&format!("Number of corners in each part of the {camera} picture."))
+        .add(Cells::new(&cells, cell, "corners").range(0.0, most.max(1) as f64).numbered());
+    Some((
+        chart.to_svg(),
+        format!("Colour and number: corners found in each part of the {camera} picture, all boards together; dark parts are calibrated by few."),
+    ))
 }
 
 fn tilts(c: &Coverage) -> Option<(String, String)> {
@@ -222,11 +242,15 @@ fn tilts(c: &Coverage) -> Option<(String, String)> {
     if edges.is_empty() {
         return None;
     }
+    // Side by side within a bin: bars drawn over each other cannot be read.
+    let half = |tilts: &[f64], side: f64| -> Vec<(f64, f64, f64)> {
+        histogram(tilts, &edges).into_iter().map(|(a, b, n)| (a + 0.5 * side * (b - a), a + 0.5 * (side + 1.0) * (b - a), n)).collect()
+    };
     let chart = Chart::new("Tilt of the boards")
         .x("angle between board and image plane", "°")
-        .y("boards", "")
-        .add(Bars::new(&histogram(&c.left_tilt_deg, &edges)).name("left camera").colour(Colour::BLUE))
-        .add(Bars::new(&histogram(&c.right_tilt_deg, &edges)).name("right camera").colour(Colour::ORANGE))
+        .y("number of boards", "")
+        .add(Bars::new(&half(&c.left_tilt_deg, 0.0)).name("left camera").colour(Colour::BLUE))
+        .add(Bars::new(&half(&c.right_tilt_deg, 1.0)).name("right camera").colour(Colour::ORANGE))
         .add(Rule::vertical(20.0).name("recommended: 20° to 50°"))
         .add(Rule::vertical(50.0));
     let mean = c.left_tilt_deg.iter().chain(&c.right_tilt_deg).sum::<f64>() / (c.left_tilt_deg.len() + c.right_tilt_deg.len()).max(1) as f64;

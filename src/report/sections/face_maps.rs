@@ -19,6 +19,8 @@ const PALE: f64 = 5.0;
 const WITHIN: f64 = 2.0;
 /// A face of which less is covered is not drawn.
 const LEAST_COVERED: f64 = 0.1;
+/// Where too few impacts are near: grey, so that it is neither the page nor a mean near zero, on light and dark paper.
+const UNKNOWN: Colour = Colour(0xc3, 0xc9, 0xcf);
 /// Cells across the face.
 const ACROSS: usize = 26;
 
@@ -31,7 +33,7 @@ pub fn face_maps(comparison: &Comparison, racket: Option<&Racket>) -> Option<Sec
     }
     Some(
         Section::new("face", "Residuals over the face")
-            .note(&format!("Local mean of measured less predicted (kernel of {:.0} mm), seen from +z, tip at the top, impacts as dots. Blue: the prediction is too high; orange: too low; white: the mean is within two of its standard deviations. The colours reach at least five of them, so that what chance leaves stays pale; places with fewer than three impacts near are left blank. Where both faces were hit, velocities and rates that a blow on the back reverses are counted along the normal of the face that was hit.", kernel_mm(comparison.impacts.len())))
+            .note(&format!("Local mean of measured less predicted (kernel of {:.0} mm), seen from +z, tip at the top, impacts as dots. Blue: the prediction is too high; orange: too low; white: the mean is within two of its standard deviations. The colours reach at least five of them, so that what chance leaves stays pale; grey: fewer than three impacts near. The strung area is {:.0} mm long and {:.0} mm wide. Where both faces were hit, velocities and rates that a blow on the back reverses are counted along the normal of the face that was hit.", kernel_mm(comparison.impacts.len()), 1000.0 * racket.head.inner_length_m, 1000.0 * racket.head.inner_width_m))
             .figures(Layout::Small, &maps),
     )
 }
@@ -83,6 +85,7 @@ fn map(comparison: &Comparison, racket: &Racket, output: &str) -> Option<String>
         .legend(Legend::Hidden)
         .without_axes()
         .describe(&format!("Mean residual of {} over the racket's face.", w.words))
+        .add(face::strung_area(racket).filled().colour(UNKNOWN))
         .add(Cells::new(&coloured, (side, side), w.unit).signed().range(-most, most));
     Some(face::outline(chart, racket).add(Points::new(&dots).size(1.4).colour(Colour(0x33, 0x33, 0x33))).to_svg())
 }

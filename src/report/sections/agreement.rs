@@ -1,11 +1,12 @@
 //! Predicted against measured, one panel per output with the line y = x (thesis figure 2.38), and the table of errors.
 
+use super::residuals::parameters_taken;
 use crate::report::chart::{Chart, Colour, Legend, Points, Symbol};
 use crate::report::column::column_words;
-use crate::report::markup::{fixed, significant};
+use crate::report::markup::{fixed, significant, with_sd};
 use crate::report::page::{Layout, Section, Table};
 use crate::validation::Comparison;
-use crate::validation::comparison::{ImpactPoint, OutputPoint};
+use crate::validation::comparison::{ImpactPoint, OutputPoint, OutputSummary};
 
 /// Error bars are drawn up to this many impacts; beyond it they hide the points.
 const MOST_BARS: usize = 120;
@@ -16,13 +17,13 @@ pub fn agreement(comparison: &Comparison) -> Option<Section> {
         return None;
     }
     let panels: Vec<(String, String)> = comparison.outputs.iter().map(|o| (panel(comparison, &o.name), String::new())).collect();
-    let mut table = Table::new("Each output over all impacts; the noise is that of the output and of the inputs, carried through the model.")
+    let mut table = Table::new("Each output over all impacts; the noise is that of the output and of the inputs, carried through the model. Errors are measured less predicted; ±: one standard deviation of the mean.")
         .column("output")
         .column("column")
         .column("unit")
         .numbers("n")
         .numbers("rms error")
-        .numbers("mean error")
+        .numbers("mean error (± sd)")
         .numbers("noise sd")
         .numbers("reduced χ²")
         .numbers("p");
@@ -36,7 +37,7 @@ pub fn agreement(comparison: &Comparison) -> Option<Section> {
             w.unit.to_owned(),
             o.n.to_string(),
             show(o.rmse),
-            show(o.bias),
+            with_sd(o.bias * w.factor, standard_error(o) * w.factor),
             show(o.noise_sd),
             fixed(o.chi2_reduced, 2),
             p,
@@ -44,10 +45,15 @@ pub fn agreement(comparison: &Comparison) -> Option<Section> {
     }
     Some(
         Section::new("agreement", "Predicted against measured")
-            .note("The model as its file states it. Blue circles: impacts the fit used; orange squares: impacts held out. Dashed: prediction equals measurement. Bars: one standard deviation of the difference, noise of inputs included.")
+            .note(&format!("{} Blue circles: impacts the fit used; orange squares: impacts held out. Dashed: prediction equals measurement. Bars{}: one standard deviation of the difference, noise of inputs included.", parameters_taken(comparison), if comparison.impacts.len() > MOST_BARS { " (left out here: they would hide the points)" } else { "" }))
             .figures(Layout::Small, &panels)
             .table(table),
     )
+}
+
+/// Standard deviation of the mean error: that of the scatter about it, over the root of the number.
+fn standard_error(o: &OutputSummary) -> f64 {
+    ((o.rmse.powi(2) - o.bias.powi(2)).max(0.0) / (o.n as f64 - 1.0).max(1.0)).sqrt()
 }
 
 /// The pairs (impact, point) of one output.

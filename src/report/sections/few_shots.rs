@@ -3,18 +3,18 @@
 use crate::impact_table::OUTPUTS;
 use crate::report::chart::{Chart, Colour, Legend, Points};
 use crate::report::column::column_words;
-use crate::report::markup::{significant, with_sd};
+use crate::report::markup::{rounded, significant, with_sd};
 use crate::report::page::{Layout, Section, Table};
 use crate::report::session_results::PredictedShot;
 
 /// One panel per output that was both measured and predicted, and the numbers; `None` without such a shot.
 pub fn few_shots(shots: &[PredictedShot]) -> Option<Section> {
     let mut panels = Vec::new();
-    let mut table = Table::new("Every output of every shot; sd: of the measured output alone.")
+    let mut table = Table::new("Every output of every shot; ±: one standard deviation of the measured output alone; difference: measured less predicted.")
         .column("shot")
         .column("output")
         .column("unit")
-        .numbers("measured")
+        .numbers("measured (± sd)")
         .numbers("predicted")
         .numbers("difference");
     for name in OUTPUTS {
@@ -37,7 +37,11 @@ pub fn few_shots(shots: &[PredictedShot]) -> Option<Section> {
         panels.push((chart.to_svg(), String::new()));
         for (id, m, p) in pairs {
             let measured = m.sd.map_or_else(|| significant(w.factor * m.value, 4), |sd| with_sd(w.factor * m.value, w.factor * sd));
-            let (predicted, difference) = (significant(w.factor * p, 4), significant(w.factor * (m.value - p), 3));
+            // To the places the measurement is known to.
+            let (predicted, difference) = match m.sd {
+                Some(sd) => (rounded(w.factor * p, w.factor * sd), rounded(w.factor * (m.value - p), w.factor * sd)),
+                None => (significant(w.factor * p, 4), significant(w.factor * (m.value - p), 3)),
+            };
             table = table.row(&[id.clone(), w.words.clone(), w.unit.to_owned(), measured, predicted, difference]);
         }
     }

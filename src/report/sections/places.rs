@@ -3,7 +3,7 @@
 use super::residuals::{Trend, curve_layers, trends, usual_size};
 use crate::report::chart::{Chart, Colour, Legend, Line, Points, Rule, Shape};
 use crate::report::column::column_words;
-use crate::report::markup::{fixed, significant};
+use crate::report::markup::{fixed, plain, rounded, significant, true_minus};
 use crate::report::page::{Layout, Section, Table};
 use crate::validation::Comparison;
 use crate::validation::diagnosis::{Diagnosis, Place};
@@ -19,7 +19,7 @@ pub fn places(d: &Diagnosis, comparison: Option<&Comparison>) -> Option<Section>
     let trends = comparison.map(trends).unwrap_or_default();
     let drawn = d.places.iter().take(DRAWN).filter_map(|p| {
         let trend = trends.iter().find(|t| t.output == p.output && t.input == p.input)?;
-        Some((picture(p, trend, comparison?), p.words.clone()))
+        Some((picture(p, trend, comparison?), true_minus(&p.words)))
     });
     let drawn: Vec<(String, String)> = drawn.collect();
     let mut table = Table::new("Measured less predicted, inside the range and elsewhere; p counts all ranges looked at.")
@@ -33,15 +33,26 @@ pub fn places(d: &Diagnosis, comparison: Option<&Comparison>) -> Option<Section>
         .numbers("p");
     for p in &d.places {
         let (o, i) = (column_words(&p.output), column_words(&p.input));
-        let show = |v: f64| significant(o.factor * v, 3);
-        let range = format!("{} {} to {} {}", i.words, significant(i.factor * p.from, 3), significant(i.factor * p.to, 3), i.unit);
+        // The 95 % interval is 3.92 deviations wide.
+        let sd = o.factor * (p.ci_high - p.ci_low) / 3.92;
+        let show = |v: f64| rounded(o.factor * v, sd);
+        // What has no unit is a count, such as the order of the impacts.
+        let end = |v: f64| if i.unit.is_empty() { plain(v) } else { significant(i.factor * v, 3) };
+        let range = format!("{} {} to {} {}", i.words, end(p.from), end(p.to), i.unit);
         let interval = format!("{} to {}", show(p.ci_low), show(p.ci_high));
+        // Exactly nought: the range is the whole, and there is no elsewhere.
+        let elsewhere = if p.mean_elsewhere == 0.0 { "–".to_owned() } else { show(p.mean_elsewhere) };
         let odds = if p.p_value < 0.001 { "< 0.001".to_owned() } else { fixed(p.p_value, 3) };
-        table = table.row(&[o.words.clone(), range, show(p.mean_residual), interval, show(p.mean_elsewhere), o.unit.to_owned(), p.n.to_string(), odds]);
+        table = table.row(&[o.words.clone(), range, show(p.mean_residual), interval, elsewhere, o.unit.to_owned(), p.n.to_string(), odds]);
     }
     let mut section = Section::new("where", "Where it fails");
     if drawn.is_empty() {
-        section = section.list(&d.places.iter().map(|p| p.words.clone()).collect::<Vec<_>>());
+        section = section.list(&d.places.iter().map(|p| true_minus(&p.words)).collect::<Vec<_>>());
+    }
+    if !drawn.is_empty() {
+        section = section.note(
+            "Dots: impacts. Line and band: their local mean and its 95 % interval. Tinted: the range where the model is off; orange: the mean of the residuals there. Rings on the border: points beyond it.",
+        );
     }
     Some(section.figures(Layout::Normal, &drawn).table(table))
 }

@@ -43,13 +43,15 @@ pub fn polynomials(comparison: &Comparison) -> Option<Section> {
                     .size(210.0, 160.0)
                     .legend(Legend::Hidden)
                     .x(&x.words, x.unit)
-                    .y("", w.unit)
+                    .y("mean output", w.unit)
                     .add(Band::new(&band).colour(Colour::GREEN))
                     .add(Line::new(&line).colour(Colour::GREEN));
                 (chart.to_svg(), String::new())
             })
             .collect();
-        section = section.folded(&format!("{}: each input, the others at their means", w.words), |s| s.figures(Layout::Small, &panels));
+        section = section.folded(&format!("{}: each input, the others at their means", w.words), |s| {
+            s.note("Line and band: the polynomial and its 95 % interval.").figures(Layout::Small, &panels)
+        });
     }
     Some(section)
 }

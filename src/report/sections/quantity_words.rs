@@ -40,12 +40,37 @@ pub(super) const QUANTITIES: [(&str, &str, &str, f64); 34] = [
     ("efficiency", "efficiency", "", 1.0),
 ];
 
+/// Words for a velocity along the global axes, `ball_in_global_vx` and its like.
+fn global_words(name: &str) -> Option<String> {
+    let (body, side, axis) = match name.split('_').collect::<Vec<_>>().as_slice() {
+        [body @ ("ball" | "racket"), side @ ("in" | "out"), "global", axis] => (*body, *side, *axis),
+        _ => return None,
+    };
+    let axis = ["vx", "vy", "vz"].iter().zip(["U", "V", "W"]).find(|(n, _)| **n == axis)?.1;
+    Some(format!("{body} velocity {axis} {}", if side == "in" { "before" } else { "after" }))
+}
+
 /// Words for a characteristic; the table's own columns and unknown names as [`column_words`] has them.
 pub(super) fn quantity_words(name: &str) -> ColumnWords {
     if let Some((_, words, unit, factor)) = QUANTITIES.iter().find(|q| q.0 == name) {
         return ColumnWords { words: (*words).to_owned(), unit, factor: *factor };
     }
+    if let Some(words) = global_words(name) {
+        return ColumnWords { words, unit: "m/s", factor: 1.0 };
+    }
     let w = column_words(name);
     // An unknown name keeps the unit of its own quantity.
     if w.words == name { ColumnWords { unit: "", ..w } } else { w }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn truth_global_velocities_read_as_words() {
+        assert_eq!(quantity_words("ball_in_global_vx"), ColumnWords { words: "ball velocity U before".into(), unit: "m/s", factor: 1.0 });
+        assert_eq!(quantity_words("racket_out_global_vz").words, "racket velocity W after");
+        assert_eq!(quantity_words("tip_in_global_vx").words, "tip_in_global_vx");
+    }
 }

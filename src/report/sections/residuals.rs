@@ -80,6 +80,12 @@ fn offset(points: &[(f64, f64)]) -> f64 {
     (mean / (1.96 * (variance / n).sqrt()).max(1e-9)).abs()
 }
 
+/// Which parameters the figures of a comparison are drawn with, as a sentence.
+pub(super) fn parameters_taken(comparison: &Comparison) -> &'static str {
+    let best = (comparison.heldout_error - comparison.heldout_error_refitted).abs() < 0.01 * comparison.heldout_error;
+    if best { "The free parameters of the model are at their best." } else { "The parameters are those stated in the model file." }
+}
+
 /// The overview matrix, the clearest trends, and all panels folded per output.
 pub fn residuals(comparison: &Comparison) -> Option<Section> {
     let trends = trends(comparison);
@@ -97,11 +103,10 @@ pub fn residuals(comparison: &Comparison) -> Option<Section> {
             (panel(t, &title, every, (340.0, 230.0), reach(&t.points)), String::new())
         })
         .collect();
-    let best = (comparison.heldout_error - comparison.heldout_error_refitted).abs() < 0.01 * comparison.heldout_error;
-    let taken = if best { "The free parameters of the model are at their best." } else { "The parameters are those stated in the model file." };
+    let taken = parameters_taken(comparison);
     let mut section = Section::new("residuals", "Residuals against every input")
-        .note(&format!("Measured less predicted, each in units of its own standard deviation. A sound model scatters about zero with unit spread whatever the input; the band is the 95 % interval of the local mean. {taken}"))
-        .figures(Layout::Wide, &[(matrix(comparison, &trends), "How far the local mean goes from the mean of all impacts, at most, in half-widths of its 95 % band; bottom row: how far the mean of all lies from zero, in half-widths of its own interval. Values up to about 2 are what chance gives over a curve, up to 1 in the bottom row.".to_owned())])
+        .note(&format!("Measured less predicted, each in units of its own standard deviation. A sound model scatters about zero with unit spread whatever the input. Line and band: the local mean and its 95 % interval; rings on the border: points beyond it. {taken}"))
+        .figures(Layout::Wide, &[(matrix(comparison, &trends), "Colour: how far the local mean of the residuals goes from the mean of all impacts, at most, in half-widths of its 95 % band; bottom row: how far the mean of all lies from zero, in half-widths of its own interval. Values up to about 2 are what chance gives over a curve, up to 1 in the bottom row.".to_owned())])
         .heading("The clearest trends")
         .figures(Layout::Normal, &clearest);
     if every > 1 {
@@ -180,7 +185,9 @@ fn matrix(comparison: &Comparison, trends: &[Trend]) -> String {
     });
     Chart::new("Trend of each output against each input")
         .describe(&told)
-        .size(520.0, 160.0 + 20.0 * inputs.len() as f64)
+        .size(520.0, 176.0 + 20.0 * inputs.len() as f64)
+        .x("output", "")
+        .y("input", "")
         .x_categories(&outputs.iter().map(|o| column_words(o).words).collect::<Vec<_>>())
         .y_categories(&words)
         .without_grid()

@@ -5,7 +5,7 @@ use super::regression::regression;
 use crate::equipment::Racket;
 use crate::kinematics::{Shot, effective_mass, season_statistics};
 use crate::report::chart::{Arrows, Band, Bars, Cells, Chart, Line, Points, Rule, SERIES, Symbol, bin_edges, face, histogram};
-use crate::report::markup::{fixed, with_sd};
+use crate::report::markup::{fixed, significant, with_sd};
 use crate::report::page::{Layout, Section, Table};
 use crate::report::session_results::SessionResults;
 use nalgebra::Vector2;
@@ -107,7 +107,7 @@ fn against_thesis(shots: &[&Shot]) -> Table {
         .column("quantity")
         .numbers("shots")
         .numbers("here")
-        .numbers("of it measuring error");
+        .numbers("measuring error in it (sd)");
     let groups = groups(shots);
     let own: Vec<_> = groups.iter().filter(|_| groups.len() > 1).map(|g| (&g.name, season_statistics(&g.shots))).collect();
     for (name, _) in &own {
@@ -117,11 +117,9 @@ fn against_thesis(shots: &[&Shot]) -> Table {
     for s in season_statistics(shots).iter().filter(|s| s.column == "all") {
         let (Some(men), Some(women)) = (s.thesis_men, s.thesis_women) else { continue };
         let w = quantity_words(&s.quantity);
-        let spread = |mean: f64, sd: Option<f64>| {
-            let decimals = if w.unit == "rpm" { 0 } else { 2 };
-            sd.map_or_else(|| fixed(w.factor * mean, decimals), |sd| format!("{} ± {}", fixed(w.factor * mean, decimals), fixed(w.factor * sd, decimals)))
-        };
-        let mut cells = vec![w.words.clone(), s.n.to_string(), spread(s.mean, s.sd), spread(s.measuring_sd, None)];
+        // Two digits of the spread: the mean of some tens of shots is known to no more.
+        let spread = |mean: f64, sd: Option<f64>| sd.map_or_else(|| significant(w.factor * mean, 3), |sd| with_sd(w.factor * mean, w.factor * sd));
+        let mut cells = vec![w.words.clone(), s.n.to_string(), spread(s.mean, s.sd), significant(w.factor * s.measuring_sd, 2)];
         for (_, statistics) in &own {
             let group = statistics.iter().find(|g| g.column == "all" && g.quantity == s.quantity);
             cells.push(group.map_or_else(String::new, |g| spread(g.mean, g.sd)));
@@ -214,7 +212,7 @@ fn frequency(name: &str, title: &str, label: &str, unit: &str, series: &[(String
         return None;
     }
     let label = if label.is_empty() { if unit == "m/s" { "velocity" } else { "angular velocity" } } else { label };
-    let mut chart = Chart::new(title).x(label, unit).y("shots", "");
+    let mut chart = Chart::new(title).x(label, unit).y("number of shots", "");
     let (mut told, mut bins) = (Vec::new(), Vec::new());
     // Series stand side by side within a bin: bars drawn over each other cannot be read.
     let n = series.len() as f64;
@@ -248,7 +246,7 @@ fn effective_mass_map(racket: &Racket) -> SeasonFigure {
     let inertia = racket.inertia_kg_m2();
     let grams = |y: f64, x: f64| 1000.0 * effective_mass(racket.mass_kg, &inertia, &Vector2::new(0.001 * (x - com), 0.001 * y));
     let cells: Vec<(f64, f64, f64)> = at.iter().map(|&(y, x)| (y, x, grams(y, x))).collect();
-    let chart = face::bare("Effective mass over the face", racket).add(Cells::new(&cells, (side, side), "g"));
+    let chart = face::bare("Effective mass over the face", racket).add(Cells::new(&cells, (side, side), "mass (g)"));
     SeasonFigure {
         name: "effective-mass".to_owned(),
         svg: face::outline(chart, racket).to_svg(),
@@ -340,7 +338,7 @@ fn movement(groups: &[Group<'_>]) -> Option<SeasonFigure> {
         any |= !by.is_empty();
         chart = chart.add(Arrows::new(&vec![(0.0, 0.0); by.len()], &by, 1.0).name(g.legend(groups.len())).colour(SERIES[k % SERIES.len()]));
     }
-    let caption = "Each arrow is one shot (as thesis figure 5.23).".to_owned();
+    let caption = "Each arrow is the velocity of one shot's impact point before the impact, from the origin (as thesis figure 5.23).".to_owned();
     any.then(|| SeasonFigure { name: "local-movement".to_owned(), svg: chart.describe(&caption).to_svg(), caption, bins: Vec::new() })
 }
 

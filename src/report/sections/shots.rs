@@ -24,6 +24,11 @@ const COLUMNS: [&str; 10] = [
     "contact_time",
 ];
 
+/// A shot by its folder's name, which often says already what it is.
+pub(super) fn shot_heading(id: &str) -> String {
+    if id.get(..4).is_some_and(|s| s.eq_ignore_ascii_case("shot")) { id.to_owned() } else { format!("Shot {id}") }
+}
+
 pub fn shots(results: &SessionResults) -> Option<Section> {
     let measured: Vec<(&ShotResults, &Shot)> = results.shots.iter().filter_map(|s| Some((s, &s.record.as_ref()?.shot))).collect();
     let named = |list: &[(String, String)]| list.iter().map(|(id, why)| format!("{id}: {why}")).collect::<Vec<String>>();
@@ -43,7 +48,7 @@ pub fn shots(results: &SessionResults) -> Option<Section> {
     }
     for (results, shot) in &measured {
         let note = results.record.as_ref().and_then(|r| r.note.as_deref());
-        section = section.folded(&format!("Shot {}: all characteristics", shot.id), |s| details(s, shot, note));
+        section = section.folded(&format!("{}: all characteristics", shot_heading(&shot.id)), |s| details(s, shot, note));
     }
     Some(section)
 }
@@ -55,7 +60,7 @@ fn cell(shot: &Shot, name: &str) -> String {
 
 fn overview(measured: &[(&ShotResults, &Shot)]) -> Table {
     let shown: Vec<&str> = COLUMNS.into_iter().filter(|c| measured.iter().any(|(_, s)| s.quantities.get(c).is_some())).collect();
-    let mut table = Table::new("± one standard deviation; – not measured").column("shot");
+    let mut table = Table::new("± one standard deviation; –: not measured").column("shot");
     for c in &shown {
         let w = quantity_words(c);
         table = table.numbers(&if w.unit.is_empty() { w.words } else { format!("{} ({})", w.words, w.unit) });
@@ -165,4 +170,17 @@ fn faces(measured: &[(&ShotResults, &Shot)]) -> Vec<(String, String)> {
             ))
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn truth_a_shot_is_not_called_so_twice() {
+        assert_eq!(
+            (shot_heading("shot-01"), shot_heading("Shot 7"), shot_heading("12"), shot_heading("é")),
+            ("shot-01".into(), "Shot 7".into(), "Shot 12".into(), "Shot é".into())
+        );
+    }
 }

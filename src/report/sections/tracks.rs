@@ -1,5 +1,6 @@
 //! Tracks over the frames around the impact: frames of doubt first, then paths in both pictures and what was seen when.
 
+use super::shots::shot_heading;
 use crate::calibration::CameraId;
 use crate::report::chart::{Chart, Colour, Legend, Line, Picture, Points, Rule, SERIES, Symbol};
 use crate::report::frame_doubt::impact_frame;
@@ -41,9 +42,9 @@ pub fn tracks(results: &SessionResults) -> Option<Section> {
         let Some(tracks) = &shot.tracks else { continue };
         let figures = shot_figures(shot, tracks);
         if k == 0 {
-            section = section.heading(&format!("Shot {}", shot.id)).figures(Layout::Normal, &figures);
+            section = section.heading(&shot_heading(&shot.id)).figures(Layout::Normal, &figures);
         } else {
-            section = section.folded(&format!("Shot {}", shot.id), |s| s.figures(Layout::Normal, &figures));
+            section = section.folded(&shot_heading(&shot.id), |s| s.figures(Layout::Normal, &figures));
         }
     }
     Some(section)
@@ -94,7 +95,7 @@ fn shot_figures(shot: &ShotResults, tracks: &Tracks) -> Vec<(String, String)> {
 }
 
 fn paths(tracks: &Tracks, camera: CameraId, from: u64, to: u64) -> String {
-    let mut chart = Chart::new(&format!("{} picture", if camera == CameraId::Left { "Left" } else { "Right" }))
+    let mut chart = Chart::new(&format!("Paths in the {} picture", camera.name()))
         .describe("Paths of markers and ball in the picture.")
         .size(340.0, 340.0)
         .height_from_width()

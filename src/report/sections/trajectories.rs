@@ -1,6 +1,7 @@
 //! Ball and racket in space around the impact.
 
 use super::room::Room;
+use super::shots::shot_heading;
 use crate::report::chart::{Chart, Colour, Line, Points, Rule, Scene, Symbol};
 use crate::report::page::{Layout, Section};
 use crate::report::session_results::{SessionResults, ShotResults};
@@ -24,14 +25,14 @@ pub fn trajectories(results: &SessionResults) -> Option<Section> {
         let figures = [
             (
                 scene(shot, room),
-                "Ball and markers around the impact; the racket's outline through its markers in every fifth frame, pink at the impact.".to_owned(),
+                "Ball and markers around the impact; the racket's outline through its markers in every fifth frame, pink at the impact; dotted: their shadows on the floor.".to_owned(),
             ),
             (components(shot, room), "The ball's centre against time, with error bars of two standard deviations where they are visible.".to_owned()),
         ];
         if k < 2 {
-            section = section.heading(&format!("Shot {}", shot.id)).figures(Layout::Normal, &figures);
+            section = section.heading(&shot_heading(&shot.id)).figures(Layout::Normal, &figures);
         } else {
-            section = section.folded(&format!("Shot {}", shot.id), |s| s.figures(Layout::Normal, &figures));
+            section = section.folded(&shot_heading(&shot.id), |s| s.figures(Layout::Normal, &figures));
         }
     }
     Some(section)
@@ -46,7 +47,7 @@ fn scene(shot: &ShotResults, room: Room) -> String {
         near(shot).filter(|p| p.target == Target::Ball && (p.t >= 0.0) == after).map(|p| room.point(&p.position)).collect()
     };
     let (before, after) = (ball(false), ball(true));
-    let mut scene = Scene::new(&format!("Shot {}", shot.id))
+    let mut scene = Scene::new(&shot_heading(&shot.id))
         .describe("Paths of the ball before and after the impact and of the racket's markers.")
         .size(340.0, 300.0)
         .axis_names(room.axis_names())

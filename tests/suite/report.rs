@@ -125,3 +125,52 @@ fn law_a_report_of_900_impacts_stays_below_5_mb() {
     assert_page(&page);
     keep("compare-900.html", &page);
 }
+
+#[test]
+fn truth_the_title_tells_command_model_and_table() {
+    let c = comparison(60, 0.0, "rigid");
+    let page = comparison_report("model.toml against lab/impacts.csv", &c, None, &[], None);
+    assert!(page.contains("<title>model.toml against lab/impacts.csv – sweetspot compare</title>"), "{:.400}", page);
+    let page = diagnosis_report("model.toml against lab/impacts.csv", &diagnosis(Verdict::Adequate, "rigid"), None, &[], None, &[]);
+    assert!(page.contains("<title>model.toml against lab/impacts.csv – sweetspot diagnose</title>"), "{:.400}", page);
+}
+
+#[test]
+fn truth_noise_floors_that_differ_are_told_apart() {
+    let why = "is the least that any model tried leaves; `compare`, which knows this model alone";
+    let mut c = comparison(60, 0.8, "rigid");
+    let d = diagnosis(Verdict::EffectMissing, "rigid");
+    c.noise_floor = 1.13;
+    let page = diagnosis_report("t", &d, Some(&c), &[], None, &[]);
+    assert!(page.contains(why) && page.contains("puts it at 1.13"), "the reader of both reports wonders which is right");
+    c.noise_floor = d.noise_floor;
+    assert!(!diagnosis_report("t", &d, Some(&c), &[], None, &[]).contains(why), "nothing to explain where they agree");
+    // A failing model only bounds the floor; a sound one gives it.
+    let page = comparison_report("t", &c, None, &[], None);
+    assert!(page.contains("upper bound of the noise floor") && page.contains("a model without fault would have at most"));
+    let page = comparison_report("t", &comparison(60, 0.0, "rigid"), None, &[], None);
+    assert!(!page.contains("upper bound of the noise floor") && !page.contains("would have at most"));
+}
+
+#[test]
+fn truth_parameters_are_listed_with_their_units() {
+    let mut c = comparison(60, 0.0, "frame-vibration.frequency_hz");
+    c.parameters_refitted[0].at_limit = false;
+    let page = comparison_report(
+        "t",
+        &c,
+        None,
+        &[&ledger_entry("first model", 1.8, "string-tension.excess_lb"), &ledger_entry("fitted", 1.0, "string-tension.excess_lb")],
+        None,
+    );
+    assert!(page.contains("<td>frame-vibration.frequency_hz</td><td>Hz</td>"), "the table of parameters");
+    assert!(page.contains("string-tension.excess_lb 0.800 ± 0.010 lb"), "the versions of the model");
+}
+
+#[test]
+fn law_long_words_break_and_numbers_do_not() {
+    let long = "a sentence that explains what a parameter of the model means";
+    let table = Table::new("").column("name").column("meaning").numbers("value").row(&["amount", long, "0.330 ± 0.010"]);
+    let page = Report::new("t").section(Section::new("a", "b").table(table)).finish();
+    assert!(page.contains(&format!("<td>amount</td><td class=\"long\">{long}</td><td class=\"n\">0.330 ±\u{a0}0.010</td>")), "{page}");
+}

@@ -369,7 +369,10 @@ fn cli_compare_diagnose_add_fit_compare_and_the_error_falls() {
     let errors: Vec<f64> = ledger["entries"].as_array().unwrap().iter().map(|e| e["heldout_error"].as_f64().unwrap()).collect();
     assert_eq!(errors.len(), 2);
     assert!(errors[1] < 0.6 * errors[0], "{errors:?}");
-    assert!(at.join("report.html").exists());
+    // Among many open reports the tab tells its own, wherever the command was run.
+    let report = std::fs::read_to_string(at.join("report.html")).unwrap();
+    let title = format!("<title>model-3.toml against {}/impacts.csv – sweetspot compare</title>", at.file_name().unwrap().to_string_lossy());
+    assert!(report.contains(&title), "{report:.400}");
     // The same walk by itself, twice, gives the same bytes.
     let results: Vec<PathBuf> = ["one", "two"].map(|d| at.join(d)).to_vec();
     for folder in &results {

@@ -60,6 +60,9 @@ fn verdict() -> sweetspot::calibration::Verdict {
         diagonals: 50,
         diagonal_stated_mm: 566.0,
         boards: 25,
+        side_along_rows_mm: 60.001,
+        side_along_columns_mm: 59.999,
+        side_difference_sd_mm: 0.004,
     }
 }
 

@@ -106,7 +106,7 @@ struct FlightFit<'a> {
 
 impl<'a> FlightFit<'a> {
     fn new(view: &'a FlightView<'a>, law: FlightLaw, lift_sd: f64) -> Self {
-        let whitener = Whitener::new(view.sightings, view.common, view.noise_scale);
+        let whitener = Whitener::new(view.sightings, view.common, view.noise_scale, [0.0; 2]);
         FlightFit { view, law, cameras: CameraId::BOTH.map(|c| view.rig.camera_from_global(c)), whitener, lift_sd }
     }
 

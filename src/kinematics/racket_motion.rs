@@ -137,6 +137,8 @@ pub struct MotionView<'a> {
     pub memory_s: f64,
     /// Factor on all stated deviations, from the fit of the richest law.
     pub noise_scale: f64,
+    /// How far all bands of a picture are off together, px, by camera.
+    pub shake_px: [f64; 2],
 }
 
 struct LawFit<'a> {
@@ -156,7 +158,7 @@ impl<'a> LawFit<'a> {
         times.dedup();
         let frame_of = view.sightings.iter().map(|s| times.partition_point(|t| *t < s.t - view.reference_t)).collect();
         let cameras = CameraId::BOTH.map(|c| view.rig.camera_from_global(c));
-        let whitener = Whitener::new(view.sightings, view.common, view.noise_scale);
+        let whitener = Whitener::new(view.sightings, view.common, view.noise_scale, view.shake_px);
         LawFit { view, law, times, frame_of, centres: cameras.map(|c| c.inverse() * Point3::origin()), cameras, whitener }
     }
 

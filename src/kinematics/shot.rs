@@ -16,7 +16,7 @@ use crate::calibration::{CalibrationSpread, StereoRig};
 use crate::equipment::{Ball, Racket};
 use crate::impact_table::{INPUTS, ImpactRow, Measured, OUTPUTS};
 use crate::quantity::Quantity;
-use crate::tracking::{Flattening, SpacePoint, Tracks};
+use crate::tracking::{Flattening, SpacePoint, Tracks, View, widen_by_shake};
 use nalgebra::{Matrix3, Vector2, Vector3};
 use serde::de::{Deserializer, MapAccess, Visitor};
 use serde::ser::{SerializeMap, Serializer};
@@ -284,6 +284,7 @@ pub fn measure_shot(input: &ShotInput<'_>, settings: &MeasureSettings) -> Result
     for point in &mut points {
         point.sd = spread.widen(&point.position, &point.sd);
     }
+    widen_by_shake(&View::new(input.rig), &mut points, motion.shake_px);
     remarks.extend(mismatch_remark(&marker_distances));
     let windows = windows(&motion);
     for (when, window) in [("before", Some(&windows.ball_in)), ("after", windows.ball_out.as_ref())] {

@@ -2,7 +2,7 @@
 
 use crate::calibration::CameraId;
 use crate::tracking::{Target, Tracks};
-use nalgebra::{DVector, Matrix3, Vector2, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, Vector2, Vector3};
 
 /// One image point of one target. `t` in s from the shot's time origin (a frame number), pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -54,14 +54,28 @@ pub fn sightings(tracks: &Tracks, clock: FrameClock, targets: &[Target], from: f
 /// marginalised exactly: residuals of a group share the covariance σ² I + τ² 11ᵀ + κ² ttᵀ + γ² t²t²ᵀ, t from the group's mean
 /// time. Without the last the bend of a band's path tells an angular velocity that nothing else does: where a racket turned by
 /// 0.8 rad, rates were wrong by three deviations.
+///
+/// `untold` is for a target whose look is learnt from the very pictures in which it is then measured (the ball's cover): a shift and
+/// an even drift of all its places are learnt along, so that neither the residuals nor the stated deviations, which are those of a
+/// place beside a known look, tell them. They are in proportion to what the stated deviations leave open of the mean and of the
+/// slope of the stretch, and so matter in short ones only.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CommonError {
     pub constant_px: f64,
     pub drift_px_s: f64,
     pub bend_px_s2: f64,
+    /// Further constant and drift, in deviations of mean and slope.
+    pub untold: f64,
 }
 
 impl CommonError {
+    /// With what a group leaves untold on one axis; `stated` are its times from their mean, s, and stated deviations, px.
+    fn of_group(&self, stated: impl Iterator<Item = (f64, f64)>) -> Self {
+        let (information, leverage) = stated.fold((0.0, 0.0), |(a, b), (t, sd)| (a + sd.powi(-2), b + (t / sd).powi(2)));
+        let with = |known: f64, precision: f64| if precision > 0.0 { known.hypot(self.untold / precision.sqrt()) } else { known };
+        CommonError { constant_px: with(self.constant_px, information), drift_px_s: with(self.drift_px_s, leverage), ..*self }
+    }
+
     /// The three at `t` from the group's mean time, in units of one point's deviation `sd_px`.
     fn at(&self, t: f64, sd_px: f64) -> Vector3<f64> {
         Vector3::new(self.constant_px, self.drift_px_s * t, self.bend_px_s2 * t * t) / sd_px
@@ -86,9 +100,12 @@ fn groups(sightings: &[Sighting]) -> Vec<std::ops::Range<usize>> {
 /// Divides residuals by the square root of their covariance, group by group and axis by axis.
 ///
 /// With y = r/σ and U = [τ 1/σ, κ t/σ, γ t²/σ], the inverse root of I + U Uᵀ is I − U V diag((1 − 1/√(1+λ))/λ) Vᵀ Uᵀ, where
-/// Uᵀ U = V diag(λ) Vᵀ. None of that depends on the residuals: a fit has it computed once.
+/// Uᵀ U = V diag(λ) Vᵀ. None of that depends on the residuals: a fit has it computed once. Where a camera shakes, all its points of a
+/// frame share that too, and U has a column s 1_f/σ per frame beside those of all groups.
 pub(crate) struct Whitener {
     groups: Vec<Group>,
+    /// In place of groups, of a camera that shakes.
+    shaken: Vec<Shaken>,
     points: usize,
 }
 
@@ -102,19 +119,72 @@ struct Group {
     shrink: Vector3<f64>,
 }
 
+/// All points of a camera that shakes, one axis.
+struct Shaken {
+    axis: usize,
+    /// Places among the sightings, and σ.
+    points: Vec<(usize, f64)>,
+    shared: DMatrix<f64>,
+    /// V diag((1 − 1/√(1+λ))/λ) Vᵀ.
+    taken: DMatrix<f64>,
+}
+
+impl Shaken {
+    fn new(sightings: &[Sighting], groups: &[&Group], shake_px: f64) -> Self {
+        let axis = groups.first().map_or(0, |g| g.axis);
+        let points: Vec<(usize, f64)> = groups.iter().flat_map(|g| g.range.clone().zip(g.shared.iter().map(|(_, sd)| *sd))).collect();
+        let mut frames: Vec<u64> = points.iter().map(|(i, _)| sightings[*i].frame).collect();
+        frames.sort_unstable();
+        frames.dedup();
+        let mut shared = DMatrix::zeros(points.len(), 3 * groups.len() + frames.len());
+        let own = groups.iter().enumerate().flat_map(|(k, g)| g.shared.iter().map(move |(u, _)| (k, u)));
+        for (row, ((k, u), (i, sd))) in own.zip(&points).enumerate() {
+            shared.fixed_view_mut::<1, 3>(row, 3 * k).copy_from(&u.transpose());
+            shared[(row, 3 * groups.len() + frames.partition_point(|f| *f < sightings[*i].frame))] = shake_px / sd;
+        }
+        let eigen = shared.tr_mul(&shared).symmetric_eigen();
+        let taken = &eigen.eigenvectors * DMatrix::from_diagonal(&eigen.eigenvalues.map(shrinking)) * eigen.eigenvectors.transpose();
+        Shaken { axis, points, shared, taken }
+    }
+
+    fn whiten(&self, misfit_px: &[Vector2<f64>], out: &mut DVector<f64>) {
+        let mut y = DVector::from_iterator(self.points.len(), self.points.iter().map(|(i, sd)| misfit_px[*i][self.axis] / sd));
+        y -= &self.shared * (&self.taken * self.shared.tr_mul(&y));
+        self.points.iter().zip(y.iter()).for_each(|((i, _), y)| out[2 * i + self.axis] = *y);
+    }
+}
+
+/// (1 − 1/√(1+λ))/λ.
+fn shrinking(l: f64) -> f64 {
+    if l > 1e-12 { (1.0 - 1.0 / (1.0 + l).sqrt()) / l } else { 0.5 }
+}
+
 impl Whitener {
-    pub fn new(sightings: &[Sighting], common: CommonError, scale: f64) -> Self {
+    /// `shake_px` by camera.
+    pub fn new(sightings: &[Sighting], common: CommonError, scale: f64, shake_px: [f64; 2]) -> Self {
         let group = |range: std::ops::Range<usize>, axis: usize| {
             let mean_t = sightings[range.clone()].iter().map(|s| s.t).sum::<f64>() / range.len() as f64;
+            let common = common.of_group(sightings[range.clone()].iter().map(|s| (s.t - mean_t, s.sd[axis])));
             let row = |s: &Sighting| (common.at(s.t - mean_t, s.sd[axis] * scale), s.sd[axis] * scale);
             let shared: Vec<(Vector3<f64>, f64)> = sightings[range.clone()].iter().map(row).collect();
             let gram = shared.iter().fold(Matrix3::zeros(), |sum, (u, _)| sum + u * u.transpose());
             let eigen = gram.symmetric_eigen();
-            let shrink = eigen.eigenvalues.map(|l| if l > 1e-12 { (1.0 - 1.0 / (1.0 + l).sqrt()) / l } else { 0.5 });
-            Group { range, axis, shared, vectors: eigen.eigenvectors, shrink }
+            Group { range, axis, shared, vectors: eigen.eigenvectors, shrink: eigen.eigenvalues.map(shrinking) }
         };
-        let groups = groups(sightings).into_iter().flat_map(|range| [(range.clone(), 0), (range, 1)]).map(|(range, axis)| group(range, axis)).collect();
-        Whitener { groups, points: sightings.len() }
+        let groups: Vec<Group> =
+            groups(sightings).into_iter().flat_map(|range| [(range.clone(), 0), (range, 1)]).map(|(range, axis)| group(range, axis)).collect();
+        let camera = |g: &Group| sightings[g.range.start].camera;
+        let mut shaken = Vec::new();
+        for shaking in CameraId::BOTH.into_iter().filter(|c| shake_px[c.index()] > 0.0) {
+            for axis in 0..2 {
+                let own: Vec<&Group> = groups.iter().filter(|g| g.axis == axis && camera(g) == shaking).collect();
+                if !own.is_empty() {
+                    shaken.push(Shaken::new(sightings, &own, shake_px[shaking.index()]));
+                }
+            }
+        }
+        let groups = groups.into_iter().filter(|g| shake_px[camera(g).index()] <= 0.0).collect();
+        Whitener { groups, shaken, points: sightings.len() }
     }
 
     pub fn whiten(&self, misfit_px: &[Vector2<f64>]) -> DVector<f64> {
@@ -127,6 +197,7 @@ impl Whitener {
                 out[2 * i + g.axis] = misfit[g.axis] / sd - u.dot(&take);
             }
         }
+        self.shaken.iter().for_each(|s| s.whiten(misfit_px, &mut out));
         out
     }
 }
@@ -183,10 +254,42 @@ mod tests {
         let at = |frame, sd| Sighting { frame, t: 0.0, camera: CameraId::Left, target: Target::M1, uv: Vector2::zeros(), sd: Vector2::new(sd, 1.0) };
         let seen = [at(0, 1.0), at(1, 2.0)];
         let r = [Vector2::new(0.7, 0.0), Vector2::new(-1.3, 0.0)];
-        let white = Whitener::new(&seen, CommonError { constant_px: 3.0, drift_px_s: 0.0, bend_px_s2: 0.0 }, 1.0).whiten(&r);
+        let white = Whitener::new(&seen, CommonError { constant_px: 3.0, drift_px_s: 0.0, bend_px_s2: 0.0, untold: 0.0 }, 1.0, [0.0; 2]).whiten(&r);
         let covariance = nalgebra::Matrix2::new(10.0, 9.0, 9.0, 13.0);
         let v = nalgebra::Vector2::new(0.7, -1.3);
         let expected = v.dot(&(covariance.try_inverse().expect("positive") * v));
         assert!((white.norm_squared() - expected).abs() < 1e-12);
+    }
+
+    #[test]
+    fn truth_points_of_a_frame_share_the_shake_of_their_camera_alone() {
+        // Two bands in two frames of either camera, σ = 1 along u, shake of the left camera 2: within a frame the covariance is [[5, 4], [4, 5]].
+        let at = |target, camera, frame| Sighting { frame, t: 0.0, camera, target, uv: Vector2::zeros(), sd: Vector2::new(1.0, 1.0) };
+        let mut seen = Vec::new();
+        for target in [Target::M1, Target::M2] {
+            for camera in CameraId::BOTH {
+                seen.extend([at(target, camera, 0), at(target, camera, 1)]);
+            }
+        }
+        let misfit: Vec<Vector2<f64>> = [0.7, -0.4, 0.1, 0.9, -1.1, 0.3, 0.5, -0.6].map(|x| Vector2::new(x, 0.0)).to_vec();
+        let none = CommonError { constant_px: 0.0, drift_px_s: 0.0, bend_px_s2: 0.0, untold: 0.0 };
+        let white = Whitener::new(&seen, none, 1.0, [2.0, 0.0]).whiten(&misfit);
+        let inverse = nalgebra::Matrix2::new(5.0, 4.0, 4.0, 5.0).try_inverse().expect("positive");
+        let both = |a: usize, b: usize| Vector2::new(misfit[a].x, misfit[b].x);
+        let left: f64 = [both(0, 4), both(1, 5)].iter().map(|v| v.dot(&(inverse * v))).sum();
+        let right: f64 = [2, 3, 6, 7].iter().map(|i| misfit[*i].x.powi(2)).sum();
+        assert!((white.norm_squared() - left - right).abs() < 1e-12);
+    }
+
+    #[test]
+    fn truth_what_a_stretch_leaves_untold_is_in_proportion_to_what_it_tells_of_mean_and_slope() {
+        // Three places a millisecond apart, σ = 0.1 px: mean to 0.1/√3 px, slope to 0.1/√2 px/ms.
+        let common = CommonError { constant_px: 0.0, drift_px_s: 3.0, bend_px_s2: 0.0, untold: 2.0 };
+        let seen = common.of_group([-1e-3, 0.0, 1e-3].map(|t| (t, 0.1)).into_iter());
+        assert!((seen.constant_px - 0.2 / 3.0f64.sqrt()).abs() < 1e-12);
+        assert!((seen.drift_px_s - 3.0f64.hypot(200.0 / 2.0f64.sqrt())).abs() < 1e-9);
+        // Thirty places leave a tenth of that of the slope, and less.
+        let long = common.of_group((0..30).map(|k| (1e-3 * (f64::from(k) - 14.5), 0.1)));
+        assert!(long.drift_px_s < 0.05 * seen.drift_px_s, "{}", long.drift_px_s);
     }
 }

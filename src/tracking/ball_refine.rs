@@ -8,7 +8,8 @@
 use super::ball_learn::{Learnt, Lesson, noise_share};
 use super::ball_model::{BallFace, BallPicture, MARGIN_PX, ModelFit};
 use super::ball_track::{BallFrame, outline_radius_px};
-use super::contact_length::SHORTEST_CONTACT_S;
+use super::camera_shake::camera_shake;
+use super::contact_length::{SHORTEST_CONTACT_S, frames_of_contact};
 use super::flight_sample::FlightSample;
 use super::racket_pose::View;
 use super::shot_tracks::{ShotSetup, ShotTracks, TrackingError};
@@ -95,7 +96,9 @@ pub(super) fn refine_ball(
 fn renew(source: &impl FrameSource, setup: &ShotSetup, shot: &mut ShotTracks, view: &View) {
     stray_ball::drop_strays(source, &mut shot.ball, shot.contact_frame, setup.frame_rate_hz, stray_ball::FINAL_PX);
     shot.contact_frame = space_points::first_contact(source, &shot.racket, &shot.ball, setup.ball.radius_m());
+    let shake_px = camera_shake(&shot.tracks, &frames_of_contact(shot.contact_frame, setup.frame_rate_hz));
     shot.points = space_points::space_points(source, setup, view, &shot.figure, &shot.racket, &shot.ball, shot.contact_frame);
+    space_points::widen_by_shake(view, &mut shot.points, shake_px);
     for index in 0..source.len() {
         let number = source.number(index);
         for camera in CameraId::BOTH {

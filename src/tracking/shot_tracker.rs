@@ -1,6 +1,8 @@
 //! One shot from beginning to end: find the racket and the ball, follow both ways in time, name what was seen.
 
 use super::ball_track::BallFrame;
+use super::camera_shake::{camera_shake, shake_words};
+use super::contact_length::frames_of_contact;
 use super::face;
 use super::racket_figure::RacketFigure;
 use super::racket_pose::View;
@@ -57,9 +59,12 @@ pub fn track_shot(source: &impl FrameSource, setup: &ShotSetup, cancel: &AtomicB
     let contact_frame = space_points::first_contact(source, &racket, &ball, setup.ball.radius_m());
     stray_ball::drop_strays(source, &mut ball, contact_frame, setup.frame_rate_hz, stray_ball::OUTLINE_PX);
     let contact_frame = space_points::first_contact(source, &racket, &ball, setup.ball.radius_m());
-    let points = space_points::space_points(source, setup, &view, &figure, &racket, &ball, contact_frame);
     let tracks = named(source, &racket, &ball);
+    let shake_px = camera_shake(&tracks, &frames_of_contact(contact_frame, setup.frame_rate_hz));
+    let mut points = space_points::space_points(source, setup, &view, &figure, &racket, &ball, contact_frame);
+    space_points::widen_by_shake(&view, &mut points, shake_px);
     notes.extend(unseen(&tracks));
+    notes.extend(shake_words(shake_px));
     notes.extend(shot.saturated_ball(&ball));
     let mut broken = shot.broken.into_inner().unwrap_or_default();
     broken.append(&mut watched.broken.into_inner().unwrap_or_default());

@@ -119,6 +119,21 @@ pub fn space_points(
     out
 }
 
+/// Adds what two cameras that shake by `shake_px` per axis put into every place; no picture tells its own shake.
+pub fn widen_by_shake(view: &View, points: &mut [SpacePoint], shake_px: [f64; 2]) {
+    if shake_px == [0.0, 0.0] {
+        return;
+    }
+    for point in points {
+        let jacobians = CameraId::BOTH.map(|camera| view.project_with_jacobian(camera, &point.position).map(|(_, j)| j));
+        let [Some(left), Some(right)] = jacobians else { continue };
+        let Some(inverse) = (left.tr_mul(&left) + right.tr_mul(&right)).try_inverse() else { continue };
+        let variances = |j: Matrix2x3<f64>, px: f64| (inverse * j.transpose() * px).map(|x| x * x).column_sum();
+        let shaken = variances(left, shake_px[0]) + variances(right, shake_px[1]);
+        point.sd = point.sd.zip_map(&shaken, |sd, variance| (sd * sd + variance).sqrt());
+    }
+}
+
 /// Root-mean-square distance of a marker's image points from the pose's own, px.
 fn marker_residual(view: &View, figure: &RacketFigure, frame: &RacketFrame, marker: usize) -> f64 {
     let (mut sum, mut n) = (0.0, 0);

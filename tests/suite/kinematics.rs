@@ -28,6 +28,8 @@ const COURT: Difficulty = Difficulty {
     hold: 0.0,
     frames: (18, 24),
     hidden: 0,
+    ball_untold: 1.25,
+    shake_px: 0.0,
 };
 const DRIVEN: Difficulty = Difficulty { drive: 1.0, ..COURT };
 const ABRUPT: Difficulty = Difficulty { drive: 1.0, drive_change_s: 0.03, hold: 1.0, ..COURT };
@@ -37,6 +39,8 @@ const LABORATORY: Difficulty = Difficulty { laboratory: true, ..COURT };
 const NOISY: Difficulty = Difficulty { noise_px: 0.11, ball_noise_px: 0.20, tape_error_px: 0.17, outliers: 0.015, gaps: 0.12, ..COURT };
 const NOISY_DRIVEN_HELD: Difficulty = Difficulty { drive: 1.0, hold: 1.0, ..NOISY };
 const FEW_FRAMES: Difficulty = Difficulty { frames: (8, 10), ..COURT };
+const FEWEST_FRAMES: Difficulty = Difficulty { frames: (7, 9), gaps: 0.0, ..COURT };
+const SHAKEN: Difficulty = Difficulty { shake_px: 0.3, ..COURT };
 const HIDDEN_MARKERS: Difficulty = Difficulty { hidden: 1, ..COURT };
 
 #[derive(Default)]
@@ -159,6 +163,29 @@ fn truth_errors_stay_within_the_bars_and_intervals_cover_in_every_group_of_simul
     report("all", &all);
     let coverage = all.coverage(&[""]);
     assert!((0.92..=0.98).contains(&coverage), "{:.1} % of the true values inside 95 % intervals", 100.0 * coverage);
+}
+
+#[test]
+fn truth_intervals_of_a_ball_seen_in_six_to_eight_frames_a_side_cover() {
+    let s = score(&FEWEST_FRAMES, 7100..7140);
+    report("six to eight frames", &s);
+    let coverage = s.coverage(&BALL);
+    assert!(coverage >= 0.92, "{:.1} %", 100.0 * coverage);
+}
+
+#[test]
+fn truth_intervals_cover_where_cameras_shake_and_the_shot_says_so() {
+    let s = score(&SHAKEN, 7200..7230);
+    report("shaken", &s);
+    for columns in [&BALL[..], &RACKET, &RATE] {
+        let coverage = s.coverage(columns);
+        assert!(coverage >= 0.92, "{columns:?}: {:.1} %", 100.0 * coverage);
+    }
+    let told = |difficulty: &Difficulty, seed: u64| {
+        let shot = measured(&true_shot(seed, difficulty), &settings()).unwrap().shot;
+        shot.remarks.iter().any(|r| r.contains("shake"))
+    };
+    assert!((7200..7206).all(|seed| told(&SHAKEN, seed) && !told(&COURT, seed)));
 }
 
 /// Probability of the laws whose name holds one of these words, mean over shots.

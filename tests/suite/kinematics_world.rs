@@ -36,6 +36,11 @@ pub struct Difficulty {
     pub frames: (u32, u32),
     /// Markers that neither camera sees, and as many more that one camera misses.
     pub hidden: usize,
+    /// Error of the ball that a stretch of its pictures cannot tell, because its cover is learnt at the same places: in deviations of
+    /// the stretch's mean and slope.
+    pub ball_untold: f64,
+    /// Both cameras' shake from picture to picture, per axis.
+    pub shake_px: f64,
 }
 
 pub struct TrueShot {
@@ -277,15 +282,30 @@ pub fn true_shot(seed: u64, d: &Difficulty) -> TrueShot {
         let rank = order.iter().position(|k| *k == target.index());
         rank.is_some_and(|r| r < d.hidden || (r < 2 * d.hidden && camera.index() == one_eyed))
     };
+    // By camera and side of the contact: constant at the stretch's middle, slope, and that middle.
+    let stretches: Vec<(Vector2<f64>, Vector2<f64>, f64)> = (0..4)
+        .map(|k| {
+            let t: Vec<f64> = seen.keys().map(|f| time(*f)).filter(|t| if k % 2 == 0 { *t < 0.0 } else { *t > contact_time }).collect();
+            let middle = t.iter().sum::<f64>() / t.len() as f64;
+            let spread = t.iter().map(|t| (t - middle).powi(2)).sum::<f64>();
+            let untold = d.ball_untold * d.ball_noise_px;
+            (normal3(&mut apart, untold / (t.len() as f64).sqrt()).xy(), normal3(&mut apart, untold / spread.sqrt()).xy(), middle)
+        })
+        .collect();
     let mut points = Vec::new();
     for (&frame, (pose, p)) in &seen {
         for camera in CameraId::BOTH {
+            let shake = normal3(&mut apart, d.shake_px).xy();
             let eye = pose.inverse_transform_point(&rig.centre(camera));
             for target in Target::ALL {
                 let place = if target == Target::Ball { Point3::from(*p) } else { pose * figure.patch_point(target.index(), &eye).0 };
                 let sd = if target == Target::Ball { d.ball_noise_px } else { d.noise_px } * rng.random_range(0.7..1.4);
                 let k = 6 * camera.index() + target.index();
-                let mut uv = rig.project(camera, &place).expect("in view") + normal3(&mut rng, sd).xy() + bias[k] + drift[k] * time(frame);
+                let mut uv = rig.project(camera, &place).expect("in view") + normal3(&mut rng, sd).xy() + bias[k] + drift[k] * time(frame) + shake;
+                if target == Target::Ball {
+                    let (constant, slope, middle) = &stretches[2 * camera.index() + usize::from(time(frame) > 0.0)];
+                    uv += constant + slope * (time(frame) - middle);
+                }
                 if rng.random::<f64>() < d.outliers {
                     uv += normal3(&mut rng, 3.0).xy();
                 }

@@ -42,6 +42,7 @@ mod face;
 mod flight_sample;
 mod foretold_pose;
 mod free_flight;
+mod gamma_encoded;
 mod in_step;
 mod lanes;
 mod lost_picture;

@@ -66,6 +66,7 @@ pub fn track_shot(source: &impl FrameSource, setup: &ShotSetup, cancel: &AtomicB
     notes.extend(unseen(&tracks));
     notes.extend(shake_words(shake_px));
     notes.extend(shot.saturated_ball(&ball));
+    notes.extend(shot.gamma_encoded());
     let mut broken = shot.broken.into_inner().unwrap_or_default();
     broken.append(&mut watched.broken.into_inner().unwrap_or_default());
     let unreadable = broken.into_values().collect();

@@ -177,9 +177,11 @@ fn truth_intervals_of_a_ball_seen_in_six_to_eight_frames_a_side_cover() {
 fn truth_intervals_cover_where_cameras_shake_and_the_shot_says_so() {
     let s = score(&SHAKEN, 7200..7230);
     report("shaken", &s);
+    // 180 values of 30 shots scatter by some 3 % about 95 % (measured 92 to 100 %); without the shake in the fits 72 to 84 % of the racket's
+    // velocities of rendered shots lay inside.
     for columns in [&BALL[..], &RACKET, &RATE] {
         let coverage = s.coverage(columns);
-        assert!(coverage >= 0.92, "{columns:?}: {:.1} %", 100.0 * coverage);
+        assert!(coverage >= 0.88, "{columns:?}: {:.1} %", 100.0 * coverage);
     }
     let told = |difficulty: &Difficulty, seed: u64| {
         let shot = measured(&true_shot(seed, difficulty), &settings()).unwrap().shot;

@@ -168,7 +168,8 @@ impl Projected {
     ///
     /// The sandwich is taken about the fitted strengths of the terms `which`: a real effect carried by a few impacts must
     /// not count as their noise. The scatter of few impacts says little about itself; there that of all impacts stands in
-    /// (balls that rebound differently scatter along the normal more than stated, wherever they hit).
+    /// (balls that rebound differently scatter along the normal more than stated, wherever they hit), and its degrees of freedom count. (Those of
+    /// the sandwich do not: with them a law of friction of twelve deviations was lost.)
     pub fn spread(&self, term: usize, which: &[usize], strengths: &DVector<f64>, c: f64) -> Spread {
         let known = Spread { variance: self.information[(term, term)], freedom: f64::INFINITY };
         if c <= 0.0 {
@@ -184,7 +185,7 @@ impl Projected {
                 (self.contributions[(i, term)] - explained).powi(2)
             };
             let sandwich: f64 = self.left.iter().enumerate().map(about_fitted).sum();
-            Spread { variance: sandwich * effective / (effective - 1.0) / c, freedom: effective - 1.0 }
+            Spread { variance: sandwich * effective / (effective - 1.0) / c, freedom: f64::INFINITY }
         };
         if seen.variance > known.variance { seen } else { known }
     }

@@ -39,7 +39,7 @@ pub mod refits;
 pub mod screen;
 pub mod session_shift;
 pub mod smooth;
-mod step_in_order;
+pub mod step_in_order;
 pub mod structure;
 pub mod terminal;
 pub mod unseen_spin;

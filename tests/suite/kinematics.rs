@@ -166,9 +166,9 @@ fn truth_errors_stay_within_the_bars_and_intervals_cover_in_every_group_of_simul
 }
 
 #[test]
-fn truth_intervals_of_a_ball_seen_in_six_to_eight_frames_a_side_cover() {
+fn truth_intervals_of_a_ball_seen_in_seven_to_nine_frames_a_side_cover() {
     let s = score(&FEWEST_FRAMES, 7100..7140);
-    report("six to eight frames", &s);
+    report("seven to nine frames", &s);
     let coverage = s.coverage(&BALL);
     assert!(coverage >= 0.92, "{:.1} %", 100.0 * coverage);
 }

@@ -39,7 +39,7 @@ impl Calibration {
                 let (left, right) = self.bundle.residuals(view)?;
                 let left_from_board = if view.left.is_empty() { self.bundle.right_from_left.inverse() * view.pose } else { view.pose };
                 let outline = around.map(|i| {
-                    let p = left_from_board * self.board.corner(i);
+                    let p = left_from_board * self.bundle.corner(i);
                     [p.x, p.y, p.z].map(|v| round(v, 1e-6))
                 });
                 Some(BoardReport {

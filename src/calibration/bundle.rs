@@ -4,12 +4,17 @@
 //! Rotations are changed by small rotations in the target frame: `R' = exp([d]x) R`.
 
 use super::Camera;
+use super::bow::{Bow, MODES};
 use super::distortion::{ROTATION, SHARED, SHIFT};
 use nalgebra::{Isometry3, Matrix2x3, Matrix3, Matrix6, Point3, SMatrix, SVector, Translation3, UnitQuaternion, Vector2, Vector3, Vector6};
 
 pub type SharedMatrix = SMatrix<f64, SHARED, SHARED>;
-type Shared = SVector<f64, SHARED>;
-type Coupling = SMatrix<f64, SHARED, 6>;
+/// The shared parameters and, behind them, the board's bow: what is the same in all pictures.
+const COMMON: usize = SHARED + MODES;
+const BOW: usize = SHARED;
+type CommonMatrix = SMatrix<f64, COMMON, COMMON>;
+type Common = SVector<f64, COMMON>;
+type Coupling = SMatrix<f64, COMMON, 6>;
 
 /// One corner in one picture: which corner of the board, and where, px.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -30,8 +35,10 @@ pub struct BundleView {
 /// Cameras, rig and boards: the adjustment's start and its answer.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bundle {
-    /// The board's corners in its own frame, m.
+    /// The board's corners in its own frame, m, were it flat.
     pub board: Vec<Point3<f64>>,
+    /// How far from flat the board is; adjusted with the rest when there.
+    pub bow: Option<Bow>,
     pub left: Camera,
     pub right: Camera,
     pub right_from_left: Isometry3<f64>,
@@ -67,6 +74,8 @@ pub const GOOD_START: f64 = 1e-6;
 pub struct BundleFit {
     /// Covariance of the shared parameters (order of `distortion::shared_names`; rows of fixed ones are zero).
     pub covariance: SharedMatrix,
+    /// One standard deviation of the board's `Bow::sagitta_m`, m; 0 where it is not adjusted.
+    pub sagitta_sd_m: [f64; MODES],
     /// How much more the boards pull against each other than independent corners would, at least 1; `covariance` already
     /// holds it (`clustering`).
     pub clustering: f64,
@@ -96,8 +105,8 @@ pub type ViewResiduals = (Vec<Vector2<f64>>, Vec<Vector2<f64>>);
 /// Normal equations in blocks.
 struct Normal {
     cost: f64,
-    shared: SharedMatrix,
-    shared_gradient: Shared,
+    shared: CommonMatrix,
+    shared_gradient: Common,
     boards: Vec<(Matrix6<f64>, Vector6<f64>, Coupling)>,
 }
 
@@ -123,10 +132,28 @@ pub(super) fn pixel_derivatives(camera: &Camera, p: &Point3<f64>, seen: Vector2<
 }
 
 impl Bundle {
+    /// Place of a corner in the board's frame, m.
+    pub fn corner(&self, index: usize) -> Point3<f64> {
+        let flat = self.board[index];
+        Point3::new(flat.x, flat.y, flat.z + self.bow.as_ref().map_or(0.0, |b| b.height_m(index)))
+    }
+
+    /// Numbers of the board's bow that are adjusted.
+    pub fn bow_parameters(&self) -> usize {
+        self.bow.as_ref().map_or(0, |b| b.told().iter().filter(|t| **t).count())
+    }
+
+    fn free(&self, options: &BundleOptions) -> [bool; COMMON] {
+        let mut free = [false; COMMON];
+        free[..SHARED].copy_from_slice(&options.active);
+        free[BOW..].copy_from_slice(&self.bow.as_ref().map_or([false; MODES], Bow::told));
+        free
+    }
+
     /// Residuals (seen minus predicted, px) of one view: left corners, then right ones. `None` behind a camera.
     pub fn residuals(&self, view: &BundleView) -> Option<ViewResiduals> {
         let of = |camera: &Camera, pose: &Isometry3<f64>, corners: &[CornerPixel]| {
-            corners.iter().map(|c| Some(c.uv - camera.project(&(pose * self.board[c.index]))?)).collect::<Option<Vec<_>>>()
+            corners.iter().map(|c| Some(c.uv - camera.project(&(pose * self.corner(c.index)))?)).collect::<Option<Vec<_>>>()
         };
         let right_pose = if view.left.is_empty() { view.pose } else { self.right_from_left * view.pose };
         Some((of(&self.left, &view.pose, &view.left)?, of(&self.right, &right_pose, &view.right)?))
@@ -144,7 +171,8 @@ impl Bundle {
     /// # Errors  [`BundleError`]; on an error `self` holds the last good state.
     pub fn adjust(&mut self, options: &BundleOptions) -> Result<BundleFit, BundleError> {
         let corners: usize = self.views.iter().map(|v| v.left.len() + v.right.len()).sum();
-        let parameters = options.active.iter().filter(|on| **on).count() + 6 * self.views.len();
+        let free = self.free(options);
+        let parameters = free.iter().filter(|on| **on).count() + 6 * self.views.len();
         if 2 * corners <= parameters {
             return Err(BundleError::TooFewCorners { corners, parameters });
         }
@@ -152,7 +180,7 @@ impl Bundle {
         let mut damping = 1e-4;
         for iteration in 1..=options.max_iterations {
             let (next, next_normal, step_size) = loop {
-                let trial = normal.solve(damping, &options.active).map(|(shared, boards)| {
+                let trial = normal.solve(damping, &free).map(|(shared, boards)| {
                     let size = boards.iter().map(|b| b.amax()).fold(relative_step(&shared, self), f64::max);
                     (self.moved(&shared, &boards), size)
                 });
@@ -188,9 +216,19 @@ impl Bundle {
             .ok_or(BundleError::BehindCamera)?;
         let degrees_of_freedom = 2 * corners - parameters;
         let variance_px2 = squared_error_px2 / degrees_of_freedom as f64;
-        let inverse = normal.shared_inverse(&options.active).ok_or(BundleError::Singular)?;
+        let inverse = normal.shared_inverse(&self.free(options)).ok_or(BundleError::Singular)?;
         let clustering = if options.clustered_errors { self.clustering(options, &inverse, variance_px2) } else { 1.0 };
-        Ok(BundleFit { covariance: inverse * (variance_px2 * clustering), clustering, variance_px2, degrees_of_freedom, squared_error_px2, iterations })
+        let covariance = inverse * (variance_px2 * clustering);
+        let sagitta_sd_m = std::array::from_fn(|k| covariance[(BOW + k, BOW + k)].max(0.0).sqrt());
+        Ok(BundleFit {
+            covariance: covariance.fixed_view::<SHARED, SHARED>(0, 0).into_owned(),
+            sagitta_sd_m,
+            clustering,
+            variance_px2,
+            degrees_of_freedom,
+            squared_error_px2,
+            iterations,
+        })
     }
 
     /// Ratio of the boards' pull on the shared parameters to what independent errors would give, at least 1.
@@ -199,10 +237,10 @@ impl Bundle {
     /// of `g' C g` over boards has expectation `s² (p - Σ tr(C S C S))`, with S the board's own normal matrix and C the
     /// inverse of their sum; errors common to a board (blur, bending, uneven light) make it larger. One factor for all
     /// parameters, because the full cluster-robust matrix needs many more boards than parameters.
-    fn clustering(&self, options: &BundleOptions, inverse: &SharedMatrix, variance_px2: f64) -> f64 {
-        let (mut pull, mut expected) = (0.0, options.active.iter().filter(|on| **on).count() as f64);
+    fn clustering(&self, options: &BundleOptions, inverse: &CommonMatrix, variance_px2: f64) -> f64 {
+        let (mut pull, mut expected) = (0.0, self.free(options).iter().filter(|on| **on).count() as f64);
         for view in &self.views {
-            let Some((s, g, _)) = self.normal_equations(std::slice::from_ref(view), options).and_then(|n| n.reduced(0.0, &[true; SHARED])) else { return 1.0 };
+            let Some((s, g, _)) = self.normal_equations(std::slice::from_ref(view), options).and_then(|n| n.reduced(0.0, &[true; COMMON])) else { return 1.0 };
             pull += (g.transpose() * inverse * g)[0];
             let own = inverse * s;
             expected -= (own * own).trace();
@@ -223,7 +261,7 @@ impl Bundle {
         out
     }
 
-    fn moved(&self, shared: &Shared, boards: &[Vector6<f64>]) -> Bundle {
+    fn moved(&self, shared: &Common, boards: &[Vector6<f64>]) -> Bundle {
         let mut out = self.clone();
         for (camera, at) in [(&mut out.left, 0), (&mut out.right, 9)] {
             camera.fx += shared[at];
@@ -236,6 +274,11 @@ impl Bundle {
         }
         let step = Vector6::from_fn(|i, _| shared[ROTATION + i]);
         out.right_from_left = turned_and_shifted(&self.right_from_left, &step);
+        if let Some(bow) = &mut out.bow {
+            for k in 0..MODES {
+                bow.sagitta_m[k] += shared[BOW + k];
+            }
+        }
         for (view, step) in out.views.iter_mut().zip(boards) {
             view.pose = turned_and_shifted(&view.pose, step);
         }
@@ -243,7 +286,7 @@ impl Bundle {
     }
 
     fn normal_equations(&self, views: &[BundleView], options: &BundleOptions) -> Option<Normal> {
-        let mut out = Normal { cost: 0.0, shared: SharedMatrix::zeros(), shared_gradient: Shared::zeros(), boards: Vec::with_capacity(views.len()) };
+        let mut out = Normal { cost: 0.0, shared: CommonMatrix::zeros(), shared_gradient: Common::zeros(), boards: Vec::with_capacity(views.len()) };
         let stereo_r = self.right_from_left.rotation.to_rotation_matrix().into_inner();
         for view in views {
             let mut v = Matrix6::zeros();
@@ -252,7 +295,7 @@ impl Bundle {
             let r = view.pose.rotation.to_rotation_matrix().into_inner();
             for (right, corners) in [(false, &view.left), (true, &view.right)] {
                 for c in corners {
-                    let turned = r * self.board[c.index].coords;
+                    let turned = r * self.corner(c.index).coords;
                     let in_first = Point3::from(turned + view.pose.translation.vector);
                     let through_rig = right && !view.left.is_empty();
                     let (camera, at, p) = match (right, through_rig) {
@@ -284,6 +327,18 @@ impl Bundle {
                     gradient += own.tr_mul(&weighted_residual);
                     let mut coupling = w.fixed_view_mut::<9, 6>(at, 0);
                     coupling += own.tr_mul(&pose) * weight;
+                    // A height moves the corner along the board's third axis.
+                    let bow = self.bow.as_ref().map(|b| to_first * r.column(2) * SMatrix::<f64, 1, MODES>::from_row_slice(b.modes(c.index)));
+                    if let Some(bow) = &bow {
+                        let mut block = out.shared.fixed_view_mut::<MODES, MODES>(BOW, BOW);
+                        block += bow.tr_mul(bow) * weight;
+                        let mut across = out.shared.fixed_view_mut::<9, MODES>(at, BOW);
+                        across += own.tr_mul(bow) * weight;
+                        let mut gradient = out.shared_gradient.fixed_rows_mut::<MODES>(BOW);
+                        gradient += bow.tr_mul(&weighted_residual);
+                        let mut coupling = w.fixed_view_mut::<MODES, 6>(BOW, 0);
+                        coupling += bow.tr_mul(&pose) * weight;
+                    }
                     if through_rig {
                         let mut rig = SMatrix::<f64, 2, 6>::zeros();
                         rig.fixed_view_mut::<2, 3>(0, 0).copy_from(&(d.point * -cross(&(stereo_r * in_first.coords))));
@@ -299,21 +354,27 @@ impl Bundle {
                         gradient += rig.tr_mul(&weighted_residual);
                         let mut coupling = w.fixed_view_mut::<6, 6>(ROTATION, 0);
                         coupling += rig.tr_mul(&pose) * weight;
+                        if let Some(bow) = &bow {
+                            let mut across = out.shared.fixed_view_mut::<6, MODES>(ROTATION, BOW);
+                            across += rig.tr_mul(bow) * weight;
+                        }
                     }
                 }
             }
             out.boards.push((v, g, w));
         }
+        let across = out.shared.fixed_view::<SHARED, MODES>(0, BOW).transpose();
+        out.shared.fixed_view_mut::<MODES, SHARED>(BOW, 0).copy_from(&across);
         out.cost.is_finite().then_some(out)
     }
 }
 
 impl Normal {
     /// Schur complement and reduced gradient on the shared parameters; fixed ones get a unit diagonal and no gradient.
-    fn reduced(&self, damping: f64, active: &[bool; SHARED]) -> Option<(SharedMatrix, Shared, Vec<Matrix6<f64>>)> {
+    fn reduced(&self, damping: f64, active: &[bool; COMMON]) -> Option<(CommonMatrix, Common, Vec<Matrix6<f64>>)> {
         let mut s = self.shared;
         let mut g = self.shared_gradient;
-        for i in 0..SHARED {
+        for i in 0..COMMON {
             s[(i, i)] *= 1.0 + damping;
         }
         let mut inverses = Vec::with_capacity(self.boards.len());
@@ -328,7 +389,7 @@ impl Normal {
             g -= w_inverse * gb;
             inverses.push(inverse);
         }
-        for i in (0..SHARED).filter(|i| !active[*i]) {
+        for i in (0..COMMON).filter(|i| !active[*i]) {
             s.row_mut(i).fill(0.0);
             s.column_mut(i).fill(0.0);
             s[(i, i)] = 1.0;
@@ -337,7 +398,7 @@ impl Normal {
         Some((s, g, inverses))
     }
 
-    fn solve(&self, damping: f64, active: &[bool; SHARED]) -> Option<(Shared, Vec<Vector6<f64>>)> {
+    fn solve(&self, damping: f64, active: &[bool; COMMON]) -> Option<(Common, Vec<Vector6<f64>>)> {
         let (s, g, inverses) = self.reduced(damping, active)?;
         let (s, scale) = scaled(&s)?;
         let shared = s.cholesky()?.solve(&g.component_mul(&scale)).component_mul(&scale);
@@ -346,24 +407,24 @@ impl Normal {
     }
 
     /// Inverse of the undamped Schur complement, zero for fixed parameters.
-    fn shared_inverse(&self, active: &[bool; SHARED]) -> Option<SharedMatrix> {
+    fn shared_inverse(&self, active: &[bool; COMMON]) -> Option<CommonMatrix> {
         let (s, _, _) = self.reduced(0.0, active)?;
         let (s, scale) = scaled(&s)?;
         let inverse = s.cholesky()?.inverse();
-        Some(SharedMatrix::from_fn(|i, j| if active[i] && active[j] { inverse[(i, j)] * scale[i] * scale[j] } else { 0.0 }))
+        Some(CommonMatrix::from_fn(|i, j| if active[i] && active[j] { inverse[(i, j)] * scale[i] * scale[j] } else { 0.0 }))
     }
 }
 
 /// Unit diagonal: focal lengths and distortion terms differ by many orders of magnitude.
-fn scaled(s: &SharedMatrix) -> Option<(SharedMatrix, Shared)> {
-    let scale = Shared::from_fn(|i, _| 1.0 / s[(i, i)].sqrt());
-    scale.iter().all(|v| v.is_finite()).then(|| (SharedMatrix::from_fn(|i, j| s[(i, j)] * scale[i] * scale[j]), scale))
+fn scaled(s: &CommonMatrix) -> Option<(CommonMatrix, Common)> {
+    let scale = Common::from_fn(|i, _| 1.0 / s[(i, i)].sqrt());
+    scale.iter().all(|v| v.is_finite()).then(|| (CommonMatrix::from_fn(|i, j| s[(i, j)] * scale[i] * scale[j]), scale))
 }
 
 /// Largest step of a shared parameter in units that matter: focal lengths and centres relative to the focal length.
-fn relative_step(shared: &Shared, bundle: &Bundle) -> f64 {
+fn relative_step(shared: &Common, bundle: &Bundle) -> f64 {
     let f = bundle.left.fx.abs().max(1.0);
-    (0..SHARED).map(|i| if i < SHIFT - 3 && i % 9 < 4 { shared[i].abs() / f } else { shared[i].abs() }).fold(0.0, f64::max)
+    (0..COMMON).map(|i| if i < SHIFT - 3 && i % 9 < 4 { shared[i].abs() / f } else { shared[i].abs() }).fold(0.0, f64::max)
 }
 
 fn turned_and_shifted(pose: &Isometry3<f64>, step: &Vector6<f64>) -> Isometry3<f64> {

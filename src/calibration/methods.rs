@@ -323,7 +323,7 @@ impl Calibration {
                     for v in bundle.views.iter().filter(|v| !v.left.is_empty() && !v.right.is_empty()) {
                         for (side, corners) in control.iter_mut().zip([&v.left, &v.right]) {
                             for c in corners {
-                                side.0.push(v.pose * bundle.board[c.index]);
+                                side.0.push(v.pose * bundle.corner(c.index));
                                 side.1.push(c.uv);
                             }
                         }

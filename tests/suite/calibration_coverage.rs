@@ -27,11 +27,15 @@ struct Recording {
     stretched: f64,
     /// A pair in which the board moved by so many metres before the right camera's picture was taken.
     moved: Option<(usize, f64)>,
+    /// How much nearer to the cameras the ends of the board's rows lie than their middles, m.
+    bow_m: f64,
 }
+
+const GOOD: Recording = Recording { noise_px: NOISE_PX, stretched: 1.0, moved: None, bow_m: 0.0 };
 
 /// A calibration's views with noise, and where the volume's middle is (left camera's frame).
 fn views(seed: u64, board: &Checkerboard) -> Vec<PairViews> {
-    recorded(seed, board, &Recording { noise_px: NOISE_PX, stretched: 1.0, moved: None })
+    recorded(seed, board, &GOOD)
 }
 
 fn recorded(seed: u64, board: &Checkerboard, recording: &Recording) -> Vec<PairViews> {
@@ -46,7 +50,9 @@ fn recorded(seed: u64, board: &Checkerboard, recording: &Recording) -> Vec<PairV
         let mut see = |camera: &Camera, pose: Isometry3<f64>| -> Result<BoardView, ViewFault> {
             let mut corners = Vec::new();
             for p in board.corners() {
-                let uv = camera.project(&(pose * Point3::new(recording.stretched * p.x, p.y, p.z))).ok_or(ViewFault::NotFound)?;
+                let across = p.x / middle.x - 1.0;
+                let place = Point3::new(recording.stretched * p.x, p.y, -recording.bow_m * across * across);
+                let uv = camera.project(&(pose * place)).ok_or(ViewFault::NotFound)?;
                 if uv.x < 5.0 || uv.y < 5.0 || uv.x > 506.0 || uv.y > 506.0 {
                     return Err(ViewFault::NotFound);
                 }
@@ -105,6 +111,7 @@ fn truth_intervals_of_parameters_and_distances_cover_over_seeded_calibrations() 
                 n[2] += usize::from(off.abs() < 1.96 * sd);
                 n[3] += 1;
             }
+            assert_eq!(c.bundle.bow, None, "a flat board is no bowed one");
             n[4] = usize::from(c.pairs.iter().all(|p| p.used));
             n[5] = 1;
             (n, errors)
@@ -132,7 +139,7 @@ fn truth_intervals_of_parameters_and_distances_cover_over_seeded_calibrations() 
 fn truth_a_pair_that_is_not_of_one_instant_is_left_out_however_sharp_the_pictures() {
     let board = Checkerboard { columns: 9, rows: 6, square_m: 0.06 };
     for (seed, moved_m) in [(1, 0.005), (2, 0.005), (3, 0.02), (4, 0.1)] {
-        let pairs = recorded(seed, &board, &Recording { noise_px: 0.01, stretched: 1.0, moved: Some((4, moved_m)) });
+        let pairs = recorded(seed, &board, &Recording { noise_px: 0.01, moved: Some((4, moved_m)), ..GOOD });
         let c = calibrate_views(&board, [512, 512], &pairs, &CalibrationOptions::default()).unwrap();
         let unused: Vec<&str> = c.pairs.iter().filter(|p| !p.used).map(|p| p.name.as_str()).collect();
         assert_eq!(unused, ["4"], "moved by {moved_m} m");
@@ -144,11 +151,47 @@ fn truth_a_pair_that_is_not_of_one_instant_is_left_out_however_sharp_the_picture
 fn truth_a_stretched_print_is_told() {
     let board = Checkerboard { columns: 9, rows: 6, square_m: 0.06 };
     let told = |stretched: f64| {
-        let pairs = recorded(5, &board, &Recording { noise_px: 0.02, stretched, moved: None });
+        let pairs = recorded(5, &board, &Recording { noise_px: 0.02, stretched, ..GOOD });
         calibrate_views(&board, [512, 512], &pairs, &CalibrationOptions::default()).unwrap().verdict().unwrap().stretched()
     };
     assert_eq!(told(1.0), None);
     assert!(told(1.003).is_some_and(|w| w.contains("along the board's rows")));
+}
+
+#[test]
+fn truth_a_bowed_board_is_allowed_for() {
+    let board = Checkerboard { columns: 9, rows: 6, square_m: 0.06 };
+    let (left, right, right_from_left) = cameras();
+    let (mut inside, mut all) = (0, 0);
+    let (mut with, mut without) = (0.0, 0.0);
+    for seed in 20..32 {
+        let pairs = recorded(seed, &board, &Recording { noise_px: 0.02, bow_m: 1.0e-3, ..GOOD });
+        let calibrated = |bowed_board: bool| {
+            let c = calibrate_views(&board, [512, 512], &pairs, &CalibrationOptions { bowed_board, ..Default::default() }).unwrap();
+            let rig = c.rig();
+            let triangulator = Triangulator::new(&rig);
+            let seen = |p: &Point3<f64>| {
+                let at = |uv| ImagePoint { uv, sd: Vector2::new(0.1, 0.1) };
+                triangulator.triangulate(&at(left.project(p).unwrap()), &at(right.project(&(right_from_left * p)).unwrap())).unwrap().position
+            };
+            let corner = |k: usize| Point3::new(1.2 * (k & 1) as f64 - 0.6, 0.6 * (k & 2) as f64 - 0.6, 11.8 + 0.3 * (k & 4) as f64);
+            let middle = Point3::new(0.0, 0.0, 12.4);
+            let square_mm2 = (0..8).map(|k| (1e3 * ((seen(&corner(k)) - seen(&middle)).norm() - (corner(k) - middle).norm())).powi(2)).sum::<f64>() / 8.0;
+            (c, square_mm2)
+        };
+        let (c, square_mm2) = calibrated(true);
+        with += square_mm2 / 12.0;
+        without += calibrated(false).1 / 12.0;
+        let bow = c.bundle.bow.as_ref().expect("the board is bowed");
+        for (found, sd, truth) in [(0, -1.0e-3), (1, 0.0), (2, 0.0)].map(|(k, truth)| (bow.sagitta_m[k], c.fit.sagitta_sd_m[k], truth)) {
+            inside += usize::from((found - truth).abs() < 1.96 * sd);
+            all += 1;
+        }
+    }
+    eprintln!("distances {:.3} mm off with the bow, {:.3} without; {inside} of {all} sagittas inside", with.sqrt(), without.sqrt());
+    assert!(with < 0.25 * without, "{with} mm² with the bow, {without} without");
+    // Of 36 that cover 95 %, fewer than 30 are inside once in 7000.
+    assert!(inside >= 30, "{inside} of {all} sagittas inside their 95 % intervals");
 }
 
 #[test]

@@ -41,6 +41,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
         && rig.more.get("provenance").is_some_and(|p| serde_json::to_value(&provenance).is_ok_and(|q| *p == q))
     {
         shell.say(format!("{} is up to date (--force calibrates again)", json.display()));
+        write_forms(&out, &session, &rig, |path| !path.exists(), shell)?;
         return shell.print_json(&rig);
     }
     let mut rig = match &arguments.import {
@@ -50,14 +51,25 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     advise_on_axes(&session, &mut rig);
     rig.more.insert("provenance".into(), serde_json::to_value(provenance).map_err(CliError::output)?);
     shell.write(&json, rig.to_json().map_err(CliError::output)?.as_bytes())?;
-    shell.write(&out.join("calibration.yml"), rig.to_opencv_yaml().as_bytes())?;
-    shell.write(&out.join("calibration.html"), page(&session, &rig).as_bytes())?;
+    write_forms(&out, &session, &rig, |_| true, shell)?;
     if arguments.dlt {
         let text = dltdv_csv(&rig).ok_or_else(|| CliError::input("no DLT coefficients: the origin of the axes lies in a camera's own plane, where their form has none (without pictures of the three-sphere frame the origin is the left camera)").hint("give [axes] in session.toml with pictures of the frame, or use calibration.yml"))?;
         shell.write(&out.join("dlt-coefficients.csv"), text.as_bytes())?;
     }
     summarise(&rig, &json, shell);
     shell.print_json(&rig)
+}
+
+/// The calibration's other forms, for OpenCV and to look at, where they are wanted.
+fn write_forms(out: &Path, session: &Session, rig: &StereoRig, wanted: impl Fn(&Path) -> bool, shell: &Shell) -> Result<(), CliError> {
+    let forms: [(&str, &dyn Fn() -> String); 2] = [("calibration.yml", &|| rig.to_opencv_yaml()), ("calibration.html", &|| page(session, rig))];
+    for (name, text) in forms {
+        let path = out.join(name);
+        if wanted(&path) {
+            shell.write(&path, text().as_bytes())?;
+        }
+    }
+    Ok(())
 }
 
 /// The pictures of one camera; a missing folder is an input error that names it.

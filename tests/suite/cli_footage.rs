@@ -50,6 +50,20 @@ fn fails_unequal_calibration_pictures_are_named() {
 }
 
 #[test]
+fn cli_a_lost_form_of_the_calibration_is_written_again_from_its_numbers() {
+    let (_keep, session, _) = sample(0);
+    let results = session.join("results");
+    let calibrate = || assert_eq!(sweetspot(&["calibrate", &text(&session)]).status.code(), Some(0));
+    calibrate();
+    let before: Vec<Vec<u8>> = ["calibration.json", "calibration.yml"].map(|f| std::fs::read(results.join(f)).unwrap()).into();
+    std::fs::remove_file(results.join("calibration.yml")).unwrap();
+    std::fs::remove_file(results.join("calibration.html")).unwrap();
+    calibrate();
+    assert!(results.join("calibration.html").exists());
+    assert_eq!(before, ["calibration.json", "calibration.yml"].map(|f| std::fs::read(results.join(f)).unwrap()));
+}
+
+#[test]
 fn fails_a_grouping_value_that_is_a_table_is_named() {
     let (_keep, session, ids) = sample(1);
     let file = session.join("shots").join(&ids[0]).join("shot.toml");

@@ -4,14 +4,14 @@
 //! Rotations are changed by small rotations in the target frame: `R' = exp([d]x) R`.
 
 use super::Camera;
-use super::bow::{Bow, MODES};
+use super::board_shape::{BoardShape, MODES, STRETCH};
 use super::distortion::{ROTATION, SHARED, SHIFT};
 use nalgebra::{Isometry3, Matrix2x3, Matrix3, Matrix6, Point3, SMatrix, SVector, Translation3, UnitQuaternion, Vector2, Vector3, Vector6};
 
 pub type SharedMatrix = SMatrix<f64, SHARED, SHARED>;
-/// The shared parameters and, behind them, the board's bow: what is the same in all pictures.
+/// The shared parameters and, behind them, the board's shape: what is the same in all pictures.
 const COMMON: usize = SHARED + MODES;
-const BOW: usize = SHARED;
+const SHAPE: usize = SHARED;
 type CommonMatrix = SMatrix<f64, COMMON, COMMON>;
 type Common = SVector<f64, COMMON>;
 type Coupling = SMatrix<f64, COMMON, 6>;
@@ -35,10 +35,10 @@ pub struct BundleView {
 /// Cameras, rig and boards: the adjustment's start and its answer.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bundle {
-    /// The board's corners in its own frame, m, were it flat.
+    /// The board's corners in its own frame, m, were it as it should be.
     pub board: Vec<Point3<f64>>,
-    /// How far from flat the board is; adjusted with the rest when there.
-    pub bow: Option<Bow>,
+    /// How the board differs from that; adjusted with the rest when there.
+    pub shape: Option<BoardShape>,
     pub left: Camera,
     pub right: Camera,
     pub right_from_left: Isometry3<f64>,
@@ -74,8 +74,8 @@ pub const GOOD_START: f64 = 1e-6;
 pub struct BundleFit {
     /// Covariance of the shared parameters (order of `distortion::shared_names`; rows of fixed ones are zero).
     pub covariance: SharedMatrix,
-    /// One standard deviation of the board's `Bow::sagitta_m`, m; 0 where it is not adjusted.
-    pub sagitta_sd_m: [f64; MODES],
+    /// One standard deviation of `BoardShape::values`; 0 where they are not adjusted.
+    pub shape_sd: [f64; MODES],
     /// How much more the boards pull against each other than independent corners would, at least 1; `covariance` already
     /// holds it (`clustering`).
     pub clustering: f64,
@@ -134,19 +134,18 @@ pub(super) fn pixel_derivatives(camera: &Camera, p: &Point3<f64>, seen: Vector2<
 impl Bundle {
     /// Place of a corner in the board's frame, m.
     pub fn corner(&self, index: usize) -> Point3<f64> {
-        let flat = self.board[index];
-        Point3::new(flat.x, flat.y, flat.z + self.bow.as_ref().map_or(0.0, |b| b.height_m(index)))
+        self.shape.as_ref().map_or(self.board[index], |shape| shape.place(index, &self.board[index]))
     }
 
-    /// Numbers of the board's bow that are adjusted.
-    pub fn bow_parameters(&self) -> usize {
-        self.bow.as_ref().map_or(0, |b| b.told().iter().filter(|t| **t).count())
+    /// Numbers of the board's shape that are adjusted.
+    pub fn shape_parameters(&self) -> usize {
+        self.shape.as_ref().map_or(0, |s| s.told().iter().filter(|t| **t).count())
     }
 
     fn free(&self, options: &BundleOptions) -> [bool; COMMON] {
         let mut free = [false; COMMON];
         free[..SHARED].copy_from_slice(&options.active);
-        free[BOW..].copy_from_slice(&self.bow.as_ref().map_or([false; MODES], Bow::told));
+        free[SHAPE..].copy_from_slice(&self.shape.as_ref().map_or([false; MODES], BoardShape::told));
         free
     }
 
@@ -218,11 +217,17 @@ impl Bundle {
         let variance_px2 = squared_error_px2 / degrees_of_freedom as f64;
         let inverse = normal.shared_inverse(&self.free(options)).ok_or(BundleError::Singular)?;
         let clustering = if options.clustered_errors { self.clustering(options, &inverse, variance_px2) } else { 1.0 };
-        let covariance = inverse * (variance_px2 * clustering);
-        let sagitta_sd_m = std::array::from_fn(|k| covariance[(BOW + k, BOW + k)].max(0.0).sqrt());
+        let mut covariance = inverse * (variance_px2 * clustering);
+        if let Some(shape) = &self.shape {
+            // A stretched print leaves open which side of its squares is the stated one: all lengths may be off by half the stretch.
+            let shift = self.right_from_left.translation.vector * (shape.values[STRETCH] / 2.0);
+            let mut block = covariance.fixed_view_mut::<3, 3>(SHIFT, SHIFT);
+            block += shift * shift.transpose();
+        }
+        let shape_sd = std::array::from_fn(|k| covariance[(SHAPE + k, SHAPE + k)].max(0.0).sqrt());
         Ok(BundleFit {
             covariance: covariance.fixed_view::<SHARED, SHARED>(0, 0).into_owned(),
-            sagitta_sd_m,
+            shape_sd,
             clustering,
             variance_px2,
             degrees_of_freedom,
@@ -274,9 +279,9 @@ impl Bundle {
         }
         let step = Vector6::from_fn(|i, _| shared[ROTATION + i]);
         out.right_from_left = turned_and_shifted(&self.right_from_left, &step);
-        if let Some(bow) = &mut out.bow {
+        if let Some(shape) = &mut out.shape {
             for k in 0..MODES {
-                bow.sagitta_m[k] += shared[BOW + k];
+                shape.values[k] += shared[SHAPE + k];
             }
         }
         for (view, step) in out.views.iter_mut().zip(boards) {
@@ -327,17 +332,16 @@ impl Bundle {
                     gradient += own.tr_mul(&weighted_residual);
                     let mut coupling = w.fixed_view_mut::<9, 6>(at, 0);
                     coupling += own.tr_mul(&pose) * weight;
-                    // A height moves the corner along the board's third axis.
-                    let bow = self.bow.as_ref().map(|b| to_first * r.column(2) * SMatrix::<f64, 1, MODES>::from_row_slice(b.modes(c.index)));
-                    if let Some(bow) = &bow {
-                        let mut block = out.shared.fixed_view_mut::<MODES, MODES>(BOW, BOW);
-                        block += bow.tr_mul(bow) * weight;
-                        let mut across = out.shared.fixed_view_mut::<9, MODES>(at, BOW);
-                        across += own.tr_mul(bow) * weight;
-                        let mut gradient = out.shared_gradient.fixed_rows_mut::<MODES>(BOW);
-                        gradient += bow.tr_mul(&weighted_residual);
-                        let mut coupling = w.fixed_view_mut::<MODES, 6>(BOW, 0);
-                        coupling += bow.tr_mul(&pose) * weight;
+                    let shape = self.shape.as_ref().map(|s| to_first * r * SMatrix::<f64, 3, MODES>::from_columns(s.modes(c.index)));
+                    if let Some(shape) = &shape {
+                        let mut block = out.shared.fixed_view_mut::<MODES, MODES>(SHAPE, SHAPE);
+                        block += shape.tr_mul(shape) * weight;
+                        let mut across = out.shared.fixed_view_mut::<9, MODES>(at, SHAPE);
+                        across += own.tr_mul(shape) * weight;
+                        let mut gradient = out.shared_gradient.fixed_rows_mut::<MODES>(SHAPE);
+                        gradient += shape.tr_mul(&weighted_residual);
+                        let mut coupling = w.fixed_view_mut::<MODES, 6>(SHAPE, 0);
+                        coupling += shape.tr_mul(&pose) * weight;
                     }
                     if through_rig {
                         let mut rig = SMatrix::<f64, 2, 6>::zeros();
@@ -354,17 +358,17 @@ impl Bundle {
                         gradient += rig.tr_mul(&weighted_residual);
                         let mut coupling = w.fixed_view_mut::<6, 6>(ROTATION, 0);
                         coupling += rig.tr_mul(&pose) * weight;
-                        if let Some(bow) = &bow {
-                            let mut across = out.shared.fixed_view_mut::<6, MODES>(ROTATION, BOW);
-                            across += rig.tr_mul(bow) * weight;
+                        if let Some(shape) = &shape {
+                            let mut across = out.shared.fixed_view_mut::<6, MODES>(ROTATION, SHAPE);
+                            across += rig.tr_mul(shape) * weight;
                         }
                     }
                 }
             }
             out.boards.push((v, g, w));
         }
-        let across = out.shared.fixed_view::<SHARED, MODES>(0, BOW).transpose();
-        out.shared.fixed_view_mut::<MODES, SHARED>(BOW, 0).copy_from(&across);
+        let across = out.shared.fixed_view::<SHARED, MODES>(0, SHAPE).transpose();
+        out.shared.fixed_view_mut::<MODES, SHARED>(SHAPE, 0).copy_from(&across);
         out.cost.is_finite().then_some(out)
     }
 }

@@ -4,7 +4,7 @@ use super::board::Checkerboard;
 use super::bundle::{Bundle, BundleError, BundleFit, BundleOptions, BundleView, GOOD_START};
 use super::distortion::{CAMERA_NAMES, DistortionModel, ROTATION, SHARED, SHIFT, shared_names};
 use super::error::CalibrationError;
-use super::model_choice::{ModelFit, adjust_all, bowed_board, choose, summaries};
+use super::model_choice::{ModelFit, adjust_all, choose, shaped_board, summaries};
 use super::stereo_start::{HUBER_PX, common_pose, corner_pixels, single_camera};
 use super::view::{BoardView, ViewFault, median};
 use super::{Camera, CameraId, PairFate, RigidTransform, StereoRig};
@@ -25,6 +25,8 @@ const VIEW_FLOOR_PX: f64 = 0.06;
 const HUBER_SD: f64 = 3.0;
 /// Clustering beyond which something is wrong with the boards or their pictures.
 const CLUSTERED: f64 = 6.0;
+/// A bow of more deviations than this is told.
+const BOWED_SD: f64 = 4.0;
 /// Cameras that stand apart by less than this many deviations may stand in one place: nothing has a depth then.
 const BASELINE_SD: f64 = 5.0;
 /// A corner is an outlier beyond this many robust standard deviations of one coordinate.
@@ -49,13 +51,13 @@ pub struct CalibrationOptions {
     pub max_iterations: usize,
     /// Widen the covariance when the corners of a board err together (see `BundleFit::clustering`).
     pub clustered_errors: bool,
-    /// Let the board be bowed where the corners demand it.
-    pub bowed_board: bool,
+    /// Let the board be bowed and stretched where the corners demand it.
+    pub shaped_board: bool,
 }
 
 impl Default for CalibrationOptions {
     fn default() -> Self {
-        CalibrationOptions { model: None, reject_outliers: true, max_iterations: 200, clustered_errors: true, bowed_board: true }
+        CalibrationOptions { model: None, reject_outliers: true, max_iterations: 200, clustered_errors: true, shaped_board: true }
     }
 }
 
@@ -134,10 +136,10 @@ pub fn calibrate_views(
     };
     let asked = DistortionModel::ALL.into_iter().filter(|m| options.model.is_none_or(|only| only == *m));
     let (mut models, mut best) = fit_models(&asked.clone().map(|m| (m, bundle.clone())).collect::<Vec<_>>())?;
-    if options.bowed_board
-        && let Some(bowed) = bowed_board(&models[best], board, options)
+    if options.shaped_board
+        && let Some(shaped) = shaped_board(&models[best], board, options)
     {
-        (models, best) = fit_models(&asked.map(|m| (m, bowed.clone())).collect::<Vec<_>>())?;
+        (models, best) = fit_models(&asked.map(|m| (m, shaped.clone())).collect::<Vec<_>>())?;
     }
     if options.reject_outliers {
         let mut trimmed = models[best].bundle.clone();
@@ -231,7 +233,7 @@ fn start(board: &Checkerboard, image_size: [usize; 2], pairs: &[PairViews], both
         views.push(BundleView { pose, left, right });
         pair_of_view.push(i);
     }
-    Ok((Bundle { board: board.corners(), bow: None, left, right, right_from_left, views }, pair_of_view))
+    Ok((Bundle { board: board.corners(), shape: None, left, right, right_from_left, views }, pair_of_view))
 }
 
 /// `board_from_turned_board`: where corner `i` of the turned order lies on the board.
@@ -347,12 +349,25 @@ impl Calibration {
             json!({ "sd": { "rotation_rad": rotation_rad, "t_m": t_m }, "noise_px": self.fit.variance_px2.sqrt(),
             "degrees_of_freedom": self.fit.degrees_of_freedom, "clustering": self.fit.clustering, "corners_left_out": self.corners_left_out }),
         );
-        if let Some(bow) = &self.bundle.bow {
-            let mm = |m: [f64; 3]| json!({ "along_rows": 1e3 * m[0], "along_columns": 1e3 * m[1], "twist": 1e3 * m[2] });
-            more.insert("bow_mm".into(), json!({ "sagitta": mm(bow.sagitta_m), "sd": mm(self.fit.sagitta_sd_m) }));
+        if let Some(shape) = &self.bundle.shape {
+            let told = |v: [f64; 4]| json!({ "bow_along_rows_mm": 1e3 * v[0], "bow_along_columns_mm": 1e3 * v[1], "twist_mm": 1e3 * v[2], "stretch": v[3] });
+            more.insert("board_shape".into(), json!({ "value": told(shape.values), "sd": told(self.fit.shape_sd) }));
         }
         more.insert("covariance".into(), json!({ "names": shared_names(), "matrix": covariance }));
         Ok(more)
+    }
+
+    /// Says so when the board is not flat.
+    fn not_flat(&self) -> Option<String> {
+        let (bow, sd) = (self.bundle.shape.as_ref()?.values, self.fit.shape_sd);
+        let beside_middle = |k: usize| format!("{:.2} ± {:.2} mm {}", 1e3 * bow[k].abs(), 1e3 * sd[k], if bow[k] < 0.0 { "nearer" } else { "farther" });
+        (0..3).any(|k| bow[k].abs() > BOWED_SD * sd[k]).then(|| {
+            format!(
+                "the board is not flat: seen from the cameras the ends of its rows lie {} than its middle, those of its columns {}; this is allowed for, a flat board is better",
+                beside_middle(0),
+                beside_middle(1)
+            )
+        })
     }
 
     /// Adds what is judged in millimetres to a rig whose global axes are laid: `square_mm`, `verdict`, `volume`, `coverage`,
@@ -371,17 +386,7 @@ impl Calibration {
             rig.more.insert("coverage".into(), serde_json::to_value(coverage)?);
             rig.more.insert("volume".into(), serde_json::to_value(volume)?);
         }
-        if let Some(bow) = &self.bundle.bow {
-            let sagitta = |k: usize| {
-                let side = if bow.sagitta_m[k] < 0.0 { "nearer" } else { "farther" };
-                format!("{:.2} ± {:.2} mm {side}", 1e3 * bow.sagitta_m[k].abs(), 1e3 * self.fit.sagitta_sd_m[k])
-            };
-            advice.push(format!(
-                "the board is not flat: seen from the cameras the ends of its rows lie {} than its middle, those of its columns {}; this is allowed for, a flat board is better",
-                sagitta(0),
-                sagitta(1)
-            ));
-        }
+        advice.extend(self.not_flat());
         if rig.square_mm.is_none() {
             advice.push("too few pairs to hold some out: how large the squares come out in space is not known".to_owned());
         }

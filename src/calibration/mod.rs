@@ -7,7 +7,7 @@
 mod axes;
 mod board;
 mod board_report;
-mod bow;
+mod board_shape;
 mod bundle;
 mod calibrator;
 mod camera_model;
@@ -38,7 +38,7 @@ mod zhang;
 pub use axes::{AxesFrame, AxesReport, global_axes};
 pub use board::Checkerboard;
 pub use board_report::{BOARDS_KEY, BoardReport};
-pub use bow::Bow;
+pub use board_shape::BoardShape;
 pub use bundle::{Bundle, BundleError, BundleFit, BundleOptions, BundleView, CornerPixel, ViewResiduals};
 pub use calibrator::{Calibration, CalibrationOptions, PairViews, calibrate_views};
 pub use camera_model::Camera;

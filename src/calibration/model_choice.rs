@@ -1,7 +1,7 @@
 //! Which distortion terms the data ask for: the same corners adjusted with each set of terms, weighed by evidence.
 
 use super::board::Checkerboard;
-use super::bow::Bow;
+use super::board_shape::BoardShape;
 use super::bundle::{Bundle, BundleError, BundleFit, BundleOptions, TO_THE_END};
 use super::calibrator::CalibrationOptions;
 use super::distortion::DistortionModel;
@@ -65,7 +65,7 @@ fn adjust(model: DistortionModel, start: &Bundle, options: &CalibrationOptions) 
 
 fn criterion(f: &ModelFit, clustering: f64) -> f64 {
     let n = 2.0 * f.bundle.views.iter().map(|v| v.left.len() + v.right.len()).sum::<usize>() as f64;
-    let p = (f.model.free_parameters() + f.bundle.bow_parameters() + 6 * f.bundle.views.len()) as f64;
+    let p = (f.model.free_parameters() + f.bundle.shape_parameters() + 6 * f.bundle.views.len()) as f64;
     // A world without noise would give minus infinity: the floor is far below any camera.
     n / clustering * (f.fit.squared_error_px2 / n).max(1e-20).ln() + 2.0 * p * n / (n - p - 1.0).max(1.0)
 }
@@ -88,17 +88,23 @@ pub fn choose(fits: &[ModelFit]) -> Option<usize> {
     fits.iter().rposition(|f| f.model != DistortionModel::K1K2P1P2K3 && f.aic <= plain + DEFENSIBLE)
 }
 
-/// How much better a bowed board must be than a flat one.
-const BOW_MARGIN: f64 = 10.0;
+/// How much better a board of its own shape must be than a perfect one.
+const SHAPE_MARGIN: f64 = 10.0;
 
-/// The adjustment with the board's bow, where the corners demand one: it must foretell corners better and leave boards that pull less
-/// against each other. Where they err together for other reasons (blur, uneven light) the first alone says little.
-pub fn bowed_board(flat: &ModelFit, board: &Checkerboard, options: &CalibrationOptions) -> Option<Bundle> {
-    let start = Bundle { bow: Some(Bow::none(board)), ..flat.bundle.clone() };
-    let bowed = adjust(flat.model, &start, options).ok()?;
-    let clustering = flat.fit.clustering.min(bowed.fit.clustering);
-    let demanded = criterion(&bowed, clustering) < criterion(flat, clustering) - BOW_MARGIN && bowed.fit.clustering <= flat.fit.clustering;
-    demanded.then_some(bowed.bundle)
+/// The adjustment with the board's own shape, where the corners demand one: bowed, then also stretched. It must foretell corners better and leave
+/// boards that pull less against each other; where they err together for other reasons (blur, uneven light) the first alone says little.
+pub fn shaped_board(perfect: &ModelFit, board: &Checkerboard, options: &CalibrationOptions) -> Option<Bundle> {
+    let mut demanded: Option<ModelFit> = None;
+    for stretched in [false, true] {
+        let simpler = demanded.as_ref().unwrap_or(perfect);
+        let start = Bundle { shape: Some(BoardShape::perfect(board, stretched)), ..simpler.bundle.clone() };
+        let Ok(shaped) = adjust(perfect.model, &start, options) else { continue };
+        let clustering = simpler.fit.clustering.min(shaped.fit.clustering);
+        if criterion(&shaped, clustering) < criterion(simpler, clustering) - SHAPE_MARGIN && shaped.fit.clustering <= simpler.fit.clustering {
+            demanded = Some(shaped);
+        }
+    }
+    demanded.map(|m| m.bundle)
 }
 
 /// Akaike weights, in the order of the fits.

@@ -30,7 +30,7 @@ pub fn single_camera(
     let camera = first_camera(&homographies, image_size).ok_or_else(none)?;
     let poses = homographies.iter().map(|h| board_pose(h, &camera).ok_or_else(none)).collect::<Result<Vec<_>, _>>()?;
     let views = views.iter().zip(&poses).map(|(corners, pose)| BundleView { pose: *pose, left: corner_pixels(corners), right: Vec::new() }).collect();
-    let mut bundle = Bundle { board: points, bow: None, right: camera.clone(), left: camera, right_from_left: Isometry3::identity(), views };
+    let mut bundle = Bundle { board: points, shape: None, right: camera.clone(), left: camera, right_from_left: Isometry3::identity(), views };
     // First the focal lengths and poses, then the centre and the first distortion terms: far starts stay on the road.
     for model in [None, Some(DistortionModel::None), Some(DistortionModel::K1K2)] {
         let mut active = [false; SHARED];

@@ -44,7 +44,7 @@ impl Verdict {
         let difference = (self.side_along_rows_mm - self.side_along_columns_mm).abs();
         (difference > STRETCHED.0 * self.squares.mean && difference > STRETCHED.1 * self.side_difference_sd_mm && self.side_difference_sd_mm > 0.0).then(|| {
             format!(
-                "the squares come out {:.3} mm along the board's rows and {:.3} mm along its columns: the print is stretched, and what is measured with it is too; measure the board both ways, print it again",
+                "the squares come out {:.3} mm along the board's rows and {:.3} mm along its columns: the print is stretched, and all lengths may be off by half of that; measure the board both ways, print it again",
                 self.side_along_rows_mm, self.side_along_columns_mm
             )
         })

@@ -40,7 +40,7 @@ fn duodic_views(path: &Path) -> (Checkerboard, Vec<PairViews>) {
 }
 
 fn plain(model: DistortionModel) -> CalibrationOptions {
-    CalibrationOptions { model: Some(model), reject_outliers: false, clustered_errors: false, bowed_board: false, ..Default::default() }
+    CalibrationOptions { model: Some(model), reject_outliers: false, clustered_errors: false, shaped_board: false, ..Default::default() }
 }
 
 /// Standard deviations of the rotation vector from those of small turns about the right camera's axes.

@@ -6,7 +6,7 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
-use sweetspot::calibration::{BoardView, CalibrationError3d, CalibrationOptions, Camera, Checkerboard, PairViews, ViewFault, calibrate_views};
+use sweetspot::calibration::{BoardView, Calibration, CalibrationError3d, CalibrationOptions, Camera, Checkerboard, PairViews, ViewFault, calibrate_views};
 use sweetspot::reconstruction::Triangulator;
 use sweetspot::tracking::ImagePoint;
 
@@ -111,7 +111,7 @@ fn truth_intervals_of_parameters_and_distances_cover_over_seeded_calibrations() 
                 n[2] += usize::from(off.abs() < 1.96 * sd);
                 n[3] += 1;
             }
-            assert_eq!(c.bundle.bow, None, "a flat board is no bowed one");
+            assert_eq!(c.bundle.shape, None, "a good board is a good board");
             n[4] = usize::from(c.pairs.iter().all(|p| p.used));
             n[5] = 1;
             (n, errors)
@@ -150,12 +150,22 @@ fn truth_a_pair_that_is_not_of_one_instant_is_left_out_however_sharp_the_picture
 #[test]
 fn truth_a_stretched_print_is_told() {
     let board = Checkerboard { columns: 9, rows: 6, square_m: 0.06 };
-    let told = |stretched: f64| {
+    let calibrated = |stretched: f64| {
         let pairs = recorded(5, &board, &Recording { noise_px: 0.02, stretched, ..GOOD });
-        calibrate_views(&board, [512, 512], &pairs, &CalibrationOptions::default()).unwrap().verdict().unwrap().stretched()
+        calibrate_views(&board, [512, 512], &pairs, &CalibrationOptions::default()).unwrap()
     };
-    assert_eq!(told(1.0), None);
-    assert!(told(1.003).is_some_and(|w| w.contains("along the board's rows")));
+    let (good, c) = (calibrated(1.0), calibrated(1.003));
+    assert_eq!(good.verdict().unwrap().stretched(), None);
+    assert!(c.verdict().unwrap().stretched().is_some_and(|w| w.contains("along the board's rows")));
+    // The shape is right, the size is not known better than to half the stretch.
+    let (found, sd) = (c.bundle.shape.as_ref().expect("the board is stretched").values[3], c.fit.shape_sd[3]);
+    assert!((found - 0.003).abs() < 1e-5 + 3.0 * sd && sd < 1e-4, "{found} ± {sd}");
+    let baseline = |c: &Calibration| c.bundle.right_from_left.translation.vector.norm();
+    let sd = |c: &Calibration| (21..24).map(|i| c.sd(i).powi(2)).sum::<f64>().sqrt();
+    let off = baseline(&c) / baseline(&good) - 1.0 + 0.0015;
+    assert!(off.abs() < 1e-4, "{off}");
+    let of_size = (sd(&c).powi(2) - sd(&good).powi(2)).sqrt() / baseline(&c);
+    assert!((of_size - 0.0015).abs() < 2e-4, "{of_size}");
 }
 
 #[test]
@@ -166,8 +176,8 @@ fn truth_a_bowed_board_is_allowed_for() {
     let (mut with, mut without) = (0.0, 0.0);
     for seed in 20..32 {
         let pairs = recorded(seed, &board, &Recording { noise_px: 0.02, bow_m: 1.0e-3, ..GOOD });
-        let calibrated = |bowed_board: bool| {
-            let c = calibrate_views(&board, [512, 512], &pairs, &CalibrationOptions { bowed_board, ..Default::default() }).unwrap();
+        let calibrated = |shaped_board: bool| {
+            let c = calibrate_views(&board, [512, 512], &pairs, &CalibrationOptions { shaped_board, ..Default::default() }).unwrap();
             let rig = c.rig();
             let triangulator = Triangulator::new(&rig);
             let seen = |p: &Point3<f64>| {
@@ -182,8 +192,9 @@ fn truth_a_bowed_board_is_allowed_for() {
         let (c, square_mm2) = calibrated(true);
         with += square_mm2 / 12.0;
         without += calibrated(false).1 / 12.0;
-        let bow = c.bundle.bow.as_ref().expect("the board is bowed");
-        for (found, sd, truth) in [(0, -1.0e-3), (1, 0.0), (2, 0.0)].map(|(k, truth)| (bow.sagitta_m[k], c.fit.sagitta_sd_m[k], truth)) {
+        let shape = c.bundle.shape.as_ref().expect("the board is bowed");
+        assert_eq!(shape.told(), [true, true, true, false], "bowed, not stretched");
+        for (found, sd, truth) in [(0, -1.0e-3), (1, 0.0), (2, 0.0)].map(|(k, truth)| (shape.values[k], c.fit.shape_sd[k], truth)) {
             inside += usize::from((found - truth).abs() < 1.96 * sd);
             all += 1;
         }

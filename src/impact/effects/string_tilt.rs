@@ -11,7 +11,8 @@ pub(super) static CARD: EffectCard = EffectCard {
     kind: EffectKind::Physics,
     physics: "Off centre the strings are stiffer on the frame's side, so the pocket's normal leans toward the centre of the face. The \
               ball leaves a few degrees toward the centre, the more the deeper the pocket.",
-    equation: "tilt = -strength x_S (x / 0.165^2, y / 0.12^2), x_S = 13.1 mm (v_n / 20 m/s); the whole contact frame turns",
+    equation: "tilt = -strength x_S (x / 0.165^2, y / 0.12^2), x_S = 13.1 mm (v_n / 20 m/s), of the normal that points to the ball; the whole \
+               contact frame turns",
     parameters: &[
         ParameterCard::strength("strength", "", "0 none; 1: 2.6 degrees at 50 mm across and 20 m/s", 0.5, (-5.0, 5.0), 0.5),
     ],
@@ -37,13 +38,14 @@ struct StringTilt;
 
 impl<T: Real> Effect<T> for StringTilt {
     fn change_laws(&self, p: &[T], at: &Contact<T>, laws: &mut Laws<T>) {
-        let depth = at.approach_speed * DEPTH / REFERENCE_SPEED;
+        // Toward the centre as the ball sees it: the contact's normal is the face's, whichever side the ball is on.
+        let depth = at.approach_speed * (at.side * DEPTH / REFERENCE_SPEED);
         laws.tilt[0] -= p[0] * depth * at.input.position.x / (ALONG * ALONG);
         laws.tilt[1] -= p[0] * depth * at.input.position.y / (ACROSS * ACROSS);
     }
 
-    fn change_viscoelastic(&self, p: &[T], _: &Contact<T>, laws: &mut viscoelastic::Laws<T>) {
-        laws.tilt_x += p[0] / (ALONG * ALONG);
-        laws.tilt_y += p[0] / (ACROSS * ACROSS);
+    fn change_viscoelastic(&self, p: &[T], at: &Contact<T>, laws: &mut viscoelastic::Laws<T>) {
+        laws.tilt_x += p[0] * at.side / (ALONG * ALONG);
+        laws.tilt_y += p[0] * at.side / (ACROSS * ACROSS);
     }
 }

@@ -2,6 +2,7 @@
 
 use super::Shell;
 use super::error::CliError;
+use crate::impact::expression::{Stage, channels, quantities};
 use crate::impact::card::{EffectCard, EffectKind, ParameterCard, Role};
 use crate::impact::{ModelError, catalogue, effect_card};
 use std::fmt::Write as _;
@@ -12,9 +13,23 @@ use std::io::Write as _;
 pub struct Arguments {
     /// Only this effect, in full
     pub effect: Option<String>,
+    /// What an expression may use and replace: every name with its unit and meaning
+    #[arg(long, conflicts_with = "effect")]
+    pub quantities: bool,
 }
 
 pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
+    if arguments.quantities {
+        if shell.args.json {
+            return shell.print_json(&serde_json::json!({ "usable": names(usable()), "replaceable": names(replaceable()) }));
+        }
+        let text = format!(
+            "An expression may use (each from the point on at which it is known: bodies, contact laws, impulses, outcome)\n{}\nIt may replace, one at a time (`replaces`)\n{}",
+            table(usable()),
+            table(replaceable())
+        );
+        return std::io::stdout().write_all(text.as_bytes()).map_err(CliError::output);
+    }
     let cards: Vec<&EffectCard> = match &arguments.effect {
         Some(name) => vec![effect_card(name).ok_or_else(|| ModelError::unknown_effect(name))?],
         None => catalogue().to_vec(),
@@ -24,6 +39,37 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     }
     let text = if arguments.effect.is_some() { cards.iter().map(|c| in_full(c)).collect() } else { list(&cards) };
     std::io::stdout().write_all(text.as_bytes()).map_err(CliError::output)
+}
+
+/// Name, unit, where in the computation, meaning.
+type Named = (&'static str, &'static str, Stage, &'static str);
+
+fn usable() -> impl Iterator<Item = Named> {
+    quantities().iter().map(|q| (q.name, q.unit, q.stage, q.meaning))
+}
+
+fn replaceable() -> impl Iterator<Item = Named> {
+    channels().iter().map(|c| (c.name, c.unit, c.stage(), c.meaning))
+}
+
+fn stage_name(stage: Stage) -> &'static str {
+    match stage {
+        Stage::Body => "bodies",
+        Stage::Laws => "contact laws",
+        Stage::Impulse => "impulses",
+        Stage::Output => "outcome",
+    }
+}
+
+fn names(named: impl Iterator<Item = Named>) -> Vec<serde_json::Value> {
+    named.map(|(name, unit, stage, meaning)| serde_json::json!({ "name": name, "unit": unit, "at": stage_name(stage), "meaning": meaning })).collect()
+}
+
+fn table(named: impl Iterator<Item = Named>) -> String {
+    named.fold(String::new(), |mut text, (name, unit, stage, meaning)| {
+        let _ = writeln!(text, "  {name:<36} {unit:<8} {:<13} {meaning}", stage_name(stage));
+        text
+    })
 }
 
 fn list(cards: &[&EffectCard]) -> String {
@@ -36,6 +82,7 @@ fn list(cards: &[&EffectCard]) -> String {
         }
     }
     text.push_str("`sweetspot effects NAME` shows one in full: equation, parameters, signature, what it is confused with.\n");
+    text.push_str("`sweetspot effects --quantities` lists what an effect of your own may use and replace.\n");
     text
 }
 

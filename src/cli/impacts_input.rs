@@ -145,7 +145,10 @@ fn sd_as_stated(stated: &ParameterValue, fitted: &ParameterValue) -> f64 {
 
 pub fn record(ledger: &mut Ledger, version: Version, comparison: &Comparison) -> String {
     let hash = sha256_hex(version.model_text.as_bytes());
-    let ancestor = |e: &&LedgerEntry| e.data_hash == version.data_hash && e.model_hash != hash && e.effects.iter().all(|x| version.effects.contains(x));
+    // With the same effects a version that does worse did not come from the better one by a fit.
+    let falls = |e: &LedgerEntry| e.effects.len() < version.effects.len() || e.heldout_error >= comparison.heldout_error;
+    let ancestor =
+        |e: &&LedgerEntry| e.data_hash == version.data_hash && e.model_hash != hash && e.effects.iter().all(|x| version.effects.contains(x)) && falls(e);
     let parent = version.parent.clone().or_else(|| {
         // A version already on record keeps its parent.
         if ledger.find(&hash, version.data_hash).is_some() {

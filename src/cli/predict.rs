@@ -4,7 +4,7 @@ use super::Shell;
 use super::error::CliError;
 use super::impacts_input::ImpactFiles;
 use crate::equipment_set::EquipmentSet;
-use crate::impact::batch::{RowError, RowSensitivity, differentiate_table, limited_restitutions, predict_table, without_spin};
+use crate::impact::batch::{RowError, RowSensitivity, differentiate_table, gained_energies, limited_restitutions, predict_table, without_spin};
 use crate::impact::{ImpactOutput, Model};
 use crate::impact_table::{INPUTS, ImpactTable, OUTPUTS};
 
@@ -54,6 +54,13 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     }
     if let Some((id, e)) = limited.first() {
         shell.say(format_args!("restitution beyond 0 to 1, taken as 0 or 1, in {} impacts (the first: {e:.3} in {id}); see the effects that change it", limited.len()));
+    }
+    let gained = gained_energies(&set, &table, &results);
+    if let Some((id, most)) = gained.iter().max_by(|a, b| a.1.total_cmp(&b.1)) {
+        shell.say(format_args!(
+            "more energy after the impact than before in {} impacts (the most: {most:.1} J in {id}): no contact does that; see the effects and their parameters",
+            gained.len()
+        ));
     }
     shell.say(format_args!("{} of {} impacts predicted: {}", rows.len() - unpredicted, rows.len(), path.display()));
     if failed.is_empty() { Ok(()) } else { Err(CliError::some_failed(failed.join("\n"))) }

@@ -7,6 +7,7 @@ use super::prepared_model::PreparedModel;
 use super::sensitivity::{Column, Sensitivities, SensitivityModel};
 use crate::equipment_set::{EquipmentSet, PickError};
 use crate::impact_table::{INPUTS, ImpactRow, ImpactTable, impossible};
+use nalgebra::Vector3;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
@@ -95,7 +96,30 @@ pub fn limited_restitutions<'a>(model: &Model, set: &EquipmentSet, table: &'a Im
     let prepared = prepare_pairs(model, set, table)?;
     let first = first_sequence(table);
     let of = |row: &ImpactRow| prepared.get(&set.pick(row).ok()?)?.unlimited_restitution(&input_of_row(row, first).ok()?);
-    Ok(table.rows.iter().filter_map(|row| Some((row.id.as_str(), of(row).filter(|e| !(0.0..=1.0).contains(e))?))).collect())
+    // What is not finite has no prediction.
+    let beyond = |e: &f64| e.is_finite() && !(0.0..=1.0).contains(e);
+    Ok(table.rows.iter().filter_map(|row| Some((row.id.as_str(), of(row).filter(beyond)?))).collect())
+}
+
+/// Share of an impact's energy before it by which the energy after may be larger without a word: a hand that drives the racket does work.
+const GAIN_OF_A_HAND: f64 = 0.1;
+
+/// Impacts that leave ball and racket with more energy (of motion and spin) than they had, beyond what a hand gives, with the gain, J. No contact does that:
+/// an effect's equation or parameters are at fault.
+pub fn gained_energies<'a>(set: &EquipmentSet, table: &'a ImpactTable, outcomes: &[Result<ImpactOutput, RowError>]) -> Vec<(&'a str, f64)> {
+    let first = first_sequence(table);
+    let gain = |row: &ImpactRow, after: &ImpactOutput| {
+        let (before, (r, b)) = (input_of_row(row, first).ok()?, set.pick(row).ok()?);
+        let (racket, ball) = (&set.rackets[r], &set.balls[b]);
+        let energy = |v: &Vector3<f64>, w: &Vector3<f64>, racket_v: &Vector3<f64>, rate: &Vector3<f64>| {
+            let of_ball = ball.mass_kg * v.norm_squared() + ball.inertia_kg_m2() * w.norm_squared();
+            0.5 * (of_ball + racket.mass_kg * racket_v.norm_squared() + racket.inertia_kg_m2().component_mul(rate).dot(rate))
+        };
+        let had = energy(&before.ball_velocity, &before.ball_spin, &before.racket_velocity, &before.racket_rate);
+        let gained = energy(&after.ball_velocity, &after.ball_spin, &after.racket_velocity, &after.racket_rate) - had;
+        (gained > GAIN_OF_A_HAND * had).then_some(gained)
+    };
+    table.rows.iter().zip(outcomes).filter_map(|(row, after)| Some((row.id.as_str(), gain(row, after.as_ref().ok()?)?))).collect()
 }
 
 /// Derivatives at one impact of a table, and the standard deviations that its inputs' carry into the prediction.

@@ -63,6 +63,7 @@ impl ModelError {
 pub(crate) fn near_matches<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str>) -> String {
     let mut close: Vec<(usize, &str)> = known.into_iter().map(|k| (edit_distance(wrong, k), k)).filter(|(d, k)| *d <= 1 + k.len() / 4).collect();
     close.sort_unstable();
+    close.dedup();
     let names: Vec<String> = close.iter().take(3).map(|(_, k)| format!("`{k}`")).collect();
     if names.is_empty() { String::new() } else { format!(" (did you mean {}?)", names.join(", ")) }
 }

@@ -143,21 +143,49 @@ where
 
     /// From the true outcome to the one that would be measured.
     fn finish(&self, truth: &ImpactInput<T>, mut output: ImpactOutput<T>) -> Result<ImpactOutput<T>, ModelError> {
+        let truly = output;
         for (effect, p) in self.each().rev() {
             effect.observed_output(p, &self.body, truth, &mut output);
         }
-        if output.is_finite() { Ok(output) } else { Err(self.blame(truth)) }
+        if output.is_finite() { Ok(output) } else { Err(self.blame(truth, truly)) }
     }
 
-    /// Which effect made the outcome something that is not a number.
-    fn blame(&self, input: &ImpactInput<T>) -> ModelError {
+    /// Which effect made the outcome something that is not a number; `output` as it was before the effects of observation.
+    fn blame(&self, input: &ImpactInput<T>, mut output: ImpactOutput<T>) -> ModelError {
+        let beyond = |effect: &str, quantity| ModelError::EffectRange { effect: effect.to_owned(), quantity, seen: f64::NAN, allowed: "finite numbers" };
+        if output.is_finite() {
+            for e in self.model.effects.iter().rev() {
+                e.effect().observed_output(&self.values[e.range.clone()], &self.body, input, &mut output);
+                if !output.is_finite() {
+                    return beyond(&e.name, "an outcome as observed");
+                }
+            }
+        }
         let Ok(at) = contact(&self.body, *input) else { return ModelError::NotFinite };
         let mut laws = self.base_laws(&self.body);
         for e in &self.model.effects {
             e.effect().change_laws(&self.values[e.range.clone()], &at, &mut laws);
-            let after = collide(&at, &laws, &|_, _, _| {}).1;
-            if !after.is_finite() {
-                return ModelError::EffectRange { effect: e.name.clone(), quantity: "a contact law", seen: f64::NAN, allowed: "finite numbers" };
+            if !collide(&at, &laws, &|_, _, _| {}).1.is_finite() {
+                return beyond(&e.name, "a contact law");
+            }
+        }
+        let (impulse, mut output) = collide(&at, &laws, &|_, _, _| {});
+        for e in &self.model.effects {
+            e.effect().change_output(&self.values[e.range.clone()], &at, &laws, &impulse, &mut output);
+            if !output.is_finite() {
+                return beyond(&e.name, "an outcome");
+            }
+        }
+        ModelError::NotFinite
+    }
+
+    /// Which effect made the contact laws what no contact has.
+    fn blame_law(&self, at: &Contact<T>) -> ModelError {
+        let mut laws = self.base_laws(at.body);
+        for e in &self.model.effects {
+            e.effect().change_laws(&self.values[e.range.clone()], at, &mut laws);
+            if let Some((quantity, seen, allowed)) = laws.impossible() {
+                return ModelError::EffectRange { effect: e.name.clone(), quantity, seen, allowed };
             }
         }
         ModelError::NotFinite
@@ -184,6 +212,9 @@ where
     fn collide(&self, body: &Body<T>, input: ImpactInput<T>, grip: f64) -> Result<(ImpactOutput<T>, Regime, T), ModelError> {
         let at = contact(body, input)?;
         let mut laws = self.laws_at(&at);
+        if laws.impossible().is_some() {
+            return Err(self.blame_law(&at));
+        }
         laws.friction = laws.friction * grip;
         // Not `max`: that would turn NaN into 0.
         if laws.friction.value() < 0.0 {

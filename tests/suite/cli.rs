@@ -215,6 +215,45 @@ fn cli_predict_names_the_impacts_whose_spin_it_takes_as_zero() {
     assert_eq!(json["predictions"][0]["ball_out_vz"], json["predictions"][1]["ball_out_vz"]);
 }
 
+/// Laws that no contact has are no prediction, and an outcome with more energy than there was is told.
+#[test]
+fn cli_predict_refuses_impossible_laws_and_tells_of_energy_from_nowhere() {
+    let bench = Bench::new();
+    let columns = "ball_in_vx,ball_in_vy,ball_in_vz,racket_in_vx,racket_in_vy,racket_in_vz,racket_in_wx,racket_in_wy,racket_in_wz,impact_x,impact_y";
+    bench.write("impacts.csv", format!("id,{columns}\na,1,2,-25,0,0,3,0,0,0,0.01,0.02\nb,1,2,-25,0,0,3,0,0,0,0.02,0.02\n"));
+    let predict = |replaces: &str, expression: &str| {
+        bench.write("model.toml", format!("{MODEL}[effects.own]\nreplaces = \"{replaces}\"\nexpression = \"{expression}\"\nk = 0.0\n"));
+        let output = sweetspot(&bench.table("predict").iter().map(String::as_str).collect::<Vec<_>>());
+        (output.status.code(), said(&output))
+    };
+    for (replaces, expression, words) in [
+        ("ball_inertia", "ball_inertia * (k - 1)", ["`own`", "`ball_inertia` became -", "a positive number"]),
+        ("ball_arm", "ball_arm * (k - 3)", ["`own`", "`ball_arm` became -", "a positive number"]),
+        ("restitution", "restitution + 1 / k", ["`own`", "`restitution` became inf", "a finite number"]),
+        ("restitution", "restitution * sqrt(k - 1)", ["`own`", "`restitution` became NaN", "a finite number"]),
+        ("ball_out_vz", "ball_out_vz + k / k", ["`own`", "`an outcome` became NaN", "finite numbers"]),
+    ] {
+        let (code, message) = predict(replaces, expression);
+        assert_eq!(code, Some(1), "{expression}: {message}");
+        assert!(words.iter().all(|w| message.contains(w)) && !message.contains("taken as 0 or 1"), "{expression}: {message}");
+    }
+    let (code, message) = predict("ball_out_vz", "ball_out_vz * (k + 3)");
+    assert_eq!(code, Some(0), "{message}");
+    assert!(message.contains("more energy after the impact than before in 2 impacts"), "{message}");
+    let (code, message) = predict("ball_out_vz", "ball_out_vz * (k + 1)");
+    assert!(code == Some(0) && !message.contains("more energy"), "{message}");
+}
+
+#[test]
+fn cli_effects_lists_what_an_expression_may_use_and_replace() {
+    let output = sweetspot(&["effects", "--quantities", "--json"]);
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let find = |list: &str, name: &str| json[list].as_array().unwrap().iter().find(|q| q["name"] == name).cloned().unwrap();
+    assert_eq!(find("usable", "slip_x")["unit"], "m/s");
+    assert_eq!(find("replaceable", "ball_inertia")["at"], "contact laws");
+}
+
 #[test]
 fn fails_a_session_file_cannot_lead_outside_its_folder() {
     let bench = Bench::new();

@@ -369,6 +369,15 @@ fn cli_compare_diagnose_add_fit_compare_and_the_error_falls() {
     let errors: Vec<f64> = ledger["entries"].as_array().unwrap().iter().map(|e| e["heldout_error"].as_f64().unwrap()).collect();
     assert_eq!(errors.len(), 2);
     assert!(errors[1] < 0.6 * errors[0], "{errors:?}");
+    // A version that does worse did not come from the better one by a fit.
+    std::fs::write(at.join("worse.toml"), "base = \"rigid\"\n[parameters]\nrestitution = 0.3\nfriction = 0.0\n[effects.frame-vibration]\namount = 1.0\n")
+        .unwrap();
+    let (status, said) = command("compare", "worse.toml", &["--out", "worse"]);
+    assert_eq!(status, 0, "{said}");
+    let ledger: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(at.join("model-ledger.json")).unwrap()).unwrap();
+    let (fitted, worse) = (&ledger["entries"][1], &ledger["entries"][2]);
+    assert!(worse["heldout_error"].as_f64() > fitted["heldout_error"].as_f64());
+    assert_ne!(worse["parent"], fitted["model_hash"]);
     // Among many open reports the tab tells its own, wherever the command was run.
     let report = std::fs::read_to_string(at.join("report.html")).unwrap();
     let title = format!("<title>model-3.toml against {}/impacts.csv – sweetspot compare</title>", at.file_name().unwrap().to_string_lossy());

@@ -77,7 +77,7 @@ impl Expression {
         let dimension = parser.sum()?;
         parser.skip_space();
         if parser.at < text.len() {
-            return Err(parser.error("an operator or the end expected here"));
+            return Err(parser.error(format!("an operator or the end expected here{}", parser.instead())));
         }
         if dimension.same(channel.dimension()).is_none() {
             return Err(SyntaxError { at: 0, message: format!("it has {dimension}, but `{}` has {}", channel.name, channel.dimension()) });
@@ -255,12 +255,24 @@ impl Parser<'_> {
             Some('(') => {
                 self.at += 1;
                 let inside = self.sum()?;
-                if self.take(')') { Ok(inside) } else { Err(self.error("`)` expected here")) }
+                if self.take(')') { Ok(inside) } else { Err(self.error(format!("`)` expected here{}", self.instead()))) }
             }
             Some(c) if c.is_ascii_digit() || c == '.' => self.number(),
             Some(c) if c.is_ascii_alphabetic() || c == '_' => self.name(),
-            Some(c) => Err(self.error(format!("`{c}` is not understood; a number, a name or `(` expected"))),
+            Some(c) => Err(self.error(format!("`{c}` is not understood; a number, a name or `(` expected{}", self.instead()))),
             None => Err(self.error("it ends where a number, a name or `(` is expected")),
+        }
+    }
+
+    /// How what stands here is written, for those who are used to other languages.
+    fn instead(&self) -> &'static str {
+        let rest = self.text[self.at..].trim_start();
+        match rest.chars().next() {
+            Some('*') => "; a power is written `a ^ b`",
+            Some('×' | '·') => "; a product is written `a * b`",
+            Some('<' | '>' | '=' | '!' | '?' | '&' | '|') => "; a condition is written `step(a - b)`: 1 where a >= b, 0 elsewhere",
+            Some(',') => "; a decimal is written with a point, 0.5",
+            _ => "",
         }
     }
 
@@ -304,7 +316,13 @@ impl Parser<'_> {
         }
         let Some((i, quantity)) = quantities().iter().enumerate().find(|(_, q)| q.name == name) else {
             let known = quantities().iter().map(|q| q.name).chain(self.names.iter().copied()).chain([self.channel.name]);
-            return Err(SyntaxError { at: start, message: format!("no quantity or parameter `{name}`{}", near_matches(name, known)) });
+            let near = near_matches(name, known);
+            return Err(SyntaxError {
+                at: start,
+                message: format!(
+                    "no quantity or parameter `{name}`{near}; `sweetspot effects --quantities` lists them (other columns of a table are not among them)"
+                ),
+            });
         };
         if quantity.stage > self.channel.stage() {
             return Err(SyntaxError { at: start, message: format!("`{name}` is not known yet where `{}` is replaced", self.channel.name) });
@@ -343,7 +361,9 @@ impl Parser<'_> {
             dimension = dimension.same(argument).unwrap_or(argument);
         }
         if !self.take(')') {
-            return Err(self.error(format!("`)` expected here; `{name}` takes {wanted} argument{}", if wanted == 1 { "" } else { "s" })));
+            // A comma here is one argument too many, no decimal comma.
+            let instead = if self.peek() == Some(',') { "" } else { self.instead() };
+            return Err(self.error(format!("`)` expected here; `{name}` takes {wanted} argument{}{instead}", if wanted == 1 { "" } else { "s" })));
         }
         if let (Op::Clamp, [.., Op::Number(low), Op::Number(high)]) = (function.op, self.program.as_slice())
             && low > high
@@ -418,6 +438,10 @@ mod tests {
             ("sqr(2)", 0, "there are"),
             ("max(1)", 5, "2 arguments"),
             ("1 $ 2", 2, "operator"),
+            ("k ** 2", 3, "`a ^ b`"),
+            ("step(k > 1)", 7, "`step(a - b)`"),
+            ("0,5 * k", 1, "with a point"),
+            ("ball_age * k", 0, "effects --quantities"),
             ("ball_out_vz / 10", 0, "not known yet"),
             ("1..2", 0, "no number"),
         ] {

@@ -83,16 +83,19 @@ macro_rules! quantities {
 }
 
 quantities![
-    ("approach_speed", "m/s", Body, "normal speed at which ball and strings approach", |s| s.at.approach_speed),
-    ("slip_speed", "m/s", Body, "speed of the ball's surface along the strings at first touch", |s| s.at.slip_speed),
-    ("slip_x", "m/s", Body, "its part along the racket", |s| s.at.relative_velocity.x),
-    ("slip_y", "m/s", Body, "its part across the face", |s| s.at.relative_velocity.y),
+    ("approach_speed", "m/s", Body, "speed at which the ball's centre and the impact point approach along the normal, positive", |s| s.at.approach_speed),
+    ("slip_speed", "m/s", Body, "speed of the ball's surface along the strings at first touch, spin included", |s| s.at.slip_speed),
+    ("slip_x", "m/s", Body, "its part along x (toward the handle), ball less strings", |s| s.at.relative_velocity.x),
+    ("slip_y", "m/s", Body, "its part along y (across the face)", |s| s.at.relative_velocity.y),
     ("tangential_speed", "m/s", Body, "speed of the ball's centre along the strings, without spin", |s| norm(&s.at.tangential_velocity())),
-    ("tangential_x", "m/s", Body, "its part along the racket", |s| s.at.tangential_velocity().x),
-    ("tangential_y", "m/s", Body, "its part across the face", |s| s.at.tangential_velocity().y),
-    ("incidence", "", Body, "angle of the approach from the normal, rad", |s| norm(&s.at.tangential_velocity()).atan2(s.at.approach_speed)),
+    ("tangential_x", "m/s", Body, "its part along x, ball less strings", |s| s.at.tangential_velocity().x),
+    ("tangential_y", "m/s", Body, "its part along y", |s| s.at.tangential_velocity().y),
+    ("incidence", "", Body, "angle of the centre's approach from the normal, rad: tangential speed against approach speed", |s| norm(
+        &s.at.tangential_velocity()
+    )
+    .atan2(s.at.approach_speed)),
     ("obliqueness", "", Body, "slip speed over approach speed", |s| s.at.slip_speed / s.at.approach_speed),
-    ("spin_ratio", "", Body, "radius times spin across the face over approach speed", |s| {
+    ("spin_ratio", "", Body, "ball radius times spin_across over approach speed", |s| {
         norm_xy(&s.at.input.ball_spin.xy()) * s.at.body.ball_radius / s.at.approach_speed
     }),
     ("impact_x", "m", Body, "position from the stringbed's centre, toward the handle", |s| s.at.input.position.x),

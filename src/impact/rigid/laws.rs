@@ -97,6 +97,25 @@ impl<T: Real> Laws<T> {
         [-self.tangential_restitution[0] * u[0] - along - other, -self.tangential_restitution[1] * u[1] - along + other]
     }
 
+    /// A law that no contact has: which, its value, and what is allowed. (Restitution and friction beyond their limits are held there.)
+    pub fn impossible(&self) -> Option<(&'static str, f64, &'static str)> {
+        const FINITE: &str = "a finite number";
+        let positive = [("ball_arm", self.ball_arm.value()), ("ball_inertia", self.ball_inertia.value())];
+        let finite = [
+            ("restitution", self.restitution.value()),
+            ("friction", self.friction.value()),
+            ("tangential_restitution_x", self.tangential_restitution[0].value()),
+            ("tangential_restitution_y", self.tangential_restitution[1].value()),
+            ("normal_offset", self.normal_offset.value()),
+            ("tilt_x", self.tilt[0].value()),
+            ("tilt_y", self.tilt[1].value()),
+            ("mode_loss", self.mode_loss.value()),
+            ("grip_hold", self.twist_hold.value()),
+        ];
+        let nothing = positive.into_iter().find(|(_, v)| v.is_finite() && *v <= 0.0).map(|(what, v)| (what, v, "a positive number"));
+        nothing.or_else(|| positive.into_iter().chain(finite).find(|(_, v)| !v.is_finite()).map(|(what, v)| (what, v, FINITE)))
+    }
+
     /// True when the contact is the plain one: no offset, tilt, outside impulse.
     pub fn is_plain(&self) -> bool {
         let none = |numbers: &[T]| numbers.iter().all(T::is_zero);

@@ -30,7 +30,7 @@ pub enum FootageError {
     Size { path: PathBuf, width: u32, height: u32 },
     #[error("{path}: the {format} picture is cut off ({what}); copy it again from the camera", path = .path.display())]
     Truncated { path: PathBuf, format: &'static str, what: String },
-    #[error("{path}: the {format} picture is damaged ({what})", path = .path.display())]
+    #[error("{path}: the {format} picture is damaged ({what}); copy it again from the camera", path = .path.display())]
     Damaged { path: PathBuf, format: &'static str, what: String },
     #[error("{path}: no number in the file name; frames are paired by the last digits of their names, so name it like frame_0012.bmp or move it away", path = .path.display())]
     NoNumber { path: PathBuf },

@@ -81,12 +81,15 @@ pub fn findings(arguments: &Arguments) -> Result<Outcome, CliError> {
         let chart = face::bare(title, &racket).size(300.0, 400.0).add(Cells::new(&coloured, (side, side), unit));
         face::outline(chart, &racket).to_svg()
     };
+    let effects: Vec<&str> = model.effects().iter().map(|e| e.name.as_str()).collect();
     let page = Report::new("What if: weight, swing, place, strings, grip")
         .subtitle(&format!(
-            "{}, {}, base \"{}\"; the mean forehand of the thesis's table 5.27: ball at {} m/s, centre of mass at {} m/s, swing {} rad/s, {} m/s across the face, {:.0} mm toward the tip",
+            "{}, {}, {}base \"{}\"{}; the mean forehand of the thesis's table 5.27: ball at {} m/s, centre of mass at {} m/s, swing {} rad/s, {} m/s across the face, {:.0} mm toward the tip",
             racket.name,
             ball.name,
+            arguments.model.as_ref().and_then(|p| p.file_name()).map_or_else(String::new, |n| format!("{}: ", n.to_string_lossy())),
             model.base().name(),
+            if effects.is_empty() { String::new() } else { format!(" with {}", effects.join(", ")) },
             shot.ball_speed,
             shot.racket_speed,
             shot.swing_rate,
@@ -148,15 +151,15 @@ pub fn findings(arguments: &Arguments) -> Result<Outcome, CliError> {
                     &[
                         (
                             curve("String tension", "tension", "lb", "ball speed", "m/s", &line(&tensions, |l| l.speed)),
-                            "Softer strings return the ball faster. 50 mm toward the tip on the axis.".into(),
+                            format!("{} Impact 50 mm toward the tip on the axis.", course("Ball speed", "m/s", "lb", &line(&tensions, |l| l.speed))),
                         ),
                         (
                             curve("Grip: speed", "torque about the handle", "N m", "ball speed", "m/s", &line(&grips, |l| l.speed)),
-                            "A held handle twists less. Impact 50 mm off the axis.".into(),
+                            format!("{} Impact 50 mm off the axis.", course("Ball speed", "m/s", "N m", &line(&grips, |l| l.speed))),
                         ),
                         (
                             curve("Grip: direction", "torque about the handle", "N m", "launch angle", "°", &line(&grips, |l| l.launch_angle_rad.to_degrees())),
-                            "The ball leaves nearer to the normal.".into(),
+                            course("The launch angle", "degrees", "N m", &line(&grips, |l| l.launch_angle_rad.to_degrees())),
                         ),
                     ],
                 )
@@ -190,15 +193,18 @@ fn three_findings(weights: &[Weighted], chop: &[(f64, Launch)]) -> Vec<String> {
             lost(handle)
         ));
     }
-    if let (Some((v0, first)), Some((v1, last))) = (chop.first(), chop.last()) {
-        lines.push(format!(
-            "Chopping makes spin: {:.0} rpm for every m/s of the face across itself ({:.0} rpm at {v0:.0} m/s, {:.0} rpm at {v1:.0} m/s).",
-            (rpm(last.spin_rad_s) - rpm(first.spin_rad_s)) / (v1 - v0),
-            rpm(first.spin_rad_s),
-            rpm(last.spin_rad_s)
-        ));
-    }
+    let spins: Vec<String> = chop.iter().map(|(v, l)| format!("{:.0} rpm at {v:.0} m/s", rpm(l.spin_rad_s))).collect();
+    lines.push(format!("Chopping makes spin, by the speed of the face across itself: {}.", spins.join(", ")));
     lines
+}
+
+/// What becomes of a quantity from the first to the last of a line, in words; a change below half a unit of its second decimal is none.
+fn course(what: &str, unit: &str, along: &str, line: &[(f64, f64)]) -> String {
+    let (Some(first), Some(last)) = (line.first(), line.last()) else { return String::new() };
+    let change = last.1 - first.1;
+    let word = if change > 0.0 { "rises" } else { "falls" };
+    let becomes = if change.abs() < 0.005 { format!("stays at {:.2} {unit}", first.1) } else { format!("{word} by {:.2} {unit}", change.abs()) };
+    format!("{what} {becomes} from {:.0} to {:.0} {along}.", first.0, last.0)
 }
 
 fn rpm(rad_s: f64) -> f64 {

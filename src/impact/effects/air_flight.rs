@@ -34,9 +34,10 @@ const GRAVITY: f64 = 5.7;
 /// Density of air, kg/m³.
 const AIR: f64 = 1.2;
 
-/// Change of the ball's velocity over the delay, m/s; `p` as on the card.
+/// Change of the ball's velocity over the delay, m/s, with the acceleration half way through; `p` as on the card.
 fn flown<T: Real>(p: &[T], body: &Body<T>, v: &Vector3<T>, spin: &Vector3<T>) -> Vector3<T> {
-    (acceleration_by_air(body, v, spin, p[1]) + Vector3::new(p[2], p[3], p[4])) * p[0]
+    let acceleration = |v: &Vector3<T>| acceleration_by_air(body, v, spin, p[1]) + Vector3::new(p[2], p[3], p[4]);
+    acceleration(&(v + acceleration(v) * (p[0] * 0.5))) * p[0]
 }
 
 /// m/s².
@@ -69,15 +70,29 @@ mod tests {
     use super::*;
     use crate::impact::rigid::tests::reference_equipment;
 
+    /// A tenth of a second at once, and in a thousand steps: 0.01 m/s of 2.
+    #[test]
+    fn agrees_a_long_flight_with_one_in_small_steps() {
+        let (racket, ball) = reference_equipment();
+        let body = Body::new(&racket, &ball).expect("valid");
+        let (start, spin) = (Vector3::new(3.0, 2.0, 33.0), Vector3::new(200.0, 50.0, 0.0));
+        let over = |delay_s: f64, v: &Vector3<f64>| flown(&[delay_s, 0.507, 0.0, -9.81, 0.0], &body, v, &spin);
+        let small = (0..1000).fold(start, |v, _| v + over(1e-4, &v)) - start;
+        let once = over(0.1, &start);
+        assert!(small.norm() > 1.8 && (once - small).norm() < 0.01, "{once} against {small}");
+    }
+
     /// Physics reference, D.17: at 33 m/s drag is 19.8 m/s², at 1125 rpm Magnus lift 3.7 m/s²; gravity is itself.
     #[test]
     fn truth_published_accelerations() {
         let (racket, ball) = reference_equipment();
         let body = Body::new(&racket, &ball).expect("valid");
         let v = Vector3::new(0.0, 0.0, 33.0);
-        let at = |spin: f64, gravity: f64| flown(&[1.0, 0.507, 0.0, gravity, 0.0], &body, &v, &Vector3::new(spin, 0.0, 0.0));
+        let moment = 1e-6;
+        let at = |spin: f64, gravity: f64| flown(&[moment, 0.507, 0.0, gravity, 0.0], &body, &v, &Vector3::new(spin, 0.0, 0.0)) / moment;
         assert!((at(0.0, 0.0).z + 19.8).abs() < 0.3, "{}", at(0.0, 0.0));
         assert!((at(117.8, 0.0).y + 3.7).abs() < 0.2, "{}", at(117.8, 0.0));
-        assert!((at(0.0, -9.81).y + 9.81).abs() < 1e-12);
+        // To the moment's own change of the velocity, 5e-6 m/s, times what drag makes of it (0.6 per s).
+        assert!((at(0.0, -9.81).y + 9.81).abs() < 1e-5);
     }
 }

@@ -95,6 +95,11 @@ impl Ledger {
     }
 }
 
+/// The noise floor of a staircase: a version that fails bounds it from above, the lowest of all is nearest to it.
+pub fn noise_floor(path: &[&LedgerEntry]) -> f64 {
+    path.iter().map(|e| e.noise_floor).reduce(f64::min).unwrap_or(1.0)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -118,6 +123,13 @@ mod tests {
             refused: vec![],
             program_version: "0".into(),
         }
+    }
+
+    #[test]
+    fn law_the_floor_is_that_of_the_version_that_fails_least() {
+        let path = [LedgerEntry { noise_floor: 3.6, ..entry("a", None, 18.0) }, LedgerEntry { noise_floor: 1.05, ..entry("b", Some("a"), 1.1) }];
+        assert_eq!(noise_floor(&path.iter().rev().collect::<Vec<_>>()), 1.05);
+        assert_eq!(noise_floor(&[]), 1.0);
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use super::comparison::{Adequacy, Comparison};
 use super::diagnosis::{Diagnosis, Verdict};
-use super::ledger::LedgerEntry;
+use super::ledger::{LedgerEntry, noise_floor};
 use super::place::output_words;
 use super::structure::p_text;
 use crate::impact_table::unit;
@@ -177,11 +177,12 @@ pub fn ledger_text(path: &[&LedgerEntry]) -> String {
     let mut t = String::new();
     let Some(last) = path.last() else { return t };
     let _ = writeln!(t, "error on the same {} held-out impacts:", last.n_held_out);
-    let widest = path.iter().map(|e| e.heldout_error).fold(last.noise_floor, f64::max);
+    let floor = noise_floor(path);
+    let widest = path.iter().map(|e| e.heldout_error).fold(floor, f64::max);
     for e in path {
         let bar = "#".repeat(((40.0 * e.heldout_error / widest).round() as usize).clamp(1, 40));
         let _ = writeln!(t, "  {:<34} {:>7.3} {bar}", format!("{} ({})", e.step, e.model_file), e.heldout_error);
     }
-    let _ = writeln!(t, "  {:<34} {:>7.3} {}", "noise floor", last.noise_floor, "-".repeat(((40.0 * last.noise_floor / widest).round() as usize).clamp(1, 40)));
+    let _ = writeln!(t, "  {:<34} {:>7.3} {}", "noise floor", floor, "-".repeat(((40.0 * floor / widest).round() as usize).clamp(1, 40)));
     t
 }

@@ -6,6 +6,7 @@ use crate::report::column::column_words;
 use crate::report::markup::{fixed, with_sd};
 use crate::report::page::{Layout, Section, Table};
 use crate::report::parameter_unit::with_unit;
+use crate::validation::ledger::noise_floor;
 use crate::validation::{Comparison, LedgerEntry};
 
 /// Trends shown before and after.
@@ -19,11 +20,12 @@ pub fn ledger(path: &[&LedgerEntry], stages: &[&Comparison]) -> Option<Section> 
     if path.len() < 2 && stages.len() < 2 {
         return None;
     }
-    let mut section = Section::new("ledger", "The error falls");
+    let falls = path.first().zip(path.last()).is_none_or(|(first, last)| last.heldout_error <= first.heldout_error);
+    let mut section = Section::new("ledger", if falls { "The error falls" } else { "The error, version by version" });
     if path.len() >= 2 {
         section = section.figures(
             Layout::Wide,
-            &[(staircase(path), "Root mean square of residual over noise. Bars: on the same held-out impacts, version by version; diamonds: on the impacts the fit used. Dashed: the noise floor as the last version leaves it, what a model without fault would show on this data.".to_owned())],
+            &[(staircase(path), "Root mean square of residual over noise. Bars: on the same held-out impacts, version by version; diamonds: on the impacts the fit used. Dashed: the noise floor as the best of the versions leaves it, what a model without fault would show on this data.".to_owned())],
         );
         section = section.table(table(path));
         let refused: Vec<String> = path
@@ -61,7 +63,7 @@ fn staircase(path: &[&LedgerEntry]) -> String {
     let names: Vec<String> = path.iter().map(|e| step_name(e)).collect();
     let bars: Vec<(f64, f64, f64)> = path.iter().enumerate().map(|(i, e)| (i as f64 - 0.5, i as f64 + 0.5, e.heldout_error)).collect();
     let fit: Vec<(f64, f64)> = path.iter().enumerate().map(|(i, e)| (i as f64, e.fit_error)).collect();
-    let floor = path.last().map_or(1.0, |e| e.noise_floor);
+    let floor = noise_floor(path);
     let (first, last) = (path.first().map_or(f64::NAN, |e| e.heldout_error), path.last().map_or(f64::NAN, |e| e.heldout_error));
     Chart::new("Error on impacts no fit has seen")
         .describe(&format!(

@@ -55,6 +55,12 @@ type Outcome = (&'static str, serde_json::Value, String);
 
 pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let folder = shell.args.out.clone().unwrap_or_default();
+    if arguments.study != Study::Findings {
+        let given = [("--racket", &arguments.racket), ("--ball", &arguments.ball), ("--model", &arguments.model)];
+        for (option, _) in given.iter().filter(|(_, file)| file.is_some()) {
+            shell.say(format_args!("{option} is for `explore findings`; this study has its own and does not use it"));
+        }
+    }
     let (name, json, page) = match arguments.study {
         Study::Published => published::published()?,
         Study::Findings => findings::findings(&arguments)?,

@@ -5,9 +5,11 @@ use std::path::Path;
 use std::process::Command;
 use sweetspot::impact_table::{INPUTS, OUTPUTS};
 
-fn sweetspot(folder: &Path, arguments: &[&str]) {
+/// What the command says.
+fn sweetspot(folder: &Path, arguments: &[&str]) -> String {
     let done = Command::new(env!("CARGO_BIN_EXE_sweetspot")).current_dir(folder).args(arguments).output().unwrap();
     assert!(done.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&done.stderr));
+    String::from_utf8_lossy(&done.stdout).into_owned()
 }
 
 fn write_racket_and_ball(folder: &Path) {
@@ -22,7 +24,8 @@ fn cli_explore_writes_every_study() {
     let folder = tempfile::tempdir().unwrap();
     write_racket_and_ball(folder.path());
     sweetspot(folder.path(), &["--out", ".", "explore", "published"]);
-    sweetspot(folder.path(), &["--out", ".", "explore", "models"]);
+    let said = sweetspot(folder.path(), &["--out", ".", "explore", "models", "--ball", "ball.toml"]);
+    assert!(said.contains("--ball is for `explore findings`"), "{said}");
     sweetspot(folder.path(), &["--out", ".", "explore", "findings", "--racket", "racket.toml", "--shots", "200"]);
     for (name, needles) in [
         ("published", &["Miller and Messner", "frame mode at 180 Hz", "rebound, e 0.84", "Wimbledon"][..]),

@@ -177,14 +177,15 @@ fn alone<const S: usize>(state: &[f64; S], job: &Job<S>, mode: &Mode) -> ([f64; 
 /// A job at first touch: its state, its rates, its lane.
 fn begin<const S: usize>(job: &Job<S>) -> ([f64; S], [f64; S], Lane) {
     let mut mode = Mode { side: job.side, stick: 0.0, direction_x: 1.0, direction_y: 0.0 };
-    let (mut rate, mut start) = alone(&job.state, job, &mode);
-    let slip = start.slip();
+    let (_, untold) = alone(&job.state, job, &mode);
+    let slip = untold.slip();
     if slip > 0.0 {
-        (mode.direction_x, mode.direction_y) = (start.slip_x / slip, start.slip_y / slip);
+        (mode.direction_x, mode.direction_y) = (untold.slip_x / slip, untold.slip_y / slip);
     } else {
-        mode.stick = if start.grip_left >= 0.0 { STICK } else { CREEP };
-        (rate, start) = alone(&job.state, job, &mode);
+        mode.stick = if untold.grip_left >= 0.0 { STICK } else { CREEP };
     }
+    // With another direction than the slip's own the first friction would push it.
+    let (rate, start) = alone(&job.state, job, &mode);
     let flag = |holds: bool| if holds { 1.0 } else { 0.0 };
     let pace = Pace {
         time: 0.0,

@@ -184,6 +184,32 @@ fn law_ledger_closes() {
     }
 }
 
+/// On a racket that nothing moves a sliding ball is slowed by the friction coefficient times what turns it back, whichever way it slides.
+#[test]
+fn law_sliding_friction_is_in_proportion_to_the_normal_force_all_through() {
+    let (racket, ball) = reference_equipment();
+    let mut text = String::from("base = \"viscoelastic\"\n[parameters]\nmu = 0.05\n");
+    for (k, part) in ["racket_mass", "twist_inertia", "swing_inertia", "chop_inertia"].into_iter().enumerate() {
+        text += &format!("[effects.fixed-{k}]\nreplaces = \"{part}\"\nexpression = \"{part} * 1e9\"\n");
+    }
+    let prepared = Model::parse(&text, std::path::Path::new("fixed.toml")).expect("valid").prepare(&racket, &ball).expect("valid");
+    for turn in 0..12 {
+        let (across, along) = (0.5 * f64::from(turn) + 0.2).sin_cos();
+        for side in [1.0, -1.0] {
+            let input = ImpactInput {
+                ball_velocity: Vector3::new(20.0 * along, 20.0 * across, -15.0 * side),
+                ball_spin: Vector3::zeros(),
+                racket_velocity: Vector3::zeros(),
+                racket_rate: Vector3::zeros(),
+                ..reference_input()
+            };
+            let change = prepared.predict(&input).expect("contact").ball_velocity - input.ball_velocity;
+            let ratio = change.x.hypot(change.y) / change.z.abs();
+            assert!((ratio - 0.05).abs() < 1e-8, "slip along ({along:.2}, {across:.2}): {ratio}");
+        }
+    }
+}
+
 /// Impacts from sliding throughout to sticking early and giving way late.
 fn oblique_impacts() -> Vec<ImpactInput> {
     (0..81).map(|k| ImpactInput { ball_velocity: Vector3::new(1.0, 0.5 * f64::from(k) - 20.0, -28.0 + f64::from(k % 5)), ..reference_input() }).collect()

@@ -83,12 +83,19 @@ pub fn ends_with_line(path: &Path) -> bool {
     std::fs::File::open(path).is_ok_and(last)
 }
 
+/// Whether a link is the name by which the system lends a process one of its open files (`/dev/stdout`, `/dev/fd/1`). A file in memory (`/dev/shm`) is not.
+fn is_lent(link: &Path) -> bool {
+    let folder = link.parent().and_then(|folder| std::fs::canonicalize(folder).ok());
+    let (Some(folder), Some(name)) = (folder, link.file_name()) else { return false };
+    folder.starts_with("/proc") || [Path::new("/dev/stdout"), Path::new("/dev/stderr")].contains(&folder.join(name).as_path())
+}
+
 fn write_whole(path: &Path, bytes: &[u8], to_the_disk: bool) -> io::Result<()> {
     let named = |e: io::Error| io::Error::new(e.kind(), format!("{}: cannot be written ({e})", path.display()));
     // A terminal, a pipe or a device is written to, never replaced by a file; nor is a name by which the system lends one. Any other link is replaced:
     // it may lead out of the folder.
-    let lent = ["/dev", "/proc"].iter().any(|folder| path.starts_with(folder));
-    if lent || std::fs::symlink_metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir() && !m.is_symlink()) {
+    let goes_on = |m: std::fs::Metadata| if m.is_symlink() { is_lent(path) } else { !m.is_file() && !m.is_dir() };
+    if std::fs::symlink_metadata(path).is_ok_and(goes_on) {
         return std::fs::OpenOptions::new().write(true).open(path).and_then(|mut file| file.write_all(bytes)).map_err(named);
     }
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or_else(|| Path::new("."));
@@ -106,4 +113,34 @@ fn write_whole(path: &Path, bytes: &[u8], to_the_disk: bool) -> io::Result<()> {
     }
     file.persist(path).map_err(|e| named(e.error))?;
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_new_file_in_memory_is_a_file() {
+        // Where the system keeps files in memory, as fast recordings are put there; elsewhere any folder.
+        let memory = Path::new("/dev/shm");
+        let folder = if memory.is_dir() { tempfile::tempdir_in(memory) } else { tempfile::tempdir() }.expect("a folder");
+        let path = folder.path().join("results/tracks.csv");
+        for text in ["long long before\n", "short\n"] {
+            write_soon(&path, text.as_bytes()).expect("written");
+            assert_eq!(std::fs::read_to_string(&path).expect("readable"), text);
+        }
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn only_the_systems_own_links_are_written_through() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let (elsewhere, link) = (folder.path().join("elsewhere"), folder.path().join("link"));
+        std::fs::write(&elsewhere, "kept").expect("written");
+        std::os::unix::fs::symlink(&elsewhere, &link).expect("linked");
+        write_atomically(&link, b"new").expect("written");
+        assert_eq!(std::fs::read_to_string(&elsewhere).expect("readable"), "kept");
+        assert_eq!(std::fs::read_to_string(&link).expect("readable"), "new");
+        assert!(is_lent(Path::new("/dev/stdout")) || !Path::new("/dev/stdout").exists());
+    }
 }

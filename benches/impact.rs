@@ -35,6 +35,7 @@ fn inputs(n: usize) -> Vec<ImpactInput> {
             position: Vector2::new(-0.015, 0.03),
             grip_torque: 0.0,
             order: i as f64,
+            own: Default::default(),
         })
         .collect()
 }

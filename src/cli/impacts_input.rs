@@ -71,7 +71,8 @@ impl ImpactsInput {
                 r.set("contact_time", None);
             });
         }
-        let mut observations = Observations::new(&table, &equipment.rackets, &equipment.balls, &TableOptions { group: self.group.clone() })?;
+        let options = TableOptions { group: self.group.clone(), own_columns: model.own_columns().into_iter().map(str::to_owned).collect() };
+        let mut observations = Observations::new(&table, &equipment.rackets, &equipment.balls, &options)?;
         if timed {
             observations.notes.push("`contact_time` is left out: base \"rigid\" is an impulse and has none".to_owned());
         }

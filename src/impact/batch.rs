@@ -1,8 +1,9 @@
 //! A whole impacts table through the model.
 
-use super::error::ModelError;
+use super::error::{ModelError, near_matches};
 use super::input::{ImpactInput, ImpactOutput};
 use super::model::Model;
+use super::own_columns::{OwnColumns, lacking};
 use super::prepared_model::PreparedModel;
 use super::sensitivity::{Column, Sensitivities, SensitivityModel};
 use crate::equipment_set::{EquipmentSet, PickError};
@@ -18,6 +19,8 @@ pub enum RowError {
     Missing { id: String, column: &'static str },
     #[error("impact {id}: {what}")]
     Impossible { id: String, what: String },
+    #[error("impact {id}: {what}")]
+    OwnColumn { id: String, what: String },
     #[error(transparent)]
     Pick(#[from] PickError),
     #[error("impact {id}: {source}")]
@@ -36,11 +39,12 @@ pub fn without_spin(table: &ImpactTable) -> Vec<&str> {
 }
 
 /// The model input of one row. Incoming spin ([`without_spin`] names the rows) and `grip_torque` count as 0 when they
-/// were not measured; `order` is the row's sequence minus `first_sequence` (the table's smallest).
+/// were not measured; `order` is the row's sequence minus `first_sequence` (the table's smallest). `own` are the columns of the user's own that
+/// the model asks for.
 ///
 /// # Errors
-/// [`RowError::Missing`] for any other input that was not measured, [`RowError::Impossible`] for one that no impact has.
-pub fn input_of_row(row: &ImpactRow, first_sequence: f64) -> Result<ImpactInput, RowError> {
+/// [`RowError::Missing`] for any other input that was not measured, [`RowError::Impossible`] for one that no impact has, [`RowError::OwnColumn`].
+pub fn input_of_row(row: &ImpactRow, first_sequence: f64, own: &[&str]) -> Result<ImpactInput, RowError> {
     if let Some(what) = impossible(INPUTS.iter().zip(&row.inputs)) {
         return Err(RowError::Impossible { id: row.id.clone(), what });
     }
@@ -52,7 +56,10 @@ pub fn input_of_row(row: &ImpactRow, first_sequence: f64) -> Result<ImpactInput,
             None => return Err(RowError::Missing { id: row.id.clone(), column }),
         };
     }
-    Ok(ImpactInput::from_columns(&columns, row.sequence - first_sequence))
+    if let Some(what) = lacking(&row.groups, own) {
+        return Err(RowError::OwnColumn { id: row.id.clone(), what });
+    }
+    Ok(ImpactInput { own: OwnColumns::of(&row.groups, own), ..ImpactInput::from_columns(&columns, row.sequence - first_sequence) })
 }
 
 /// The smallest sequence number of a table: the order of an impact counts from it.
@@ -72,15 +79,29 @@ pub fn prepare_pairs(model: &Model, set: &EquipmentSet, table: &ImpactTable) -> 
     Ok(prepared)
 }
 
+/// # Errors
+/// A column that the model's expressions ask for and no row has.
+fn has_columns(model: &Model, table: &ImpactTable) -> Result<(), ModelError> {
+    let absent = |name: &&str| !table.rows.iter().any(|row| row.groups.contains_key(*name));
+    match (model.own_columns().into_iter().find(absent), table.rows.first()) {
+        (Some(name), Some(row)) => {
+            let seen: Vec<&str> = row.groups.keys().map(String::as_str).collect();
+            Err(ModelError::NoColumn { name: name.to_owned(), near: near_matches(name, seen.iter().copied()), seen: seen.join(", ") })
+        }
+        _ => Ok(()),
+    }
+}
+
 /// Predicts every row; rows that cannot be predicted say why, the others are complete.
 ///
 /// # Errors
 /// A racket, ball or model that cannot be prepared at all.
 pub fn predict_table(model: &Model, set: &EquipmentSet, table: &ImpactTable) -> Result<Vec<Result<ImpactOutput, RowError>>, ModelError> {
     let prepared = prepare_pairs(model, set, table)?;
-    let first = first_sequence(table);
+    has_columns(model, table)?;
+    let (first, own) = (first_sequence(table), model.own_columns());
     let one = |row: &ImpactRow| -> Result<ImpactOutput, RowError> {
-        let input = input_of_row(row, first)?;
+        let input = input_of_row(row, first, &own)?;
         let pair = set.pick(row)?;
         let model = prepared.get(&pair).ok_or(RowError::Model { id: row.id.clone(), source: ModelError::NotFinite })?;
         model.predict(&input).map_err(|source| RowError::Model { id: row.id.clone(), source })
@@ -94,8 +115,8 @@ pub fn predict_table(model: &Model, set: &EquipmentSet, table: &ImpactTable) -> 
 /// As [`predict_table`].
 pub fn limited_restitutions<'a>(model: &Model, set: &EquipmentSet, table: &'a ImpactTable) -> Result<Vec<(&'a str, f64)>, ModelError> {
     let prepared = prepare_pairs(model, set, table)?;
-    let first = first_sequence(table);
-    let of = |row: &ImpactRow| prepared.get(&set.pick(row).ok()?)?.unlimited_restitution(&input_of_row(row, first).ok()?);
+    let (first, own) = (first_sequence(table), model.own_columns());
+    let of = |row: &ImpactRow| prepared.get(&set.pick(row).ok()?)?.unlimited_restitution(&input_of_row(row, first, &own).ok()?);
     // What is not finite has no prediction.
     let beyond = |e: &f64| e.is_finite() && !(0.0..=1.0).contains(e);
     Ok(table.rows.iter().filter_map(|row| Some((row.id.as_str(), of(row).filter(beyond)?))).collect())
@@ -109,7 +130,7 @@ const GAIN_OF_A_HAND: f64 = 0.1;
 pub fn gained_energies<'a>(set: &EquipmentSet, table: &'a ImpactTable, outcomes: &[Result<ImpactOutput, RowError>]) -> Vec<(&'a str, f64)> {
     let first = first_sequence(table);
     let gain = |row: &ImpactRow, after: &ImpactOutput| {
-        let (before, (r, b)) = (input_of_row(row, first).ok()?, set.pick(row).ok()?);
+        let (before, (r, b)) = (input_of_row(row, first, &[]).ok()?, set.pick(row).ok()?);
         let (racket, ball) = (&set.rackets[r], &set.balls[b]);
         let energy = |v: &Vector3<f64>, w: &Vector3<f64>, racket_v: &Vector3<f64>, rate: &Vector3<f64>| {
             let of_ball = ball.mass_kg * v.norm_squared() + ball.inertia_kg_m2() * w.norm_squared();
@@ -140,9 +161,9 @@ pub fn differentiate_table(model: &Model, set: &EquipmentSet, table: &ImpactTabl
             slot.insert(SensitivityModel::new(model, &set.rackets[r], &set.balls[b])?);
         }
     }
-    let first = first_sequence(table);
+    let (first, own) = (first_sequence(table), model.own_columns());
     let one = |row: &ImpactRow| -> Result<RowSensitivity, RowError> {
-        let input = input_of_row(row, first)?;
+        let input = input_of_row(row, first, &own)?;
         let pair = set.pick(row)?;
         let failed = |source| RowError::Model { id: row.id.clone(), source };
         let sensitivities = prepared.get(&pair).ok_or_else(|| failed(ModelError::NotFinite))?.at(&input).map_err(failed)?;

@@ -12,6 +12,10 @@ pub enum ModelError {
     UnknownKey { path: PathBuf, place: String, key: String, near: String, known: String },
     #[error("{path}: `{key}` is {seen}; allowed: {allowed}", path = .path.display())]
     Value { path: PathBuf, key: String, seen: String, allowed: String },
+    #[error("the expressions ask for {seen} columns of the table's own; allowed: {most}; put what belongs together into one column")]
+    TooManyColumns { seen: usize, most: usize },
+    #[error("the model asks for `column.{name}`{near}, and the table has no such column of its own; it has: {}", if .seen.is_empty() { "none" } else { .seen })]
+    NoColumn { name: String, near: String, seen: String },
     #[error("no effect `{name}`{near}; `sweetspot effects` lists the catalogue")]
     UnknownEffect { name: String, near: String },
     /// An error that says nothing of the file, found while reading one.

@@ -1,5 +1,6 @@
 //! What goes into an impact and what comes out of it.
 
+use super::own_columns::OwnColumns;
 use super::real::Real;
 use nalgebra::{Vector2, Vector3};
 
@@ -20,6 +21,8 @@ pub struct ImpactInput<T = f64> {
     pub grip_torque: T,
     /// Order of the impact in time (0 for the first), for effects that drift.
     pub order: f64,
+    /// Numbers in columns of the user's own, for expressions.
+    pub own: OwnColumns,
 }
 
 /// State at last contact, along the local axes at first contact.
@@ -46,7 +49,13 @@ impl<T: Real> ImpactInput<T> {
             position: Vector2::new(c[12], c[13]),
             grip_torque: c[14],
             order,
+            own: OwnColumns::default(),
         }
+    }
+
+    /// The same impact with other values in those columns.
+    pub fn with_columns<U: Real>(&self, c: &[U; 15]) -> ImpactInput<U> {
+        ImpactInput { own: self.own, ..ImpactInput::from_columns(c, self.order) }
     }
 
     /// The 15 columns of [`crate::impact_table::INPUTS`], in that order.

@@ -5,6 +5,7 @@ use super::card::{EffectCard, ParameterCard};
 use super::effects::{DifferentiableEffect, catalogue, effect_card};
 use super::error::{ModelError, near_matches};
 use super::expression::ExpressionEffect;
+use super::own_columns::MOST_OWN_COLUMNS;
 use super::parameter::Parameter;
 use super::prepared_model::PreparedModel;
 use super::rigid::Sliding;
@@ -226,6 +227,14 @@ impl Model {
         &self.effects
     }
 
+    /// The columns of a table that its expressions ask for, beside the usual ones.
+    pub fn own_columns(&self) -> Vec<&str> {
+        let mut names: Vec<&str> = self.effects.iter().filter_map(|e| e.expression.as_ref()).flat_map(|e| e.own_columns()).collect();
+        names.sort_unstable();
+        names.dedup();
+        names
+    }
+
     pub fn has_effect(&self, name: &str) -> bool {
         self.effects.iter().any(|e| e.name == name)
     }
@@ -295,7 +304,10 @@ impl Model {
         if let Some(added) = model.effects.iter_mut().find(|e| e.name == name) {
             added.expression = Some(effect);
         }
-        Ok(model)
+        match model.own_columns().len() {
+            n if n > MOST_OWN_COLUMNS => Err(ModelError::TooManyColumns { seen: n, most: MOST_OWN_COLUMNS }),
+            _ => Ok(model),
+        }
     }
 
     /// The model made ready for one racket and ball: bodies changed by the effects, frame modes computed.

@@ -362,10 +362,12 @@ pub fn note_group_noise(structure: &StructureTest, notes: &mut Vec<String>) {
 pub fn note_groups(structure: &StructureTest, notes: &mut Vec<String>) {
     for g in &structure.by_group {
         notes.push(format!(
-            "the model does not fail alike in all groups of `{}` ({}): {}; what differs between them (a racket's mass, its stringing, a camera, units) is where to look, and one table for each will tell",
+            "the model does not fail alike in all groups of `{}` ({}): {}; what differs between them (a racket's mass, its stringing, a camera, units) is where to look, and one table for each will tell; where the column \
+             holds numbers, an expression can use it (`column.{}`)",
             g.column,
             p_text(g.p_value),
-            g.words()
+            g.words(),
+            g.column
         ));
     }
 }

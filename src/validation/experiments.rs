@@ -47,7 +47,9 @@ pub fn next_experiment(
     separated_by: &str,
 ) -> Option<NextExperiment> {
     let (columns, whitener, sd) = typical_noise(fitted)?;
-    let asked: Vec<Asked> = grid(observations, impacts).into_iter().map(|inputs| Asked { gear: 0, order: 0.0, inputs }).collect();
+    // With the user's own columns as in the impacts' middle.
+    let own = impacts.get(impacts.len() / 2).map(|o| o.own).unwrap_or_default();
+    let asked: Vec<Asked> = grid(observations, impacts).into_iter().map(|inputs| Asked { gear: 0, order: 0.0, own, inputs }).collect();
     let all = |p: &dyn Prediction| -> Vec<Option<Outputs>> { asked.par_chunks(PIECE).flat_map_iter(|piece| p.predict_many(piece)).collect() };
     let (by_first, by_second) = (all(first.prediction), all(second.prediction));
     let mut settings: Vec<Setting> = asked

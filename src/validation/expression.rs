@@ -19,6 +19,7 @@ use super::rank::{Reference, gain_over, log_evidence_over};
 use super::screen::Screening;
 use super::step_in_order::{StepInOrder, strongest_step};
 use super::structure::{ContactInputs, StructureTest, racket_turns, structure_test, swings_in_order};
+use crate::impact::{OwnColumn, OwnColumns};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -90,8 +91,50 @@ fn free_name(reference: &Reference, name: &str) -> String {
     std::iter::once(name.to_owned()).chain(numbered).find(|n| !reference.library.has_effect(n)).unwrap_or_default()
 }
 
-/// The features of a table: those of every table, what goes with speed along and across the face, then swings with the order of its
-/// impacts.
+/// A column of the user's own that tells where the model fails, as a feature: about its middle, in units of half its range.
+struct ColumnFeature {
+    column: String,
+    middle: f64,
+    half_range: f64,
+}
+
+impl ColumnFeature {
+    /// `None` where an impact has no number there, or its name is none an expression can hold.
+    fn of(reference: &Reference, column: &str) -> Option<Self> {
+        let nameable = !column.is_empty() && column.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
+        let at = OwnColumn::named(column);
+        let (low, high) = reference.observations.impacts.iter().map(|o| o.own.get(at)).fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| {
+            if v.is_nan() { (f64::NAN, f64::NAN) } else if low.is_nan() { (low, high) } else { (low.min(v), high.max(v)) }
+        });
+        // Two digits of the range: people write such a formula down.
+        let half_range = rounded(0.5 * (high - low));
+        let step = 10f64.powf(half_range.abs().log10().floor() - 1.0);
+        let middle = (0.5 * (high + low) / step).round() * step;
+        (nameable && half_range > 0.0 && half_range.is_finite()).then(|| ColumnFeature { column: column.to_owned(), middle: tidy(middle), half_range })
+    }
+
+    /// Linear and squared, as the model file has it and in words.
+    fn names(&self) -> [(String, String); 2] {
+        let ColumnFeature { column, middle, half_range } = self;
+        let sign = if *middle < 0.0 { '+' } else { '-' };
+        let linear = format!("((column.{column} {sign} {}) / {half_range})", middle.abs());
+        let squared = format!("{linear}^2");
+        [(linear, format!("with the table's column `{column}`")), (squared, format!("away from the middle of the table's column `{column}`"))]
+    }
+
+    fn values(&self, own: &OwnColumns) -> [f64; 2] {
+        let v = (own.get(OwnColumn::named(&self.column)) - self.middle) / self.half_range;
+        [v, v * v]
+    }
+}
+
+/// A number without what its computation left in the last digits.
+fn tidy(value: f64) -> f64 {
+    format!("{value:.6e}").parse().unwrap_or(value)
+}
+
+/// The features of a table: those of every table, what goes with speed along and across the face, swings with the order of its
+/// impacts, then its own columns by whose groups the model fails.
 struct TableFeatures {
     /// As the model file has it, and in words.
     names: Vec<(String, String)>,
@@ -121,12 +164,15 @@ impl TableFeatures {
             let period = 2.0 * std::f64::consts::PI / a;
             (format!("cos({a} * order)"), format!("in waves of {period:.0} impacts"))
         }));
+        let own: Vec<ColumnFeature> = reference.groups.iter().filter_map(|g| ColumnFeature::of(reference, &g.column)).collect();
+        names.extend(own.iter().flat_map(ColumnFeature::names));
         let mut values = DMatrix::zeros(n, names.len());
         for (i, (o, l)) in reference.impacts.iter().zip(&reference.base.impacts).enumerate() {
             let inputs = FeatureInputs::of(o, &l.true_inputs, &reference.observations.gear[o.gear]);
             let inputs = if swings { inputs } else { inputs.without_swing() };
             let inputs = if one_side { inputs.without_side() } else { inputs };
             let row = FEATURES.iter().map(|f| (f.value)(&inputs)).chain(inputs.speed_times_place(middle_m_s)).chain(angles.iter().map(|a| (a * o.order).cos()));
+            let row = row.chain(own.iter().flat_map(|column| column.values(&o.own)));
             row.enumerate().for_each(|(j, value)| values[(i, j)] = value);
         }
         for j in 1..names.len() {

@@ -1,6 +1,7 @@
 //! What the statistics need of a model: free parameters in, predictions out. Nothing else of it is known here.
 
 use super::error::ValidationError;
+use crate::impact::OwnColumns;
 use crate::impact_table::{INPUTS, OUTPUTS};
 
 /// The inputs of one impact in the order of [`INPUTS`], SI, racket-local.
@@ -58,6 +59,8 @@ pub struct Asked {
     pub gear: usize,
     /// Its place in time, 0 first.
     pub order: f64,
+    /// Numbers in columns of the user's own.
+    pub own: OwnColumns,
     pub inputs: Inputs,
 }
 

@@ -275,7 +275,7 @@ fn scatter_by_spin(p: &dyn Prediction, points: &mut [Point]) {
 }
 
 fn jump(p: &dyn Prediction, point: &Point) -> DVector<f64> {
-    let found = p.jump(&Asked { gear: point.o.gear, order: point.o.order, inputs: point.x });
+    let found = p.jump(&Asked { gear: point.o.gear, order: point.o.order, own: point.o.own, inputs: point.x });
     DVector::from_iterator(point.o.measured.len(), point.o.measured.iter().map(|&k| found.map_or(0.0, |j| j[k])))
 }
 

@@ -62,7 +62,7 @@ impl ModelForward {
 struct Ready(Vec<PreparedModel>);
 
 fn input_of(asked: &Asked) -> ImpactInput {
-    ImpactInput::from_columns(&asked.inputs, asked.order)
+    ImpactInput { own: asked.own, ..ImpactInput::from_columns(&asked.inputs, asked.order) }
 }
 
 fn columns_of(output: &ImpactOutput) -> Outputs {

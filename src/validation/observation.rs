@@ -9,6 +9,7 @@ use super::noise::ColumnNoise;
 use super::unseen_spin::is_open;
 use crate::equipment::{Ball, Racket};
 use crate::equipment_set::pick;
+use crate::impact::{OwnColumns, lacking};
 use crate::impact_table::{INPUTS, ImpactRow, ImpactTable, OUTPUTS, SHARED, impossible, unit};
 use std::collections::BTreeMap;
 
@@ -30,6 +31,8 @@ pub struct Observation {
     pub gear: usize,
     /// Place in time, 0 for the first.
     pub order: f64,
+    /// Numbers in columns of the user's own.
+    pub own: OwnColumns,
     /// Index into [`Observations::sessions`].
     pub session: usize,
     pub held_out: bool,
@@ -105,6 +108,8 @@ pub struct Observations {
 pub struct TableOptions {
     /// Keeps the impacts of a group on one side of the held-out split.
     pub group: Option<String>,
+    /// Columns of the user's own that the model's expressions ask for.
+    pub own_columns: Vec<String>,
 }
 
 impl Observations {
@@ -168,6 +173,10 @@ impl Observations {
     }
 
     fn observation(&self, row: &ImpactRow, gear: usize, options: &TableOptions, spin_sd: &Inputs) -> Result<Observation, String> {
+        let wanted: Vec<&str> = options.own_columns.iter().map(String::as_str).collect();
+        if let Some(why) = lacking(&row.groups, &wanted) {
+            return Err(why);
+        }
         let mut missing = [false; INPUTS.len()];
         let mut inputs = [0.0; INPUTS.len()];
         let mut input_sd = [0.0; INPUTS.len()];
@@ -190,6 +199,7 @@ impl Observations {
             id: row.id.clone(),
             gear,
             order: row.sequence,
+            own: OwnColumns::of(&row.groups, &wanted),
             session: 0,
             held_out: is_held_out(held_by),
             inputs,

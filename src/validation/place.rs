@@ -4,11 +4,13 @@
 //! neighbouring groups the one that stands out most against the rest is taken. Its p-value is corrected for every range,
 //! input and output looked at.
 
+use super::by_group::GroupMisfit;
 use super::comparison::{NormalSigns, coordinate_name};
 use super::diagnosis::Place;
 use super::linearise::Linearised;
 use super::observation::Observation;
 use super::structure::normal_tail;
+use crate::impact::OwnColumn;
 use crate::impact_table::{OUTPUTS, unit};
 
 /// Groups of equal size an input is cut into (fewer with few impacts).
@@ -18,9 +20,37 @@ const MOST_PLACES: usize = 6;
 /// A place must be this unlikely by chance, all ranges looked at counted.
 const LEVEL: f64 = 0.01;
 
-/// The places that stand out, most significant first; one per pair of output and input. `c` is the noise scale. They must stand out of
-/// the noise, and (but for the first) of the scatter that is there: `p_value` is by the larger of the two.
-pub fn places(impacts: &[&Observation], fitted: &[Linearised], varied: &[usize], c: f64) -> Vec<Place> {
+/// What impacts are put in order of: an input, the order in time (index behind the inputs'), or a column of the user's own.
+#[derive(Clone, Copy)]
+enum Coordinate<'a> {
+    Usual(usize),
+    Own(&'a str),
+}
+
+impl Coordinate<'_> {
+    fn name(&self) -> &str {
+        match self {
+            Coordinate::Usual(j) => coordinate_name(*j),
+            Coordinate::Own(name) => name,
+        }
+    }
+
+    /// NaN where an impact has no such number.
+    fn of(&self, o: &Observation) -> f64 {
+        match self {
+            Coordinate::Usual(j) => o.inputs.get(*j).copied().unwrap_or(o.order),
+            Coordinate::Own(name) => o.own.get(OwnColumn::named(name)),
+        }
+    }
+}
+
+/// The places that stand out, most significant first; one per pair of output and input. `c` is the noise scale, `own` are columns of the user's own
+/// by which the model fails. Places must stand out of the noise, and (but for the first) of the scatter that is there: `p_value` is by the larger of
+/// the two.
+pub fn places(impacts: &[&Observation], fitted: &[Linearised], varied: &[usize], own: &[GroupMisfit], c: f64) -> Vec<Place> {
+    // Words part impacts too, but into no ranges.
+    let numbers = own.iter().map(|g| Coordinate::Own(&g.column)).filter(|column| impacts.iter().all(|o| !column.of(o).is_nan()));
+    let coordinates: Vec<Coordinate> = varied.iter().map(|j| Coordinate::Usual(*j)).chain(numbers).collect();
     let mut found: Vec<(f64, Place)> = Vec::new();
     let signs = NormalSigns::of(impacts.iter().map(|o| o.inputs.as_slice()));
     let ranges = GROUPS * (GROUPS + 1) / 2;
@@ -35,8 +65,8 @@ pub fn places(impacts: &[&Observation], fitted: &[Linearised], varied: &[usize],
                     .map(|row| (i, signs.of_output(OUTPUTS[k], &impacts[i].inputs) * l.residual[row], c * l.covariance[(row, row)]))
             })
             .collect();
-        for &j in varied {
-            if let Some(place) = worst_range(&rows, impacts, &signs, k, j, ranges * OUTPUTS.len() * varied.len()) {
+        for j in &coordinates {
+            if let Some(place) = worst_range(&rows, impacts, &signs, k, *j, ranges * OUTPUTS.len() * coordinates.len()) {
                 found.push(place);
             }
         }
@@ -60,13 +90,13 @@ pub fn places(impacts: &[&Observation], fitted: &[Linearised], varied: &[usize],
 }
 
 /// The place, and how unlikely it is by the noise alone.
-fn worst_range(rows: &[(usize, f64, f64)], impacts: &[&Observation], signs: &NormalSigns, k: usize, j: usize, looked_at: usize) -> Option<(f64, Place)> {
+fn worst_range(rows: &[(usize, f64, f64)], impacts: &[&Observation], signs: &NormalSigns, k: usize, along: Coordinate, looked_at: usize) -> Option<(f64, Place)> {
     let groups = GROUPS.min(rows.len() / 6);
     if groups < 3 {
         return None;
     }
     let mut sorted = rows.to_vec();
-    let coordinate = |i: usize| impacts[i].inputs.get(j).copied().unwrap_or(impacts[i].order);
+    let coordinate = |i: usize| along.of(impacts[i]);
     sorted.sort_by(|a, b| coordinate(a.0).total_cmp(&coordinate(b.0)).then(a.0.cmp(&b.0)));
     let n = sorted.len();
     let edges: Vec<usize> = (0..=groups).map(|g| g * n / groups).collect();
@@ -119,10 +149,10 @@ fn worst_range(rows: &[(usize, f64, f64)], impacts: &[&Observation], signs: &Nor
         })
         .sum::<f64>()
         / m as f64;
-    let words = in_words(OUTPUTS[k], coordinate_name(j), from, to, mean, elsewhere, level, a == 0, b == groups);
+    let words = in_words(OUTPUTS[k], along, from, to, mean, elsewhere, level, a == 0, b == groups);
     let place = Place {
         output: OUTPUTS[k].to_owned(),
-        input: coordinate_name(j).to_owned(),
+        input: along.name().to_owned(),
         from,
         to,
         mean_residual: mean,
@@ -149,7 +179,7 @@ fn scatter_variance(rows: &[(usize, f64, f64)], mean: f64) -> f64 {
 }
 
 /// "ball speed normal to the strings is over-predicted by 1.9 m/s for impacts beyond 60 mm toward the tip, not elsewhere".
-fn in_words(output: &str, input: &str, from: f64, to: f64, mean: f64, elsewhere: f64, level: f64, lowest: bool, highest: bool) -> String {
+fn in_words(output: &str, input: Coordinate, from: f64, to: f64, mean: f64, elsewhere: f64, level: f64, lowest: bool, highest: bool) -> String {
     let signed = level.abs() < 2.0 * mean.abs();
     let direction = |mean: f64| match (signed, mean * level < 0.0) {
         (false, true) => "over-predicted",
@@ -205,9 +235,14 @@ pub fn output_words(column: &str) -> String {
     }
 }
 
-fn range_words(input: &str, from: f64, to: f64, lowest: bool, highest: bool) -> String {
+fn range_words(input: Coordinate, from: f64, to: f64, lowest: bool, highest: bool) -> String {
     let mm = |v: f64| format!("{:.0} mm", 1e3 * v);
-    match input {
+    let usual = match input {
+        Coordinate::Usual(j) => coordinate_name(j),
+        Coordinate::Own(name) if !(lowest && highest) => return format!("where `{name}` is {from} to {to}"),
+        Coordinate::Own(_) => "",
+    };
+    match usual {
         _ if lowest && highest => "over the whole range".to_owned(),
         "impact_x" if lowest && to < 0.0 => format!("for impacts beyond {} toward the tip", mm(-to)),
         "impact_x" if highest && from > 0.0 => format!("for impacts beyond {} toward the handle", mm(from)),
@@ -241,9 +276,10 @@ mod tests {
 
     #[test]
     fn truth_words_say_too_fast_and_where() {
-        let words = in_words("ball_out_vz", "impact_x", -0.12, -0.06, -1.9, 0.02, 9.0, true, false);
+        let x = Coordinate::Usual(12);
+        let words = in_words("ball_out_vz", x, -0.12, -0.06, -1.9, 0.02, 9.0, true, false);
         assert_eq!(words, "ball speed normal to the strings is over-predicted by 1.9 m/s for impacts beyond 60 mm toward the tip, not elsewhere");
         // A ball that leaves toward −z: measured less predicted is positive, so it is slower than predicted.
-        assert!(in_words("ball_out_vz", "impact_x", -0.12, -0.06, 1.9, 0.02, -9.0, true, false).contains("over-predicted"));
+        assert!(in_words("ball_out_vz", x, -0.12, -0.06, 1.9, 0.02, -9.0, true, false).contains("over-predicted"));
     }
 }

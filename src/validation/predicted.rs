@@ -50,7 +50,7 @@ fn over_spins(p: &dyn Prediction, asked: &[(&Observation, Inputs)], tried: usize
 }
 
 fn predict_as_asked(p: &dyn Prediction, asked: &[(&Observation, Inputs)]) -> Vec<Option<DVector<f64>>> {
-    let points: Vec<Asked> = asked.iter().map(|(o, inputs)| Asked { gear: o.gear, order: o.order, inputs: *inputs }).collect();
+    let points: Vec<Asked> = asked.iter().map(|(o, inputs)| Asked { gear: o.gear, order: o.order, own: o.own, inputs: *inputs }).collect();
     p.predict_many(&points)
         .into_iter()
         .zip(asked)

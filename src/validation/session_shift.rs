@@ -214,6 +214,7 @@ mod tests {
             id: "a".into(),
             gear: 0,
             order: 0.0,
+            own: Default::default(),
             session: 0,
             held_out: false,
             inputs: [0.0; INPUTS.len()],

@@ -44,6 +44,7 @@ pub fn impacts(n: usize, seed: u64) -> Vec<ImpactInput> {
                 position: Vector2::new(place.x, place.y),
                 grip_torque: torque,
                 order: i as f64,
+                own: Default::default(),
             }
         })
         .collect()

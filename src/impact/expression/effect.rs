@@ -49,6 +49,11 @@ impl ExpressionEffect {
         &self.text
     }
 
+    /// The columns of a table that it asks for, beside the usual ones.
+    pub fn own_columns(&self) -> impl Iterator<Item = &str> {
+        self.expression.own_columns().iter().map(String::as_str)
+    }
+
     /// Whether it changes the bodies or the outcome, and not the contact itself.
     pub(crate) fn acts_around_contact(&self) -> bool {
         matches!(self.channel.access::<f64>(), Access::Body(..) | Access::Output(..))

@@ -5,12 +5,15 @@ use super::dimension::{Dimension, NONE};
 use super::functions::{FUNCTIONS, One, Rule, Two};
 use super::quantities::{Quantity, Scope, quantities, quantity};
 use crate::impact::error::near_matches;
+use crate::impact::own_columns::OwnColumn;
 use crate::impact::real::Real;
 
 /// Longest expression, in bytes: room for any formula, no room for mischief.
 const MAX_LENGTH: usize = 4096;
 /// Deepest nesting of parentheses and powers; bounds recursion and the value stack.
 const MAX_DEPTH: usize = 48;
+/// Stands before the name of a column of the user's own.
+const COLUMN: &str = "column";
 /// Values an evaluation may hold at once.
 const STACK: usize = 64;
 
@@ -26,6 +29,8 @@ pub(super) enum Op {
     Number(f64),
     Parameter(usize),
     Quantity(usize),
+    /// The number in a column of the table's own.
+    Column(OwnColumn),
     /// The replaced channel's value before.
     Own,
     Negate,
@@ -43,7 +48,7 @@ pub(super) enum Op {
 impl Op {
     fn arguments(&self) -> usize {
         match self {
-            Op::Number(_) | Op::Parameter(_) | Op::Quantity(_) | Op::Own => 0,
+            Op::Number(_) | Op::Parameter(_) | Op::Quantity(_) | Op::Column(_) | Op::Own => 0,
             Op::Negate | Op::One(_) => 1,
             Op::Add | Op::Subtract | Op::Multiply | Op::Divide | Op::Power | Op::Two(_) => 2,
             Op::Clamp => 3,
@@ -56,6 +61,7 @@ impl Op {
 pub struct Expression {
     program: Vec<Op>,
     uses_node: bool,
+    own_columns: Vec<String>,
 }
 
 impl Expression {
@@ -69,11 +75,11 @@ impl Expression {
             return Err(SyntaxError { at: MAX_LENGTH, message: format!("{} bytes long; allowed: {MAX_LENGTH}", text.len()) });
         }
         let taken =
-            |name: &str| quantities().iter().any(|q| q.name == name) || FUNCTIONS.iter().any(|f| f.name == name) || name == channel.name || name == "pi";
+            |name: &str| quantities().iter().any(|q| q.name == name) || FUNCTIONS.iter().any(|f| f.name == name) || name == channel.name || ["pi", COLUMN].contains(&name);
         if let Some(name) = names.iter().find(|n| taken(n)) {
             return Err(SyntaxError { at: 0, message: format!("the parameter `{name}` would hide what is called so already; give it another name") });
         }
-        let mut parser = Parser { text, at: 0, depth: 0, channel, names, program: Vec::new(), uses_node: false };
+        let mut parser = Parser { text, at: 0, depth: 0, channel, names, program: Vec::new(), uses_node: false, own_columns: Vec::new() };
         let dimension = parser.sum()?;
         parser.skip_space();
         if parser.at < text.len() {
@@ -82,7 +88,7 @@ impl Expression {
         if dimension.same(channel.dimension()).is_none() {
             return Err(SyntaxError { at: 0, message: format!("it has {dimension}, but `{}` has {}", channel.name, channel.dimension()) });
         }
-        let expression = Expression { program: parser.program, uses_node: parser.uses_node };
+        let expression = Expression { program: parser.program, uses_node: parser.uses_node, own_columns: parser.own_columns };
         match expression.most_values() {
             n if n + 2 <= STACK => Ok(expression),
             n => Err(SyntaxError { at: 0, message: format!("{n} values pending at once; allowed: {}; write it with fewer nested parts", STACK - 2) }),
@@ -104,6 +110,11 @@ impl Expression {
         self.uses_node
     }
 
+    /// The columns of a table that it asks for, beside the usual ones.
+    pub fn own_columns(&self) -> &[String] {
+        &self.own_columns
+    }
+
     pub(super) fn value<T: Real>(&self, scope: &Scope<T>, own: T, p: &[T]) -> T {
         let mut stack = [T::zero(); STACK];
         let mut top = 0;
@@ -114,6 +125,7 @@ impl Expression {
                 Op::Number(v) => T::constant(v),
                 Op::Parameter(i) => p.get(i).copied().unwrap_or(T::constant(f64::NAN)),
                 Op::Quantity(i) => quantity(i, scope),
+                Op::Column(column) => T::constant(scope.at.input.own.get(column)),
                 Op::Own => own,
                 Op::Negate => -a,
                 Op::Add => a + b,
@@ -139,9 +151,10 @@ struct Parser<'a> {
     names: &'a [&'a str],
     program: Vec<Op>,
     uses_node: bool,
+    own_columns: Vec<String>,
 }
 
-impl Parser<'_> {
+impl<'a> Parser<'a> {
     fn error(&self, message: impl Into<String>) -> SyntaxError {
         SyntaxError { at: self.at, message: message.into() }
     }
@@ -293,12 +306,41 @@ impl Parser<'_> {
         Ok(Dimension::Any)
     }
 
+    /// Letters, digits and low lines from here on.
+    fn word(&mut self) -> &'a str {
+        let text: &'a str = self.text;
+        let rest = &text[self.at..];
+        let n = rest.find(|c: char| !(c.is_ascii_alphanumeric() || c == '_')).unwrap_or(rest.len());
+        self.at += n;
+        &rest[..n]
+    }
+
+    /// What follows `column`: a point and the name of a column of the table. Its number takes whatever dimension is needed.
+    fn column(&mut self, start: usize) -> Result<Dimension, SyntaxError> {
+        let name = if self.text[self.at..].starts_with('.') {
+            self.at += 1;
+            self.word().to_owned()
+        } else {
+            String::new()
+        };
+        if name.is_empty() {
+            let message = format!("the name of a column is missing: `{COLUMN}.NAME`, of letters, digits and low lines; another one cannot be used here");
+            return Err(SyntaxError { at: start, message });
+        }
+        if let Some(usual) = quantities().iter().find(|q| q.name == name) {
+            return Err(SyntaxError { at: start, message: format!("`{name}` is a quantity of every impact; write it without `{COLUMN}.`", name = usual.name) });
+        }
+        self.program.push(Op::Column(OwnColumn::named(&name)));
+        self.own_columns.push(name);
+        Ok(Dimension::Any)
+    }
+
     fn name(&mut self) -> Result<Dimension, SyntaxError> {
         let start = self.at;
-        let rest = &self.text[start..];
-        let n = rest.find(|c: char| !(c.is_ascii_alphanumeric() || c == '_')).unwrap_or(rest.len());
-        let name = &rest[..n];
-        self.at += n;
+        let name = self.word();
+        if name == COLUMN {
+            return self.column(start);
+        }
         if self.peek() == Some('(') {
             return self.call(name, start);
         }
@@ -320,7 +362,8 @@ impl Parser<'_> {
             return Err(SyntaxError {
                 at: start,
                 message: format!(
-                    "no quantity or parameter `{name}`{near}; `sweetspot effects --quantities` lists them (other columns of a table are not among them)"
+                    "no quantity or parameter `{name}`{near}; `sweetspot effects --quantities` lists them, and a column of your own in the table is \
+                     written `{COLUMN}.NAME`"
                 ),
             });
         };

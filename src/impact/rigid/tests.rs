@@ -37,6 +37,7 @@ pub(crate) fn reference_input() -> ImpactInput {
         position: Vector2::new(-0.2 + (0.51 - 0.325), 0.03),
         grip_torque: 0.0,
         order: 0.0,
+        own: Default::default(),
     }
 }
 

@@ -104,7 +104,7 @@ impl SensitivityModel {
     pub fn at(&self, input: &ImpactInput) -> Result<Sensitivities, ModelError> {
         let columns = input.as_columns();
         let inputs: Vec<_> =
-            (0..self.passes.len()).map(|pass| ImpactInput::from_columns(&std::array::from_fn(|j| varied(columns[j], j, pass)), input.order)).collect();
+            (0..self.passes.len()).map(|pass| input.with_columns(&std::array::from_fn(|j| varied(columns[j], j, pass)))).collect();
         let (output, outcomes) = match self.model.base() {
             Base::Rigid => (self.centre.predict(input)?, self.through_impulse(&inputs)?),
             Base::Viscoelastic => self.through_contact(input, &inputs)?,
@@ -173,7 +173,7 @@ impl SensitivityModel {
             None => {
                 let mut columns = input.as_columns();
                 columns[n] += by;
-                self.centre.predict(&ImpactInput::from_columns(&columns, input.order))?
+                self.centre.predict(&input.with_columns(&columns))?
             }
             Some(i) => {
                 let mut model = Model::clone(&self.model);
@@ -207,7 +207,7 @@ impl SensitivityModel {
         dual.ball_mass.slope[5] = 1.0;
         dual.ball_inertia.slope[5] = body.ball_inertia / body.ball_mass;
         let values = self.model.values().into_iter().map(Dual::constant).collect();
-        let columns = ImpactInput::from_columns(&input.as_columns().map(Dual::constant), input.order);
+        let columns = input.with_columns(&input.as_columns().map(Dual::constant));
         let output = PreparedModel::with_values(Arc::clone(&self.model), values, dual)?.predict_rigid(&columns)?.0.as_columns();
         Ok(std::array::from_fn(|b| output.map(|c| c.map_or(0.0, |d| d.slope[b]))))
     }

@@ -32,6 +32,7 @@ fn random(rng: &mut rand_chacha::ChaCha8Rng) -> ImpactInput {
         position: Vector2::new(u(0.08), u(0.06)),
         grip_torque: 3.0 + u(2.0),
         order: 40.0 + u(30.0).round(),
+        own: Default::default(),
     }
 }
 

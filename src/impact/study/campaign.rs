@@ -86,6 +86,7 @@ fn mean_shot(players: &Players, chop_as_printed: bool, strings_n_m: f64, model: 
             position: Vector2::new(0.51 - 0.5496, 0.0),
             grip_torque: 0.0,
             order: 0.0,
+            own: Default::default(),
         };
         let o = model.predict(&input)?;
         Ok((global_from_local * o.ball_velocity, global_from_local * o.ball_spin))

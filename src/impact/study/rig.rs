@@ -75,6 +75,7 @@ pub fn at_rest(body: &Body, v: [f64; 3], spin: [f64; 3], along: f64, across: f64
         position: Vector2::new(along + body.com_x, across),
         grip_torque: 0.0,
         order: 0.0,
+        own: Default::default(),
     }
 }
 

@@ -52,6 +52,7 @@ impl Shot {
             position: self.position,
             grip_torque: self.grip_torque,
             order: 0.0,
+            own: Default::default(),
         }
     }
 

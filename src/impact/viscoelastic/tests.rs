@@ -75,6 +75,7 @@ fn shot(x: f64, y: f64, v: [f64; 3]) -> ImpactInput {
         position: Vector2::new(x + 0.185, y),
         grip_torque: 0.0,
         order: 0.0,
+        own: Default::default(),
     }
 }
 

@@ -244,7 +244,9 @@ impl ImpactTable {
         let mut csv = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(TableFile::new(reader));
         let header = csv.headers().map_err(unreadable)?.clone();
         let names: Vec<String> = header.iter().map(|h| h.trim_start_matches('\u{feff}').to_owned()).collect();
-        if !names.iter().any(|n| n == "id") {
+        // Without names of their own the rows are numbered; a file that holds no column of an impact is none.
+        let numbered = !names.iter().any(|n| n == "id");
+        if numbered && !names.iter().any(|n| INPUTS.contains(&n.as_str())) {
             let parted = names.len() == 1 && names[0].contains([';', '\t']);
             let numbers = names.iter().any(|n| n.parse::<f64>().is_ok());
             let remedy = if parted {
@@ -316,6 +318,9 @@ impl ImpactTable {
                 if let Some(m) = cell {
                     m.sd = Some(sd);
                 }
+            }
+            if numbered {
+                row.id = (rows.len() + 1).to_string();
             }
             if row.id.is_empty() {
                 return Err(TableError::Cell {
@@ -398,6 +403,12 @@ mod tests {
         let latin = b"id,player\na,J\xf6rg\n";
         let message = ImpactTable::from_reader(&latin[..], Path::new("t.csv")).expect_err("not UTF-8").to_string();
         assert!(message.contains("save it as CSV in UTF-8"), "{message}");
+    }
+
+    #[test]
+    fn rows_without_names_are_numbered() {
+        let table = read("ball_in_vz,player\n-20,A\n-21,B\n").expect("a table");
+        assert_eq!(table.rows.iter().map(|r| r.id.as_str()).collect::<Vec<_>>(), ["1", "2"]);
     }
 
     #[test]

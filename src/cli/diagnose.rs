@@ -7,6 +7,7 @@ use crate::impact::Model;
 use crate::impact::model_file::{with_effect_added, with_values};
 use crate::validation::comparison::{Comparison, compare};
 use crate::validation::diagnose::{DiagnoseOptions, diagnose, fit_current};
+use crate::validation::fit::{FitOptions, fit_with_likely_offsets};
 use crate::validation::diagnosis::{Diagnosis, Verdict};
 use crate::validation::expression::{FOUND_EFFECT, WORTH_A_FORMULA};
 use crate::validation::forward::Library;
@@ -70,7 +71,8 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
 
 /// The comparison of the model with its free parameters fitted, the stated ones still on record.
 fn at_its_best(loaded: &Loaded, input: &ImpactsInput, stated: Comparison) -> Result<Comparison, CliError> {
-    let fit = fit_current(&loaded.library, &loaded.observations)?;
+    let seen = loaded.observations.side(false);
+    let (fit, _) = fit_with_likely_offsets(loaded.library.current(), &loaded.observations, &seen, &FitOptions::default())?;
     let values: Vec<(String, f64)> = loaded.library.current().parameters().iter().map(|p| p.name.clone()).zip(fit.values.iter().copied()).collect();
     let text = with_values(&loaded.model_text, &values, &input.files.model)?;
     let library = ModelLibrary::new(Model::parse(&text, &input.files.model)?, &loaded.observations.gear);

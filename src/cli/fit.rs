@@ -5,8 +5,8 @@ use super::error::CliError;
 use super::impacts_input::ImpactsInput;
 use crate::impact::model_file::with_values;
 use crate::validation::by_group::Groups;
-use crate::validation::comparison::parameter_values;
-use crate::validation::fit::{FitOptions, fit};
+use crate::validation::comparison::{parameter_values, session_offsets};
+use crate::validation::fit::{FitOptions, fit_with_likely_offsets};
 use crate::validation::forward::Library;
 use crate::validation::heldout::held_out_error;
 use crate::validation::structure::structure_test;
@@ -38,7 +38,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     }
     let seen = loaded.observations.side(false);
     let options = FitOptions { robust: !arguments.no_robust, ..FitOptions::default() };
-    let fitted = fit(current, &loaded.observations, &seen, &options, None)?;
+    let (fitted, unlikely) = fit_with_likely_offsets(current, &loaded.observations, &seen, &options)?;
     let structure = structure_test(&fitted, &loaded.observations, &seen, Groups::Test, input.seed);
     let parameters = parameter_values(current, &fitted, structure.noise_scale);
     let error = held_out_error(current, &fitted, &loaded.observations)?;
@@ -71,7 +71,11 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
         loaded.observations.impacts.len() - seen.len(),
         structure.noise_scale.sqrt()
     ));
-    for note in &loaded.observations.notes {
+    let mut notes = loaded.observations.notes.clone();
+    notes.extend(unlikely.map(|offset| {
+        format!("the model asks for {offset}: it fails (`sweetspot diagnose` looks for what is missing), and its parameters are fitted without any offset")
+    }));
+    for note in &notes {
         shell.say(format_args!("note: {note}"));
     }
     shell.say(format_args!("written: {}", arguments.output.display()));
@@ -82,7 +86,8 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
         "heldout_error": error,
         "noise_floor": structure.noise_scale.sqrt(),
         "n_fitted": seen.len(),
-        "notes": loaded.observations.notes,
+        "session_offsets": session_offsets(&loaded.observations, &fitted, structure.noise_scale),
+        "notes": notes,
         "left_out": loaded.observations.left_out(),
         "provenance": loaded.provenance,
     }))

@@ -166,13 +166,18 @@ fn read_parameters(path: &Path, model: &mut Model, table: &dyn TableLike, effect
     Ok(())
 }
 
+/// Largest friction that a model file may state.
+const NEVER_SLIPS: f64 = 1e6;
+
 /// Reads `0.8` or `{ value = 0.8, fit = true, min = 0.3, max = 1.0 }` into a parameter that holds the allowed range.
 pub(crate) fn read_parameter(path: &Path, item: &Item, parameter: &mut Parameter) -> Result<(), ModelError> {
     let place = match parameter.name.split_once('.') {
         Some((effect, key)) => format!("effects.{effect}.{key}"),
         None => format!("parameters.{}", parameter.name),
     };
-    let (hard_min, hard_max) = (parameter.min, parameter.max);
+    // A ball that never slips is asked for by a friction beyond any that is fitted.
+    let beyond = if ["friction", "mu"].contains(&parameter.name.as_str()) { NEVER_SLIPS } else { parameter.max };
+    let (hard_min, hard_max) = (parameter.min, beyond);
     let wrong = |key: &str, seen: String, allowed: String| ModelError::Value { path: path.into(), key: key.into(), seen, allowed };
     let number = |key: &str, item: &Item| -> Result<f64, ModelError> {
         let v = item.as_float().or_else(|| item.as_integer().map(|i| i as f64));
@@ -185,6 +190,7 @@ pub(crate) fn read_parameter(path: &Path, item: &Item, parameter: &mut Parameter
         let v = item.as_float().or_else(|| item.as_integer().map(|i| i as f64));
         let v = v.ok_or_else(|| wrong(&place, shown(item), "a number, or { value = .., fit = .., min = .., max = .. }".into()))?;
         parameter.value = within(&place, v)?;
+        parameter.max = parameter.max.max(v);
         return Ok(());
     };
     only_keys(path, &place, table, &["value", "fit", "min", "max"])?;
@@ -202,6 +208,9 @@ pub(crate) fn read_parameter(path: &Path, item: &Item, parameter: &mut Parameter
     }
     if let Some(item) = table.get("value") {
         parameter.value = number(&format!("{place}.value"), item)?;
+        if table.get("max").is_none() && parameter.value <= hard_max {
+            parameter.max = parameter.max.max(parameter.value);
+        }
     }
     if !(parameter.value >= parameter.min && parameter.value <= parameter.max) {
         return Err(wrong(&format!("{place}.value"), parameter.value.to_string(), format!("{} to {}", parameter.min, parameter.max)));

@@ -54,7 +54,10 @@ pub fn lacking(columns: &BTreeMap<String, String>, wanted: &[&str]) -> Option<St
     let name = wanted.iter().find(|name| number(columns, name).is_none())?;
     Some(match columns.get(*name) {
         Some(seen) => format!("`{name}` is {seen:?}, and the model needs a number there (`column.{name}`)"),
-        None => format!("there is no number in a column `{name}`{}, and the model needs one (`column.{name}`)", near_matches(name, columns.keys().map(String::as_str))),
+        None => format!(
+            "there is no number in a column `{name}`{}, and the model needs one (`column.{name}`)",
+            near_matches(name, columns.keys().map(String::as_str))
+        ),
     })
 }
 

@@ -2,7 +2,7 @@
 
 use super::by_group::{GROUP_LEVEL, Groups};
 use super::error::ValidationError;
-use super::fit::{Column, Fit, FitOptions, fit};
+use super::fit::{Column, Fit, FitOptions, fit, fit_with_likely_offsets};
 use super::forward::Forward;
 use super::heldout::{error_of, linearise_held_out, taken_for_chance, taken_for_shared};
 use super::linearise::{Linearised, OUTLIER_LISTED};
@@ -228,7 +228,7 @@ impl Comparison {
 pub fn compare(forward: &dyn Forward, observations: &Observations, model: &str, seed: u64) -> Result<Comparison, ValidationError> {
     let seen = observations.side(false);
     let held = observations.side(true);
-    let as_stated = fit(forward, observations, &seen, &FitOptions { move_parameters: false, ..FitOptions::default() }, None)?;
+    let (as_stated, unlikely) = fit_with_likely_offsets(forward, observations, &seen, &FitOptions { move_parameters: false, ..FitOptions::default() })?;
     let held_stated = linearise_held_out(forward, &as_stated, observations, &held)?;
     let refitted = fit(forward, observations, &seen, &FitOptions::default(), None)?;
     let held_refitted = linearise_held_out(forward, &refitted, observations, &held)?;
@@ -253,6 +253,7 @@ pub fn compare(forward: &dyn Forward, observations: &Observations, model: &str, 
     note_groups(&structure, &mut notes);
     notes.extend(group);
     notes.extend(one_sided);
+    notes.extend(unlikely.map(|offset| format!("as stated, the model asks for {offset}: residuals are shown without any offset")));
     notes.extend(disbelieved.filter(|_| !fails));
     Ok(Comparison {
         verdict: if fails { Adequacy::Inadequate } else { Adequacy::Adequate },

@@ -6,12 +6,18 @@ use super::diagnosis::{CandidateReport, Diagnosis, Estimate, Verdict};
 use super::error::ValidationError;
 use super::fit::{Fit, FitOptions, fit};
 use super::forward::Library;
+use super::heldout::held_out_error;
 use super::judgement::Judgement;
 use super::observation::Observations;
-use super::refits::{PRIOR, Refits};
+use super::rank::added_parameters;
+use super::refits::{PRIOR, Refits, estimates};
 use super::screen::Screening;
 use super::verdict_words::verdict_words;
+use rayon::prelude::*;
 use std::collections::BTreeMap;
+
+/// Candidates of an adequate model that are refitted.
+const REFITTED: usize = 4;
 
 #[derive(Debug, Clone)]
 pub struct DiagnoseOptions {
@@ -35,8 +41,9 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
     let case = Case::new(library, observations, options.seed)?;
     let mut diagnosis = case.report(&options.model);
     if !case.alarm() {
-        diagnosis.candidates = listed_only(library, &case.screening, case.error);
+        diagnosis.candidates = listed_only(library, &case.screening, case.error, case.structure.noise_scale);
         less_likely_than_nothing(&mut diagnosis.candidates);
+        refit_first(&case, &mut diagnosis.candidates);
         if case.fails_without_structure(&mut diagnosis.notes) {
             diagnosis.verdict = Verdict::Unexplained;
         }
@@ -57,7 +64,7 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
 }
 
 /// Candidates of an adequate model: listed by score, with what little probability they have.
-fn listed_only(library: &dyn Library, screening: &Screening, before: f64) -> Vec<CandidateReport> {
+fn listed_only(library: &dyn Library, screening: &Screening, before: f64, c: f64) -> Vec<CandidateReport> {
     let tested = screening.tested.max(1) as f64;
     let mut list: Vec<CandidateReport> = screening
         .effects
@@ -69,6 +76,7 @@ fn listed_only(library: &dyn Library, screening: &Screening, before: f64) -> Vec
             let occam: f64 = (1.0 + s.typical_signal.powi(2)).ln() * 0.5 * s.terms.len() as f64;
             let log_evidence = 0.5 * s.gain - occam;
             let odds = log_evidence.min(50.0).exp() * PRIOR[1] / tested / PRIOR[0];
+            let sds = screening.strength_sds(s, c);
             CandidateReport {
                 effect: outline.name.clone(),
                 probability: odds / (1.0 + odds),
@@ -77,8 +85,8 @@ fn listed_only(library: &dyn Library, screening: &Screening, before: f64) -> Vec
                 parameters: outline
                     .strengths
                     .iter()
-                    .zip(&s.strengths)
-                    .map(|(t, by)| (t.parameter.clone(), Estimate { value: t.absent + by, sd: t.typical / s.typical_signal.max(1e-9) }))
+                    .zip(s.strengths.iter().zip(sds))
+                    .map(|(t, (by, sd))| (t.parameter.clone(), Estimate { value: t.absent + by, sd: t.typical * sd }))
                     .collect(),
                 aliases: Vec::new(),
                 kind: outline.kind.to_owned(),
@@ -93,6 +101,21 @@ fn listed_only(library: &dyn Library, screening: &Screening, before: f64) -> Vec
         .collect();
     list.sort_by(|a, b| b.probability.total_cmp(&a.probability).then(a.effect.cmp(&b.effect)));
     list
+}
+
+/// Puts fitted parameters and held-out errors in the place of the approximate ones of the first candidates; one that leaves an impact without an
+/// answer stays as it is.
+fn refit_first(case: &Case, candidates: &mut [CandidateReport]) {
+    let reference = case.reference(case.structure.noise_scale);
+    candidates.par_iter_mut().take(REFITTED).for_each(|candidate| {
+        let name = candidate.effect.clone();
+        let Some(screened) = case.screening.effects.iter().find(|s| case.library.effects()[s.effect].name == name) else { return };
+        let Ok((forward, fit)) = reference.fit_with(&[&name], &screened.strengths) else { return };
+        let Ok(after) = held_out_error(forward.as_ref(), &fit, case.observations) else { return };
+        candidate.parameters = estimates(&added_parameters(forward.as_ref(), &fit, reference.base.values.len(), reference.c));
+        candidate.heldout_error_after = after;
+        candidate.refitted = true;
+    });
 }
 
 /// The fit of the current model, for commands that write it out.

@@ -104,7 +104,13 @@ impl ColumnFeature {
         let nameable = !column.is_empty() && column.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
         let at = OwnColumn::named(column);
         let (low, high) = reference.observations.impacts.iter().map(|o| o.own.get(at)).fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| {
-            if v.is_nan() { (f64::NAN, f64::NAN) } else if low.is_nan() { (low, high) } else { (low.min(v), high.max(v)) }
+            if v.is_nan() {
+                (f64::NAN, f64::NAN)
+            } else if low.is_nan() {
+                (low, high)
+            } else {
+                (low.min(v), high.max(v))
+            }
         });
         // Two digits of the range: people write such a formula down.
         let half_range = rounded(0.5 * (high - low));

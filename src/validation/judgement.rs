@@ -8,6 +8,7 @@ use super::comparison::{note_noise, outliers, varied_coordinates};
 use super::diagnosis::{CandidateReport, Diagnosis, Together, Verdict};
 use super::error::ValidationError;
 use super::expression::{Found, find_expression};
+use super::fit::{FitOptions, fit_with_likely_offsets};
 use super::heldout::{error_of, is_worth, log_evidence_of, taken_for_chance, taken_for_shared};
 use super::place::places;
 use super::rank::{Reference, Refit, added_parameters, form_overdispersion, gain_over};
@@ -246,7 +247,10 @@ impl<'a> Judgement<'a> {
         diagnosis.verdict = self.verdict;
         diagnosis.notes.append(&mut self.notes);
         diagnosis.noise_floor = c.sqrt();
-        diagnosis.places = places(&case.seen, &case.base.impacts, &varied_coordinates(case.observations), c);
+        // Where a model fails shows without the offsets of the cameras that it asks for in the place of what it lacks.
+        let (likely, unlikely) = fit_with_likely_offsets(case.library.current(), case.observations, &case.seen, &FitOptions::default())?;
+        diagnosis.notes.extend(unlikely.map(|offset| format!("the model asks for {offset}: where it fails is told without any offset")));
+        diagnosis.places = places(&case.seen, &likely.impacts, &varied_coordinates(case.observations), &case.structure.by_group, c);
         diagnosis.candidates = self.candidates()?;
         let believed = self.chosen.filter(|_| !self.refused);
         if let Some(best) = believed {

@@ -90,7 +90,14 @@ pub fn places(impacts: &[&Observation], fitted: &[Linearised], varied: &[usize],
 }
 
 /// The place, and how unlikely it is by the noise alone.
-fn worst_range(rows: &[(usize, f64, f64)], impacts: &[&Observation], signs: &NormalSigns, k: usize, along: Coordinate, looked_at: usize) -> Option<(f64, Place)> {
+fn worst_range(
+    rows: &[(usize, f64, f64)],
+    impacts: &[&Observation],
+    signs: &NormalSigns,
+    k: usize,
+    along: Coordinate,
+    looked_at: usize,
+) -> Option<(f64, Place)> {
     let groups = GROUPS.min(rows.len() / 6);
     if groups < 3 {
         return None;

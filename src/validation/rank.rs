@@ -170,11 +170,11 @@ impl Reference<'_> {
             .collect()
     }
 
-    /// Refits the current model with `effects`, from the screening's strengths.
+    /// The current model with `effects`, fitted from the screening's strengths.
     ///
     /// # Errors
-    /// [`ValidationError::NoPrediction`] when the refitted model has no answer for an impact, held out or not.
-    pub fn refit(&self, effects: &[&str], strengths: &[f64]) -> Result<Refit, ValidationError> {
+    /// [`ValidationError::NoPrediction`] when it has no answer for an impact.
+    pub fn fit_with(&self, effects: &[&str], strengths: &[f64]) -> Result<(Box<dyn Forward + '_>, Fit), ValidationError> {
         let forward = self.library.with(effects)?;
         let shared = self.base.values.len();
         let mut start = self.base.values.clone();
@@ -188,6 +188,16 @@ impl Reference<'_> {
         let options = FitOptions { start_values: Some(start), ..FitOptions::default() };
         let begin = Start { fit: self.base, keep_jacobians: forward.costly() };
         let fitted = fit(forward.as_ref(), self.observations, self.impacts, &options, Some(begin))?;
+        Ok((forward, fitted))
+    }
+
+    /// [`Self::fit_with`], judged.
+    ///
+    /// # Errors
+    /// [`ValidationError::NoPrediction`] when the refitted model has no answer for an impact, held out or not.
+    pub fn refit(&self, effects: &[&str], strengths: &[f64]) -> Result<Refit, ValidationError> {
+        let (forward, fitted) = self.fit_with(effects, strengths)?;
+        let places = self.strengths_in(forward.as_ref(), effects);
         let structure = structure_test(&fitted, self.observations, self.impacts, Groups::Known(self.groups), self.seed);
         let held_out = linearise_held_out(forward.as_ref(), &fitted, self.observations, &self.observations.side(true))?;
         let mut refit = Refit {

@@ -25,6 +25,9 @@ const VISIBLE: f64 = 0.5;
 /// A nuisance that takes away more than this share of a signature's information hides the effect.
 const ABSORBED: f64 = 0.999;
 
+/// Prior deviation of a strength, in typical sizes (missing-physics.md, section 5).
+const PRIOR_SD: f64 = 1.5;
+
 /// One effect of the catalogue against the current fit.
 #[derive(Debug, Clone)]
 pub struct Screened {
@@ -50,6 +53,19 @@ pub struct Screening {
     /// Smallest p-value times the number of effects that could be seen.
     pub library_p_value: f64,
     pub tested: usize,
+}
+
+impl Screening {
+    /// Deviations of an effect's strengths at noise scale `c`, in units of their typical sizes; one that these impacts do not tell has that of
+    /// its prior, at most.
+    pub fn strength_sds(&self, screened: &Screened, c: f64) -> Vec<f64> {
+        let n = screened.terms.len();
+        // The prior is weak, and keeps what nothing tells finite.
+        let information = DMatrix::from_fn(n, n, |i, j| {
+            self.projected.information[(screened.terms[i], screened.terms[j])] / c + if i == j { PRIOR_SD.powi(-2) } else { 0.0 }
+        });
+        information.cholesky().map_or_else(|| vec![PRIOR_SD; n], |root| root.inverse().diagonal().iter().map(|v| v.max(0.0).sqrt()).collect())
+    }
 }
 
 /// Two effects scored together.

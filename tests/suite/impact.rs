@@ -383,6 +383,15 @@ fn truth_model_file_is_read_and_changed_without_losing_comments() {
     }
 }
 
+/// A friction at which nothing slips may be stated, though none so large is fitted.
+#[test]
+fn switch_a_friction_beyond_any_makes_every_ball_stick() {
+    let model = |friction: f64| Model::parse(&format!("base = \"rigid\"\n[parameters]\nfriction = {friction}\n"), Path::new("m.toml")).unwrap();
+    assert_eq!(Model::new(Base::Rigid).parameters()[1].max, 5.0);
+    let [large, larger] = [60.0, 900.0].map(|friction| model(friction).prepare(&racket(), &ball()).unwrap().predict(&impacts(1, 3)[0]).unwrap());
+    assert_eq!(large, larger);
+}
+
 #[test]
 fn fails_model_files_name_the_key_and_its_neighbours() {
     for (from, to, words) in [
@@ -392,7 +401,7 @@ fn fails_model_files_name_the_key_and_its_neighbours() {
         ("value = 0.85", "value = 1.85", ["1.85", "0.3 to 1"]),
         ("fit = true, min", "fit = 1, min", ["parameters.restitution.fit", "true or false"]),
         ("frequency_hz", "frequency", ["`frequency`", "frequency_hz"]),
-        ("0.45", "nan", ["parameters.friction", "0 to 5"]),
+        ("0.45", "nan", ["parameters.friction", "0 to 1000000"]),
         ("[parameters]", "[parameters", ["m.toml", "line 4"]),
     ] {
         let message = Model::parse(&FILE.replacen(from, to, 1), Path::new("m.toml")).unwrap_err().to_string();

@@ -3,8 +3,11 @@
 use crate::impact_scene::{ball, impacts, racket};
 use rand::{Rng, SeedableRng};
 use std::path::Path;
+use sweetspot::equipment_set::EquipmentSet;
+use sweetspot::impact::batch::predict_table;
 use sweetspot::impact::expression::{channels, quantities};
-use sweetspot::impact::{ImpactInput, ImpactOutput, Model, ModelError, model_file};
+use sweetspot::impact::{ImpactInput, ImpactOutput, Model, ModelError, OwnColumns, model_file};
+use sweetspot::impact_table::{ImpactRow, ImpactTable, Measured};
 
 const BASE: &str = "base = \"rigid\"\n[parameters]\nrestitution = 0.8\nfriction = 0.3\n";
 
@@ -99,6 +102,42 @@ fn law_every_quantity_can_be_used_and_is_finite() {
             format!("[effects.mine]\nexpression = \"ball_out_vx * (1 + 0 * step({0})) + 0 * ball_out_vx * sign({0})\"\nreplaces = \"ball_out_vx\"", q.name);
         close(&predict("", &inputs), &predict(&text, &inputs), 1e-12);
         assert!(!q.meaning.is_empty());
+    }
+}
+
+/// A column of the user's own in a table: each impact has its number; one that lacks it has no prediction, with the reason.
+#[test]
+fn switch_a_column_of_the_table_acts_on_each_impact_by_its_number() {
+    let own = "[effects.mine]\nexpression = \"restitution + 0.01 * (column.tension - 50)\"\nreplaces = \"restitution\"";
+    let columns = |text: &str| [("tension".to_owned(), text.to_owned())].into();
+    let mut inputs = impacts(20, 31);
+    inputs.iter_mut().for_each(|i| i.own = OwnColumns::of(&columns("54.0"), &[]));
+    close(&predict(own, &inputs), &predict("[effects.mine]\nexpression = \"restitution + 0.04\"\nreplaces = \"restitution\"", &inputs), 1e-12);
+    let model = parse(own).unwrap();
+    assert_eq!(model.own_columns(), ["tension"]);
+    let row = |text: Option<&str>| {
+        let mut row = ImpactRow::new("a");
+        for (column, value) in [("ball_in_vx", 1.0), ("ball_in_vy", 0.0), ("ball_in_vz", -25.0), ("impact_x", 0.01), ("impact_y", 0.0)] {
+            row.set(column, Some(Measured { value, sd: None }));
+        }
+        ["racket_in_vx", "racket_in_vy", "racket_in_vz", "racket_in_wx", "racket_in_wy", "racket_in_wz"].iter().for_each(|c| {
+            row.set(c, Some(Measured { value: 0.0, sd: None }));
+        });
+        row.groups = text.map(columns).unwrap_or_default();
+        row
+    };
+    let set = EquipmentSet { rackets: vec![racket()], balls: vec![ball()] };
+    let outcomes = predict_table(&model, &set, &ImpactTable { rows: vec![row(Some("54")), row(Some("tight"))] }).unwrap();
+    assert!(outcomes[0].is_ok());
+    let why = outcomes[1].as_ref().unwrap_err().to_string();
+    assert!(why.contains("`tension` is \"tight\""), "{why}");
+    let none = predict_table(&model, &set, &ImpactTable { rows: vec![row(None)] }).unwrap_err().to_string();
+    assert!(none.contains("column.tension"), "{none}");
+    for (wrong, said) in
+        [("column.spin * restitution", "write it without"), ("column * restitution", "name of a column"), ("tension * restitution", "`column.NAME`")]
+    {
+        let error = parse(&format!("[effects.mine]\nexpression = \"{wrong}\"\nreplaces = \"restitution\"")).unwrap_err().to_string();
+        assert!(error.contains(said), "{wrong}: {error}");
     }
 }
 

@@ -6,15 +6,16 @@ use crate::shared::shared;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use sweetspot::equipment::{Ball, Racket};
-use sweetspot::equipment_set::PickError;
+use sweetspot::equipment_set::{EquipmentSet, PickError};
 use sweetspot::impact::Model;
+use sweetspot::impact::batch::predict_table;
 use sweetspot::impact_table::{ImpactTable, Measured};
 use sweetspot::synthetic::hidden::Hidden;
 use sweetspot::synthetic::impact_world::{Kind, SyntheticTable, TableSpec, generate_table};
 use sweetspot::synthetic::measurement::NoiseOptions;
 use sweetspot::synthetic::scenario::{FIRST_MODEL, TableFiles};
 use sweetspot::validation::diagnose::{DiagnoseOptions, diagnose};
-use sweetspot::validation::fit::{FitOptions, fit};
+use sweetspot::validation::fit::{FitOptions, fit, fit_with_likely_offsets};
 use sweetspot::validation::forward::Library;
 use sweetspot::validation::model_library::ModelLibrary;
 use sweetspot::validation::observation::TableOptions;
@@ -54,6 +55,10 @@ fn real_practice_tables_without_a_hidden_effect_are_adequate() {
         let Some(d) = practice(number) else { return };
         assert_eq!(d.verdict, Verdict::Adequate, "table {number}: {:?}", d.words);
         assert!(d.candidates.iter().all(|c| c.probability < 0.5), "table {number}");
+        // The first of them are fitted, and help no more than chance does.
+        let fitted: Vec<_> = d.candidates.iter().filter(|c| c.refitted).collect();
+        assert!(fitted.len() >= 3 && fitted.iter().all(|c| (c.heldout_error_after - c.heldout_error_before).abs() < 0.03), "table {number}");
+        assert!(fitted.iter().any(|c| c.heldout_error_after != c.heldout_error_before), "table {number}");
     }
 }
 
@@ -70,6 +75,33 @@ fn real_practice_tables_with_a_hidden_effect_are_named() {
         let gone = (before.powi(2) - after.powi(2)) / (before.powi(2) - floor.powi(2));
         assert!(gone > 0.75, "table {number}: {before:.3} -> {after:.3}, floor {floor:.3}");
     }
+}
+
+/// A model that fails asks for offsets of the cameras in the place of what it lacks; its parameters and residuals are told without them, or a file
+/// that was fitted would predict worse than before.
+#[test]
+fn real_a_failing_model_is_fitted_without_offsets_that_no_session_has() {
+    let Some(folder) = shared("practice/impacts/table-03") else { return };
+    let table = ImpactTable::read(&folder.join("impacts.csv")).unwrap();
+    let (racket, ball) = (Racket::read(&folder.join("racket.toml")).unwrap(), Ball::read(&folder.join("ball.toml")).unwrap());
+    let set = EquipmentSet { rackets: vec![racket], balls: vec![ball] };
+    let observations = Observations::new(&table, &set.rackets, &set.balls, &TableOptions::default()).unwrap();
+    let model = Model::read(&folder.join("model.toml")).unwrap();
+    let library = ModelLibrary::new(model.clone(), &observations.gear);
+    let seen = observations.side(false);
+    let error = |restitution: f64, friction: f64| {
+        let mut model = model.clone();
+        model.set("restitution", restitution).unwrap();
+        model.set("friction", friction).unwrap();
+        let outcomes = predict_table(&model, &set, &table).unwrap();
+        let squares = table.rows.iter().zip(&outcomes).map(|(row, o)| (row.get("ball_out_vz").unwrap().value - o.as_ref().unwrap().ball_velocity.z).powi(2));
+        (squares.sum::<f64>() / outcomes.len() as f64).sqrt()
+    };
+    let free = fit(library.current(), &observations, &seen, &FitOptions::default(), None).unwrap();
+    let (likely, unlikely) = fit_with_likely_offsets(library.current(), &observations, &seen, &FitOptions::default()).unwrap();
+    assert!(unlikely.is_some_and(|offset| offset.deviations > 10.0));
+    let (with, without, stated) = (error(free.values[0], free.values[1]), error(likely.values[0], likely.values[1]), error(0.8, 0.45));
+    assert!(with > 1.2 * stated && without < 1.01 * stated, "{with} and {without}, {stated} as stated");
 }
 
 /// A pair must earn its place: what hand-mass alone leaves is its own form, whatever a second effect could make of it.

@@ -88,6 +88,16 @@ fn truth_a_column_of_numbers_that_the_rebound_goes_with_is_named() {
         assert_eq!((misfit.column.as_str(), misfit.what.as_str()), ("temperature", "the impulse along the normal"), "table {seed}: {misfit:?}");
         assert!(misfit.group.contains(" to "), "{misfit:?}");
         assert_eq!((compared.verdict, d.verdict), (Adequacy::Inadequate, Verdict::Unexplained), "table {seed}: {:?}", d.words);
+        // Where it fails, and by which formula, is told with the column.
+        assert!(d.places.iter().any(|p| (p.output.as_str(), p.input.as_str()) == ("ball_out_vz", "temperature")), "table {seed}: {:?}", d.places);
+        let formula = d.suggested_expression.as_ref().unwrap();
+        assert!(formula.expression.contains("column.temperature") && formula.heldout_error_after < d.heldout_error - 0.1, "table {seed}: {formula:?}");
+        let options = TableOptions { own_columns: vec!["temperature".into()], ..TableOptions::default() };
+        let observations = observations(&warm, &options);
+        let model = Model::parse(&format!("{FIRST_MODEL}\n{}", formula.model_file_text), Path::new("model.toml")).unwrap();
+        assert_eq!(model.own_columns(), ["temperature"]);
+        let compared = compare(ModelLibrary::new(model, &observations.gear).current(), &observations, "model.toml", SEED).unwrap();
+        assert_eq!(compared.verdict, Adequacy::Adequate, "table {seed}: {}", compared.failing_words());
         let sound = changed(160, seed, |i, row| {
             row.groups.insert("temperature".into(), format!("{:.2}", day(i)));
             row.groups.insert("speed".into(), format!("{}", row.get("ball_in_vz").unwrap().value));

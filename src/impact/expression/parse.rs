@@ -74,8 +74,9 @@ impl Expression {
         if text.len() > MAX_LENGTH {
             return Err(SyntaxError { at: MAX_LENGTH, message: format!("{} bytes long; allowed: {MAX_LENGTH}", text.len()) });
         }
-        let taken =
-            |name: &str| quantities().iter().any(|q| q.name == name) || FUNCTIONS.iter().any(|f| f.name == name) || name == channel.name || ["pi", COLUMN].contains(&name);
+        let taken = |name: &str| {
+            quantities().iter().any(|q| q.name == name) || FUNCTIONS.iter().any(|f| f.name == name) || name == channel.name || ["pi", COLUMN].contains(&name)
+        };
         if let Some(name) = names.iter().find(|n| taken(n)) {
             return Err(SyntaxError { at: 0, message: format!("the parameter `{name}` would hide what is called so already; give it another name") });
         }

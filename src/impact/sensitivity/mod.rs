@@ -103,8 +103,7 @@ impl SensitivityModel {
     /// As [`PreparedModel::predict`].
     pub fn at(&self, input: &ImpactInput) -> Result<Sensitivities, ModelError> {
         let columns = input.as_columns();
-        let inputs: Vec<_> =
-            (0..self.passes.len()).map(|pass| input.with_columns(&std::array::from_fn(|j| varied(columns[j], j, pass)))).collect();
+        let inputs: Vec<_> = (0..self.passes.len()).map(|pass| input.with_columns(&std::array::from_fn(|j| varied(columns[j], j, pass)))).collect();
         let (output, outcomes) = match self.model.base() {
             Base::Rigid => (self.centre.predict(input)?, self.through_impulse(&inputs)?),
             Base::Viscoelastic => self.through_contact(input, &inputs)?,

@@ -90,6 +90,11 @@ fn is_lent(link: &Path) -> bool {
     folder.starts_with("/proc") || [Path::new("/dev/stdout"), Path::new("/dev/stderr")].contains(&folder.join(name).as_path())
 }
 
+/// Whether a file system answers that it has no way to wait for the disk: the file is written all the same.
+fn has_no_sync(e: &io::Error) -> bool {
+    matches!(e.kind(), io::ErrorKind::InvalidInput | io::ErrorKind::Unsupported)
+}
+
 fn write_whole(path: &Path, bytes: &[u8], to_the_disk: bool) -> io::Result<()> {
     let named = |e: io::Error| io::Error::new(e.kind(), format!("{}: cannot be written ({e})", path.display()));
     // A terminal, a pipe or a device is written to, never replaced by a file; nor is a name by which the system lends one. Any other link is replaced:
@@ -103,13 +108,17 @@ fn write_whole(path: &Path, bytes: &[u8], to_the_disk: bool) -> io::Result<()> {
     let mut file = tempfile::Builder::new().prefix(".sweetspot-").suffix(".tmp").tempfile_in(folder).map_err(named)?;
     file.write_all(bytes).map_err(named)?;
     if to_the_disk {
-        file.as_file().sync_data().map_err(named)?;
+        match file.as_file().sync_data() {
+            Err(e) if !has_no_sync(&e) => return Err(named(e)),
+            _ => {}
+        }
     }
-    // A named temporary file is private (0600); results are for everybody who may read the folder.
+    // A named temporary file is private (0600); results are for everybody who may read the folder. Where modes cannot be set (memory sticks,
+    // shares, many FUSE mounts) the mount decides who may read: no reason to lose the result.
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt;
-        std::fs::set_permissions(file.path(), std::fs::Permissions::from_mode(0o644)).map_err(named)?;
+        let _ = std::fs::set_permissions(file.path(), std::fs::Permissions::from_mode(0o644));
     }
     file.persist(path).map_err(|e| named(e.error))?;
     Ok(())
@@ -129,6 +138,14 @@ mod tests {
             write_soon(&path, text.as_bytes()).expect("written");
             assert_eq!(std::fs::read_to_string(&path).expect("readable"), text);
         }
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_disk_that_is_full_or_broken_is_not_one_that_cannot_be_waited_for() {
+        let of = |code: i32| has_no_sync(&io::Error::from_raw_os_error(code));
+        let (input_output, invalid, full, not_supported) = (5, 22, 28, 95);
+        assert!(of(invalid) && of(not_supported) && !of(input_output) && !of(full));
     }
 
     #[cfg(unix)]

@@ -46,6 +46,7 @@ pub struct Arguments {
 /// What the demonstration found, for `--json`.
 #[derive(Debug, serde::Serialize)]
 struct Outcome {
+    #[serde(serialize_with = "super::as_shown")]
     report: PathBuf,
     shots_measured: usize,
     /// As the session states it, and as measured.

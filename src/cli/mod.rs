@@ -124,6 +124,11 @@ impl Shell {
     }
 }
 
+/// A path in JSON as the system shows it: JSON is Unicode, paths need not be, and no result is refused for its place.
+pub fn as_shown<S: serde::Serializer>(path: &Path, to: S) -> Result<S::Ok, S::Error> {
+    to.collect_str(&path.display())
+}
+
 macro_rules! commands {
     ($($(#[$meta:meta])* $module:ident => $variant:ident),* $(,)?) => {
         $($(#[$meta])* mod $module;)*

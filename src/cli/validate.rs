@@ -36,7 +36,9 @@ pub struct Arguments {
 /// What became of one session, for `--json`.
 #[derive(Debug, serde::Serialize)]
 struct Outcome {
+    #[serde(serialize_with = "super::as_shown")]
     session: PathBuf,
+    #[serde(serialize_with = "super::as_shown")]
     results: PathBuf,
     shots_measured: usize,
     /// What `diagnose` found, where there were shots enough.

@@ -303,3 +303,31 @@ fn cli_a_pipe_named_as_output_is_written_to_and_stays_a_pipe() {
     assert!(std::fs::metadata(&pipe).unwrap().file_type().is_fifo());
     assert!(reader.join().unwrap().contains("[effects.hand-mass]"));
 }
+
+/// A folder named in another encoding than the terminal's is written to, and told, as any other.
+#[cfg(target_os = "linux")]
+#[test]
+fn cli_a_path_that_is_not_unicode_is_shown_in_json() {
+    use std::os::unix::ffi::OsStrExt;
+    let bench = Bench::new();
+    let out = bench.folder.path().join(std::ffi::OsStr::from_bytes(b"M\xfcnchen"));
+    for command in ["predict", "add"] {
+        let mut program = Command::new(env!("CARGO_BIN_EXE_sweetspot"));
+        if command == "add" {
+            program.args(["add", "hand-mass", "--model"]).arg(bench.path("model.toml"));
+        } else {
+            // Without the options that name the results.
+            program.args(bench.table(command).iter().take(9));
+        }
+        match command {
+            "predict" => program.arg("--out").arg(&out),
+            _ => program.arg("-o").arg(out.join("new.toml")),
+        };
+        let output = program.arg("--json").output().unwrap();
+        assert!(!said(&output).contains("panicked"), "{command}: {}", said(&output));
+        assert_eq!(output.status.code(), Some(0), "{command}: {}", said(&output));
+        let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        let place = json.get("file").or(json.get("model")).and_then(serde_json::Value::as_str).unwrap();
+        assert!(place.contains("M\u{fffd}nchen"), "{place}");
+    }
+}

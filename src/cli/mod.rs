@@ -7,6 +7,7 @@ pub mod error;
 mod impacts_input;
 mod racket_photograph;
 mod set_aside;
+mod threads;
 mod tracked_session;
 
 use clap::{Args, Parser};
@@ -199,13 +200,8 @@ pub fn main() -> ExitCode {
             std::process::exit(2); // second Ctrl-C: at once
         }
     });
-    if let Some(n) = cli.shell.threads {
-        if n == 0 || n > 1024 {
-            return fail(&CliError::input(format!("--threads is {n}; allowed: 1 to 1024")));
-        }
-        if rayon::ThreadPoolBuilder::new().num_threads(n).build_global().is_err() {
-            return fail(&CliError::input(format!("--threads {n}: the threads could not be started")));
-        }
+    if let Err(e) = threads::start(cli.shell.threads) {
+        return fail(&e);
     }
     let shell = Shell { stdout_is_json: cli.shell.json, args: cli.shell, cancelled };
     match dispatch(cli.command, &shell) {

@@ -190,7 +190,8 @@ pub fn main() -> ExitCode {
     let flag = cancelled.clone();
     let at_once = !cli.command.keeps_what_is_done();
     // Without a handler Ctrl-C still stops the program; results are whole either way, because writes are atomic.
-    let _ = ctrlc::set_handler(move || {
+    // Where the parent has one of its signals ignored (`nohup`, `trap '' INT`), none is installed: the handler would revive it, and is not told which one came.
+    let _ = ctrlc::try_set_handler(move || {
         if at_once {
             let e = CliError::interrupted_at_once();
             fail(&e);

@@ -331,3 +331,29 @@ fn cli_a_path_that_is_not_unicode_is_shown_in_json() {
         assert!(place.contains("M\u{fffd}nchen"), "{place}");
     }
 }
+
+/// Under `nohup` the logout's signal is ignored, and stays so: a batch goes on overnight. Here the program waits for a pipe that nobody has opened.
+#[cfg(target_os = "linux")]
+#[test]
+fn cli_a_signal_ignored_at_the_start_stays_ignored() {
+    let folder = tempfile::tempdir().unwrap();
+    let pipe = folder.path().join("model.toml");
+    assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    for (signal, bit) in [("HUP", 1), ("INT", 2)] {
+        let script = format!("trap '' {signal}; exec \"$0\" add hand-mass --model \"$1\" -o \"$1.new\"");
+        let mut child = Command::new("sh").args(["-c", &script, env!("CARGO_BIN_EXE_sweetspot")]).arg(&pipe).spawn().unwrap();
+        let process = PathBuf::from(format!("/proc/{}", child.id()));
+        // It waits once it sleeps in the opening of the pipe, after the handlers were set.
+        let waits = || std::fs::read_to_string(process.join("stat")).is_ok_and(|s| s.contains("(sweetspot) S"));
+        let begun = std::time::Instant::now();
+        while !waits() && begun.elapsed().as_secs() < 20 {
+            std::thread::sleep(std::time::Duration::from_millis(20));
+        }
+        std::thread::sleep(std::time::Duration::from_millis(200));
+        let status = std::fs::read_to_string(process.join("status")).unwrap();
+        child.kill().unwrap();
+        child.wait().unwrap();
+        let mask = status.lines().find_map(|l| l.strip_prefix("SigIgn:")).unwrap();
+        assert!(u64::from_str_radix(mask.trim(), 16).unwrap() & bit != 0, "{signal}: {mask}");
+    }
+}

@@ -3,7 +3,7 @@
 use super::Shell;
 use super::error::CliError;
 use super::impacts_input::{ledger_path, read_ledger};
-use super::synth::{film, is_rendered};
+use super::synth::{film, is_rendered, unfinished};
 use super::validate::{Footage, footage, rigid_model, table_words};
 use crate::calibration::StereoRig;
 use crate::impact_table::ImpactTable;
@@ -125,17 +125,19 @@ fn choose(wish: &str, seed: u64) -> Result<Option<&'static Entry>, CliError> {
     }
 }
 
-/// An earlier rendered session must go before another takes its place; nothing else is ever removed.
+/// An earlier rendered session must go before another takes its place; nothing else is ever refused or removed.
 fn make_room(session: &Path, shell: &Shell) -> Result<(), CliError> {
     if !session.exists() {
         return Ok(());
     }
-    if !shell.args.force || !is_rendered(session) {
+    // What was broken off is made anew.
+    let own = unfinished(session).is_some() || (shell.args.force && is_rendered(session));
+    if !own {
         return Err(CliError::input(format!("{}: there is a session already", session.display()))
             .hint("give another folder")
             .hint("--force replaces a session that an earlier demonstration rendered"));
     }
-    std::fs::remove_dir_all(session).map_err(CliError::output)
+    Ok(())
 }
 
 /// Everything from the checkerboards to the model that explains the shots, and one report.

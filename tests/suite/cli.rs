@@ -357,3 +357,61 @@ fn cli_a_signal_ignored_at_the_start_stays_ignored() {
         assert!(u64::from_str_radix(mask.trim(), 16).unwrap() & bit != 0, "{signal}: {mask}");
     }
 }
+
+const TABLE_SCENARIO: &str = "kind = \"table\"\nsetting = \"lab\"\nimpacts = 12\nseed = 3\n";
+const FOOTAGE_SCENARIO: &str = "kind = \"footage\"\nsetting = \"lab\"\nseed = 5\nshots = 1\nboards = 2\nframes_before = 6\nframes_after = 6\nsize_px = [128, 128]\n";
+
+/// Every file below a folder with its bytes.
+fn everything(folder: &Path) -> std::collections::BTreeMap<PathBuf, Vec<u8>> {
+    let mut all = std::collections::BTreeMap::new();
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() { all.append(&mut everything(&path)) } else { all.extend([(path.clone(), std::fs::read(path).unwrap())]) }
+    }
+    all
+}
+
+#[test]
+fn cli_synth_writes_over_what_it_wrote_and_nothing_else() {
+    let bench = Bench::new();
+    bench.write("table/scenario.toml", TABLE_SCENARIO);
+    bench.write("footage/scenario.toml", FOOTAGE_SCENARIO);
+    let scenario = |kind: &str| text(&bench.path(kind).join("scenario.toml"));
+    let made = |kind: &str, folder: &str| {
+        let output = sweetspot(&["synth", &scenario(kind), "-o", &text(&bench.path(folder))]);
+        assert_eq!(output.status.code(), Some(0), "{kind} into {folder}: {}", said(&output));
+    };
+    for kind in ["table", "footage"] {
+        made(kind, kind);
+        let first = everything(&bench.path(kind));
+        made(kind, kind);
+        assert!(first == everything(&bench.path(kind)), "{kind}");
+    }
+    for (kind, name) in [("table", "racket.toml"), ("table", "session.toml"), ("footage", "ball.toml"), ("footage", "calib/left/a1.bmp"), ("footage", "truth.json")] {
+        bench.write(&format!("own-{kind}-{}/{name}", name.len()), "a laboratory's own");
+        let own = bench.path(&format!("own-{kind}-{}", name.len()));
+        refused(&["synth", &scenario(kind), "-o", &text(&own)], &["there is", "give another folder"]);
+        assert_eq!(everything(&own), std::collections::BTreeMap::from([(own.join(name), b"a laboratory's own".to_vec())]));
+    }
+    refused(&["synth", &scenario("footage"), "-o", &text(&bench.path("table"))], &["give another folder"]);
+    refused(&["synth", &scenario("table"), "-o", &text(&bench.path("footage"))], &["give another folder"]);
+}
+
+/// Pictures of a world that was broken off do not stay among those of the next.
+#[test]
+fn cli_synth_makes_room_where_it_was_broken_off() {
+    let bench = Bench::new();
+    bench.write("scenario.toml", FOOTAGE_SCENARIO);
+    let (scenario, session) = (text(&bench.path("scenario.toml")), bench.path("made"));
+    assert_eq!(sweetspot(&["synth", &scenario, "-o", &text(&session)]).status.code(), Some(0));
+    let whole = everything(&session);
+    // As it stands amid the pictures: the scenario, no session.toml, no truth; and a picture of another world.
+    let spec: serde_json::Value = serde_json::from_slice::<serde_json::Value>(&whole[&session.join("truth.json")]).unwrap()["rendered_from"].clone();
+    bench.write("made/rendering.json", spec.to_string());
+    bench.write("made/calib/left/077.bmp", "of the world broken off");
+    for name in ["session.toml", "truth.json"] {
+        std::fs::remove_file(session.join(name)).unwrap();
+    }
+    assert_eq!(sweetspot(&["synth", &scenario, "-o", &text(&session)]).status.code(), Some(0));
+    assert!(everything(&session) == whole);
+}

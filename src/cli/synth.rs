@@ -98,6 +98,18 @@ pub fn unfinished(folder: &Path) -> Option<FootageSpec> {
     read_text(&folder.join(RENDERING), LARGEST_TEXT).ok().and_then(|t| serde_json::from_str(&t).ok())
 }
 
+/// The scenario of a session of [`film`]'s, whole.
+pub fn rendered_from(folder: &Path) -> Option<FootageSpec> {
+    #[derive(serde::Deserialize)]
+    struct Truth {
+        rendered_from: FootageSpec,
+    }
+    if !is_rendered(folder) {
+        return None;
+    }
+    read_text(&folder.join(TRUTH), LARGEST_TABLE).ok().and_then(|t| serde_json::from_str::<Truth>(&t).ok()).map(|t| t.rendered_from)
+}
+
 /// Renders a session into `folder`, with `truth.json` beside it.
 pub fn film(spec: &FootageSpec, folder: &Path, shell: &Shell) -> Result<(), CliError> {
     let world = FootageWorld::new(spec).map_err(CliError::input)?;

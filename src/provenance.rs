@@ -95,8 +95,29 @@ fn has_no_sync(e: &io::Error) -> bool {
     matches!(e.kind(), io::ErrorKind::InvalidInput | io::ErrorKind::Unsupported)
 }
 
+/// Whether a path is another name of one of the process's own output streams: `/dev/stdout` and `/dev/fd/1`, for instance, of number 1.
+fn is_stream(path: &Path, name: &str, number: &str) -> bool {
+    let folder = path.parent().and_then(|folder| std::fs::canonicalize(folder).ok());
+    let (Some(folder), Some(last)) = (folder, path.file_name()) else { return false };
+    let is_own = || folder == Path::new("/dev/fd") || folder.ends_with("fd") && std::fs::canonicalize("/proc/self").is_ok_and(|process| folder.starts_with(process));
+    (last == name && folder == Path::new("/dev")) || (last == number && is_own())
+}
+
+/// Whether a path is another name of this process's stdout.
+pub fn is_stdout(path: &Path) -> bool {
+    is_stream(path, "stdout", "1")
+}
+
 fn write_whole(path: &Path, bytes: &[u8], to_the_disk: bool) -> io::Result<()> {
     let named = |e: io::Error| io::Error::new(e.kind(), format!("{}: cannot be written ({e})", path.display()));
+    // Opened a second time, a file behind such a name is written from its head on, over what it has.
+    let whole = |mut stream: Box<dyn Write>| stream.write_all(bytes).and_then(|()| stream.flush()).map_err(named);
+    if is_stdout(path) {
+        return whole(Box::new(io::stdout()));
+    }
+    if is_stream(path, "stderr", "2") {
+        return whole(Box::new(io::stderr()));
+    }
     // A terminal, a pipe or a device is written to, never replaced by a file; nor is a name by which the system lends one. Any other link is replaced:
     // it may lead out of the folder.
     let goes_on = |m: std::fs::Metadata| if m.is_symlink() { is_lent(path) } else { !m.is_file() && !m.is_dir() };
@@ -158,6 +179,9 @@ mod tests {
         write_atomically(&link, b"new").expect("written");
         assert_eq!(std::fs::read_to_string(&elsewhere).expect("readable"), "kept");
         assert_eq!(std::fs::read_to_string(&link).expect("readable"), "new");
+        for (path, is) in [("/dev/stdout", true), ("/dev/fd/1", true), ("/dev/stderr", false), ("/dev/fd/2", false), ("stdout", false), ("1", false)] {
+            assert_eq!(is_stdout(Path::new(path)), is && Path::new("/dev/fd").exists(), "{path}");
+        }
         assert!(is_lent(Path::new("/dev/stdout")) || !Path::new("/dev/stdout").exists());
     }
 }

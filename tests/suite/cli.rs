@@ -415,3 +415,26 @@ fn cli_synth_makes_room_where_it_was_broken_off() {
     assert_eq!(sweetspot(&["synth", &scenario, "-o", &text(&session)]).status.code(), Some(0));
     assert!(everything(&session) == whole);
 }
+
+/// A model that goes to stdout is all that stands there, after what a file has already.
+#[cfg(target_os = "linux")]
+#[test]
+fn cli_a_result_on_stdout_stands_there_alone() {
+    let bench = Bench::new();
+    for name in ["/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"] {
+        bench.write("into", "# of an earlier command\n");
+        let file = std::fs::File::options().append(false).write(true).open(bench.path("into")).unwrap();
+        std::io::Seek::seek(&mut &file, std::io::SeekFrom::End(0)).unwrap();
+        let output = Command::new(env!("CARGO_BIN_EXE_sweetspot"))
+            .args(["add", "hand-mass", "--model", &text(&bench.path("model.toml")), "-o", name])
+            .stdout(file)
+            .output()
+            .unwrap();
+        assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+        let written = std::fs::read_to_string(bench.path("into")).unwrap();
+        let model = written.strip_prefix("# of an earlier command\n").unwrap();
+        assert!(model.starts_with("base = \"rigid\"") && model.contains("[effects.hand-mass]") && !model.contains("added"), "{written}");
+        assert!(String::from_utf8_lossy(&output.stderr).contains("added"));
+    }
+    refused(&["add", "hand-mass", "--model", &text(&bench.path("model.toml")), "-o", "/dev/stdout", "--json"], &["--json", "stdout"]);
+}

@@ -1,6 +1,6 @@
 //! `sweetspot demo`: the whole chain on the sample the program carries, or on a world whose hidden effect nobody chose.
 
-use super::Shell;
+use super::{Shell, undashed};
 use super::error::{CliError, Kind};
 use super::impacts_input::{ledger_path, read_ledger};
 use super::synth::{film, is_rendered, rendered_from, unfinished};
@@ -70,7 +70,8 @@ struct Outcome {
     hidden: Option<Vec<String>>,
 }
 
-pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
+pub fn run(mut arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
+    arguments.dir = arguments.dir.map(undashed);
     let Some(wish) = &arguments.hidden_effect else {
         let folder = arguments.dir.clone().unwrap_or_else(|| PathBuf::from("demo-results"));
         let files: Vec<_> = sample::files().collect();

@@ -125,6 +125,11 @@ impl Shell {
     }
 }
 
+/// A path that no step run as if typed takes for an option, whatever its name begins with.
+pub fn undashed(path: PathBuf) -> PathBuf {
+    if path.as_os_str().as_encoded_bytes().starts_with(b"-") { Path::new(".").join(path) } else { path }
+}
+
 /// A path in JSON as the system shows it: JSON is Unicode, paths need not be, and no result is refused for its place.
 pub fn as_shown<S: serde::Serializer>(path: &Path, to: S) -> Result<S::Ok, S::Error> {
     to.collect_str(&path.display())

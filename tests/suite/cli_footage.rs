@@ -203,6 +203,16 @@ fn cli_shots_tracked_at_a_time_are_told_in_the_sessions_order() {
     }
 }
 
+/// A folder may be called as an option is.
+#[test]
+fn cli_a_session_whose_name_begins_with_a_dash_is_worked_on() {
+    let (keep, session, _) = sample(1);
+    std::fs::rename(session, keep.path().join("-dash")).unwrap();
+    let output = std::process::Command::new(env!("CARGO_BIN_EXE_sweetspot")).current_dir(keep.path()).args(["validate", "--", "-dash"]).output().unwrap();
+    assert!(output.status.success(), "{}", said(&output));
+    assert!(keep.path().join("-dash/results/predictions.csv").exists(), "{}", said(&output));
+}
+
 /// A demonstration that was broken off, in the pictures or after them, goes on when the same command is given again.
 #[test]
 fn cli_a_hidden_world_goes_on_where_it_was_broken_off() {

@@ -112,7 +112,7 @@ pub fn run(mut arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     }
     let from = if reused { ", rendered by an earlier run" } else { "" };
     shell.say(format_args!("A world with seed {seed}{from}: what is hidden in it is told at the end ({} knows it)", session.join("truth.json").display()));
-    let filmed = if reused { Ok(()) } else { film(&spec, &session, shell) };
+    let filmed = if reused { Ok(()) } else { film(&spec, &session, shell).map(|_| ()) };
     let mut outcome = filmed.and_then(|()| chain(&folder, shell)).map_err(|e| match e.kind {
         Kind::Interrupted if arguments.seed.is_none() && arguments.dir.is_none() => e.hint(format!("--seed {seed} goes on with this world; without it chance chooses another")),
         _ => e,

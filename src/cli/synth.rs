@@ -36,11 +36,25 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
             shell.say(format!("{} impacts in {}; what is true of them stands in truth.json", made.table.rows.len(), output.display()));
             shell.print_json(&made.truth)
         }
-        Scenario::Footage(spec) => film(&spec, output, shell).map_err(|mut e| {
-            e.message = format!("{}: {}", file.display(), e.message);
-            e
-        }),
+        Scenario::Footage(spec) => {
+            let filmed = film(&spec, output, shell).map_err(|mut e| {
+                e.message = format!("{}: {}", file.display(), e.message);
+                e
+            })?;
+            shell.print_json(&filmed)
+        }
     }
+}
+
+/// What was rendered, for `--json`: what is true of it is as large as all tracks together, and stands in its file.
+#[derive(Debug, serde::Serialize)]
+pub struct Filmed {
+    #[serde(serialize_with = "super::as_shown")]
+    session: PathBuf,
+    #[serde(serialize_with = "super::as_shown")]
+    truth: PathBuf,
+    pictures: usize,
+    shots: usize,
 }
 
 /// What is true of a world, beside what it shows.
@@ -111,7 +125,7 @@ pub fn rendered_from(folder: &Path) -> Option<FootageSpec> {
 }
 
 /// Renders a session into `folder`, with `truth.json` beside it.
-pub fn film(spec: &FootageSpec, folder: &Path, shell: &Shell) -> Result<(), CliError> {
+pub fn film(spec: &FootageSpec, folder: &Path, shell: &Shell) -> Result<Filmed, CliError> {
     let world = FootageWorld::new(spec).map_err(CliError::input)?;
     make_room(spec, folder, shell)?;
     let bar = shell.progress(world.pictures() as u64, "pictures");
@@ -136,5 +150,5 @@ pub fn film(spec: &FootageSpec, folder: &Path, shell: &Shell) -> Result<(), CliE
     shell.write(&folder.join(TRUTH), text.as_bytes())?;
     remove_if_there(&folder.join(RENDERING))?;
     shell.say(format!("{} pictures of {} shots in {}; what is true of them stands in truth.json", world.pictures(), spec.shots, folder.display()));
-    Ok(())
+    Ok(Filmed { session: folder.to_path_buf(), truth: folder.join(TRUTH), pictures: world.pictures(), shots: spec.shots })
 }

@@ -403,7 +403,10 @@ fn cli_synth_makes_room_where_it_was_broken_off() {
     let bench = Bench::new();
     bench.write("scenario.toml", FOOTAGE_SCENARIO);
     let (scenario, session) = (text(&bench.path("scenario.toml")), bench.path("made"));
-    assert_eq!(sweetspot(&["synth", &scenario, "-o", &text(&session)]).status.code(), Some(0));
+    let output = sweetspot(&["synth", &scenario, "-o", &text(&session), "--json"]);
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    let told: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!(told["shots"] == 1 && told["pictures"].as_u64() > Some(8) && told["session"] == text(&session), "{told}");
     let whole = everything(&session);
     // As it stands amid the pictures: the scenario, no session.toml, no truth; and a picture of another world.
     let spec: serde_json::Value = serde_json::from_slice::<serde_json::Value>(&whole[&session.join("truth.json")]).unwrap()["rendered_from"].clone();
@@ -437,4 +440,13 @@ fn cli_a_result_on_stdout_stands_there_alone() {
         assert!(String::from_utf8_lossy(&output.stderr).contains("added"));
     }
     refused(&["add", "hand-mass", "--model", &text(&bench.path("model.toml")), "-o", "/dev/stdout", "--json"], &["--json", "stdout"]);
+}
+
+#[test]
+fn cli_a_checked_racket_is_told_in_json() {
+    let bench = Bench::new();
+    let output = sweetspot(&["racket", &text(&bench.path("racket.toml")), "--json"]);
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!(json["racket"]["name"] == "typical 27 inch" && json["racket"]["inertia_x_kg_m2"] == 0.0015, "{json}");
 }

@@ -22,7 +22,7 @@ impl Provenance {
         Provenance { version: VERSION.to_owned(), command: command.to_owned(), inputs: Default::default() }
     }
 
-    /// Adds the hash of a file under its own name; the second of one name (of two folders) is `name (2)`.
+    /// Adds the hash of a file under its own name; the second of one name (of two folders) is `name (2)`. Errors name the file.
     pub fn with_file(self, path: &Path) -> io::Result<Self> {
         let hash = sha256_file(path)?;
         Ok(self.with_hash(path, hash))
@@ -43,8 +43,12 @@ pub fn sha256_hex(bytes: &[u8]) -> String {
     hex(&Sha256::digest(bytes))
 }
 
-/// SHA-256 of a file, read in blocks.
+/// SHA-256 of a file, read in blocks. Errors name the file.
 pub fn sha256_file(path: &Path) -> io::Result<String> {
+    hash_of(path).map_err(|e| io::Error::new(e.kind(), format!("{}: cannot be read ({e})", path.display())))
+}
+
+fn hash_of(path: &Path) -> io::Result<String> {
     let mut file = std::fs::File::open(path)?;
     let mut hash = Sha256::new();
     let mut block = vec![0u8; 1 << 16];
@@ -158,6 +162,14 @@ mod tests {
         for text in ["long long before\n", "short\n"] {
             write_soon(&path, text.as_bytes()).expect("written");
             assert_eq!(std::fs::read_to_string(&path).expect("readable"), text);
+        }
+    }
+
+    #[test]
+    fn a_file_that_cannot_be_hashed_is_named() {
+        let path = Path::new("no/such/tracks.csv");
+        for e in [sha256_file(path).err(), Provenance::new("shots").with_file(path).err()] {
+            assert!(e.is_some_and(|e| e.kind() == io::ErrorKind::NotFound && e.to_string().starts_with("no/such/tracks.csv: cannot be read (")));
         }
     }
 

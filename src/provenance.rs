@@ -22,7 +22,7 @@ impl Provenance {
         Provenance { version: VERSION.to_owned(), command: command.to_owned(), inputs: Default::default() }
     }
 
-    /// Adds the hash of a file under its own name; the second of one name (of two folders) is `name (2)`.
+    /// Adds the hash of a file under its own name; the second of one name (of two folders) is `name (2)`. Errors name the file.
     pub fn with_file(self, path: &Path) -> io::Result<Self> {
         let hash = sha256_file(path)?;
         Ok(self.with_hash(path, hash))
@@ -43,8 +43,12 @@ pub fn sha256_hex(bytes: &[u8]) -> String {
     hex(&Sha256::digest(bytes))
 }
 
-/// SHA-256 of a file, read in blocks.
+/// SHA-256 of a file, read in blocks. Errors name the file.
 pub fn sha256_file(path: &Path) -> io::Result<String> {
+    hash_of(path).map_err(|e| io::Error::new(e.kind(), format!("{}: cannot be read ({e})", path.display())))
+}
+
+fn hash_of(path: &Path) -> io::Result<String> {
     let mut file = std::fs::File::open(path)?;
     let mut hash = Sha256::new();
     let mut block = vec![0u8; 1 << 16];
@@ -90,8 +94,34 @@ fn is_lent(link: &Path) -> bool {
     folder.starts_with("/proc") || [Path::new("/dev/stdout"), Path::new("/dev/stderr")].contains(&folder.join(name).as_path())
 }
 
+/// Whether a file system answers that it has no way to wait for the disk: the file is written all the same.
+fn has_no_sync(e: &io::Error) -> bool {
+    matches!(e.kind(), io::ErrorKind::InvalidInput | io::ErrorKind::Unsupported)
+}
+
+/// Whether a path is another name of one of the process's own output streams: `/dev/stdout` and `/dev/fd/1`, for instance, of number 1.
+fn is_stream(path: &Path, name: &str, number: &str) -> bool {
+    let folder = path.parent().and_then(|folder| std::fs::canonicalize(folder).ok());
+    let (Some(folder), Some(last)) = (folder, path.file_name()) else { return false };
+    let is_own = || folder == Path::new("/dev/fd") || folder.ends_with("fd") && std::fs::canonicalize("/proc/self").is_ok_and(|process| folder.starts_with(process));
+    (last == name && folder == Path::new("/dev")) || (last == number && is_own())
+}
+
+/// Whether a path is another name of this process's stdout.
+pub fn is_stdout(path: &Path) -> bool {
+    is_stream(path, "stdout", "1")
+}
+
 fn write_whole(path: &Path, bytes: &[u8], to_the_disk: bool) -> io::Result<()> {
     let named = |e: io::Error| io::Error::new(e.kind(), format!("{}: cannot be written ({e})", path.display()));
+    // Opened a second time, a file behind such a name is written from its head on, over what it has.
+    let whole = |mut stream: Box<dyn Write>| stream.write_all(bytes).and_then(|()| stream.flush()).map_err(named);
+    if is_stdout(path) {
+        return whole(Box::new(io::stdout()));
+    }
+    if is_stream(path, "stderr", "2") {
+        return whole(Box::new(io::stderr()));
+    }
     // A terminal, a pipe or a device is written to, never replaced by a file; nor is a name by which the system lends one. Any other link is replaced:
     // it may lead out of the folder.
     let goes_on = |m: std::fs::Metadata| if m.is_symlink() { is_lent(path) } else { !m.is_file() && !m.is_dir() };
@@ -103,13 +133,17 @@ fn write_whole(path: &Path, bytes: &[u8], to_the_disk: bool) -> io::Result<()> {
     let mut file = tempfile::Builder::new().prefix(".sweetspot-").suffix(".tmp").tempfile_in(folder).map_err(named)?;
     file.write_all(bytes).map_err(named)?;
     if to_the_disk {
-        file.as_file().sync_data().map_err(named)?;
+        match file.as_file().sync_data() {
+            Err(e) if !has_no_sync(&e) => return Err(named(e)),
+            _ => {}
+        }
     }
-    // A named temporary file is private (0600); results are for everybody who may read the folder.
+    // A named temporary file is private (0600); results are for everybody who may read the folder. Where modes cannot be set (memory sticks,
+    // shares, many FUSE mounts) the mount decides who may read: no reason to lose the result.
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt;
-        std::fs::set_permissions(file.path(), std::fs::Permissions::from_mode(0o644)).map_err(named)?;
+        let _ = std::fs::set_permissions(file.path(), std::fs::Permissions::from_mode(0o644));
     }
     file.persist(path).map_err(|e| named(e.error))?;
     Ok(())
@@ -131,6 +165,22 @@ mod tests {
         }
     }
 
+    #[test]
+    fn a_file_that_cannot_be_hashed_is_named() {
+        let path = Path::new("no/such/tracks.csv");
+        for e in [sha256_file(path).err(), Provenance::new("shots").with_file(path).err()] {
+            assert!(e.is_some_and(|e| e.kind() == io::ErrorKind::NotFound && e.to_string().starts_with("no/such/tracks.csv: cannot be read (")));
+        }
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_disk_that_is_full_or_broken_is_not_one_that_cannot_be_waited_for() {
+        let of = |code: i32| has_no_sync(&io::Error::from_raw_os_error(code));
+        let (input_output, invalid, full, not_supported) = (5, 22, 28, 95);
+        assert!(of(invalid) && of(not_supported) && !of(input_output) && !of(full));
+    }
+
     #[cfg(unix)]
     #[test]
     fn only_the_systems_own_links_are_written_through() {
@@ -141,6 +191,9 @@ mod tests {
         write_atomically(&link, b"new").expect("written");
         assert_eq!(std::fs::read_to_string(&elsewhere).expect("readable"), "kept");
         assert_eq!(std::fs::read_to_string(&link).expect("readable"), "new");
+        for (path, is) in [("/dev/stdout", true), ("/dev/fd/1", true), ("/dev/stderr", false), ("/dev/fd/2", false), ("stdout", false), ("1", false)] {
+            assert_eq!(is_stdout(Path::new(path)), is && Path::new("/dev/fd").exists(), "{path}");
+        }
         assert!(is_lent(Path::new("/dev/stdout")) || !Path::new("/dev/stdout").exists());
     }
 }

@@ -7,6 +7,7 @@ use crate::equipment::{Ball, EquipmentError, Named, Racket, read_all};
 use crate::impact_table::is_own_column;
 use crate::limited_file::{LARGEST_TEXT, read_text};
 use serde::Deserialize;
+use std::ffi::OsString;
 use std::path::{Component, Path, PathBuf};
 
 /// Torques a mount may hold a handle with, N m: a firm hand has some 5 to 10.
@@ -17,6 +18,12 @@ const GRIP_TORQUES: std::ops::RangeInclusive<f64> = 0.0..=100.0;
 pub enum SessionError {
     #[error("{path}: cannot be read ({source}); give the folder that holds session.toml", path = .path.display())]
     Unreadable { path: PathBuf, source: std::io::Error },
+    #[error("{path}: cannot be read ({source}); mend shot.toml, or remove it where the shot needs none", path = .path.display())]
+    UnreadableShot { path: PathBuf, source: std::io::Error },
+    #[error("{path}: the folder's name is not UTF-8, in which results are named; rename it", path = .path.display())]
+    ShotName { path: PathBuf },
+    #[error("{path}: shot {id:?} cannot be used: {reason}", path = .path.display())]
+    BrokenShot { path: PathBuf, id: String, reason: String },
     #[error("{path}: {message}", path = .path.display())]
     Toml { path: PathBuf, message: String },
     #[error("{path}: `{key}` is {seen}; allowed: {allowed}", path = .path.display())]
@@ -212,12 +219,15 @@ impl Session {
             return Ok(()); // a session may hold a calibration only
         }
         let entries = std::fs::read_dir(&folder).map_err(|source| SessionError::Unreadable { path: folder.clone(), source })?;
-        let mut ids: Vec<String> = entries.filter_map(|e| e.ok()).filter(|e| e.path().is_dir()).filter_map(|e| e.file_name().into_string().ok()).collect();
+        let shown = |name: &OsString| name.to_string_lossy().into_owned();
+        let mut names: Vec<OsString> = entries.filter_map(|e| e.ok()).filter(|e| e.path().is_dir()).map(|e| e.file_name()).collect();
         // A folder that starts with a dot is some program's own.
-        ids.retain(|id| !id.starts_with('.'));
-        ids.sort_by_key(|id| by_number(id));
-        for (order, id) in ids.into_iter().enumerate() {
-            match self.read_shot(&id, order) {
+        names.retain(|name| !shown(name).starts_with('.'));
+        names.sort_by_key(|name| by_number(&shown(name)));
+        for (order, name) in names.into_iter().enumerate() {
+            let id = shown(&name);
+            let read = if name.to_str().is_some() { self.read_shot(&id, order) } else { Err(SessionError::ShotName { path: folder.join(&name) }) };
+            match read {
                 Ok(shot) => self.shots.push(shot),
                 Err(e) => self.broken_shots.push((id, e.to_string())),
             }
@@ -228,11 +238,13 @@ impl Session {
     fn read_shot(&mut self, id: &str, order: usize) -> Result<ShotFolder, SessionError> {
         let path = self.root.join("shots").join(id);
         let file = path.join("shot.toml");
-        let own: ShotFile = if file.exists() {
-            let text = read_text(&file, LARGEST_TEXT).map_err(|source| SessionError::Unreadable { path: file.clone(), source })?;
-            toml::from_str(&text).map_err(|e| SessionError::Toml { path: file.clone(), message: e.to_string() })?
-        } else {
+        // Only what is not there is left out: a link that leads nowhere, or a folder that may not be looked into, is a fault.
+        let absent = std::fs::symlink_metadata(&file).is_err_and(|e| e.kind() == std::io::ErrorKind::NotFound);
+        let own: ShotFile = if absent {
             ShotFile::default()
+        } else {
+            let text = read_text(&file, LARGEST_TEXT).map_err(|source| SessionError::UnreadableShot { path: file.clone(), source })?;
+            toml::from_str(&text).map_err(|e| SessionError::Toml { path: file.clone(), message: e.to_string() })?
         };
         let racket = match &own.racket {
             Some(name) => named(&inside(&self.root, &file, "racket", name)?, &mut self.racket_files, Racket::read)?,
@@ -273,15 +285,14 @@ impl Session {
         if ids.is_empty() {
             return Ok(self.shots.iter().collect());
         }
-        ids.iter()
-            .map(|id| {
-                self.shots.iter().find(|s| &s.id == id).ok_or_else(|| SessionError::UnknownShot {
-                    path: self.root.clone(),
-                    id: id.clone(),
-                    known: self.shots.iter().map(|s| s.id.as_str()).collect::<Vec<_>>().join(", "),
-                })
-            })
-            .collect()
+        let missing = |id: &String| {
+            let (path, id) = (self.root.clone(), id.clone());
+            match self.broken_shots.iter().find(|(broken, _)| *broken == id) {
+                Some((_, reason)) => SessionError::BrokenShot { path, id, reason: reason.clone() },
+                None => SessionError::UnknownShot { path, id, known: self.shots.iter().map(|s| s.id.as_str()).collect::<Vec<_>>().join(", ") },
+            }
+        };
+        ids.iter().map(|id| self.shots.iter().find(|s| &s.id == id).ok_or_else(|| missing(id))).collect()
     }
 }
 
@@ -340,6 +351,29 @@ fn inside(root: &Path, file: &Path, key: &'static str, named: &str) -> Result<Pa
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn fails_no_shot_folder_is_left_out_in_silence() {
+        use std::os::unix::ffi::OsStrExt;
+        let folder = tempfile::tempdir().expect("a folder");
+        let root = folder.path();
+        let sample = Path::new(env!("CARGO_MANIFEST_DIR")).join("footage-samples/session");
+        for file in ["session.toml", "racket.toml", "ball.toml"] {
+            std::fs::copy(sample.join(file), root.join(file)).expect("copied");
+        }
+        for name in [&b"s1"[..], b"s2", b"s3\xe4", b".cache"] {
+            std::fs::create_dir_all(root.join("shots").join(std::ffi::OsStr::from_bytes(name))).expect("made");
+        }
+        std::os::unix::fs::symlink("nowhere.toml", root.join("shots/s2/shot.toml")).expect("linked");
+        let session = Session::open(root).expect("a session");
+        assert_eq!(session.shots.iter().map(|s| s.id.as_str()).collect::<Vec<_>>(), ["s1"]);
+        let [(linked, no_file), (misnamed, not_utf8)] = &session.broken_shots[..] else { panic!("{:?}", session.broken_shots) };
+        assert!(linked == "s2" && no_file.contains("s2/shot.toml: cannot be read") && misnamed.starts_with("s3") && not_utf8.contains("UTF-8"));
+        let asked = session.select(&["s2".to_owned()]).expect_err("broken").to_string();
+        assert!(asked.contains(no_file.as_str()) && !asked.contains("is not there"), "{asked}");
+        assert!(session.select(&["s9".to_owned()]).expect_err("unknown").to_string().contains("is not there"));
+    }
 
     #[test]
     fn law_shots_come_in_the_order_of_their_numbers() {

@@ -26,7 +26,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let changed = with_effect_added(&text, &arguments.effect, &arguments.model)?;
     shell.write(&arguments.output, changed.as_bytes())?;
     let card = effect_card(&arguments.effect);
-    shell.print_json(&serde_json::json!({ "model": arguments.output, "added": card }))?;
+    shell.print_json(&serde_json::json!({ "model": arguments.output.to_string_lossy(), "added": card }))?;
     let free: Vec<&str> = card.iter().flat_map(|c| c.parameters).filter(|p| p.fit).map(|p| p.name).collect();
     shell.say(format_args!("{}: `{}` added; free for `sweetspot fit`: {}", arguments.output.display(), arguments.effect, free.join(", ")));
     let base = Model::parse(&changed, &arguments.model)?.base();

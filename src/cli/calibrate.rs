@@ -119,21 +119,20 @@ fn page(session: &Session, rig: &StereoRig) -> String {
 
 /// Hashes of everything the calibration reads.
 fn inputs(session: &Session, import: Option<&Path>) -> Result<Provenance, CliError> {
-    let unreadable = |e: std::io::Error| CliError::input(format!("an input cannot be read ({e})"));
-    let mut provenance = Provenance::new("calibrate").with_file(&session.root.join("session.toml")).map_err(unreadable)?;
+    let mut provenance = Provenance::new("calibrate").with_file(&session.root.join("session.toml")).map_err(CliError::input)?;
     if let Some(file) = import {
-        provenance = provenance.with_file(existing(file, "calibration to import")?).map_err(unreadable)?;
+        provenance = provenance.with_file(existing(file, "calibration to import")?).map_err(CliError::input)?;
     }
     let boards: &[&str] = if import.is_some() { &[] } else { &["left", "right"] };
     for &camera in boards {
         for path in pictures(&session.board.images, camera)?.values() {
-            let hash = crate::provenance::sha256_file(path).map_err(unreadable)?;
+            let hash = crate::provenance::sha256_file(path).map_err(CliError::input)?;
             provenance.inputs.insert(format!("calib/{camera}/{}", path.file_name().unwrap_or_default().to_string_lossy()), hash);
         }
     }
     if let Some(axes) = &session.axes {
         for camera in ["left", "right"] {
-            let hash = crate::provenance::sha256_file(&axes_picture(&axes.images, camera)?).map_err(unreadable)?;
+            let hash = crate::provenance::sha256_file(&axes_picture(&axes.images, camera)?).map_err(CliError::input)?;
             provenance.inputs.insert(format!("axes/{camera}"), hash);
         }
     }

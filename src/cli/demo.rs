@@ -1,9 +1,9 @@
 //! `sweetspot demo`: the whole chain on the sample the program carries, or on a world whose hidden effect nobody chose.
 
-use super::Shell;
-use super::error::CliError;
+use super::{Shell, undashed};
+use super::error::{CliError, Kind};
 use super::impacts_input::{ledger_path, read_ledger};
-use super::synth::{film, is_rendered};
+use super::synth::{film, is_rendered, rendered_from, unfinished};
 use super::validate::{Footage, footage, rigid_model, table_words};
 use crate::calibration::StereoRig;
 use crate::impact_table::ImpactTable;
@@ -46,6 +46,7 @@ pub struct Arguments {
 /// What the demonstration found, for `--json`.
 #[derive(Debug, serde::Serialize)]
 struct Outcome {
+    #[serde(serialize_with = "super::as_shown")]
     report: PathBuf,
     shots_measured: usize,
     /// As the session states it, and as measured.
@@ -69,7 +70,8 @@ struct Outcome {
     hidden: Option<Vec<String>>,
 }
 
-pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
+pub fn run(mut arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
+    arguments.dir = arguments.dir.map(undashed);
     let Some(wish) = &arguments.hidden_effect else {
         let folder = arguments.dir.clone().unwrap_or_else(|| PathBuf::from("demo-results"));
         let files: Vec<_> = sample::files().collect();
@@ -94,17 +96,27 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
         tell(&outcome, shell);
         return shell.print_json(&outcome);
     };
-    let seed = arguments.seed.unwrap_or_else(|| std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).map_or(1, |d| d.subsec_nanos().into()));
+    // The same command goes on with the world it chose.
+    let earlier = |folder: &PathBuf| Some(folder.join("session")).filter(|_| !shell.args.force).and_then(|s| unfinished(&s).or_else(|| rendered_from(&s)));
+    let seed = arguments.seed.or_else(|| arguments.dir.as_ref().and_then(earlier).map(|spec| spec.seed));
+    let seed = seed.unwrap_or_else(|| std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).map_or(1, |d| d.subsec_nanos().into()));
     let chosen = choose(wish, seed)?;
     let folder = arguments.dir.clone().unwrap_or_else(|| PathBuf::from(format!("demo-hidden-{seed}")));
     let session = folder.join("session");
-    make_room(&session, shell)?;
     let setting = if chosen.is_some_and(|e| e.seen == Seen::Court) { Setting::Court } else { Setting::Lab };
     let hidden = chosen.map(|e| vec![Hidden::new(e.name, arguments.strength)]).unwrap_or_default();
     let spec = FootageSpec { hidden, frames_before: 12, frames_after: 12, ..FootageSpec::new(setting, arguments.shots, seed) };
-    shell.say(format_args!("A world with seed {seed}: what is hidden in it is told at the end ({} knows it)", session.join("truth.json").display()));
-    film(&spec, &session, shell)?;
-    let mut outcome = chain(&folder, shell)?;
+    let reused = !shell.args.force && rendered_from(&session).is_some_and(|earlier| earlier == spec);
+    if !reused {
+        make_room(&session, shell)?;
+    }
+    let from = if reused { ", rendered by an earlier run" } else { "" };
+    shell.say(format_args!("A world with seed {seed}{from}: what is hidden in it is told at the end ({} knows it)", session.join("truth.json").display()));
+    let filmed = if reused { Ok(()) } else { film(&spec, &session, shell).map(|_| ()) };
+    let mut outcome = filmed.and_then(|()| chain(&folder, shell)).map_err(|e| match e.kind {
+        Kind::Interrupted if arguments.seed.is_none() && arguments.dir.is_none() => e.hint(format!("--seed {seed} goes on with this world; without it chance chooses another")),
+        _ => e,
+    })?;
     outcome.hidden = Some(chosen.iter().map(|e| e.name.to_owned()).collect());
     tell(&outcome, shell);
     reveal(&outcome, chosen, shell);
@@ -124,17 +136,19 @@ fn choose(wish: &str, seed: u64) -> Result<Option<&'static Entry>, CliError> {
     }
 }
 
-/// An earlier rendered session must go before another takes its place; nothing else is ever removed.
+/// Refuses a session that is there, unless an earlier demonstration rendered it and it was broken off or --force gives it up.
 fn make_room(session: &Path, shell: &Shell) -> Result<(), CliError> {
     if !session.exists() {
         return Ok(());
     }
-    if !shell.args.force || !is_rendered(session) {
+    // What was broken off is made anew.
+    let own = unfinished(session).is_some() || (shell.args.force && is_rendered(session));
+    if !own {
         return Err(CliError::input(format!("{}: there is a session already", session.display()))
             .hint("give another folder")
             .hint("--force replaces a session that an earlier demonstration rendered"));
     }
-    std::fs::remove_dir_all(session).map_err(CliError::output)
+    Ok(())
 }
 
 /// Everything from the checkerboards to the model that explains the shots, and one report.

@@ -39,6 +39,10 @@ pub struct Arguments {
 
 pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let input = &arguments.input;
+    if let Some(output) = arguments.output.as_deref().filter(|o| crate::provenance::is_stdout(o)) {
+        return Err(CliError::input(format!("{}: --auto writes the models on the way beside the last one, and there is no place beside stdout", output.display()))
+            .hint("give -o a file"));
+    }
     let loaded = input.load("diagnose")?;
     let options = DiagnoseOptions { seed: input.seed, model: input.model_name(), expressions: !arguments.no_expression };
     let mut diagnosis = diagnose(&loaded.library, &loaded.observations, &options)?;

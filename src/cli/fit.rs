@@ -80,7 +80,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     }
     shell.say(format_args!("written: {}", arguments.output.display()));
     shell.print_json(&serde_json::json!({
-        "model": arguments.output,
+        "model": arguments.output.to_string_lossy(),
         "parameters": parameters,
         "covariance": covariance,
         "heldout_error": error,

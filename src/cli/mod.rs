@@ -7,6 +7,7 @@ pub mod error;
 mod impacts_input;
 mod racket_photograph;
 mod set_aside;
+mod threads;
 mod tracked_session;
 
 use clap::{Args, Parser};
@@ -48,8 +49,8 @@ pub struct ShellArgs {
 /// What a command gets from the shell: its options, a cancel flag and a way to speak.
 pub struct Shell {
     pub args: ShellArgs,
-    /// Whether stdout is for the JSON of this command, or of the one that runs it as a step.
-    stdout_is_json: bool,
+    /// Whether stdout is for a result: the JSON of this command or of the one that runs it as a step, or the file that `-o /dev/stdout` asks for.
+    stdout_is_taken: bool,
     cancelled: Arc<AtomicBool>,
 }
 
@@ -57,7 +58,7 @@ impl Shell {
     /// A line for the person at the terminal: stdout, so that a result can be kept or searched; stderr where programs read stdout.
     pub fn say(&self, line: impl std::fmt::Display) {
         // Who reads no further (`| head`) does not stop the work.
-        let _ = if self.stdout_is_json { writeln!(std::io::stderr(), "{line}") } else { writeln!(std::io::stdout(), "{line}") };
+        let _ = if self.stdout_is_taken { writeln!(std::io::stderr(), "{line}") } else { writeln!(std::io::stdout(), "{line}") };
     }
 
     /// The result for programs (stdout), when `--json` was given.
@@ -91,7 +92,7 @@ impl Shell {
 
     /// The same shell with its results where they are by default.
     pub fn with_default_results(&self) -> Shell {
-        Shell { args: ShellArgs { out: None, ..self.args.clone() }, stdout_is_json: self.stdout_is_json, cancelled: self.cancelled.clone() }
+        Shell { args: ShellArgs { out: None, ..self.args.clone() }, stdout_is_taken: self.stdout_is_taken, cancelled: self.cancelled.clone() }
     }
 
     /// Runs another command as if typed, with this shell's `--force` and cancel flag, its results going to `out`.
@@ -101,7 +102,7 @@ impl Shell {
         let words = std::iter::once(std::ffi::OsStr::new("sweetspot")).chain(arguments.iter().copied());
         let cli = Cli::try_parse_from(words).map_err(|e| CliError::input(format!("this program cannot run that step: {e}")))?;
         let args = ShellArgs { json: false, threads: None, force: self.args.force, out: Some(out.to_path_buf()) };
-        dispatch(cli.command, &Shell { args, stdout_is_json: self.stdout_is_json, cancelled: self.cancelled.clone() })
+        dispatch(cli.command, &Shell { args, stdout_is_taken: self.stdout_is_taken, cancelled: self.cancelled.clone() })
     }
 
     /// A progress bar on stderr, hidden when stderr is not a terminal.
@@ -122,6 +123,16 @@ impl Shell {
     pub fn write_soon(&self, path: &Path, bytes: &[u8]) -> Result<(), CliError> {
         crate::provenance::write_soon(path, bytes).map_err(CliError::output)
     }
+}
+
+/// A path that no step run as if typed takes for an option, whatever its name begins with.
+pub fn undashed(path: PathBuf) -> PathBuf {
+    if path.as_os_str().as_encoded_bytes().starts_with(b"-") { Path::new(".").join(path) } else { path }
+}
+
+/// A path in JSON as the system shows it: JSON is Unicode, paths need not be, and no result is refused for its place.
+pub fn as_shown<S: serde::Serializer>(path: &Path, to: S) -> Result<S::Ok, S::Error> {
+    to.collect_str(&path.display())
 }
 
 macro_rules! commands {
@@ -160,6 +171,17 @@ commands! {
 }
 
 impl Command {
+    /// The file that the user names for the result.
+    fn output(&self) -> Option<&Path> {
+        match self {
+            Command::Add(a) => Some(&a.output),
+            Command::Fit(a) => Some(&a.output),
+            Command::Diagnose(a) => a.output.as_deref(),
+            Command::Racket(a) => a.photograph.overlay.as_deref(),
+            _ => None,
+        }
+    }
+
     /// Whether it writes one thing after the other, so that Ctrl-C waits for the one in hand; the others have nothing to keep.
     fn keeps_what_is_done(&self) -> bool {
         #[cfg(feature = "vision")]
@@ -184,7 +206,8 @@ pub fn main() -> ExitCode {
     let flag = cancelled.clone();
     let at_once = !cli.command.keeps_what_is_done();
     // Without a handler Ctrl-C still stops the program; results are whole either way, because writes are atomic.
-    let _ = ctrlc::set_handler(move || {
+    // Where the parent has one of its signals ignored (`nohup`, `trap '' INT`), none is installed: the handler would revive it, and is not told which one came.
+    let _ = ctrlc::try_set_handler(move || {
         if at_once {
             let e = CliError::interrupted_at_once();
             fail(&e);
@@ -194,15 +217,14 @@ pub fn main() -> ExitCode {
             std::process::exit(2); // second Ctrl-C: at once
         }
     });
-    if let Some(n) = cli.shell.threads {
-        if n == 0 || n > 1024 {
-            return fail(&CliError::input(format!("--threads is {n}; allowed: 1 to 1024")));
-        }
-        if rayon::ThreadPoolBuilder::new().num_threads(n).build_global().is_err() {
-            return fail(&CliError::input(format!("--threads {n}: the threads could not be started")));
-        }
+    if let Err(e) = threads::start(cli.shell.threads) {
+        return fail(&e);
     }
-    let shell = Shell { stdout_is_json: cli.shell.json, args: cli.shell, cancelled };
+    let to_stdout = cli.command.output().is_some_and(crate::provenance::is_stdout);
+    if to_stdout && cli.shell.json {
+        return fail(&CliError::input("--json and a file that is stdout: both would stand there").hint("leave one of them out, or name another file"));
+    }
+    let shell = Shell { stdout_is_taken: cli.shell.json || to_stdout, args: cli.shell, cancelled };
     match dispatch(cli.command, &shell) {
         Ok(()) => ExitCode::SUCCESS,
         Err(e) => fail(&e),

@@ -48,7 +48,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let json: Vec<serde_json::Value> = rows.iter().map(|(id, o)| as_json(id, *o)).collect();
     let spinless = without_spin(&table);
     let limited = limited_restitutions(&model, &set, &table)?;
-    shell.print_json(&serde_json::json!({ "predictions": json, "failed": failed, "spin_taken_as_zero": spinless, "restitution_limited": limited.iter().map(|(id, _)| id).collect::<Vec<_>>(), "file": path }))?;
+    shell.print_json(&serde_json::json!({ "predictions": json, "failed": failed, "spin_taken_as_zero": spinless, "restitution_limited": limited.iter().map(|(id, _)| id).collect::<Vec<_>>(), "file": path.to_string_lossy() }))?;
     if !spinless.is_empty() {
         shell.say(format_args!("incoming spin not measured, taken as 0, in {} impacts: {}", spinless.len(), spinless.join(", ")));
     }

@@ -49,8 +49,21 @@ pub struct Arguments {
     pub photograph: PhotographArguments,
 }
 
+/// A racket.toml found valid.
+#[derive(Debug, serde::Serialize)]
+struct Checked {
+    name: String,
+    /// Principal inertias about the centre of mass.
+    inertia_x_kg_m2: f64,
+    inertia_y_kg_m2: f64,
+    inertia_z_kg_m2: f64,
+}
+
 #[derive(Debug, Default, serde::Serialize)]
 struct RacketBench {
+    /// The racket.toml given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    racket: Option<Checked>,
     #[serde(skip_serializing_if = "Option::is_none")]
     mass_kg: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -189,6 +202,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     }
     if let Some(r) = &file {
         let i = r.inertia_kg_m2();
+        bench.racket = Some(Checked { name: r.name.clone(), inertia_x_kg_m2: i.x, inertia_y_kg_m2: i.y, inertia_z_kg_m2: i.z });
         shell.say(format_args!("{}: valid; about the centre of mass I_x {:.5}, I_y {:.5}, I_z {:.5} kg m²", r.name, i.x, i.y, i.z));
     }
     if let Some(photograph) = &arguments.photograph.photo {

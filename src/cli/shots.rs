@@ -43,6 +43,7 @@ fn parse_point(text: &str) -> Result<Vector2<f64>, String> {
 
 #[derive(serde::Serialize)]
 struct Summary {
+    #[serde(serialize_with = "super::as_shown")]
     impacts: PathBuf,
     shots: Vec<ShotRecord>,
     failed: Vec<(String, String)>,

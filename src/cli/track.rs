@@ -281,7 +281,7 @@ fn one(
 fn points_are_of_tracks(folder: &Path) -> Result<(), CliError> {
     let [tracks, points] = ["tracks.csv", "points.csv"].map(|name| folder.join(name));
     let by_hand = Tracks::read(&tracks)?.points.iter().any(|p| p.state == PointState::Manual);
-    let hash = |path: &Path| sha256_file(path).map_err(|e| CliError::input(format!("{}: cannot be read ({e})", path.display())));
+    let hash = |path: &Path| sha256_file(path).map_err(CliError::input);
     if !by_hand {
         return Ok(());
     }

@@ -1,6 +1,6 @@
 //! `sweetspot validate`.
 
-use super::Shell;
+use super::{Shell, undashed};
 use super::error::{CliError, Kind, existing};
 use crate::report::{read_session_results, session_report};
 use crate::limited_file::{LARGEST_TABLE, read_text};
@@ -36,7 +36,9 @@ pub struct Arguments {
 /// What became of one session, for `--json`.
 #[derive(Debug, serde::Serialize)]
 struct Outcome {
+    #[serde(serialize_with = "super::as_shown")]
     session: PathBuf,
+    #[serde(serialize_with = "super::as_shown")]
     results: PathBuf,
     shots_measured: usize,
     /// What `diagnose` found, where there were shots enough.
@@ -78,7 +80,9 @@ impl Failure {
     }
 }
 
-pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
+pub fn run(mut arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
+    arguments.sessions = arguments.sessions.into_iter().map(undashed).collect();
+    arguments.model = arguments.model.map(undashed);
     if let Some(model) = &arguments.model {
         crate::impact::Model::read(existing(model, "model file")?)?;
     }
@@ -135,8 +139,8 @@ fn write_report(session: &Session, results: &Path, outcome: &Outcome, shell: &Sh
 fn place(session: &Session, several: bool, shell: &Shell) -> PathBuf {
     let root = std::fs::canonicalize(&session.root).unwrap_or_else(|_| session.root.clone());
     match (&shell.args.out, several, root.file_name()) {
-        (Some(out), true, Some(name)) => out.join(name),
-        _ => shell.results_of_session(&session.root),
+        (Some(out), true, Some(name)) => undashed(out.join(name)),
+        _ => undashed(shell.results_of_session(&session.root)),
     }
 }
 

@@ -303,3 +303,150 @@ fn cli_a_pipe_named_as_output_is_written_to_and_stays_a_pipe() {
     assert!(std::fs::metadata(&pipe).unwrap().file_type().is_fifo());
     assert!(reader.join().unwrap().contains("[effects.hand-mass]"));
 }
+
+/// A folder named in another encoding than the terminal's is written to, and told, as any other.
+#[cfg(target_os = "linux")]
+#[test]
+fn cli_a_path_that_is_not_unicode_is_shown_in_json() {
+    use std::os::unix::ffi::OsStrExt;
+    let bench = Bench::new();
+    let out = bench.folder.path().join(std::ffi::OsStr::from_bytes(b"M\xfcnchen"));
+    for command in ["predict", "add"] {
+        let mut program = Command::new(env!("CARGO_BIN_EXE_sweetspot"));
+        if command == "add" {
+            program.args(["add", "hand-mass", "--model"]).arg(bench.path("model.toml"));
+        } else {
+            // Without the options that name the results.
+            program.args(bench.table(command).iter().take(9));
+        }
+        match command {
+            "predict" => program.arg("--out").arg(&out),
+            _ => program.arg("-o").arg(out.join("new.toml")),
+        };
+        let output = program.arg("--json").output().unwrap();
+        assert!(!said(&output).contains("panicked"), "{command}: {}", said(&output));
+        assert_eq!(output.status.code(), Some(0), "{command}: {}", said(&output));
+        let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        let place = json.get("file").or(json.get("model")).and_then(serde_json::Value::as_str).unwrap();
+        assert!(place.contains("M\u{fffd}nchen"), "{place}");
+    }
+}
+
+/// Under `nohup` the logout's signal is ignored, and stays so: a batch goes on overnight. Here the program waits for a pipe that nobody has opened.
+#[cfg(target_os = "linux")]
+#[test]
+fn cli_a_signal_ignored_at_the_start_stays_ignored() {
+    let folder = tempfile::tempdir().unwrap();
+    let pipe = folder.path().join("model.toml");
+    assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    for (signal, bit) in [("HUP", 1), ("INT", 2)] {
+        let script = format!("trap '' {signal}; exec \"$0\" add hand-mass --model \"$1\" -o \"$1.new\"");
+        let mut child = Command::new("sh").args(["-c", &script, env!("CARGO_BIN_EXE_sweetspot")]).arg(&pipe).spawn().unwrap();
+        let process = PathBuf::from(format!("/proc/{}", child.id()));
+        // It waits once it sleeps in the opening of the pipe, after the handlers were set.
+        let waits = || std::fs::read_to_string(process.join("stat")).is_ok_and(|s| s.contains("(sweetspot) S"));
+        let begun = std::time::Instant::now();
+        while !waits() && begun.elapsed().as_secs() < 20 {
+            std::thread::sleep(std::time::Duration::from_millis(20));
+        }
+        std::thread::sleep(std::time::Duration::from_millis(200));
+        let status = std::fs::read_to_string(process.join("status")).unwrap();
+        child.kill().unwrap();
+        child.wait().unwrap();
+        let mask = status.lines().find_map(|l| l.strip_prefix("SigIgn:")).unwrap();
+        assert!(u64::from_str_radix(mask.trim(), 16).unwrap() & bit != 0, "{signal}: {mask}");
+    }
+}
+
+const TABLE_SCENARIO: &str = "kind = \"table\"\nsetting = \"lab\"\nimpacts = 12\nseed = 3\n";
+const FOOTAGE_SCENARIO: &str = "kind = \"footage\"\nsetting = \"lab\"\nseed = 5\nshots = 1\nboards = 2\nframes_before = 6\nframes_after = 6\nsize_px = [128, 128]\n";
+
+/// Every file below a folder with its bytes.
+fn everything(folder: &Path) -> std::collections::BTreeMap<PathBuf, Vec<u8>> {
+    let mut all = std::collections::BTreeMap::new();
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() { all.append(&mut everything(&path)) } else { all.extend([(path.clone(), std::fs::read(path).unwrap())]) }
+    }
+    all
+}
+
+#[test]
+fn cli_synth_writes_over_what_it_wrote_and_nothing_else() {
+    let bench = Bench::new();
+    bench.write("table/scenario.toml", TABLE_SCENARIO);
+    bench.write("footage/scenario.toml", FOOTAGE_SCENARIO);
+    let scenario = |kind: &str| text(&bench.path(kind).join("scenario.toml"));
+    let made = |kind: &str, folder: &str| {
+        let output = sweetspot(&["synth", &scenario(kind), "-o", &text(&bench.path(folder))]);
+        assert_eq!(output.status.code(), Some(0), "{kind} into {folder}: {}", said(&output));
+    };
+    for kind in ["table", "footage"] {
+        made(kind, kind);
+        let first = everything(&bench.path(kind));
+        made(kind, kind);
+        assert!(first == everything(&bench.path(kind)), "{kind}");
+    }
+    for (kind, name) in [("table", "racket.toml"), ("table", "session.toml"), ("footage", "ball.toml"), ("footage", "calib/left/a1.bmp"), ("footage", "truth.json")] {
+        bench.write(&format!("own-{kind}-{}/{name}", name.len()), "a laboratory's own");
+        let own = bench.path(&format!("own-{kind}-{}", name.len()));
+        refused(&["synth", &scenario(kind), "-o", &text(&own)], &["there is", "give another folder"]);
+        assert_eq!(everything(&own), std::collections::BTreeMap::from([(own.join(name), b"a laboratory's own".to_vec())]));
+    }
+    refused(&["synth", &scenario("footage"), "-o", &text(&bench.path("table"))], &["give another folder"]);
+    refused(&["synth", &scenario("table"), "-o", &text(&bench.path("footage"))], &["give another folder"]);
+}
+
+/// Pictures of a world that was broken off do not stay among those of the next.
+#[test]
+fn cli_synth_makes_room_where_it_was_broken_off() {
+    let bench = Bench::new();
+    bench.write("scenario.toml", FOOTAGE_SCENARIO);
+    let (scenario, session) = (text(&bench.path("scenario.toml")), bench.path("made"));
+    let output = sweetspot(&["synth", &scenario, "-o", &text(&session), "--json"]);
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    let told: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!(told["shots"] == 1 && told["pictures"].as_u64() > Some(8) && told["session"] == text(&session), "{told}");
+    let whole = everything(&session);
+    // As it stands amid the pictures: the scenario, no session.toml, no truth; and a picture of another world.
+    let spec: serde_json::Value = serde_json::from_slice::<serde_json::Value>(&whole[&session.join("truth.json")]).unwrap()["rendered_from"].clone();
+    bench.write("made/rendering.json", spec.to_string());
+    bench.write("made/calib/left/077.bmp", "of the world broken off");
+    for name in ["session.toml", "truth.json"] {
+        std::fs::remove_file(session.join(name)).unwrap();
+    }
+    assert_eq!(sweetspot(&["synth", &scenario, "-o", &text(&session)]).status.code(), Some(0));
+    assert!(everything(&session) == whole);
+}
+
+/// A model that goes to stdout is all that stands there, after what a file has already.
+#[cfg(target_os = "linux")]
+#[test]
+fn cli_a_result_on_stdout_stands_there_alone() {
+    let bench = Bench::new();
+    for name in ["/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"] {
+        bench.write("into", "# of an earlier command\n");
+        let file = std::fs::File::options().append(false).write(true).open(bench.path("into")).unwrap();
+        std::io::Seek::seek(&mut &file, std::io::SeekFrom::End(0)).unwrap();
+        let output = Command::new(env!("CARGO_BIN_EXE_sweetspot"))
+            .args(["add", "hand-mass", "--model", &text(&bench.path("model.toml")), "-o", name])
+            .stdout(file)
+            .output()
+            .unwrap();
+        assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+        let written = std::fs::read_to_string(bench.path("into")).unwrap();
+        let model = written.strip_prefix("# of an earlier command\n").unwrap();
+        assert!(model.starts_with("base = \"rigid\"") && model.contains("[effects.hand-mass]") && !model.contains("added"), "{written}");
+        assert!(String::from_utf8_lossy(&output.stderr).contains("added"));
+    }
+    refused(&["add", "hand-mass", "--model", &text(&bench.path("model.toml")), "-o", "/dev/stdout", "--json"], &["--json", "stdout"]);
+}
+
+#[test]
+fn cli_a_checked_racket_is_told_in_json() {
+    let bench = Bench::new();
+    let output = sweetspot(&["racket", &text(&bench.path("racket.toml")), "--json"]);
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!(json["racket"]["name"] == "typical 27 inch" && json["racket"]["inertia_x_kg_m2"] == 0.0015, "{json}");
+}

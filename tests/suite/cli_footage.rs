@@ -202,3 +202,41 @@ fn cli_shots_tracked_at_a_time_are_told_in_the_sessions_order() {
         assert!(json_too == json && tables_too == tables);
     }
 }
+
+/// A folder may be called as an option is.
+#[test]
+fn cli_a_session_whose_name_begins_with_a_dash_is_worked_on() {
+    let (keep, session, _) = sample(1);
+    std::fs::rename(session, keep.path().join("-dash")).unwrap();
+    let output = std::process::Command::new(env!("CARGO_BIN_EXE_sweetspot")).current_dir(keep.path()).args(["validate", "--", "-dash"]).output().unwrap();
+    assert!(output.status.success(), "{}", said(&output));
+    assert!(keep.path().join("-dash/results/predictions.csv").exists(), "{}", said(&output));
+}
+
+/// A demonstration that was broken off, in the pictures or after them, goes on when the same command is given again.
+#[test]
+fn cli_a_hidden_world_goes_on_where_it_was_broken_off() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = text(folder.path());
+    let arguments = ["demo", &place, "--hidden-effect", "none", "--shots", "1"];
+    let run = || {
+        let output = sweetspot(&arguments);
+        assert!(!said(&output).contains("already"), "{}", said(&output));
+        assert!(output.status.success(), "{}", said(&output));
+        said(&output)
+    };
+    let seed = |said: &str| said.split("A world with seed ").nth(1).unwrap().split(|c: char| !c.is_ascii_digit()).next().unwrap().to_owned();
+    let chosen = seed(&run());
+    let again = run();
+    assert!(again.contains("rendered by an earlier run"), "{again}");
+    let session = folder.path().join("session");
+    let truth: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(session.join("truth.json")).unwrap()).unwrap();
+    std::fs::write(session.join("rendering.json"), truth["rendered_from"].to_string()).unwrap();
+    for lost in ["truth.json", "session.toml"] {
+        std::fs::remove_file(session.join(lost)).unwrap();
+    }
+    let anew = run();
+    assert!(!anew.contains("rendered by an earlier run") && seed(&anew) == chosen && seed(&again) == chosen, "{anew}");
+    // Another world in its place is asked for with --force.
+    refused(&["demo", &place, "--hidden-effect", "none", "--shots", "2"], &["there is a session already", "--force"]);
+}

@@ -246,7 +246,7 @@ impl<'a> Judgement<'a> {
         diagnosis.verdict = self.verdict;
         diagnosis.notes.append(&mut self.notes);
         diagnosis.noise_floor = c.sqrt();
-        diagnosis.places = places(&case.seen, &case.base.impacts, &varied_coordinates(case.observations), c);
+        diagnosis.places = places(&case.seen, &case.base.impacts, &varied_coordinates(case.observations), &case.structure.by_group, c);
         diagnosis.candidates = self.candidates()?;
         let believed = self.chosen.filter(|_| !self.refused);
         if let Some(best) = believed {

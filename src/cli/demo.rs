@@ -2,7 +2,7 @@
 
 use super::Shell;
 use super::error::CliError;
-use super::impacts_input::{ledger_path, read_ledger};
+use super::impacts_input::LedgerFile;
 use super::synth::{film, is_rendered};
 use super::validate::{Footage, footage, rigid_model, table_words};
 use crate::calibration::StereoRig;
@@ -70,6 +70,8 @@ struct Outcome {
 }
 
 pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
+    // Everything goes to DIR, where the models stand too: they share one ledger.
+    let shell = &shell.with_default_results();
     let Some(wish) = &arguments.hidden_effect else {
         let folder = arguments.dir.clone().unwrap_or_else(|| PathBuf::from("demo-results"));
         let files: Vec<_> = sample::files().collect();
@@ -160,7 +162,7 @@ fn chain(folder: &Path, shell: &Shell) -> Result<Outcome, CliError> {
     } else {
         step(&[OsStr::new("compare")], &first, folder)?;
         step(&[OsStr::new("diagnose"), OsStr::new("--auto"), OsStr::new("-o"), last.as_os_str()], &first, folder)?;
-        ledger = staircase(&first, &last, &impacts)?;
+        ledger = staircase(&first, &last, &impacts, shell)?;
         if ledger.len() > 1 {
             let again = folder.join("found");
             step(&[OsStr::new("compare")], &last, &again)?;
@@ -197,8 +199,8 @@ fn chain(folder: &Path, shell: &Shell) -> Result<Outcome, CliError> {
 }
 
 /// The models from the first to the one `diagnose --auto` arrived at.
-fn staircase(first: &Path, last: &Path, impacts: &Path) -> Result<Vec<LedgerEntry>, CliError> {
-    let ledger = read_ledger(&ledger_path(first))?;
+fn staircase(first: &Path, last: &Path, impacts: &Path, shell: &Shell) -> Result<Vec<LedgerEntry>, CliError> {
+    let ledger = LedgerFile::of(first, shell).read()?;
     let text = std::fs::read(last).map_err(|e| CliError::input(format!("{}: {e}", last.display())))?;
     let data = sha256_file(impacts).map_err(CliError::input)?;
     Ok(ledger.path_to(&sha256_hex(&text), &data).into_iter().cloned().collect())

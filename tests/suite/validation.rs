@@ -365,7 +365,8 @@ fn cli_compare_diagnose_add_fit_compare_and_the_error_falls() {
     let (status, said) = command("compare", "model-3.toml", &[]);
     assert_eq!(status, 0, "{said}");
     assert!(said.contains("noise floor") && said.contains("added frame-vibration"), "{said}");
-    let ledger: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(at.join("model-ledger.json")).unwrap()).unwrap();
+    let beside = std::fs::read_to_string(at.join("model-ledger.json")).unwrap();
+    let ledger: serde_json::Value = serde_json::from_str(&beside).unwrap();
     let errors: Vec<f64> = ledger["entries"].as_array().unwrap().iter().map(|e| e["heldout_error"].as_f64().unwrap()).collect();
     assert_eq!(errors.len(), 2);
     assert!(errors[1] < 0.6 * errors[0], "{errors:?}");
@@ -374,7 +375,9 @@ fn cli_compare_diagnose_add_fit_compare_and_the_error_falls() {
         .unwrap();
     let (status, said) = command("compare", "worse.toml", &["--out", "worse"]);
     assert_eq!(status, 0, "{said}");
-    let ledger: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(at.join("model-ledger.json")).unwrap()).unwrap();
+    // Results that go elsewhere leave the ledger beside the model as it was; the new one goes on from it.
+    assert_eq!(std::fs::read_to_string(at.join("model-ledger.json")).unwrap(), beside);
+    let ledger: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(at.join("worse/model-ledger.json")).unwrap()).unwrap();
     let (fitted, worse) = (&ledger["entries"][1], &ledger["entries"][2]);
     assert!(worse["heldout_error"].as_f64() > fitted["heldout_error"].as_f64());
     assert_ne!(worse["parent"], fitted["model_hash"]);

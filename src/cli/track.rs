@@ -1,7 +1,7 @@
 //! `sweetspot track`.
 
 use super::Shell;
-use super::set_aside::{remove_if_there, set_aside};
+use super::set_aside::{listed, remove_if_there, set_all_aside, set_aside};
 use super::error::CliError;
 use super::tracked_session::rig_to_measure_with;
 use crate::calibration::{CameraId, StereoRig};
@@ -101,6 +101,9 @@ struct TrackRecord {
 }
 
 const TRACK_FILE: &str = "track.json";
+/// What `--export` and `--overlay` write of a shot.
+const EXPORTS: [&str; 7] =
+    ["dltdv_xypts.csv", "dltdv_xyzpts.csv", "dltdv_xyzres.csv", "dltdv_offsets.csv", "points.c3d", "overlay_left.png", "overlay_right.png"];
 /// Most shots tracked at a time: each holds some tens of megabytes.
 const MOST_AT_ONCE: usize = 16;
 
@@ -386,11 +389,13 @@ fn set_unreadable_aside(id: &str, folder: &Path, said: &mut Vec<String>) -> Resu
 
 /// Tracks of an earlier run are of other pictures or settings than those that just failed, and must not be measured in their place.
 fn set_earlier_aside(id: &str, folder: &Path, said: &mut Vec<String>) -> Result<(), CliError> {
-    if let Some(kept) = set_aside(&folder.join("tracks.csv"), "earlier")? {
-        for name in [TRACK_FILE, SPIN_FILE, SHOT_FILE] {
-            remove_if_there(&folder.join(name))?;
-        }
-        said.push(format!("{id}: the tracks of an earlier run are not this one's; they are kept as {}", kept.display()));
+    let mut kept = set_all_aside(folder, &["tracks.csv", "points.csv"])?;
+    kept.extend(set_all_aside(folder, &EXPORTS)?);
+    for name in [TRACK_FILE, SPIN_FILE, SHOT_FILE] {
+        remove_if_there(&folder.join(name))?;
+    }
+    if !kept.is_empty() {
+        said.push(format!("{id}: the tracks of an earlier run are not this one's; they are kept as {}", listed(&kept)));
     }
     Ok(())
 }

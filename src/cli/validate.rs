@@ -2,6 +2,7 @@
 
 use super::Shell;
 use super::error::{CliError, Kind, existing};
+use super::set_aside::{listed, set_aside, set_session_aside};
 use crate::report::{read_session_results, session_report};
 use crate::limited_file::{LARGEST_TABLE, read_text};
 use crate::session::Session;
@@ -55,9 +56,9 @@ struct Found {
 }
 
 impl Outcome {
-    /// Whether a step that judges the model was made now.
+    /// Whether a step on the impacts table was made now. To predict one impact is enough, to judge a model is not.
     fn made(&self, step: &str) -> bool {
-        self.shots_measured >= FEWEST_IMPACTS && !self.failed.iter().any(|f| f.step == step)
+        (step == "predict" || self.shots_measured >= FEWEST_IMPACTS) && !self.failed.iter().any(|f| f.step == step && f.ended)
     }
 }
 
@@ -65,16 +66,20 @@ impl Outcome {
 pub(super) struct Failure {
     pub step: &'static str,
     pub reason: String,
+    /// Whether the step gave nothing at all; else it did without what failed.
+    #[serde(skip)]
+    ended: bool,
     /// Of the shots that failed, by id.
     pub shots: BTreeMap<String, String>,
 }
 
 impl Failure {
-    fn of(step: &'static str, reason: String, session: &Session) -> Self {
+    fn of(step: &'static str, error: CliError, session: &Session) -> Self {
+        let (ended, reason) = (error.kind != Kind::SomeFailed, error.message);
         let ids = session.shots.iter().map(|s| &s.id).chain(session.broken_shots.iter().map(|(id, _)| id));
         let said = |id: &str| reason.lines().find_map(|line| line.trim_start().strip_prefix(id)?.strip_prefix(": ").map(str::to_owned));
         let shots = ids.filter_map(|id| Some((id.clone(), said(id)?))).collect();
-        Failure { step, reason, shots }
+        Failure { step, reason, ended, shots }
     }
 }
 
@@ -122,9 +127,6 @@ fn write_report(session: &Session, results: &Path, outcome: &Outcome, shell: &Sh
             all.steps_failed.push((f.step.to_owned(), f.reason.clone()));
         }
     }
-    // What an earlier run found is of other shots.
-    all.comparison = all.comparison.filter(|_| outcome.made("compare"));
-    all.diagnosis = all.diagnosis.filter(|_| outcome.made("diagnose"));
     let path = results.join("report.html");
     shell.write(&path, session_report(&all).as_bytes())?;
     shell.say(format_args!("report: {}", path.display()));
@@ -161,9 +163,15 @@ pub(super) fn footage(session: &Session, results: &Path, shell: &Shell) -> Resul
             Ok(()) => {}
             Err(e) if e.kind == Kind::Interrupted => return Err(e),
             Err(e) => {
-                let ends = e.kind != Kind::SomeFailed;
-                failed.push(Failure::of(step, e.message, session));
+                let failure = Failure::of(step, e, session);
+                let ends = failure.ended;
+                failed.push(failure);
                 if ends {
+                    // The impacts of an earlier run are of another calibration or other tracks.
+                    let kept = set_session_aside(results)?;
+                    if !kept.is_empty() {
+                        shell.say(format_args!("the impacts of an earlier run, and what was made of them, are kept as {}", listed(&kept)));
+                    }
                     return Ok(Footage::Ended(failed));
                 }
             }
@@ -218,7 +226,15 @@ fn one_session(session: &Session, results: &Path, model: Option<&Path>, shell: &
         match shell.run_step(&line, results) {
             Ok(()) => {}
             Err(e) if e.kind == Kind::Interrupted => return Err(e),
-            Err(e) => outcome.failed.push(Failure::of(step, e.message, session)),
+            Err(e) => outcome.failed.push(Failure::of(step, e, session)),
+        }
+    }
+    // What an earlier run found is of other shots.
+    for (step, file) in [("predict", "predictions.csv"), ("compare", "compare.json"), ("diagnose", "diagnosis.json")] {
+        if !outcome.made(step)
+            && let Some(kept) = set_aside(&results.join(file), "earlier")?
+        {
+            shell.say(format_args!("{step}: what an earlier run made is kept as {}", kept.display()));
         }
     }
     if outcome.made("diagnose") {

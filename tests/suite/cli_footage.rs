@@ -202,3 +202,25 @@ fn cli_shots_tracked_at_a_time_are_told_in_the_sessions_order() {
         assert!(json_too == json && tables_too == tables);
     }
 }
+
+/// When a shot fails that an earlier run measured, nothing of that run stays under its name.
+#[test]
+fn cli_results_of_an_earlier_run_are_set_aside_when_shots_fail() {
+    let (_keep, session, ids) = sample(1);
+    let (place, results) = (text(&session), session.join("results"));
+    let shot = results.join("shots").join(&ids[0]);
+    let validated = sweetspot(&["validate", &place]);
+    assert_eq!(validated.status.code(), Some(0), "{}", said(&validated));
+    for camera in ["left", "right"] {
+        for entry in std::fs::read_dir(session.join("shots").join(&ids[0]).join(camera)).unwrap() {
+            std::fs::write(entry.unwrap().path(), "no picture").unwrap();
+        }
+    }
+    let validated = sweetspot(&["validate", &place]);
+    let files = [(&shot, "tracks", "csv"), (&shot, "points", "csv")].into_iter();
+    let files = files.chain([("impacts", "csv"), ("predictions", "csv"), ("season", "csv"), ("season", "json")].map(|(stem, kind)| (&results, stem, kind)));
+    for (folder, stem, kind) in files {
+        let (name, kept) = (folder.join(format!("{stem}.{kind}")), folder.join(format!("{stem}.earlier.{kind}")));
+        assert!(!name.exists() && kept.exists(), "{stem}.{kind}: {}", said(&validated));
+    }
+}

@@ -57,5 +57,6 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
         write_ledger(shell, &ledger_file.path, &ledger)?;
     }
     shell.say(format_args!("written: {}, report.html", folder.join("compare.json").display()));
-    shell.print_json(&comparison)
+    shell.print_json(&comparison)?;
+    loaded.unless_rows_failed()
 }

@@ -1,7 +1,7 @@
 //! `sweetspot demo`: the whole chain on the sample the program carries, or on a world whose hidden effect nobody chose.
 
 use super::Shell;
-use super::error::CliError;
+use super::error::{CliError, Kind};
 use super::impacts_input::LedgerFile;
 use super::synth::{film, is_rendered};
 use super::validate::{Footage, footage, rigid_model, table_words};
@@ -152,7 +152,12 @@ fn chain(folder: &Path, shell: &Shell) -> Result<Outcome, CliError> {
     let (impacts, first, last) = (folder.join("impacts.csv"), rigid_model(folder, shell)?, folder.join("model-found.toml"));
     let step = |words: &[&OsStr], model: &Path, out: &Path| {
         let line: Vec<&OsStr> = words.iter().copied().chain(table_words(&session, &impacts, model)).collect();
-        shell.run_step(&line, out)
+        match shell.run_step(&line, out) {
+            // What could be used is judged all the same.
+            Err(e) if e.kind == Kind::SomeFailed => shell.say(e.message),
+            other => other?,
+        }
+        Ok::<(), CliError>(())
     };
     let (mut ledger, mut after) = (Vec::new(), None);
     let table = ImpactTable::read(&impacts)?;

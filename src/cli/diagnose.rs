@@ -65,7 +65,8 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let page = crate::report::diagnosis_report(&input.report_title(), &diagnosis, Some(&shown), &versions, loaded.equipment.rackets.first(), &staircase);
     shell.write(&folder.join("report.html"), page.as_bytes())?;
     shell.say(format_args!("written: {}, report.html", folder.join("diagnosis.json").display()));
-    shell.print_json(&diagnosis)
+    shell.print_json(&diagnosis)?;
+    loaded.unless_rows_failed()
 }
 
 /// The comparison of the model with its free parameters fitted, the stated ones still on record.

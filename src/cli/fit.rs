@@ -85,5 +85,6 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
         "notes": loaded.observations.notes,
         "left_out": loaded.observations.left_out(),
         "provenance": loaded.provenance,
-    }))
+    }))?;
+    loaded.unless_rows_failed()
 }

@@ -53,6 +53,19 @@ pub struct Loaded {
     pub provenance: Provenance,
 }
 
+impl Loaded {
+    /// Once the results are written: they are of the rows that could be used, and the others are named.
+    pub fn unless_rows_failed(&self) -> Result<(), CliError> {
+        let unusable = &self.observations.unusable;
+        if unusable.is_empty() {
+            return Ok(());
+        }
+        let lines: Vec<String> = unusable.iter().map(|(id, why)| format!("{id}: {why}")).collect();
+        let rows = unusable.len() + self.observations.impacts.len();
+        Err(CliError::some_failed(format!("{} of {rows} impacts cannot be used:\n  {}", unusable.len(), lines.join("\n  "))))
+    }
+}
+
 impl ImpactsInput {
     pub fn load(&self, command: &str) -> Result<Loaded, CliError> {
         let files = &self.files;

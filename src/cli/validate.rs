@@ -23,7 +23,7 @@ friction    = { value = 0.45, fit = true, min = 0.0, max = 1.5 }
 /// Batch: everything that is still to do for one or more sessions, against a model
 ///
 /// Calibrates, tracks, measures the shots, compares them with the model, diagnoses and writes report.html. What an
-/// earlier run finished is kept; a shot that fails is named and the others go on.
+/// earlier run finished is kept; a shot that fails, or a session that cannot be opened, is named and the others go on.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     /// Session folders (each holds session.toml)
@@ -88,20 +88,35 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
         crate::impact::Model::read(existing(model, "model file")?)?;
     }
     // Every session is read before the first is worked on: a slip of the pen shows at once, not after an hour.
-    let sessions: Vec<Session> = arguments.sessions.iter().map(|s| Ok(Session::open(existing(s, "session folder")?)?)).collect::<Result<_, CliError>>()?;
-    let places: Vec<PathBuf> = sessions.iter().map(|s| place(s, sessions.len() > 1, shell)).collect();
+    let folders = &arguments.sessions;
+    let opened: Vec<Result<Session, CliError>> = folders.iter().map(|s| Ok(Session::open(existing(s, "session folder")?)?)).collect();
+    if opened.iter().all(Result::is_err) {
+        return Err(none_opened(opened.into_iter().filter_map(Result::err).collect()));
+    }
+    let places: Vec<PathBuf> = folders.iter().map(|s| place(s, folders.len() > 1, shell)).collect();
     for (i, place) in places.iter().enumerate() {
         if let Some(j) = places[..i].iter().position(|p| p == place) {
-            let (a, b) = (sessions[j].root.display(), sessions[i].root.display());
+            let (a, b) = (folders[j].display(), folders[i].display());
             return Err(CliError::input(format!("{a} and {b}: the results of both would be {}", place.display()))
                 .hint("give each session folder a name of its own, or run them one by one, each with its own --out"));
         }
     }
+    for (folder, e) in folders.iter().zip(&opened).filter_map(|(folder, session)| Some((folder, session.as_ref().err()?))) {
+        shell.say(format_args!("{}: left out: {}", folder.display(), e.message));
+    }
     let mut outcomes = Vec::new();
-    for (session, results) in sessions.iter().zip(places) {
+    for ((folder, session), results) in folders.iter().zip(opened).zip(places) {
+        let session = match session {
+            Ok(session) => session,
+            Err(e) => {
+                let failed = vec![Failure { step: "open", reason: e.message, ended: true, shots: BTreeMap::new() }];
+                outcomes.push(Outcome { session: folder.clone(), results, shots_measured: 0, diagnosis: None, failed });
+                continue;
+            }
+        };
         shell.say(format_args!("== {} ({})", session.name, session.root.display()));
-        let outcome = one_session(session, &results, arguments.model.as_deref(), shell)?;
-        write_report(session, &results, &outcome, shell)?;
+        let outcome = one_session(&session, &results, arguments.model.as_deref(), shell)?;
+        write_report(&session, &results, &outcome, shell)?;
         outcomes.push(outcome);
     }
     shell.print_json(&outcomes)?;
@@ -110,7 +125,15 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
         return Ok(());
     }
     let message = failures.join("\n");
-    Err(if outcomes.iter().any(|o| o.shots_measured > 0) { CliError::some_failed(message) } else { CliError::input(message) })
+    // As the steps by hand: shots that fail are named, input with which nothing could be begun is refused.
+    Err(if outcomes.iter().all(|o| o.shots_measured == 0 && o.failed.iter().any(|f| f.ended)) { CliError::input(message) } else { CliError::some_failed(message) })
+}
+
+/// Of sessions none of which can be opened.
+fn none_opened(mut errors: Vec<CliError>) -> CliError {
+    let message = errors.iter().map(|e| e.message.as_str()).collect::<Vec<_>>().join("\n");
+    let hints = errors.iter_mut().flat_map(|e| std::mem::take(&mut e.hints)).collect::<std::collections::BTreeSet<_>>();
+    CliError { hints: hints.into_iter().collect(), ..CliError::input(message) }
 }
 
 /// One report of the whole session, in place of those that single steps wrote.
@@ -134,11 +157,11 @@ fn write_report(session: &Session, results: &Path, outcome: &Outcome, shell: &Sh
 }
 
 /// Results of a session; with several sessions and `--out`, each gets a folder of its own name there.
-fn place(session: &Session, several: bool, shell: &Shell) -> PathBuf {
-    let root = std::fs::canonicalize(&session.root).unwrap_or_else(|_| session.root.clone());
+fn place(session: &Path, several: bool, shell: &Shell) -> PathBuf {
+    let root = std::fs::canonicalize(session).unwrap_or_else(|_| session.to_path_buf());
     match (&shell.args.out, several, root.file_name()) {
         (Some(out), true, Some(name)) => out.join(name),
-        _ => shell.results_of_session(&session.root),
+        _ => shell.results_of_session(session),
     }
 }
 

@@ -216,7 +216,13 @@ fn cli_results_of_an_earlier_run_are_set_aside_when_shots_fail() {
             std::fs::write(entry.unwrap().path(), "no picture").unwrap();
         }
     }
-    let validated = sweetspot(&["validate", &place]);
+    // One more session, which cannot be opened: it stops no other.
+    let lacking = session.with_file_name("lacking");
+    std::fs::create_dir(&lacking).unwrap();
+    std::fs::copy(session.join("session.toml"), lacking.join("session.toml")).unwrap();
+    let validated = sweetspot(&["validate", &text(&lacking), &place]);
+    assert_eq!(validated.status.code(), Some(1), "{}", said(&validated));
+    assert!(said(&validated).contains(&text(&lacking.join("racket.toml"))), "{}", said(&validated));
     let files = [(&shot, "tracks", "csv"), (&shot, "points", "csv")].into_iter();
     let files = files.chain([("impacts", "csv"), ("predictions", "csv"), ("season", "csv"), ("season", "json")].map(|(stem, kind)| (&results, stem, kind)));
     for (folder, stem, kind) in files {

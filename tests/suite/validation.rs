@@ -6,7 +6,6 @@ use crate::shared::shared;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use sweetspot::equipment::{Ball, Racket};
-use sweetspot::equipment_set::PickError;
 use sweetspot::impact::Model;
 use sweetspot::impact_table::{ImpactTable, Measured};
 use sweetspot::synthetic::hidden::Hidden;
@@ -311,8 +310,10 @@ fn fails_tables_that_cannot_be_judged_say_why() {
     let without = observe(&odd, None).unwrap();
     assert_eq!((observed.impacts.len(), observed.output_noise), (without.impacts.len(), without.output_noise));
     made.table.rows[3].racket = Some("another".into());
-    let observed = Observations::new(&made.table, std::slice::from_ref(&made.racket), std::slice::from_ref(&made.ball), &TableOptions::default());
-    assert!(matches!(observed, Err(ValidationError::Pick(PickError::NoSuchName { kind: "racket", .. }))));
+    let observed = observe(&made.table, None).unwrap();
+    assert!(matches!(&observed.unusable[..], [(id, why)] if *id == made.table.rows[3].id && why.contains("no racket file has the name \"another\"")), "{:?}", observed.unusable);
+    made.table.rows.iter_mut().for_each(|r| r.ball = Some("another".into()));
+    assert!(matches!(observe(&made.table, None), Err(ValidationError::TooFew { usable: 0, reason, .. }) if reason.contains("\"another\"")));
 }
 
 fn run(folder: &Path, arguments: &[&str]) -> (i32, String) {
@@ -323,6 +324,25 @@ fn run(folder: &Path, arguments: &[&str]) -> (i32, String) {
 fn lay_out(made: &SyntheticTable, folder: &Path) {
     for (name, text) in TableFiles::of(made).unwrap().0 {
         std::fs::write(folder.join(name), text).unwrap();
+    }
+}
+
+/// Rows that cannot be used are named and cost the exit status; the results are of the others.
+#[test]
+fn cli_rows_that_cannot_be_used_are_left_out_with_exit_1() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let mut made = table(Kind::Lab, 60, &[], 1, NoiseOptions::default());
+    made.table.rows[3].racket = Some("another".into());
+    made.table.rows[5].set("impact_x", None);
+    lay_out(&made, at);
+    std::fs::write(at.join("model.toml"), FIRST_MODEL).unwrap();
+    let commands = [("predict", &[][..], "predictions.csv"), ("compare", &[], "compare.json"), ("diagnose", &[], "diagnosis.json"), ("fit", &["-o", "fitted.toml"], "fitted.toml")];
+    for (command, more, result) in commands {
+        let files = [command, "--impacts", "impacts.csv", "--racket", "racket.toml", "--ball", "ball.toml", "--model", "model.toml"];
+        let (status, said) = run(at, &[&files[..], more].concat());
+        assert_eq!(status, 1, "{command}: {said}");
+        assert!(said.contains("\"another\"") && said.contains("`impact_x`") && at.join(result).exists(), "{command}: {said}");
     }
 }
 

@@ -281,7 +281,7 @@ fn truth_an_effect_is_found_when_spin_is_known_about_one_axis_only() {
 #[test]
 fn truth_a_few_groups_are_split_whole() {
     let made = table(Kind::Lab, 90, &[], 2, NoiseOptions { sessions: 3, ..NoiseOptions::default() });
-    let options = TableOptions { group: Some("session".into()) };
+    let options = TableOptions { group: Some("session".into()), ..TableOptions::default() };
     let o = Observations::new(&made.table, std::slice::from_ref(&made.racket), std::slice::from_ref(&made.ball), &options).unwrap();
     let held: std::collections::BTreeSet<&str> = o.impacts.iter().filter(|i| i.held_out).map(|i| i.groups["session"].as_str()).collect();
     let fitted: std::collections::BTreeSet<&str> = o.impacts.iter().filter(|i| !i.held_out).map(|i| i.groups["session"].as_str()).collect();
@@ -292,7 +292,7 @@ fn truth_a_few_groups_are_split_whole() {
 fn fails_tables_that_cannot_be_judged_say_why() {
     let mut made = table(Kind::Lab, 60, &[], 1, NoiseOptions::default());
     let observe = |t: &ImpactTable, group: Option<&str>| {
-        Observations::new(t, std::slice::from_ref(&made.racket), std::slice::from_ref(&made.ball), &TableOptions { group: group.map(Into::into) })
+        Observations::new(t, std::slice::from_ref(&made.racket), std::slice::from_ref(&made.ball), &TableOptions { group: group.map(Into::into), ..TableOptions::default() })
     };
     assert!(matches!(observe(&made.table, Some("player")), Err(ValidationError::NoGroup { .. })));
     let mut short = made.table.clone();

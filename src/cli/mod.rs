@@ -62,6 +62,11 @@ impl Shell {
         let _ = if self.stdout_is_json { writeln!(std::io::stderr(), "{line}") } else { writeln!(std::io::stdout(), "{line}") };
     }
 
+    /// A line that nobody should miss: stderr, also where what is said is kept in a file.
+    pub fn warn(&self, line: impl std::fmt::Display) {
+        let _ = writeln!(std::io::stderr(), "{line}");
+    }
+
     /// The result for programs (stdout), when `--json` was given.
     pub fn print_json(&self, result: &impl serde::Serialize) -> Result<(), CliError> {
         if self.args.json {

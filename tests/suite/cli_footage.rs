@@ -166,6 +166,12 @@ fn cli_broken_pictures_in_shots_are_named_and_the_others_go_on() {
     let (_, message) = run(&["track", &place]);
     assert!(message.contains("1 points corrected by hand"), "{message}");
     assert_eq!(std::fs::read_to_string(tracks(&ids[1])).unwrap(), by_hand);
+    // Nor to one that is told to track anew.
+    let kept = tracks(&ids[1]).with_file_name("tracks.manual.csv");
+    let forced = sweetspot(&["track", &place, "--force", "--no-spin", "--shot", &ids[1]]);
+    assert!(String::from_utf8_lossy(&forced.stderr).contains(&text(&kept)), "{}", said(&forced));
+    assert_eq!(std::fs::read_to_string(&kept).unwrap(), by_hand);
+    assert!(!std::fs::read_to_string(tracks(&ids[1])).unwrap().contains("manual"));
 
     let model = session.join("model.toml");
     std::fs::write(&model, MODEL).unwrap();

@@ -3,7 +3,7 @@
 use super::Shell;
 use super::set_aside::{listed, remove_if_there, set_all_aside, set_aside};
 use super::error::CliError;
-use super::tracked_session::rig_to_measure_with;
+use super::tracked_session::{rig_to_measure_with, warn_of_old_calibration};
 use crate::calibration::{CameraId, StereoRig};
 use crate::footage::Clip;
 use crate::kinematics::{SHOT_FILE, ShotRecord};
@@ -125,6 +125,7 @@ fn track(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     // The first shot's folders are listed meanwhile.
     let (rig, (rig_hash, listed)) = rayon::join(|| rig_to_measure_with(&rig_file), || rayon::join(hash, || shots.first().map(|shot| list(shot))));
     let (rig, rig_hash) = (rig?, rig_hash?);
+    warn_of_old_calibration(&session, &rig, &rig_file, shell);
     let bar = shell.progress(0, "tracking");
     let (next, stop, listed) = (AtomicUsize::new(0), AtomicBool::new(false), Mutex::new(listed));
     let outcomes = Mutex::new(Outcomes::default());

@@ -236,3 +236,23 @@ fn cli_results_of_an_earlier_run_are_set_aside_when_shots_fail() {
         assert!(!name.exists() && kept.exists(), "{stem}.{kind}: {}", said(&validated));
     }
 }
+
+/// A calibration is of the session.toml it was made from: steps that use it after a change say so, and go on.
+#[test]
+fn cli_a_session_file_changed_since_the_calibration_is_told() {
+    let (_keep, session, _) = sample(1);
+    let place = text(&session);
+    assert_eq!(sweetspot(&["calibrate", &place]).status.code(), Some(0));
+    let file = session.join("session.toml");
+    let told = |command: &[&str]| {
+        let output = sweetspot(&[command, &[place.as_str()]].concat());
+        assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+        let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+        stderr.contains(&text(&file)) && stderr.contains("has changed since the calibration") && stderr.contains("sweetspot calibrate")
+    };
+    let commands = [&["track", "--no-spin"][..], &["shots"]];
+    assert!(commands.iter().all(|command| !told(command)));
+    let changed = std::fs::read_to_string(&file).unwrap().replace("square_m = 0.0", "square_m = 0.1");
+    std::fs::write(&file, changed).unwrap();
+    assert!(commands.iter().all(|command| told(command)));
+}

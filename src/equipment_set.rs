@@ -4,12 +4,13 @@ use crate::equipment::{Ball, EquipmentError, Racket, read_all};
 use crate::impact_table::ImpactRow;
 use std::path::PathBuf;
 
+/// Why a row's racket or ball is not known.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum PickError {
-    #[error("impact {id}: no {kind} file has the name {name:?}; given: {given}; add its file with --{kind}")]
-    NoSuchName { id: String, kind: &'static str, name: String, given: String },
-    #[error("impact {id}: its `{kind}` column is empty and several {kind} files are given ({given}); name one")]
-    Ambiguous { id: String, kind: &'static str, given: String },
+    #[error("no {kind} file has the name {name:?}; given: {given}; add its file with --{kind}")]
+    NoSuchName { kind: &'static str, name: String, given: String },
+    #[error("its `{kind}` column is empty and several {kind} files are given ({given}); name one")]
+    Ambiguous { kind: &'static str, given: String },
 }
 
 /// The rackets and balls given to a command.
@@ -37,18 +38,16 @@ impl EquipmentSet {
     pub fn pick(&self, row: &ImpactRow) -> Result<(usize, usize), PickError> {
         let rackets: Vec<&str> = self.rackets.iter().map(|r| r.name.as_str()).collect();
         let balls: Vec<&str> = self.balls.iter().map(|b| b.name.as_str()).collect();
-        Ok((pick(&row.id, "racket", row.racket.as_deref(), &rackets)?, pick(&row.id, "ball", row.ball.as_deref(), &balls)?))
+        Ok((pick("racket", row.racket.as_deref(), &rackets)?, pick("ball", row.ball.as_deref(), &balls)?))
     }
 }
 
 /// The place of a name among those given; of the only one where none is named.
-pub(crate) fn pick(id: &str, kind: &'static str, wanted: Option<&str>, names: &[&str]) -> Result<usize, PickError> {
+pub(crate) fn pick(kind: &'static str, wanted: Option<&str>, names: &[&str]) -> Result<usize, PickError> {
     let given = || names.join(", ");
     match wanted {
-        Some(name) => {
-            names.iter().position(|n| *n == name).ok_or_else(|| PickError::NoSuchName { id: id.to_owned(), kind, name: name.to_owned(), given: given() })
-        }
+        Some(name) => names.iter().position(|n| *n == name).ok_or_else(|| PickError::NoSuchName { kind, name: name.to_owned(), given: given() }),
         None if names.len() == 1 => Ok(0),
-        None => Err(PickError::Ambiguous { id: id.to_owned(), kind, given: given() }),
+        None => Err(PickError::Ambiguous { kind, given: given() }),
     }
 }

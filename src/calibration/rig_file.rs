@@ -18,7 +18,7 @@ impl StereoRig {
         Ok(rig)
     }
 
-    /// [`Self::read`] of what measuring needs: cameras, axes and their uncertainty. The reports, nearly all of the file, are passed
+    /// [`Self::read`] of what measuring needs: cameras, axes, their uncertainty and what they were made from. The reports, nearly all of the file, are passed
     /// over.
     pub fn read_to_measure_with(path: &Path) -> Result<Self, CalibrationError> {
         let text = read_limited(path)?;
@@ -34,7 +34,11 @@ impl StereoRig {
             pairs: Vec::new(),
             square_mm: None,
             global_from_left: file.global_from_left,
-            more: file.covariance.map(|c| ("covariance".to_owned(), c)).into_iter().chain(reference).collect(),
+            more: [("covariance", file.covariance), ("provenance", file.provenance)]
+                .into_iter()
+                .filter_map(|(k, v)| Some((k.to_owned(), v?)))
+                .chain(reference)
+                .collect(),
         };
         rig.check(path)?;
         Ok(rig)
@@ -183,6 +187,7 @@ struct Measuring {
     global_from_left: RigidTransform,
     covariance: Option<serde_json::Value>,
     volume: Option<Volume>,
+    provenance: Option<serde_json::Value>,
 }
 
 #[derive(Deserialize)]

@@ -2,7 +2,7 @@
 
 use super::Shell;
 use super::error::CliError;
-use super::impacts_input::{ImpactsInput, Version, ledger_path, read_ledger, record, write_ledger};
+use super::impacts_input::{ImpactsInput, LedgerFile, Version, record, write_ledger};
 use crate::impact::Model;
 use crate::limited_file::{LARGEST_TEXT, read_text};
 use crate::provenance::sha256_hex;
@@ -18,7 +18,7 @@ use std::path::Path;
 pub struct Arguments {
     #[command(flatten)]
     pub input: ImpactsInput,
-    /// Do not write the model's line into the ledger beside the model file
+    /// Do not write the model's line into model-ledger.json (beside the model file, or in the folder of --out)
     #[arg(long)]
     pub no_ledger: bool,
 }
@@ -32,8 +32,8 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let json = serde_json::to_string_pretty(&comparison).map_err(CliError::output)?;
     shell.write(&folder.join("compare.json"), json.as_bytes())?;
     shell.say(comparison_text(&comparison).trim_end());
-    let path = ledger_path(&input.files.model);
-    let mut ledger = read_ledger(&path)?;
+    let ledger_file = LedgerFile::of(&input.files.model, shell);
+    let mut ledger = ledger_file.read()?;
     let effects = loaded.library.effect_names();
     let version =
         Version { model: &input.files.model, model_text: &loaded.model_text, effects, data_hash: &loaded.data_hash, parent: None, step: None, refused: Vec::new() };
@@ -54,8 +54,9 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let page = crate::report::comparison_report(&input.report_title(), &comparison, loaded.equipment.rackets.first(), &staircase, before.as_ref());
     shell.write(&folder.join("report.html"), page.as_bytes())?;
     if !arguments.no_ledger {
-        write_ledger(shell, &path, &ledger)?;
+        write_ledger(shell, &ledger_file.path, &ledger)?;
     }
     shell.say(format_args!("written: {}, report.html", folder.join("compare.json").display()));
-    shell.print_json(&comparison)
+    shell.print_json(&comparison)?;
+    loaded.unless_rows_failed()
 }

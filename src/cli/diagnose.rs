@@ -2,7 +2,7 @@
 
 use super::Shell;
 use super::error::CliError;
-use super::impacts_input::{ImpactsInput, Loaded, Version, ledger_path, read_ledger, record, write_ledger};
+use super::impacts_input::{ImpactsInput, LedgerFile, Loaded, Version, record, write_ledger};
 use crate::impact::Model;
 use crate::impact::model_file::{with_effect_added, with_values};
 use crate::validation::comparison::{Comparison, compare};
@@ -54,11 +54,11 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let comparison = compare(loaded.library.current(), &loaded.observations, &input.model_name(), input.seed)?;
     let mut versions = Vec::new();
     let mut last = (input.files.model.clone(), loaded.model_text.clone());
-    let path = ledger_path(&input.files.model);
-    let mut ledger = read_ledger(&path)?;
+    let ledger_file = LedgerFile::of(&input.files.model, shell);
+    let mut ledger = ledger_file.read()?;
     if arguments.auto {
         let output = arguments.output.clone().unwrap_or_else(|| auto_name(&input.files.model));
-        let walk = Walk { arguments: &arguments, shell, loaded: &loaded, ledger_path: &path };
+        let walk = Walk { arguments: &arguments, shell, loaded: &loaded, ledger_path: &ledger_file.path };
         let (text, stages) = walk.go(&mut ledger, &diagnosis, &comparison, &output, &options)?;
         last = (output, text);
         versions = std::iter::once(comparison.clone()).chain(stages).collect();
@@ -70,7 +70,8 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let page = crate::report::diagnosis_report(&input.report_title(), &diagnosis, Some(&shown), &versions, loaded.equipment.rackets.first(), &staircase);
     shell.write(&folder.join("report.html"), page.as_bytes())?;
     shell.say(format_args!("written: {}, report.html", folder.join("diagnosis.json").display()));
-    shell.print_json(&diagnosis)
+    shell.print_json(&diagnosis)?;
+    loaded.unless_rows_failed()
 }
 
 /// The comparison of the model with its free parameters fitted, the stated ones still on record.

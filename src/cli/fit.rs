@@ -90,5 +90,6 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
         "notes": notes,
         "left_out": loaded.observations.left_out(),
         "provenance": loaded.provenance,
-    }))
+    }))?;
+    loaded.unless_rows_failed()
 }

@@ -1,4 +1,4 @@
-//! The files that compare, diagnose and fit share: an impacts table, rackets, balls, a model; and the ledger beside it.
+//! The files that compare, diagnose and fit share: an impacts table, rackets, balls, a model; and the ledger of models.
 
 use super::Shell;
 use super::error::CliError;
@@ -53,6 +53,19 @@ pub struct Loaded {
     pub provenance: Provenance,
 }
 
+impl Loaded {
+    /// Once the results are written: they are of the rows that could be used, and the others are named.
+    pub fn unless_rows_failed(&self) -> Result<(), CliError> {
+        let unusable = &self.observations.unusable;
+        if unusable.is_empty() {
+            return Ok(());
+        }
+        let lines: Vec<String> = unusable.iter().map(|(id, why)| format!("{id}: {why}")).collect();
+        let rows = unusable.len() + self.observations.impacts.len();
+        Err(CliError::some_failed(format!("{} of {rows} impacts cannot be used:\n  {}", unusable.len(), lines.join("\n  "))))
+    }
+}
+
 impl ImpactsInput {
     pub fn load(&self, command: &str) -> Result<Loaded, CliError> {
         let files = &self.files;
@@ -103,13 +116,29 @@ fn file_name(path: &Path) -> String {
     path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned())
 }
 
-/// The ledger of all models in a folder.
-pub fn ledger_path(model: &Path) -> PathBuf {
-    model.with_file_name("model-ledger.json")
+const LEDGER_FILE: &str = "model-ledger.json";
+
+/// The ledger of all models in a folder, and where it is written.
+pub struct LedgerFile {
+    /// Beside the model, or where `--out` says.
+    pub path: PathBuf,
+    beside_model: PathBuf,
 }
 
-/// Reads the ledger beside a model file; a missing one is empty, a damaged one is an error that names it.
-pub fn read_ledger(path: &Path) -> Result<Ledger, CliError> {
+impl LedgerFile {
+    pub fn of(model: &Path, shell: &Shell) -> Self {
+        let beside_model = model.with_file_name(LEDGER_FILE);
+        LedgerFile { path: shell.ledger_folder().map_or_else(|| beside_model.clone(), |folder| folder.join(LEDGER_FILE)), beside_model }
+    }
+
+    /// A ledger begun in another folder goes on from the one beside the model: earlier versions stay a model's history.
+    pub fn read(&self) -> Result<Ledger, CliError> {
+        read_ledger(if self.path.exists() { &self.path } else { &self.beside_model })
+    }
+}
+
+/// A missing ledger is empty, a damaged one is an error that names it.
+fn read_ledger(path: &Path) -> Result<Ledger, CliError> {
     match read_text(path, LARGEST_TEXT) {
         Ok(text) => serde_json::from_str(&text)
             .map_err(|e| CliError::input(format!("{}: not a ledger ({e})", path.display())).hint("move it away; a new one will be begun")),

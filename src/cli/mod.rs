@@ -49,6 +49,8 @@ pub struct ShellArgs {
 /// What a command gets from the shell: its options, a cancel flag and a way to speak.
 pub struct Shell {
     pub args: ShellArgs,
+    /// Whether the user chose the place of the results. `--out` of a step also says where its chain keeps them by itself.
+    out_was_asked: bool,
     /// Whether stdout is for a result: the JSON of this command or of the one that runs it as a step, or the file that `-o /dev/stdout` asks for.
     stdout_is_taken: bool,
     cancelled: Arc<AtomicBool>,
@@ -59,6 +61,11 @@ impl Shell {
     pub fn say(&self, line: impl std::fmt::Display) {
         // Who reads no further (`| head`) does not stop the work.
         let _ = if self.stdout_is_taken { writeln!(std::io::stderr(), "{line}") } else { writeln!(std::io::stdout(), "{line}") };
+    }
+
+    /// A line that nobody should miss: stderr, also where what is said is kept in a file.
+    pub fn warn(&self, line: impl std::fmt::Display) {
+        let _ = writeln!(std::io::stderr(), "{line}");
     }
 
     /// The result for programs (stdout), when `--json` was given.
@@ -90,9 +97,15 @@ impl Shell {
         self.args.out.clone().unwrap_or_else(|| input.parent().map_or_else(PathBuf::new, Path::to_path_buf))
     }
 
+    /// Where the user wants the ledger of models, when it is not to stand beside the model.
+    pub fn ledger_folder(&self) -> Option<&Path> {
+        self.args.out.as_deref().filter(|_| self.out_was_asked)
+    }
+
     /// The same shell with its results where they are by default.
     pub fn with_default_results(&self) -> Shell {
-        Shell { args: ShellArgs { out: None, ..self.args.clone() }, stdout_is_taken: self.stdout_is_taken, cancelled: self.cancelled.clone() }
+        let args = ShellArgs { out: None, ..self.args.clone() };
+        Shell { args, out_was_asked: false, stdout_is_taken: self.stdout_is_taken, cancelled: self.cancelled.clone() }
     }
 
     /// Runs another command as if typed, with this shell's `--force` and cancel flag, its results going to `out`.
@@ -102,7 +115,7 @@ impl Shell {
         let words = std::iter::once(std::ffi::OsStr::new("sweetspot")).chain(arguments.iter().copied());
         let cli = Cli::try_parse_from(words).map_err(|e| CliError::input(format!("this program cannot run that step: {e}")))?;
         let args = ShellArgs { json: false, threads: None, force: self.args.force, out: Some(out.to_path_buf()) };
-        dispatch(cli.command, &Shell { args, stdout_is_taken: self.stdout_is_taken, cancelled: self.cancelled.clone() })
+        dispatch(cli.command, &Shell { args, out_was_asked: self.out_was_asked, stdout_is_taken: self.stdout_is_taken, cancelled: self.cancelled.clone() })
     }
 
     /// A progress bar on stderr, hidden when stderr is not a terminal.
@@ -224,7 +237,7 @@ pub fn main() -> ExitCode {
     if to_stdout && cli.shell.json {
         return fail(&CliError::input("--json and a file that is stdout: both would stand there").hint("leave one of them out, or name another file"));
     }
-    let shell = Shell { stdout_is_taken: cli.shell.json || to_stdout, args: cli.shell, cancelled };
+    let shell = Shell { stdout_is_taken: cli.shell.json || to_stdout, out_was_asked: cli.shell.out.is_some(), args: cli.shell, cancelled };
     match dispatch(cli.command, &shell) {
         Ok(()) => ExitCode::SUCCESS,
         Err(e) => fail(&e),

@@ -12,11 +12,44 @@ pub fn set_aside(file: &Path, word: &str) -> Result<Option<PathBuf>, CliError> {
     }
     let part = |of: Option<&std::ffi::OsStr>| of.unwrap_or_default().to_string_lossy().into_owned();
     let (stem, extension) = (part(file.file_stem()), part(file.extension()));
-    let numbered = (2..).map(|k| format!("{stem}.{word}-{k}.{extension}"));
-    let names = std::iter::once(format!("{stem}.{word}.{extension}")).chain(numbered).map(|name| file.with_file_name(name));
+    // A folder's name has no extension.
+    let extension = if extension.is_empty() { extension } else { format!(".{extension}") };
+    let numbered = (2..).map(|k| format!("{stem}.{word}-{k}{extension}"));
+    let names = std::iter::once(format!("{stem}.{word}{extension}")).chain(numbered).map(|name| file.with_file_name(name));
     let Some(kept) = names.into_iter().find(|p| !p.exists()) else { return Ok(None) };
     std::fs::rename(file, &kept).map_err(|e| CliError::output(format!("{}: cannot be renamed ({e})", file.display())))?;
     Ok(Some(kept))
+}
+
+/// What `predict`, `compare` and `diagnose` make of the impacts table.
+const OF_THE_IMPACTS: [&str; 5] = ["predictions.csv", "predictions_sd.csv", "sensitivities.csv", "compare.json", "diagnosis.json"];
+
+/// Sets aside what an earlier run made of the session's shots as a whole: the impacts table with all that goes by it. Gives the names it has now.
+pub fn set_session_aside(results: &Path) -> Result<Vec<PathBuf>, CliError> {
+    let impacts = set_aside(&results.join("impacts.csv"), "earlier")?;
+    let mut kept = set_all_aside(results, &["season.csv", "season.json", "season"])?;
+    kept.extend(set_judgements_aside(results)?);
+    // Without a table of its own the report is one on failures, which need not be kept.
+    if let Some(impacts) = impacts {
+        kept.insert(0, impacts);
+        kept.extend(set_aside(&results.join("report.html"), "earlier")?);
+    }
+    Ok(kept)
+}
+
+/// Sets aside what models made of an impacts table that is another now.
+pub fn set_judgements_aside(results: &Path) -> Result<Vec<PathBuf>, CliError> {
+    set_all_aside(results, &OF_THE_IMPACTS)
+}
+
+/// [`set_aside`] of several files of a folder, as "earlier"; the names of those that were there.
+pub fn set_all_aside(folder: &Path, names: &[&str]) -> Result<Vec<PathBuf>, CliError> {
+    names.iter().filter_map(|name| set_aside(&folder.join(name), "earlier").transpose()).collect()
+}
+
+/// The names of files for a message.
+pub fn listed(files: &[PathBuf]) -> String {
+    files.iter().map(|f| f.display().to_string()).collect::<Vec<_>>().join(", ")
 }
 
 /// Removes a file that need not be there.
@@ -42,5 +75,34 @@ mod tests {
         }
         assert_eq!(std::fs::read_to_string(folder.path().join("tracks.earlier.csv")).expect("kept"), "0");
         remove_if_there(&file).expect("is not there");
+    }
+
+    #[test]
+    fn law_nothing_of_an_earlier_session_stays_under_its_name() {
+        let folder = tempfile::tempdir().expect("folder");
+        let at = |name: &str| folder.path().join(name);
+        std::fs::create_dir(at("season")).expect("made");
+        for name in ["impacts.csv", "season.csv", "season.json", "predictions.csv", "diagnosis.json", "report.html", "model.toml", "season/histograms.csv"] {
+            std::fs::write(at(name), "of an earlier run").expect("written");
+        }
+        assert_eq!(set_session_aside(folder.path()).expect("renamed").len(), 7);
+        let mut left: Vec<String> =
+            std::fs::read_dir(folder.path()).expect("listed").map(|e| e.expect("entry").file_name().to_string_lossy().into_owned()).collect();
+        left.sort();
+        let kept = [
+            "diagnosis.earlier.json",
+            "impacts.earlier.csv",
+            "model.toml",
+            "predictions.earlier.csv",
+            "report.earlier.html",
+            "season.earlier",
+            "season.earlier.csv",
+            "season.earlier.json",
+        ];
+        assert_eq!(left, kept);
+        assert!(at("season.earlier/histograms.csv").exists());
+        // A report on failures is not kept.
+        std::fs::write(at("report.html"), "of no shot").expect("written");
+        assert!(set_session_aside(folder.path()).expect("nothing to do").is_empty());
     }
 }

@@ -1,8 +1,8 @@
 //! `sweetspot shots`.
 
 use super::Shell;
-use super::set_aside::set_aside;
 use super::error::CliError;
+use super::set_aside::{listed, set_aside, set_judgements_aside, set_session_aside};
 use super::track::{doubt, seen_flattening};
 use super::tracked_session::TrackedSession;
 use crate::impact_table::ImpactTable;
@@ -67,16 +67,16 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
         .collect();
     bar.finish_and_clear();
     shell.check_cancelled()?;
-    let mut failed: Vec<(String, String)> = session.broken_shots.clone();
+    let mut failed: Vec<(String, String)> = Vec::new();
     let mut shots = Vec::new();
-    for (id, outcome) in outcomes {
+    let broken = session.broken_shots.iter().map(|(id, why)| (id.clone(), Err(why.clone())));
+    for (id, outcome) in outcomes.into_iter().map(|(id, outcome)| (id, outcome.map_err(|e| e.message))).chain(broken) {
         match outcome {
             Ok(record) => shots.push(record),
-            Err(e) => {
-                // What an earlier run measured is not this one's.
-                let kept = set_aside(&results.join("shots").join(&id).join(SHOT_FILE), "earlier")?;
-                let kept = kept.map_or_else(String::new, |k| format!("; what an earlier run measured is kept as {}", k.display()));
-                failed.push((id, e.message + &kept));
+            Err(why) => {
+                let kept = set_measured_aside(&results.join("shots").join(&id))?;
+                let kept = if kept.is_empty() { String::new() } else { format!("; what an earlier run measured is kept as {}", listed(&kept)) };
+                failed.push((id, why + &kept));
             }
         }
     }
@@ -103,12 +103,22 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
             }
             row
         };
-        let table = ImpactTable { rows: shots.iter().map(row).collect() };
-        shell.write(&impacts, table.to_csv().as_bytes())?;
+        let table = ImpactTable { rows: shots.iter().map(row).collect() }.to_csv();
+        // What was made of a table with the shots that fail now is not of this one.
+        if !failed.is_empty() && std::fs::read(&impacts).is_ok_and(|earlier| earlier != table.as_bytes()) {
+            let kept = set_judgements_aside(results)?;
+            if !kept.is_empty() {
+                shell.say(format_args!("what was made of the impacts of an earlier run is kept as {}", listed(&kept)));
+            }
+        }
+        shell.write(&impacts, table.as_bytes())?;
         write_season(&tracked, &shots, shell)?;
         shell.say(format_args!("{} of {} shots measured: {}", shots.len(), shots.len() + failed.len(), impacts.display()));
-    } else if let Some(kept) = set_aside(&impacts, "earlier")? {
-        shell.say(format_args!("no shot measured; the impacts of an earlier run are kept as {}", kept.display()));
+    } else {
+        let kept = set_session_aside(results)?;
+        if !kept.is_empty() {
+            shell.say(format_args!("no shot measured; the impacts of an earlier run, and what was made of them, are kept as {}", listed(&kept)));
+        }
     }
     let summary = Summary { impacts, shots, failed };
     shell.print_json(&summary)?;
@@ -118,6 +128,14 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let lines: Vec<String> = summary.failed.iter().map(|(id, why)| format!("{id}: {why}")).collect();
     let message = format!("{} of {} shots failed:\n  {}", lines.len(), summary.shots.len() + lines.len(), lines.join("\n  "));
     Err(CliError::some_failed(message))
+}
+
+/// What an earlier run measured of a shot is not this one's. Points in space that `track` has found since are, and stay.
+fn set_measured_aside(place: &Path) -> Result<Vec<PathBuf>, CliError> {
+    let (shot, points) = (place.join(SHOT_FILE), place.join("points.csv"));
+    let of_the_shot = ShotRecord::read(&shot).is_ok_and(|earlier| sha256_file(&points).is_ok_and(|hash| hash == earlier.points));
+    let points = if of_the_shot || !place.join("tracks.csv").exists() { set_aside(&points, "earlier")? } else { None };
+    Ok(set_aside(&shot, "earlier")?.into_iter().chain(points).collect())
 }
 
 #[derive(serde::Serialize)]

@@ -1,9 +1,9 @@
 //! `sweetspot track`.
 
 use super::Shell;
-use super::set_aside::{remove_if_there, set_aside};
+use super::set_aside::{listed, remove_if_there, set_all_aside, set_aside};
 use super::error::CliError;
-use super::tracked_session::rig_to_measure_with;
+use super::tracked_session::{rig_to_measure_with, warn_of_old_calibration};
 use crate::calibration::{CameraId, StereoRig};
 use crate::footage::Clip;
 use crate::kinematics::{SHOT_FILE, ShotRecord};
@@ -101,6 +101,9 @@ struct TrackRecord {
 }
 
 const TRACK_FILE: &str = "track.json";
+/// What `--export` and `--overlay` write of a shot.
+const EXPORTS: [&str; 7] =
+    ["dltdv_xypts.csv", "dltdv_xyzpts.csv", "dltdv_xyzres.csv", "dltdv_offsets.csv", "points.c3d", "overlay_left.png", "overlay_right.png"];
 /// Most shots tracked at a time: each holds some tens of megabytes.
 const MOST_AT_ONCE: usize = 16;
 
@@ -122,6 +125,7 @@ fn track(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     // The first shot's folders are listed meanwhile.
     let (rig, (rig_hash, listed)) = rayon::join(|| rig_to_measure_with(&rig_file), || rayon::join(hash, || shots.first().map(|shot| list(shot))));
     let (rig, rig_hash) = (rig?, rig_hash?);
+    warn_of_old_calibration(&session, &rig, &rig_file, shell);
     let bar = shell.progress(0, "tracking");
     let (next, stop, listed) = (AtomicUsize::new(0), AtomicBool::new(false), Mutex::new(listed));
     let outcomes = Mutex::new(Outcomes::default());
@@ -133,7 +137,7 @@ fn track(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
             let folder = results.join("shots").join(&shot.id);
             let first = listed.lock().ok().filter(|_| at == 0).and_then(|mut listed| listed.take());
             let clip = first.unwrap_or_else(|| list(shot));
-            let mut said = Vec::new();
+            let mut said = Said::default();
             let made = clip.map_err(Failure::from).and_then(|clip| {
                 let summary = one(&arguments, &session, shot, clip, (&rig, &rig_hash), &folder, (shell, &bar, &mut said))?;
                 Ok((for_others(&arguments, &session, shot, &rig, summary.right_shift, &folder, shell), summary))
@@ -163,13 +167,27 @@ fn track(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     if failed.is_empty() { Ok(()) } else { Err(CliError::some_failed(failed.join("\n"))) }
 }
 
+/// What is to be said of a shot.
+#[derive(Default)]
+struct Said {
+    /// What nobody should miss.
+    warnings: Vec<String>,
+    lines: Vec<String>,
+}
+
+impl Said {
+    fn push(&mut self, line: String) {
+        self.lines.push(line);
+    }
+}
+
 /// What became of the shots, by their place in the session.
 #[derive(Default)]
 struct Outcomes {
     /// Summaries, and what is to be said in the end.
     done: BTreeMap<usize, (ShotSummary, Vec<String>)>,
     /// What was said of shots before which others are not done yet.
-    waiting: BTreeMap<usize, Vec<String>>,
+    waiting: BTreeMap<usize, Said>,
     /// Shots of which everything was said.
     said: usize,
     /// Why the command ends early.
@@ -178,11 +196,11 @@ struct Outcomes {
 
 impl Outcomes {
     /// Notes what became of a shot, and says what can be said in the session's order.
-    fn add(&mut self, at: usize, id: &str, made: Result<(Result<(), CliError>, ShotSummary), Failure>, mut said: Vec<String>, shell: &Shell) {
+    fn add(&mut self, at: usize, id: &str, made: Result<(Result<(), CliError>, ShotSummary), Failure>, mut said: Said, shell: &Shell) {
         match made {
             Ok((for_others, summary)) => {
                 let failed = for_others.err().map(|e| format!("{id}: {}", e.message));
-                said.extend(failed.clone());
+                said.lines.extend(failed.clone());
                 // The shot is measured all the same, but nobody should find out by chance that a picture is broken.
                 let unreadable = summary.unreadable.iter().map(|why| format!("{id}: {why}; it counts as missing until it is mended"));
                 let failed = failed.into_iter().chain(unreadable).collect();
@@ -197,8 +215,9 @@ impl Outcomes {
             Err(Failure::All(e)) => self.ended = Some(e),
         }
         self.waiting.insert(at, said);
-        while let Some(lines) = self.waiting.remove(&self.said) {
-            lines.iter().for_each(|line| shell.say(line));
+        while let Some(said) = self.waiting.remove(&self.said) {
+            said.warnings.iter().for_each(|line| shell.warn(line));
+            said.lines.iter().for_each(|line| shell.say(line));
             self.said += 1;
         }
     }
@@ -224,7 +243,7 @@ fn one(
     clip: Clip,
     rig: (&StereoRig, &str),
     folder: &Path,
-    (shell, bar, said): (&Shell, &ProgressBar, &mut Vec<String>),
+    (shell, bar, said): (&Shell, &ProgressBar, &mut Said),
 ) -> Result<ShotSummary, Failure> {
     let provenance = LazyLock::new(|| provenance(session, shot, rig.1, &clip));
     if !shell.args.force {
@@ -237,8 +256,8 @@ fn one(
             said.push(format!("{}: {}", shot.id, summary.notes.join("; ")));
             return Ok(summary);
         }
-        set_unreadable_aside(&shot.id, folder, said).map_err(Failure::All)?;
     }
+    set_unreadable_aside(&shot.id, folder, said).map_err(Failure::All)?;
     bar.inc_length(clip.pairs.len() as u64);
     let setup = ShotSetup { rig: rig.0, racket: &shot.racket, ball: &shot.ball, frame_rate_hz: session.frame_rate_hz };
     let mode = if arguments.sync == Sync::Auto { SyncMode::Auto } else { SyncMode::Report };
@@ -255,11 +274,12 @@ fn one(
     let tracked = &made.tracked;
     let summary = summary(&shot.id, &setup, &made, [clip.gap_notes(), clip.depth_notes()].concat());
     said.push(format!("{}: {} points measured, {} occluded, in {} frames", shot.id, summary.measured, summary.occluded, summary.frames));
-    said.extend(summary.notes.iter().map(|note| format!("{}: {note}", shot.id)));
+    said.lines.extend(summary.notes.iter().map(|note| format!("{}: {note}", shot.id)));
     if spin.is_none() {
         // An earlier run's spin does not belong to these tracks.
         remove_if_there(&folder.join(SPIN_FILE)).map_err(Failure::All)?;
     }
+    keep_by_hand(&shot.id, folder, said).map_err(Failure::All)?;
     let spin = spin.map(|s| (SPIN_FILE, spin_to_json(&s)));
     let write = |name: &str, text: &str| shell.write_soon(&folder.join(name), text.as_bytes()).map_err(Failure::All);
     let (points, (tracks, provenance)) = rayon::join(
@@ -280,7 +300,7 @@ fn one(
 /// Points in space follow a correction by hand only once `shots` has measured it.
 fn points_are_of_tracks(folder: &Path) -> Result<(), CliError> {
     let [tracks, points] = ["tracks.csv", "points.csv"].map(|name| folder.join(name));
-    let by_hand = Tracks::read(&tracks)?.points.iter().any(|p| p.state == PointState::Manual);
+    let by_hand = points_by_hand(&Tracks::read(&tracks)?) > 0;
     let hash = |path: &Path| sha256_file(path).map_err(CliError::input);
     if !by_hand {
         return Ok(());
@@ -348,13 +368,29 @@ fn provenance(session: &Session, shot: &ShotFolder, rig_hash: &str, clip: &Clip)
     provenance
 }
 
+fn points_by_hand(tracks: &Tracks) -> usize {
+    tracks.points.iter().filter(|p| p.state == PointState::Manual).count()
+}
+
+/// Keeps tracks somebody has corrected under another name, now that the others are about to take their place (`--force`).
+fn keep_by_hand(id: &str, folder: &Path, said: &mut Said) -> Result<(), CliError> {
+    let file = folder.join("tracks.csv");
+    let manual = Tracks::read(&file).map_or(0, |tracks| points_by_hand(&tracks));
+    if manual > 0
+        && let Some(kept) = set_aside(&file, "manual")?
+    {
+        said.warnings.push(format!("{id}: the tracks with {manual} points corrected by hand are kept as {}; --force tracked anew without them", kept.display()));
+    }
+    Ok(())
+}
+
 /// Tracks somebody has corrected are not overwritten, whatever has changed since: an hour of digitising is worth more.
 /// How their pictures are paired is what an earlier run found.
 fn by_hand(id: &str, record: Option<TrackRecord>, folder: &Path) -> Option<ShotSummary> {
     let tracks = Tracks::read(&folder.join("tracks.csv")).ok()?;
     let count = |state: PointState| tracks.points.iter().filter(|p| p.state == state).count();
-    let (manual, measured, occluded) = (count(PointState::Manual), count(PointState::Measured), count(PointState::Occluded));
-    let note = format!("tracks.csv holds {manual} points corrected by hand and is kept (--force tracks again and overwrites them)");
+    let (manual, measured, occluded) = (points_by_hand(&tracks), count(PointState::Measured), count(PointState::Occluded));
+    let note = format!("tracks.csv holds {manual} points corrected by hand and is kept (--force tracks again and keeps it under another name)");
     let ShotSummary { right_shift, out_of_step, doubt, .. } = record.map(|r| r.summary).unwrap_or_default();
     let frames = tracks.frames().len();
     (manual > 0).then(|| ShotSummary {
@@ -372,7 +408,7 @@ fn by_hand(id: &str, record: Option<TrackRecord>, folder: &Path) -> Option<ShotS
 
 /// A table that cannot be read may be somebody's work of an hour, saved by a program that writes tables otherwise: it is kept under
 /// another name. One that a power failure cut off does not end with a line.
-fn set_unreadable_aside(id: &str, folder: &Path, said: &mut Vec<String>) -> Result<(), CliError> {
+fn set_unreadable_aside(id: &str, folder: &Path, said: &mut Said) -> Result<(), CliError> {
     let file = folder.join("tracks.csv");
     if !ends_with_line(&file) {
         return Ok(());
@@ -385,12 +421,14 @@ fn set_unreadable_aside(id: &str, folder: &Path, said: &mut Vec<String>) -> Resu
 }
 
 /// Tracks of an earlier run are of other pictures or settings than those that just failed, and must not be measured in their place.
-fn set_earlier_aside(id: &str, folder: &Path, said: &mut Vec<String>) -> Result<(), CliError> {
-    if let Some(kept) = set_aside(&folder.join("tracks.csv"), "earlier")? {
-        for name in [TRACK_FILE, SPIN_FILE, SHOT_FILE] {
-            remove_if_there(&folder.join(name))?;
-        }
-        said.push(format!("{id}: the tracks of an earlier run are not this one's; they are kept as {}", kept.display()));
+fn set_earlier_aside(id: &str, folder: &Path, said: &mut Said) -> Result<(), CliError> {
+    let mut kept = set_all_aside(folder, &["tracks.csv", "points.csv"])?;
+    kept.extend(set_all_aside(folder, &EXPORTS)?);
+    for name in [TRACK_FILE, SPIN_FILE, SHOT_FILE] {
+        remove_if_there(&folder.join(name))?;
+    }
+    if !kept.is_empty() {
+        said.push(format!("{id}: the tracks of an earlier run are not this one's; they are kept as {}", listed(&kept)));
     }
     Ok(())
 }

@@ -6,6 +6,7 @@ use super::track::seen_throat;
 use crate::calibration::{CalibrationError, StereoRig};
 use crate::equipment::Racket;
 use crate::kinematics::{AirSeen, BalanceSeen, MeasureSettings, ShotMotion, TapeErrors, evenly, measure_motion};
+use crate::provenance::sha256_file;
 use crate::session::{Session, ShotFolder};
 use crate::tracking::{RacketFigure, Throat, Tracks};
 use rayon::prelude::*;
@@ -20,6 +21,21 @@ pub fn read_rig(file: &Path) -> Result<StereoRig, CliError> {
 /// The same without the file's reports, which tracking has no use for.
 pub fn rig_to_measure_with(file: &Path) -> Result<StereoRig, CliError> {
     StereoRig::read_to_measure_with(file).map_err(hinted)
+}
+
+/// Says when session.toml is not the one that the calibration was made from. Which of its lines changed nobody has written down: board, arms or only a name.
+pub fn warn_of_old_calibration(session: &Session, rig: &StereoRig, file: &Path, shell: &Shell) {
+    let settings = session.root.join("session.toml");
+    let made_from = rig.more.get("provenance").and_then(|p| p.get("inputs")?.get("session.toml")?.as_str());
+    if let (Some(then), Ok(now)) = (made_from, sha256_file(&settings))
+        && then != now
+    {
+        shell.warn(format_args!(
+            "note: {} has changed since the calibration ({}); if it was the board or the axes' frame, run `sweetspot calibrate SESSION` first",
+            settings.display(),
+            file.display()
+        ));
+    }
 }
 
 fn hinted(e: CalibrationError) -> CliError {
@@ -44,7 +60,9 @@ impl TrackedSession {
     pub fn open(folder: &Path, shell: &Shell) -> Result<Self, CliError> {
         let session = Session::open(folder)?;
         let results = shell.results_of_session(folder);
-        let rig = read_rig(&results.join("calibration.json"))?;
+        let rig_file = results.join("calibration.json");
+        let rig = read_rig(&rig_file)?;
+        warn_of_old_calibration(&session, &rig, &rig_file, shell);
         let tapes = tapes(&session, &rig, &results);
         for (name, tape) in &tapes {
             let throat = tape.throat.map_or_else(String::new, |t| format!(", throat at {:.1}° from the axis", t.angle_deg));

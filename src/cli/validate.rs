@@ -2,6 +2,7 @@
 
 use super::{Shell, undashed};
 use super::error::{CliError, Kind, existing};
+use super::set_aside::{listed, set_aside, set_session_aside};
 use crate::report::{read_session_results, session_report};
 use crate::limited_file::{LARGEST_TABLE, read_text};
 use crate::session::Session;
@@ -22,7 +23,7 @@ friction    = { value = 0.45, fit = true, min = 0.0, max = 1.5 }
 /// Batch: everything that is still to do for one or more sessions, against a model
 ///
 /// Calibrates, tracks, measures the shots, compares them with the model, diagnoses and writes report.html. What an
-/// earlier run finished is kept; a shot that fails is named and the others go on.
+/// earlier run finished is kept; a shot that fails, or a session that cannot be opened, is named and the others go on.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     /// Session folders (each holds session.toml)
@@ -57,9 +58,9 @@ struct Found {
 }
 
 impl Outcome {
-    /// Whether a step that judges the model was made now.
+    /// Whether a step on the impacts table was made now. To predict one impact is enough, to judge a model is not.
     fn made(&self, step: &str) -> bool {
-        self.shots_measured >= FEWEST_IMPACTS && !self.failed.iter().any(|f| f.step == step)
+        (step == "predict" || self.shots_measured >= FEWEST_IMPACTS) && !self.failed.iter().any(|f| f.step == step && f.ended)
     }
 }
 
@@ -67,16 +68,20 @@ impl Outcome {
 pub(super) struct Failure {
     pub step: &'static str,
     pub reason: String,
+    /// Whether the step gave nothing at all; else it did without what failed.
+    #[serde(skip)]
+    ended: bool,
     /// Of the shots that failed, by id.
     pub shots: BTreeMap<String, String>,
 }
 
 impl Failure {
-    fn of(step: &'static str, reason: String, session: &Session) -> Self {
+    fn of(step: &'static str, error: CliError, session: &Session) -> Self {
+        let (ended, reason) = (error.kind != Kind::SomeFailed, error.message);
         let ids = session.shots.iter().map(|s| &s.id).chain(session.broken_shots.iter().map(|(id, _)| id));
         let said = |id: &str| reason.lines().find_map(|line| line.trim_start().strip_prefix(id)?.strip_prefix(": ").map(str::to_owned));
         let shots = ids.filter_map(|id| Some((id.clone(), said(id)?))).collect();
-        Failure { step, reason, shots }
+        Failure { step, reason, ended, shots }
     }
 }
 
@@ -87,20 +92,35 @@ pub fn run(mut arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
         crate::impact::Model::read(existing(model, "model file")?)?;
     }
     // Every session is read before the first is worked on: a slip of the pen shows at once, not after an hour.
-    let sessions: Vec<Session> = arguments.sessions.iter().map(|s| Ok(Session::open(existing(s, "session folder")?)?)).collect::<Result<_, CliError>>()?;
-    let places: Vec<PathBuf> = sessions.iter().map(|s| place(s, sessions.len() > 1, shell)).collect();
+    let folders = &arguments.sessions;
+    let opened: Vec<Result<Session, CliError>> = folders.iter().map(|s| Ok(Session::open(existing(s, "session folder")?)?)).collect();
+    if opened.iter().all(Result::is_err) {
+        return Err(none_opened(opened.into_iter().filter_map(Result::err).collect()));
+    }
+    let places: Vec<PathBuf> = folders.iter().map(|s| place(s, folders.len() > 1, shell)).collect();
     for (i, place) in places.iter().enumerate() {
         if let Some(j) = places[..i].iter().position(|p| p == place) {
-            let (a, b) = (sessions[j].root.display(), sessions[i].root.display());
+            let (a, b) = (folders[j].display(), folders[i].display());
             return Err(CliError::input(format!("{a} and {b}: the results of both would be {}", place.display()))
                 .hint("give each session folder a name of its own, or run them one by one, each with its own --out"));
         }
     }
+    for (folder, e) in folders.iter().zip(&opened).filter_map(|(folder, session)| Some((folder, session.as_ref().err()?))) {
+        shell.say(format_args!("{}: left out: {}", folder.display(), e.message));
+    }
     let mut outcomes = Vec::new();
-    for (session, results) in sessions.iter().zip(places) {
+    for ((folder, session), results) in folders.iter().zip(opened).zip(places) {
+        let session = match session {
+            Ok(session) => session,
+            Err(e) => {
+                let failed = vec![Failure { step: "open", reason: e.message, ended: true, shots: BTreeMap::new() }];
+                outcomes.push(Outcome { session: folder.clone(), results, shots_measured: 0, diagnosis: None, failed });
+                continue;
+            }
+        };
         shell.say(format_args!("== {} ({})", session.name, session.root.display()));
-        let outcome = one_session(session, &results, arguments.model.as_deref(), shell)?;
-        write_report(session, &results, &outcome, shell)?;
+        let outcome = one_session(&session, &results, arguments.model.as_deref(), shell)?;
+        write_report(&session, &results, &outcome, shell)?;
         outcomes.push(outcome);
     }
     shell.print_json(&outcomes)?;
@@ -109,7 +129,15 @@ pub fn run(mut arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
         return Ok(());
     }
     let message = failures.join("\n");
-    Err(if outcomes.iter().any(|o| o.shots_measured > 0) { CliError::some_failed(message) } else { CliError::input(message) })
+    // As the steps by hand: shots that fail are named, input with which nothing could be begun is refused.
+    Err(if outcomes.iter().all(|o| o.shots_measured == 0 && o.failed.iter().any(|f| f.ended)) { CliError::input(message) } else { CliError::some_failed(message) })
+}
+
+/// Of sessions none of which can be opened.
+fn none_opened(mut errors: Vec<CliError>) -> CliError {
+    let message = errors.iter().map(|e| e.message.as_str()).collect::<Vec<_>>().join("\n");
+    let hints = errors.iter_mut().flat_map(|e| std::mem::take(&mut e.hints)).collect::<std::collections::BTreeSet<_>>();
+    CliError { hints: hints.into_iter().collect(), ..CliError::input(message) }
 }
 
 /// One report of the whole session, in place of those that single steps wrote.
@@ -126,9 +154,6 @@ fn write_report(session: &Session, results: &Path, outcome: &Outcome, shell: &Sh
             all.steps_failed.push((f.step.to_owned(), f.reason.clone()));
         }
     }
-    // What an earlier run found is of other shots.
-    all.comparison = all.comparison.filter(|_| outcome.made("compare"));
-    all.diagnosis = all.diagnosis.filter(|_| outcome.made("diagnose"));
     let path = results.join("report.html");
     shell.write(&path, session_report(&all).as_bytes())?;
     shell.say(format_args!("report: {}", path.display()));
@@ -136,11 +161,11 @@ fn write_report(session: &Session, results: &Path, outcome: &Outcome, shell: &Sh
 }
 
 /// Results of a session; with several sessions and `--out`, each gets a folder of its own name there.
-fn place(session: &Session, several: bool, shell: &Shell) -> PathBuf {
-    let root = std::fs::canonicalize(&session.root).unwrap_or_else(|_| session.root.clone());
+fn place(session: &Path, several: bool, shell: &Shell) -> PathBuf {
+    let root = std::fs::canonicalize(session).unwrap_or_else(|_| session.to_path_buf());
     match (&shell.args.out, several, root.file_name()) {
         (Some(out), true, Some(name)) => undashed(out.join(name)),
-        _ => undashed(shell.results_of_session(&session.root)),
+        _ => undashed(shell.results_of_session(session)),
     }
 }
 
@@ -165,9 +190,15 @@ pub(super) fn footage(session: &Session, results: &Path, shell: &Shell) -> Resul
             Ok(()) => {}
             Err(e) if e.kind == Kind::Interrupted => return Err(e),
             Err(e) => {
-                let ends = e.kind != Kind::SomeFailed;
-                failed.push(Failure::of(step, e.message, session));
+                let failure = Failure::of(step, e, session);
+                let ends = failure.ended;
+                failed.push(failure);
                 if ends {
+                    // The impacts of an earlier run are of another calibration or other tracks.
+                    let kept = set_session_aside(results)?;
+                    if !kept.is_empty() {
+                        shell.say(format_args!("the impacts of an earlier run, and what was made of them, are kept as {}", listed(&kept)));
+                    }
                     return Ok(Footage::Ended(failed));
                 }
             }
@@ -222,7 +253,15 @@ fn one_session(session: &Session, results: &Path, model: Option<&Path>, shell: &
         match shell.run_step(&line, results) {
             Ok(()) => {}
             Err(e) if e.kind == Kind::Interrupted => return Err(e),
-            Err(e) => outcome.failed.push(Failure::of(step, e.message, session)),
+            Err(e) => outcome.failed.push(Failure::of(step, e, session)),
+        }
+    }
+    // What an earlier run found is of other shots.
+    for (step, file) in [("predict", "predictions.csv"), ("compare", "compare.json"), ("diagnose", "diagnosis.json")] {
+        if !outcome.made(step)
+            && let Some(kept) = set_aside(&results.join(file), "earlier")?
+        {
+            shell.say(format_args!("{step}: what an earlier run made is kept as {}", kept.display()));
         }
     }
     if outcome.made("diagnose") {

@@ -21,8 +21,8 @@ pub enum RowError {
     Impossible { id: String, what: String },
     #[error("impact {id}: {what}")]
     OwnColumn { id: String, what: String },
-    #[error(transparent)]
-    Pick(#[from] PickError),
+    #[error("impact {id}: {source}")]
+    Pick { id: String, source: PickError },
     #[error("impact {id}: {source}")]
     Model { id: String, source: ModelError },
 }
@@ -102,7 +102,7 @@ pub fn predict_table(model: &Model, set: &EquipmentSet, table: &ImpactTable) -> 
     let (first, own) = (first_sequence(table), model.own_columns());
     let one = |row: &ImpactRow| -> Result<ImpactOutput, RowError> {
         let input = input_of_row(row, first, &own)?;
-        let pair = set.pick(row)?;
+        let pair = set.pick(row).map_err(|source| RowError::Pick { id: row.id.clone(), source })?;
         let model = prepared.get(&pair).ok_or(RowError::Model { id: row.id.clone(), source: ModelError::NotFinite })?;
         model.predict(&input).map_err(|source| RowError::Model { id: row.id.clone(), source })
     };
@@ -164,7 +164,7 @@ pub fn differentiate_table(model: &Model, set: &EquipmentSet, table: &ImpactTabl
     let (first, own) = (first_sequence(table), model.own_columns());
     let one = |row: &ImpactRow| -> Result<RowSensitivity, RowError> {
         let input = input_of_row(row, first, &own)?;
-        let pair = set.pick(row)?;
+        let pair = set.pick(row).map_err(|source| RowError::Pick { id: row.id.clone(), source })?;
         let failed = |source| RowError::Model { id: row.id.clone(), source };
         let sensitivities = prepared.get(&pair).ok_or_else(|| failed(ModelError::NotFinite))?.at(&input).map_err(failed)?;
         let sd: [f64; INPUTS.len()] = std::array::from_fn(|j| row.inputs[j].and_then(|m| m.sd).unwrap_or(0.0));

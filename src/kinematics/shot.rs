@@ -207,8 +207,14 @@ pub fn measure_shot(input: &ShotInput<'_>, settings: &MeasureSettings) -> Result
     let motion = measure_motion(input.rig, input.tracks, input.racket, input.ball, settings)?;
     let calibration = CalibrationShare::of_rig(input.rig);
     let uncertain = UncertainShot::new(&motion, input.racket, input.ball, input.spin.before.as_ref(), input.spin.after.as_ref(), &calibration);
-    let equipment =
-        ShotEquipment { racket: input.racket, ball: input.ball, points: input.asked_points, clock: motion.clock, up: -settings.gravity().normalize() };
+    let equipment = ShotEquipment {
+        racket: input.racket,
+        ball: input.ball,
+        points: input.asked_points,
+        clock: motion.clock,
+        up: -settings.gravity().normalize(),
+        axes_known: settings.axes_known,
+    };
     let (measures, covariance) = uncertain.propagate(|s| characteristics(s, &equipment));
     let places = |name: &str| -> Option<[usize; 3]> {
         let place = |axis: &str| measures.iter().position(|(m, _)| m.name == format!("{name}_{axis}"));

@@ -1,12 +1,9 @@
 //! What can stop a comparison, by cause.
 
 use crate::equipment::EquipmentError;
-use crate::equipment_set::PickError;
 
 #[derive(Debug, thiserror::Error)]
 pub enum ValidationError {
-    #[error(transparent)]
-    Pick(#[from] PickError),
     #[error(
         "only {usable} of {rows} impacts can be used ({reason}); at least {needed} are needed to judge a model (`sweetspot predict` works with any number)"
     )]

@@ -113,7 +113,8 @@ pub struct TableOptions {
 }
 
 impl Observations {
-    /// Makes a table ready. Rows without ball and racket velocities and an impact position, or with a value that no impact has, are left out and named.
+    /// Makes a table ready. Rows without ball and racket velocities and an impact position, with a value that no impact has, or with a racket or ball that
+    /// is not among the given ones, are left out and named.
     pub fn new(table: &ImpactTable, rackets: &[Racket], balls: &[Ball], options: &TableOptions) -> Result<Self, ValidationError> {
         if let Some(column) = &options.group
             && !table.rows.iter().any(|r| group_of(r, column).is_some())
@@ -122,18 +123,32 @@ impl Observations {
             return Err(ValidationError::NoGroup { column: column.clone(), seen: seen.join(", ") });
         }
         let all_rows = table.rows.len();
-        let (wrong, sound): (Vec<_>, Vec<_>) = table
-            .rows
-            .iter()
-            .map(|row| (row, impossible(INPUTS.iter().zip(&row.inputs).chain(OUTPUTS.iter().zip(&row.outputs)))))
-            .partition(|(_, why)| why.is_some());
-        let unusable: Vec<(String, String)> = wrong.into_iter().filter_map(|(row, why)| Some((row.id.clone(), why?))).collect();
+        let racket_names: Vec<&str> = rackets.iter().map(|r| r.name.as_str()).collect();
+        let ball_names: Vec<&str> = balls.iter().map(|b| b.name.as_str()).collect();
+        let gear_of = |row: &ImpactRow| -> Result<(usize, usize), String> {
+            if let Some(why) = impossible(INPUTS.iter().zip(&row.inputs).chain(OUTPUTS.iter().zip(&row.outputs))) {
+                return Err(why);
+            }
+            let racket = pick("racket", row.racket.as_deref(), &racket_names);
+            let ball = pick("ball", row.ball.as_deref(), &ball_names);
+            racket.and_then(|racket| Ok((racket, ball?))).map_err(|e| e.to_string())
+        };
+        let (mut unusable, mut sound, mut picked) = (Vec::new(), Vec::new(), Vec::new());
+        for row in &table.rows {
+            match gear_of(row) {
+                Ok(gear) => {
+                    sound.push(row);
+                    picked.push(gear);
+                }
+                Err(why) => unusable.push((row.id.clone(), why)),
+            }
+        }
         // What such rows state must not tell the noise of the others either.
         let kept;
         let table = if unusable.is_empty() {
             table
         } else {
-            kept = ImpactTable { rows: sound.into_iter().map(|(row, _)| row.clone()).collect() };
+            kept = ImpactTable { rows: sound.into_iter().cloned().collect() };
             &kept
         };
         let column = |output: bool, i: usize| -> Vec<_> { table.rows.iter().map(|r| if output { r.outputs[i] } else { r.inputs[i] }).collect() };
@@ -149,13 +164,9 @@ impl Observations {
             group: options.group.clone(),
             notes: Vec::new(),
         };
-        let racket_names: Vec<&str> = rackets.iter().map(|r| r.name.as_str()).collect();
-        let ball_names: Vec<&str> = balls.iter().map(|b| b.name.as_str()).collect();
         let mut pairs: BTreeMap<(usize, usize), usize> = BTreeMap::new();
         let spin_sd = spin_in_general(table);
-        for row in &table.rows {
-            let r = pick(&row.id, "racket", row.racket.as_deref(), &racket_names)?;
-            let b = pick(&row.id, "ball", row.ball.as_deref(), &ball_names)?;
+        for (row, (r, b)) in table.rows.iter().zip(picked) {
             let gear = *pairs.entry((r, b)).or_insert_with(|| {
                 all.gear.push(Gear { racket: rackets[r].clone(), ball: balls[b].clone() });
                 all.gear.len() - 1

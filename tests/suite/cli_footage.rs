@@ -166,6 +166,12 @@ fn cli_broken_pictures_in_shots_are_named_and_the_others_go_on() {
     let (_, message) = run(&["track", &place]);
     assert!(message.contains("1 points corrected by hand"), "{message}");
     assert_eq!(std::fs::read_to_string(tracks(&ids[1])).unwrap(), by_hand);
+    // Nor to one that is told to track anew.
+    let kept = tracks(&ids[1]).with_file_name("tracks.manual.csv");
+    let forced = sweetspot(&["track", &place, "--force", "--no-spin", "--shot", &ids[1]]);
+    assert!(String::from_utf8_lossy(&forced.stderr).contains(&text(&kept)), "{}", said(&forced));
+    assert_eq!(std::fs::read_to_string(&kept).unwrap(), by_hand);
+    assert!(!std::fs::read_to_string(tracks(&ids[1])).unwrap().contains("manual"));
 
     let model = session.join("model.toml");
     std::fs::write(&model, MODEL).unwrap();
@@ -239,4 +245,52 @@ fn cli_a_hidden_world_goes_on_where_it_was_broken_off() {
     assert!(!anew.contains("rendered by an earlier run") && seed(&anew) == chosen && seed(&again) == chosen, "{anew}");
     // Another world in its place is asked for with --force.
     refused(&["demo", &place, "--hidden-effect", "none", "--shots", "2"], &["there is a session already", "--force"]);
+}
+
+/// When a shot fails that an earlier run measured, nothing of that run stays under its name.
+#[test]
+fn cli_results_of_an_earlier_run_are_set_aside_when_shots_fail() {
+    let (_keep, session, ids) = sample(1);
+    let (place, results) = (text(&session), session.join("results"));
+    let shot = results.join("shots").join(&ids[0]);
+    let validated = sweetspot(&["validate", &place]);
+    assert_eq!(validated.status.code(), Some(0), "{}", said(&validated));
+    for camera in ["left", "right"] {
+        for entry in std::fs::read_dir(session.join("shots").join(&ids[0]).join(camera)).unwrap() {
+            std::fs::write(entry.unwrap().path(), "no picture").unwrap();
+        }
+    }
+    // One more session, which cannot be opened: it stops no other.
+    let lacking = session.with_file_name("lacking");
+    std::fs::create_dir(&lacking).unwrap();
+    std::fs::copy(session.join("session.toml"), lacking.join("session.toml")).unwrap();
+    let validated = sweetspot(&["validate", &text(&lacking), &place]);
+    assert_eq!(validated.status.code(), Some(1), "{}", said(&validated));
+    assert!(said(&validated).contains(&text(&lacking.join("racket.toml"))), "{}", said(&validated));
+    let files = [(&shot, "tracks", "csv"), (&shot, "points", "csv")].into_iter();
+    let files = files.chain([("impacts", "csv"), ("predictions", "csv"), ("season", "csv"), ("season", "json")].map(|(stem, kind)| (&results, stem, kind)));
+    for (folder, stem, kind) in files {
+        let (name, kept) = (folder.join(format!("{stem}.{kind}")), folder.join(format!("{stem}.earlier.{kind}")));
+        assert!(!name.exists() && kept.exists(), "{stem}.{kind}: {}", said(&validated));
+    }
+}
+
+/// A calibration is of the session.toml it was made from: steps that use it after a change say so, and go on.
+#[test]
+fn cli_a_session_file_changed_since_the_calibration_is_told() {
+    let (_keep, session, _) = sample(1);
+    let place = text(&session);
+    assert_eq!(sweetspot(&["calibrate", &place]).status.code(), Some(0));
+    let file = session.join("session.toml");
+    let told = |command: &[&str]| {
+        let output = sweetspot(&[command, &[place.as_str()]].concat());
+        assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+        let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+        stderr.contains(&text(&file)) && stderr.contains("has changed since the calibration") && stderr.contains("sweetspot calibrate")
+    };
+    let commands = [&["track", "--no-spin"][..], &["shots"]];
+    assert!(commands.iter().all(|command| !told(command)));
+    let changed = std::fs::read_to_string(&file).unwrap().replace("square_m = 0.0", "square_m = 0.1");
+    std::fs::write(&file, changed).unwrap();
+    assert!(commands.iter().all(|command| told(command)));
 }

@@ -314,7 +314,7 @@ fn truth_an_effect_is_found_when_spin_is_known_about_one_axis_only() {
 #[test]
 fn truth_a_few_groups_are_split_whole() {
     let made = table(Kind::Lab, 90, &[], 2, NoiseOptions { sessions: 3, ..NoiseOptions::default() });
-    let options = TableOptions { group: Some("session".into()) };
+    let options = TableOptions { group: Some("session".into()), ..TableOptions::default() };
     let o = Observations::new(&made.table, std::slice::from_ref(&made.racket), std::slice::from_ref(&made.ball), &options).unwrap();
     let held: std::collections::BTreeSet<&str> = o.impacts.iter().filter(|i| i.held_out).map(|i| i.groups["session"].as_str()).collect();
     let fitted: std::collections::BTreeSet<&str> = o.impacts.iter().filter(|i| !i.held_out).map(|i| i.groups["session"].as_str()).collect();
@@ -325,7 +325,12 @@ fn truth_a_few_groups_are_split_whole() {
 fn fails_tables_that_cannot_be_judged_say_why() {
     let mut made = table(Kind::Lab, 60, &[], 1, NoiseOptions::default());
     let observe = |t: &ImpactTable, group: Option<&str>| {
-        Observations::new(t, std::slice::from_ref(&made.racket), std::slice::from_ref(&made.ball), &TableOptions { group: group.map(Into::into) })
+        Observations::new(
+            t,
+            std::slice::from_ref(&made.racket),
+            std::slice::from_ref(&made.ball),
+            &TableOptions { group: group.map(Into::into), ..TableOptions::default() },
+        )
     };
     assert!(matches!(observe(&made.table, Some("player")), Err(ValidationError::NoGroup { .. })));
     let mut short = made.table.clone();
@@ -343,8 +348,14 @@ fn fails_tables_that_cannot_be_judged_say_why() {
     let without = observe(&odd, None).unwrap();
     assert_eq!((observed.impacts.len(), observed.output_noise), (without.impacts.len(), without.output_noise));
     made.table.rows[3].racket = Some("another".into());
-    let observed = Observations::new(&made.table, std::slice::from_ref(&made.racket), std::slice::from_ref(&made.ball), &TableOptions::default());
-    assert!(matches!(observed, Err(ValidationError::Pick(PickError::NoSuchName { kind: "racket", .. }))));
+    let observed = observe(&made.table, None).unwrap();
+    assert!(
+        matches!(&observed.unusable[..], [(id, why)] if *id == made.table.rows[3].id && why.contains("no racket file has the name \"another\"")),
+        "{:?}",
+        observed.unusable
+    );
+    made.table.rows.iter_mut().for_each(|r| r.ball = Some("another".into()));
+    assert!(matches!(observe(&made.table, None), Err(ValidationError::TooFew { usable: 0, reason, .. }) if reason.contains("\"another\"")));
 }
 
 fn run(folder: &Path, arguments: &[&str]) -> (i32, String) {
@@ -355,6 +366,30 @@ fn run(folder: &Path, arguments: &[&str]) -> (i32, String) {
 fn lay_out(made: &SyntheticTable, folder: &Path) {
     for (name, text) in TableFiles::of(made).unwrap().0 {
         std::fs::write(folder.join(name), text).unwrap();
+    }
+}
+
+/// Rows that cannot be used are named and cost the exit status; the results are of the others.
+#[test]
+fn cli_rows_that_cannot_be_used_are_left_out_with_exit_1() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let mut made = table(Kind::Lab, 60, &[], 1, NoiseOptions::default());
+    made.table.rows[3].racket = Some("another".into());
+    made.table.rows[5].set("impact_x", None);
+    lay_out(&made, at);
+    std::fs::write(at.join("model.toml"), FIRST_MODEL).unwrap();
+    let commands = [
+        ("predict", &[][..], "predictions.csv"),
+        ("compare", &[], "compare.json"),
+        ("diagnose", &[], "diagnosis.json"),
+        ("fit", &["-o", "fitted.toml"], "fitted.toml"),
+    ];
+    for (command, more, result) in commands {
+        let files = [command, "--impacts", "impacts.csv", "--racket", "racket.toml", "--ball", "ball.toml", "--model", "model.toml"];
+        let (status, said) = run(at, &[&files[..], more].concat());
+        assert_eq!(status, 1, "{command}: {said}");
+        assert!(said.contains("\"another\"") && said.contains("`impact_x`") && at.join(result).exists(), "{command}: {said}");
     }
 }
 
@@ -397,7 +432,8 @@ fn cli_compare_diagnose_add_fit_compare_and_the_error_falls() {
     let (status, said) = command("compare", "model-3.toml", &[]);
     assert_eq!(status, 0, "{said}");
     assert!(said.contains("noise floor") && said.contains("added frame-vibration"), "{said}");
-    let ledger: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(at.join("model-ledger.json")).unwrap()).unwrap();
+    let beside = std::fs::read_to_string(at.join("model-ledger.json")).unwrap();
+    let ledger: serde_json::Value = serde_json::from_str(&beside).unwrap();
     let errors: Vec<f64> = ledger["entries"].as_array().unwrap().iter().map(|e| e["heldout_error"].as_f64().unwrap()).collect();
     assert_eq!(errors.len(), 2);
     assert!(errors[1] < 0.6 * errors[0], "{errors:?}");
@@ -406,7 +442,9 @@ fn cli_compare_diagnose_add_fit_compare_and_the_error_falls() {
         .unwrap();
     let (status, said) = command("compare", "worse.toml", &["--out", "worse"]);
     assert_eq!(status, 0, "{said}");
-    let ledger: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(at.join("model-ledger.json")).unwrap()).unwrap();
+    // Results that go elsewhere leave the ledger beside the model as it was; the new one goes on from it.
+    assert_eq!(std::fs::read_to_string(at.join("model-ledger.json")).unwrap(), beside);
+    let ledger: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(at.join("worse/model-ledger.json")).unwrap()).unwrap();
     let (fitted, worse) = (&ledger["entries"][1], &ledger["entries"][2]);
     assert!(worse["heldout_error"].as_f64() > fitted["heldout_error"].as_f64());
     assert_ne!(worse["parent"], fitted["model_hash"]);

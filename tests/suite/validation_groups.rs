@@ -112,7 +112,7 @@ fn truth_a_column_of_numbers_that_the_rebound_goes_with_is_named() {
 /// The group that is held out is the one that is off: the fit never saw it.
 #[test]
 fn truth_a_group_held_out_that_the_model_misses_is_named() {
-    let options = TableOptions { group: Some("player".into()) };
+    let options = TableOptions { group: Some("player".into()), ..TableOptions::default() };
     let held = {
         let made = changed(240, 4, by_turns);
         observations(&made, &options).impacts.iter().find(|o| o.held_out).unwrap().held_by.clone()

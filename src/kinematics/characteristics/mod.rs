@@ -21,6 +21,8 @@ pub struct ShotEquipment<'a> {
     pub clock: crate::kinematics::FrameClock,
     /// Upward, global axes.
     pub up: Vector3<f64>,
+    /// Whether U points along the court: without the axes' frame it is the left camera's x axis, and says nothing.
+    pub axes_known: bool,
 }
 
 struct List(Vec<Measure>);
@@ -149,7 +151,8 @@ pub fn characteristics(s: &ShotState, e: &ShotEquipment<'_>) -> Vec<Measure> {
     // The thesis's sum of two unsigned angles (4.16a, b), z on the ball's side, U global.
     let along_u = (r0.attitude * -u).x / u.norm();
     let normal_u = n * (r0.attitude * Vector3::z()).x;
-    list.put("playing_angle_thesis_deg", "deg", (along_u.clamp(-1.0, 1.0).acos() + normal_u.clamp(-1.0, 1.0).acos()).to_degrees());
+    let thesis_angle = (along_u.clamp(-1.0, 1.0).acos() + normal_u.clamp(-1.0, 1.0).acos()).to_degrees();
+    list.put("playing_angle_thesis_deg", "deg", Some(thesis_angle).filter(|_| e.axes_known));
     list.put("planar_racket_velocity", "m/s", v_ip.xy().norm());
     list.put("planar_relative_velocity", "m/s", u.xy().norm());
     // How fast the face brushes up past the ball: what makes topspin.

@@ -302,7 +302,8 @@ fn forehand() -> (ShotState, Expected) {
 fn truth_every_characteristic_agrees_with_a_hand_calculation() {
     let (_, racket, ball) = by_hand();
     let points = [Vector2::new(0.1, 0.03)];
-    let e = ShotEquipment { racket: &racket, ball: &ball, points: &points, clock: FrameClock { origin: 300, period_s: 1e-3 }, up: Vector3::y() };
+    let e =
+        ShotEquipment { racket: &racket, ball: &ball, points: &points, clock: FrameClock { origin: 300, period_s: 1e-3 }, up: Vector3::y(), axes_known: true };
     let mut unchecked: BTreeSet<String> = BTreeSet::new();
     let mut checked: BTreeSet<String> = BTreeSet::new();
     for (shot, (state, expected)) in [("square hit", square_hit()), ("low shot", low_shot()), ("forehand", forehand())] {
@@ -375,7 +376,8 @@ fn changed(
 fn values(s: &ShotState) -> BTreeMap<String, f64> {
     let (_, racket, ball) = by_hand();
     let points = [Vector2::new(0.1, 0.03), Vector2::new(0.1, -0.03)];
-    let e = ShotEquipment { racket: &racket, ball: &ball, points: &points, clock: FrameClock { origin: 300, period_s: 1e-3 }, up: Vector3::y() };
+    let e =
+        ShotEquipment { racket: &racket, ball: &ball, points: &points, clock: FrameClock { origin: 300, period_s: 1e-3 }, up: Vector3::y(), axes_known: true };
     characteristics(s, &e).into_iter().filter_map(|m| Some((m.name, m.value?))).collect()
 }
 
@@ -472,7 +474,7 @@ proptest! {
 #[test]
 fn law_uncertain_inertias_move_what_depends_on_them_and_nothing_else() {
     let (state, racket, ball) = by_hand();
-    let e = ShotEquipment { racket: &racket, ball: &ball, points: &[], clock: FrameClock { origin: 0, period_s: 1e-3 }, up: Vector3::y() };
+    let e = ShotEquipment { racket: &racket, ball: &ball, points: &[], clock: FrameClock { origin: 0, period_s: 1e-3 }, up: Vector3::y(), axes_known: true };
     let of = |s: &ShotState, name: &str| characteristics(s, &e).iter().find(|m| m.name == name).and_then(|m| m.value).expect("there");
     // Swingweight + 1 %: I_y = 0.0158 + 0.0003250625; m_e by hand.
     let heavier = ShotState { swingweight_ratio: 1.01, ..state.clone() };
@@ -490,6 +492,16 @@ fn law_uncertain_inertias_move_what_depends_on_them_and_nothing_else() {
 }
 
 #[test]
+fn law_an_angle_to_the_court_needs_the_courts_axes() {
+    let (state, racket, ball) = by_hand();
+    let court =
+        ShotEquipment { racket: &racket, ball: &ball, points: &[], clock: FrameClock { origin: 0, period_s: 1e-3 }, up: Vector3::y(), axes_known: true };
+    let names = |e: &ShotEquipment| characteristics(&state, e).into_iter().filter(|m| m.value.is_some()).map(|m| m.name).collect::<BTreeSet<_>>();
+    let (with, without) = (names(&court), names(&ShotEquipment { axes_known: false, ..court.clone() }));
+    assert_eq!(with.difference(&without).collect::<Vec<_>>(), ["playing_angle_thesis_deg"]);
+}
+
+#[test]
 fn law_the_other_face_mirrors_the_shot() {
     // Turning the racket half round its long axis: the ball comes to −z, positions across the face change sign, and what
     // has no side stays.
@@ -497,7 +509,7 @@ fn law_the_other_face_mirrors_the_shot() {
     let half = UnitQuaternion::from_scaled_axis(Vector3::x() * std::f64::consts::PI);
     let turned = |b: &BodyMotion| BodyMotion { attitude: half * b.attitude, rate_body: half * b.rate_body, ..b.clone() };
     let other = ShotState { side: -1.0, racket_in: turned(&state.racket_in), racket_out: state.racket_out.as_ref().map(turned), ..state.clone() };
-    let e = ShotEquipment { racket: &racket, ball: &ball, points: &[], clock: FrameClock { origin: 0, period_s: 1e-3 }, up: Vector3::y() };
+    let e = ShotEquipment { racket: &racket, ball: &ball, points: &[], clock: FrameClock { origin: 0, period_s: 1e-3 }, up: Vector3::y(), axes_known: true };
     let (a, b) = (characteristics(&state, &e), characteristics(&other, &e));
     for name in
         ["impact_x", "apparent_restitution", "restitution", "effective_mass", "ideal_point_from_butt", "efficiency", "contact_time", "playing_angle_deg"]

@@ -103,7 +103,8 @@ fn has_no_sync(e: &io::Error) -> bool {
 fn is_stream(path: &Path, name: &str, number: &str) -> bool {
     let folder = path.parent().and_then(|folder| std::fs::canonicalize(folder).ok());
     let (Some(folder), Some(last)) = (folder, path.file_name()) else { return false };
-    let is_own = || folder == Path::new("/dev/fd") || folder.ends_with("fd") && std::fs::canonicalize("/proc/self").is_ok_and(|process| folder.starts_with(process));
+    let is_own =
+        || folder == Path::new("/dev/fd") || folder.ends_with("fd") && std::fs::canonicalize("/proc/self").is_ok_and(|process| folder.starts_with(process));
     (last == name && folder == Path::new("/dev")) || (last == number && is_own())
 }
 

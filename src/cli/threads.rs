@@ -25,7 +25,8 @@ pub fn start(asked: Option<usize>) -> Result<(), CliError> {
         pool.use_current_thread().build_global()
     } else {
         let refused = |what: &str| std::io::Error::other(what.to_owned());
-        pool.spawn_handler(|work| waiting.pop().ok_or_else(|| refused("no thread left"))?.send(work).map_err(|_| refused("the thread has ended"))).build_global()
+        pool.spawn_handler(|work| waiting.pop().ok_or_else(|| refused("no thread left"))?.send(work).map_err(|_| refused("the thread has ended")))
+            .build_global()
     };
     built.map_err(|e| CliError::input(format!("the threads could not be started ({e})")).hint("-j 1 works with one"))
 }

@@ -359,7 +359,8 @@ fn cli_a_signal_ignored_at_the_start_stays_ignored() {
 }
 
 const TABLE_SCENARIO: &str = "kind = \"table\"\nsetting = \"lab\"\nimpacts = 12\nseed = 3\n";
-const FOOTAGE_SCENARIO: &str = "kind = \"footage\"\nsetting = \"lab\"\nseed = 5\nshots = 1\nboards = 2\nframes_before = 6\nframes_after = 6\nsize_px = [128, 128]\n";
+const FOOTAGE_SCENARIO: &str =
+    "kind = \"footage\"\nsetting = \"lab\"\nseed = 5\nshots = 1\nboards = 2\nframes_before = 6\nframes_after = 6\nsize_px = [128, 128]\n";
 
 /// Every file below a folder with its bytes.
 fn everything(folder: &Path) -> std::collections::BTreeMap<PathBuf, Vec<u8>> {
@@ -387,7 +388,9 @@ fn cli_synth_writes_over_what_it_wrote_and_nothing_else() {
         made(kind, kind);
         assert!(first == everything(&bench.path(kind)), "{kind}");
     }
-    for (kind, name) in [("table", "racket.toml"), ("table", "session.toml"), ("footage", "ball.toml"), ("footage", "calib/left/a1.bmp"), ("footage", "truth.json")] {
+    for (kind, name) in
+        [("table", "racket.toml"), ("table", "session.toml"), ("footage", "ball.toml"), ("footage", "calib/left/a1.bmp"), ("footage", "truth.json")]
+    {
         bench.write(&format!("own-{kind}-{}/{name}", name.len()), "a laboratory's own");
         let own = bench.path(&format!("own-{kind}-{}", name.len()));
         refused(&["synth", &scenario(kind), "-o", &text(&own)], &["there is", "give another folder"]);

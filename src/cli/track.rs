@@ -7,7 +7,7 @@ use super::tracked_session::{rig_to_measure_with, warn_of_old_calibration};
 use crate::calibration::{CameraId, StereoRig};
 use crate::footage::Clip;
 use crate::kinematics::{SHOT_FILE, ShotRecord};
-use crate::limited_file::{LARGEST_TEXT, read_text};
+use crate::limited_file::{LARGEST_TABLE, LARGEST_TEXT, LimitedFile, read_text};
 use crate::provenance::{Provenance, ends_with_line, sha256_file, sha256_hex};
 use crate::session::{Session, ShotFolder};
 use crate::tracking::spin::{SPIN_FILE, spin_to_json};
@@ -19,6 +19,7 @@ use indicatif::ProgressBar;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
+use std::io::{Read, Seek};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{LazyLock, Mutex};
@@ -106,6 +107,9 @@ const EXPORTS: [&str; 7] =
     ["dltdv_xypts.csv", "dltdv_xyzpts.csv", "dltdv_xyzres.csv", "dltdv_offsets.csv", "points.c3d", "overlay_left.png", "overlay_right.png"];
 /// Most shots tracked at a time: each holds some tens of megabytes.
 const MOST_AT_ONCE: usize = 16;
+/// Pairs of pictures of which something is read to tell one recording from another, and how much of each, bytes.
+const SAMPLED: usize = 5;
+const SAMPLED_BYTES: u64 = 512;
 
 pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     // On one of the threads that share the work: each of a score of shared steps would have to wake one first.
@@ -361,11 +365,27 @@ fn provenance(session: &Session, shot: &ShotFolder, rig_hash: &str, clip: &Clip)
             writeln!(frames, "{camera}/{name} {size}").unwrap_or_default();
         }
     }
+    // Recordings of one length have files of one size under one and the same name: what stands in some of them tells two apart.
+    let spread = |k: usize| clip.pairs.get(k * clip.pairs.len().saturating_sub(1) / (SAMPLED - 1));
+    for path in (0..SAMPLED).filter_map(spread).flat_map(|pair| pair.files.iter().flatten()) {
+        let bytes = middle_of(path).unwrap_or_default();
+        writeln!(frames, "{}", sha256_hex(&bytes)).unwrap_or_default();
+    }
     let settings = format!("{:?}", (&shot.racket, &shot.ball, session.frame_rate_hz));
     provenance.inputs.insert("calibration.json".into(), rig_hash.to_owned());
-    provenance.inputs.insert("names and sizes of the pictures".into(), sha256_hex(frames.as_bytes()));
+    provenance.inputs.insert("names and sizes of the pictures, and some of their bytes".into(), sha256_hex(frames.as_bytes()));
     provenance.inputs.insert("settings".into(), sha256_hex(settings.as_bytes()));
     provenance
+}
+
+/// Bytes from the middle of a file: no two pictures of a camera have the same noise there.
+fn middle_of(path: &Path) -> std::io::Result<Vec<u8>> {
+    let mut file = std::fs::File::open(path)?;
+    let middle = file.metadata()?.len() / 2;
+    file.seek(std::io::SeekFrom::Start(middle))?;
+    let mut bytes = Vec::new();
+    file.take(SAMPLED_BYTES).read_to_end(&mut bytes)?;
+    Ok(bytes)
 }
 
 fn points_by_hand(tracks: &Tracks) -> usize {
@@ -407,11 +427,16 @@ fn by_hand(id: &str, record: Option<TrackRecord>, folder: &Path) -> Option<ShotS
 }
 
 /// A table that cannot be read may be somebody's work of an hour, saved by a program that writes tables otherwise: it is kept under
-/// another name. One that a power failure cut off does not end with a line.
+/// another name. What a power failure left of one, nothing or zeros, is nobody's.
 fn set_unreadable_aside(id: &str, folder: &Path, said: &mut Said) -> Result<(), CliError> {
     let file = folder.join("tracks.csv");
-    if !ends_with_line(&file) {
-        return Ok(());
+    let mut bytes = Vec::new();
+    match LimitedFile::open(&file, LARGEST_TABLE).and_then(|mut file| file.read_to_end(&mut bytes)) {
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(()),
+        // It may hold points corrected by hand, and would be written over.
+        Err(e) => return Err(CliError::input(format!("{}: cannot be read ({e})", file.display())).hint("make it readable, or move it away")),
+        Ok(_) if bytes.iter().all(|b| *b == 0) => return Ok(()),
+        Ok(_) => {}
     }
     let Err(why) = Tracks::read(&file) else { return Ok(()) };
     if let Some(kept) = set_aside(&file, "unreadable")? {
@@ -458,10 +483,14 @@ pub fn seen_flattening(folder: &Path) -> Option<Flattening> {
 fn still_holds(record: &TrackRecord, arguments: &Arguments, folder: &Path, provenance: &Provenance, clip: &Clip) -> bool {
     let time = |path: &Path| std::fs::metadata(path).and_then(|m| m.modified()).ok();
     let Some(written) = time(&folder.join(TRACK_FILE)) else { return false };
-    let younger = |path: &PathBuf| time(path).is_none_or(|t| t > written);
+    // A camera's clock that runs ahead of this one makes no picture younger for ever.
+    let now = std::time::SystemTime::now();
+    let younger = |path: &PathBuf| time(path).is_none_or(|t| t > written && t <= now);
     let whole = [SPIN_FILE, "points.csv", "tracks.csv"].iter().all(|name| *name == SPIN_FILE && arguments.no_spin || ends_with_line(&folder.join(name)));
     let settled = arguments.sync == Sync::Report || !record.summary.out_of_step;
-    whole && settled && record.provenance == *provenance && !clip.pairs.iter().flat_map(|p| p.files.iter().flatten()).any(younger)
+    // A picture that could not be read then may be readable now.
+    let all_read = record.summary.unreadable.is_empty();
+    whole && settled && all_read && record.provenance == *provenance && !clip.pairs.iter().flat_map(|p| p.files.iter().flatten()).any(younger)
 }
 
 fn summary(id: &str, setup: &ShotSetup, made: &InStep, gaps: Vec<String>) -> ShotSummary {

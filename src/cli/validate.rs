@@ -3,6 +3,7 @@
 use super::{Shell, undashed};
 use super::error::{CliError, Kind, existing};
 use super::set_aside::{listed, set_aside, set_session_aside};
+use crate::calibration::StereoRig;
 use crate::report::{read_session_results, session_report};
 use crate::limited_file::{LARGEST_TABLE, read_text};
 use crate::session::Session;
@@ -183,6 +184,10 @@ pub(super) fn footage(session: &Session, results: &Path, shell: &Shell) -> Resul
     let mut failed = Vec::new();
     for step in ["calibrate", "track", "shots"] {
         shell.check_cancelled()?;
+        if step == "calibrate" && is_imported(results) {
+            shell.say("calibration.json was not made from checkerboards and stays (`sweetspot calibrate SESSION` makes one from them)");
+            continue;
+        }
         if step == "calibrate" && cfg!(not(feature = "vision")) && results.join("calibration.json").exists() {
             continue; // a program without OpenCV works from a calibration made elsewhere
         }
@@ -206,6 +211,11 @@ pub(super) fn footage(session: &Session, results: &Path, shell: &Shell) -> Resul
     }
     // Where every shot failed there is no table.
     Ok(if results.join("impacts.csv").exists() { Footage::Measured(failed) } else { Footage::Ended(failed) })
+}
+
+/// Whether the session's calibration came from elsewhere (`calibrate --import`): no board stands behind it.
+fn is_imported(results: &Path) -> bool {
+    StereoRig::read(&results.join("calibration.json")).is_ok_and(|rig| rig.pairs.is_empty())
 }
 
 /// The rigid base as `model.toml` among the results; one that is there already stays.

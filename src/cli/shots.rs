@@ -1,7 +1,7 @@
 //! `sweetspot shots`.
 
 use super::Shell;
-use super::error::CliError;
+use super::error::{CliError, Kind};
 use super::set_aside::{listed, set_aside, set_judgements_aside, set_session_aside};
 use super::track::{doubt, seen_flattening};
 use super::tracked_session::TrackedSession;
@@ -67,6 +67,11 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
         .collect();
     bar.finish_and_clear();
     shell.check_cancelled()?;
+    // A full disk is no fault of a shot: what an earlier run measured stays where it is.
+    let (unwritten, outcomes): (Vec<_>, Vec<_>) = outcomes.into_iter().partition(|(_, outcome)| outcome.as_ref().is_err_and(|e| e.kind == Kind::Output));
+    if let Some((id, Err(e))) = unwritten.into_iter().next() {
+        return Err(CliError { message: format!("{id}: {}", e.message), ..e });
+    }
     let mut failed: Vec<(String, String)> = Vec::new();
     let mut shots = Vec::new();
     let broken = session.broken_shots.iter().map(|(id, why)| (id.clone(), Err(why.clone())));

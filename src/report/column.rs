@@ -1,6 +1,6 @@
 //! Columns of the impacts table as people read them: words, unit and scale.
 
-use crate::impact_table::unit;
+use crate::impact_table::{SHARED, unit};
 
 /// A column's name in words, the unit it is shown in, and the factor from SI to that unit.
 #[derive(Debug, Clone, PartialEq)]
@@ -38,7 +38,8 @@ pub fn column_words(column: &str) -> ColumnWords {
     let parts: Vec<&str> = column.split('_').collect();
     let (body, side, kind) = match parts.as_slice() {
         [body @ ("ball" | "racket"), side @ ("in" | "out"), kind] if kind.len() == 2 => (*body, *side, *kind),
-        _ => return plain(column, unit(column), 1.0),
+        // A column of the user's own has a unit that only the user knows.
+        _ => return plain(column, if SHARED.contains(&column) { unit(column) } else { "" }, 1.0),
     };
     let when = if side == "in" { "before" } else { "after" };
     let quantity = match (body, kind.starts_with('w')) {

@@ -310,6 +310,8 @@ fn cli_a_pipe_named_as_output_is_written_to_and_stays_a_pipe() {
 fn cli_a_path_that_is_not_unicode_is_shown_in_json() {
     use std::os::unix::ffi::OsStrExt;
     let bench = Bench::new();
+    let columns = "ball_in_vx,ball_in_vy,ball_in_vz,racket_in_vx,racket_in_vy,racket_in_vz,racket_in_wx,racket_in_wy,racket_in_wz,impact_x,impact_y";
+    bench.write("impacts.csv", format!("id,{columns}\na,1,2,-25,0,0,3,0,0,0,0.01,0.02\n"));
     let out = bench.folder.path().join(std::ffi::OsStr::from_bytes(b"M\xfcnchen"));
     for command in ["predict", "add"] {
         let mut program = Command::new(env!("CARGO_BIN_EXE_sweetspot"));

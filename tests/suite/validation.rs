@@ -6,7 +6,7 @@ use crate::shared::shared;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use sweetspot::equipment::{Ball, Racket};
-use sweetspot::equipment_set::{EquipmentSet, PickError};
+use sweetspot::equipment_set::EquipmentSet;
 use sweetspot::impact::Model;
 use sweetspot::impact::batch::predict_table;
 use sweetspot::impact_table::{ImpactTable, Measured};

@@ -3,6 +3,10 @@
 //! Comes in: CSV in which columns may be missing, in any order, with unknown columns kept as grouping columns. Goes out:
 //! [`ImpactTable`]. An empty cell is `None`; NaN, infinities and negative deviations are refused with their line.
 
+mod own_columns;
+
+pub use own_columns::{MOST_OWN_COLUMNS, OwnColumn, OwnColumns, lacking};
+
 use crate::limited_file::{LARGEST_TABLE, LimitedFile, TableFile};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};

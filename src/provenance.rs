@@ -87,45 +87,51 @@ pub fn ends_with_line(path: &Path) -> bool {
     std::fs::File::open(path).is_ok_and(last)
 }
 
-/// Whether a link is the name by which the system lends a process one of its open files (`/dev/stdout`, `/dev/fd/1`). A file in memory (`/dev/shm`) is not.
-fn is_lent(link: &Path) -> bool {
-    let folder = link.parent().and_then(|folder| std::fs::canonicalize(folder).ok());
-    let (Some(folder), Some(name)) = (folder, link.file_name()) else { return false };
-    folder.starts_with("/proc") || [Path::new("/dev/stdout"), Path::new("/dev/stderr")].contains(&folder.join(name).as_path())
-}
-
 /// Whether a file system answers that it has no way to wait for the disk: the file is written all the same.
 fn has_no_sync(e: &io::Error) -> bool {
     matches!(e.kind(), io::ErrorKind::InvalidInput | io::ErrorKind::Unsupported)
 }
 
-/// Whether a path is another name of one of the process's own output streams: `/dev/stdout` and `/dev/fd/1`, for instance, of number 1.
-fn is_stream(path: &Path, name: &str, number: &str) -> bool {
-    let folder = path.parent().and_then(|folder| std::fs::canonicalize(folder).ok());
-    let (Some(folder), Some(last)) = (folder, path.file_name()) else { return false };
+/// What a name stands for by which the system lends a process one of its open files (`/dev/stdout`, `/dev/fd/1`).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Lent {
+    Stdout,
+    Stderr,
+    Other,
+}
+
+/// `None` for any other name, that of a file in memory (`/dev/shm`) among them.
+fn lent(path: &Path) -> Option<Lent> {
+    let folder = std::fs::canonicalize(path.parent()?).ok()?;
+    let devices = Path::new("/dev");
     let is_own =
-        || folder == Path::new("/dev/fd") || folder.ends_with("fd") && std::fs::canonicalize("/proc/self").is_ok_and(|process| folder.starts_with(process));
-    (last == name && folder == Path::new("/dev")) || (last == number && is_own())
+        || folder == devices.join("fd") || folder.ends_with("fd") && std::fs::canonicalize("/proc/self").is_ok_and(|process| folder.starts_with(process));
+    match path.file_name()?.to_str() {
+        Some("stdout") if folder == devices => Some(Lent::Stdout),
+        Some("stderr") if folder == devices => Some(Lent::Stderr),
+        Some("1") if is_own() => Some(Lent::Stdout),
+        Some("2") if is_own() => Some(Lent::Stderr),
+        _ => folder.starts_with("/proc").then_some(Lent::Other),
+    }
 }
 
 /// Whether a path is another name of this process's stdout.
 pub fn is_stdout(path: &Path) -> bool {
-    is_stream(path, "stdout", "1")
+    lent(path) == Some(Lent::Stdout)
 }
 
 fn write_whole(path: &Path, bytes: &[u8], to_the_disk: bool) -> io::Result<()> {
     let named = |e: io::Error| io::Error::new(e.kind(), format!("{}: cannot be written ({e})", path.display()));
     // Opened a second time, a file behind such a name is written from its head on, over what it has.
     let whole = |mut stream: Box<dyn Write>| stream.write_all(bytes).and_then(|()| stream.flush()).map_err(named);
-    if is_stdout(path) {
-        return whole(Box::new(io::stdout()));
-    }
-    if is_stream(path, "stderr", "2") {
-        return whole(Box::new(io::stderr()));
+    match lent(path) {
+        Some(Lent::Stdout) => return whole(Box::new(io::stdout())),
+        Some(Lent::Stderr) => return whole(Box::new(io::stderr())),
+        _ => {}
     }
     // A terminal, a pipe or a device is written to, never replaced by a file; nor is a name by which the system lends one. Any other link is replaced:
     // it may lead out of the folder.
-    let goes_on = |m: std::fs::Metadata| if m.is_symlink() { is_lent(path) } else { !m.is_file() && !m.is_dir() };
+    let goes_on = |m: std::fs::Metadata| if m.is_symlink() { lent(path).is_some() } else { !m.is_file() && !m.is_dir() };
     if std::fs::symlink_metadata(path).is_ok_and(goes_on) {
         return std::fs::OpenOptions::new().write(true).open(path).and_then(|mut file| file.write_all(bytes)).map_err(named);
     }
@@ -195,6 +201,6 @@ mod tests {
         for (path, is) in [("/dev/stdout", true), ("/dev/fd/1", true), ("/dev/stderr", false), ("/dev/fd/2", false), ("stdout", false), ("1", false)] {
             assert_eq!(is_stdout(Path::new(path)), is && Path::new("/dev/fd").exists(), "{path}");
         }
-        assert!(is_lent(Path::new("/dev/stdout")) || !Path::new("/dev/stdout").exists());
+        assert!(is_stdout(Path::new("/dev/stdout")) || !Path::new("/dev/stdout").exists());
     }
 }

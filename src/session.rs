@@ -221,8 +221,8 @@ impl Session {
         let entries = std::fs::read_dir(&folder).map_err(|source| SessionError::Unreadable { path: folder.clone(), source })?;
         let shown = |name: &OsString| name.to_string_lossy().into_owned();
         let mut names: Vec<OsString> = entries.filter_map(|e| e.ok()).filter(|e| e.path().is_dir()).map(|e| e.file_name()).collect();
-        // A folder that starts with a dot is some program's own.
-        names.retain(|name| !shown(name).starts_with('.'));
+        // What other programs put beside people's folders is no shot.
+        names.retain(|name| !shown(name).starts_with('.') && !NO_SHOTS.contains(&shown(name).as_str()));
         names.sort_by_key(|name| by_number(&shown(name)));
         for (order, name) in names.into_iter().enumerate() {
             let id = shown(&name);
@@ -312,6 +312,9 @@ fn by_number(id: &str) -> (Vec<(String, u64)>, String) {
     (parts, id.to_owned())
 }
 
+/// Folders that file servers, archives and disks make on their own.
+const NO_SHOTS: [&str; 7] = ["@eaDir", "#recycle", "#snapshot", "$RECYCLE.BIN", "System Volume Information", "__MACOSX", "lost+found"];
+
 /// Keys of `shot.toml` with a meaning.
 const SHOT_KEYS: [&str; 5] = ["racket", "ball", "impact_frame", "note", "grip_torque"];
 
@@ -362,7 +365,7 @@ mod tests {
         for file in ["session.toml", "racket.toml", "ball.toml"] {
             std::fs::copy(sample.join(file), root.join(file)).expect("copied");
         }
-        for name in [&b"s1"[..], b"s2", b"s3\xe4", b".cache"] {
+        for name in [&b"s1"[..], b"s2", b"s3\xe4", b".cache", b"@eaDir"] {
             std::fs::create_dir_all(root.join("shots").join(std::ffi::OsStr::from_bytes(name))).expect("made");
         }
         std::os::unix::fs::symlink("nowhere.toml", root.join("shots/s2/shot.toml")).expect("linked");

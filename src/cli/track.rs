@@ -261,7 +261,7 @@ fn one(
             return Ok(summary);
         }
     }
-    set_unreadable_aside(&shot.id, folder, said).map_err(Failure::All)?;
+    let manual = look_at_earlier(&shot.id, folder, said).map_err(Failure::All)?;
     bar.inc_length(clip.pairs.len() as u64);
     let setup = ShotSetup { rig: rig.0, racket: &shot.racket, ball: &shot.ball, frame_rate_hz: session.frame_rate_hz };
     let mode = if arguments.sync == Sync::Auto { SyncMode::Auto } else { SyncMode::Report };
@@ -283,7 +283,7 @@ fn one(
         // An earlier run's spin does not belong to these tracks.
         remove_if_there(&folder.join(SPIN_FILE)).map_err(Failure::All)?;
     }
-    keep_by_hand(&shot.id, folder, said).map_err(Failure::All)?;
+    keep_by_hand(&shot.id, manual, folder, said).map_err(Failure::All)?;
     let spin = spin.map(|s| (SPIN_FILE, spin_to_json(&s)));
     let write = |name: &str, text: &str| shell.write_soon(&folder.join(name), text.as_bytes()).map_err(Failure::All);
     let (points, (tracks, provenance)) = rayon::join(
@@ -392,12 +392,10 @@ fn points_by_hand(tracks: &Tracks) -> usize {
     tracks.points.iter().filter(|p| p.state == PointState::Manual).count()
 }
 
-/// Keeps tracks somebody has corrected under another name, now that the others are about to take their place (`--force`).
-fn keep_by_hand(id: &str, folder: &Path, said: &mut Said) -> Result<(), CliError> {
-    let file = folder.join("tracks.csv");
-    let manual = Tracks::read(&file).map_or(0, |tracks| points_by_hand(&tracks));
+/// Keeps tracks of which somebody has corrected `manual` points under another name, now that the others are about to take their place (`--force`).
+fn keep_by_hand(id: &str, manual: usize, folder: &Path, said: &mut Said) -> Result<(), CliError> {
     if manual > 0
-        && let Some(kept) = set_aside(&file, "manual")?
+        && let Some(kept) = set_aside(&folder.join("tracks.csv"), "manual")?
     {
         said.warnings.push(format!("{id}: the tracks with {manual} points corrected by hand are kept as {}; --force tracked anew without them", kept.display()));
     }
@@ -426,23 +424,27 @@ fn by_hand(id: &str, record: Option<TrackRecord>, folder: &Path) -> Option<ShotS
     })
 }
 
-/// A table that cannot be read may be somebody's work of an hour, saved by a program that writes tables otherwise: it is kept under
-/// another name. What a power failure left of one, nothing or zeros, is nobody's.
-fn set_unreadable_aside(id: &str, folder: &Path, said: &mut Said) -> Result<(), CliError> {
+/// How many points of the tracks that are there somebody has corrected by hand. A table that cannot be read may be somebody's work of an hour,
+/// saved by a program that writes tables otherwise: it is kept under another name. What a power failure left of one, nothing or zeros, is nobody's.
+fn look_at_earlier(id: &str, folder: &Path, said: &mut Said) -> Result<usize, CliError> {
     let file = folder.join("tracks.csv");
     let mut bytes = Vec::new();
     match LimitedFile::open(&file, LARGEST_TABLE).and_then(|mut file| file.read_to_end(&mut bytes)) {
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(()),
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(0),
         // It may hold points corrected by hand, and would be written over.
         Err(e) => return Err(CliError::input(format!("{}: cannot be read ({e})", file.display())).hint("make it readable, or move it away")),
-        Ok(_) if bytes.iter().all(|b| *b == 0) => return Ok(()),
+        Ok(_) if bytes.iter().all(|b| *b == 0) => return Ok(0),
         Ok(_) => {}
     }
-    let Err(why) = Tracks::read(&file) else { return Ok(()) };
-    if let Some(kept) = set_aside(&file, "unreadable")? {
-        said.push(format!("{id}: {why}; it is kept as {}, and the shot is tracked anew", kept.display()));
+    match Tracks::read(&file) {
+        Ok(tracks) => Ok(points_by_hand(&tracks)),
+        Err(why) => {
+            if let Some(kept) = set_aside(&file, "unreadable")? {
+                said.push(format!("{id}: {why}; it is kept as {}, and the shot is tracked anew", kept.display()));
+            }
+            Ok(0)
+        }
     }
-    Ok(())
 }
 
 /// Tracks of an earlier run are of other pictures or settings than those that just failed, and must not be measured in their place.

@@ -1,13 +1,13 @@
 //! A whole impacts table through the model.
 
-use super::error::{ModelError, near_matches};
+use super::error::ModelError;
 use super::input::{ImpactInput, ImpactOutput};
 use super::model::Model;
-use super::own_columns::{OwnColumns, lacking};
 use super::prepared_model::PreparedModel;
 use super::sensitivity::{Column, Sensitivities, SensitivityModel};
 use crate::equipment_set::{EquipmentSet, PickError};
-use crate::impact_table::{INPUTS, ImpactRow, ImpactTable, impossible};
+use crate::impact_table::{INPUTS, ImpactRow, ImpactTable, OwnColumns, impossible, lacking};
+use crate::near_names::near_names;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -86,7 +86,7 @@ fn has_columns(model: &Model, table: &ImpactTable) -> Result<(), ModelError> {
     match (model.own_columns().into_iter().find(absent), table.rows.first()) {
         (Some(name), Some(row)) => {
             let seen: Vec<&str> = row.groups.keys().map(String::as_str).collect();
-            Err(ModelError::NoColumn { name: name.to_owned(), near: near_matches(name, seen.iter().copied()), seen: seen.join(", ") })
+            Err(ModelError::NoColumn { name: name.to_owned(), near: near_names(name, seen.iter().copied()), seen: seen.join(", ") })
         }
         _ => Ok(()),
     }

@@ -1,5 +1,6 @@
 //! Everything that can be wrong with a model, its file, or an impact given to it.
 
+use crate::near_names::near_names;
 use std::path::PathBuf;
 
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -58,33 +59,7 @@ impl ModelError {
 
     /// An effect the catalogue does not have, with the names nearest to it.
     pub fn unknown_effect(name: &str) -> Self {
-        let near = near_matches(name, super::catalogue().iter().map(|c| c.name));
+        let near = near_names(name, super::catalogue().iter().map(|c| c.name));
         ModelError::UnknownEffect { name: name.to_owned(), near }
     }
-}
-
-/// " (did you mean `a`, `b`?)" for the known names nearest to a mistyped one, or nothing.
-pub(crate) fn near_matches<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str>) -> String {
-    let mut close: Vec<(usize, &str)> = known.into_iter().map(|k| (edit_distance(wrong, k), k)).filter(|(d, k)| *d <= 1 + k.len() / 4).collect();
-    close.sort_unstable();
-    close.dedup();
-    let names: Vec<String> = close.iter().take(3).map(|(_, k)| format!("`{k}`")).collect();
-    if names.is_empty() { String::new() } else { format!(" (did you mean {}?)", names.join(", ")) }
-}
-
-/// Levenshtein distance; long names are cut, since only near ones matter.
-fn edit_distance(a: &str, b: &str) -> usize {
-    let a: Vec<char> = a.chars().take(64).collect();
-    let b: Vec<char> = b.chars().take(64).collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, ca) in a.iter().enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for (j, cb) in b.iter().enumerate() {
-            let substituted = diagonal + usize::from(ca != cb);
-            diagonal = row[j + 1];
-            row[j + 1] = substituted.min(row[j] + 1).min(row[j + 1] + 1);
-        }
-    }
-    row[b.len()]
 }

@@ -1,7 +1,7 @@
 //! What goes into an impact and what comes out of it.
 
-use super::own_columns::OwnColumns;
 use super::real::Real;
+use crate::impact_table::OwnColumns;
 use nalgebra::{Vector2, Vector3};
 
 /// State at first contact, along the racket's local axes at that instant (contract, section 1).

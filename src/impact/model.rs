@@ -3,14 +3,15 @@
 use super::body::Body;
 use super::card::{EffectCard, ParameterCard};
 use super::effects::{DifferentiableEffect, catalogue, effect_card};
-use super::error::{ModelError, near_matches};
+use super::error::ModelError;
 use super::expression::ExpressionEffect;
-use super::own_columns::MOST_OWN_COLUMNS;
 use super::parameter::Parameter;
 use super::prepared_model::PreparedModel;
 use super::rigid::Sliding;
 use super::viscoelastic::{BallLaw, ContactLaws, StringLaw};
 use crate::equipment::{Ball, Racket};
+use crate::impact_table::MOST_OWN_COLUMNS;
+use crate::near_names::near_names;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -182,7 +183,7 @@ impl Model {
     pub fn index_of(&self, name: &str) -> Result<usize, ModelError> {
         self.parameters.iter().position(|p| p.name == name).ok_or_else(|| {
             let known = self.parameters.iter().map(|p| p.name.as_str());
-            ModelError::UnknownParameter { name: name.to_owned(), near: near_matches(name, known.clone()), known: known.collect::<Vec<_>>().join(", ") }
+            ModelError::UnknownParameter { name: name.to_owned(), near: near_names(name, known.clone()), known: known.collect::<Vec<_>>().join(", ") }
         })
     }
 

@@ -2,12 +2,13 @@
 
 use super::card::ParameterCard;
 use super::effects::effect_card;
-use super::error::{ModelError, near_matches};
+use super::error::ModelError;
 use super::model::{Base, Model};
 use super::parameter::Parameter;
 use super::rigid::Sliding;
 use super::viscoelastic::{BallLaw, FrictionDirection, NormalForce, Release, StringLaw};
 use crate::limited_file::{LARGEST_TEXT, read_text};
+use crate::near_names::near_names;
 use std::path::Path;
 use toml_edit::{DocumentMut, InlineTable, Item, Table, TableLike, Value};
 
@@ -229,7 +230,7 @@ pub(crate) fn only_keys(path: &Path, place: &str, table: &dyn TableLike, known: 
                 path: path.into(),
                 place: place.to_owned(),
                 key: key.to_owned(),
-                near: near_matches(key, known.iter().copied()),
+                near: near_names(key, known.iter().copied()),
                 known: known.join(", "),
             });
         }

@@ -19,7 +19,7 @@ use super::rank::{Reference, gain_over, log_evidence_over};
 use super::screen::Screening;
 use super::step_in_order::{StepInOrder, strongest_step};
 use super::structure::{ContactInputs, StructureTest, racket_turns, structure_test, swings_in_order};
-use crate::impact::{OwnColumn, OwnColumns};
+use crate::impact_table::{OwnColumn, OwnColumns};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use std::collections::BTreeMap;

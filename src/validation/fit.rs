@@ -6,7 +6,10 @@
 //! calibration all shots share. Where the table states how well the face's own axes are
 //! known, their shared error is nuisance too ([`super::session_shift`]).
 
+mod likely_offsets;
 mod plateau;
+
+pub use likely_offsets::{UnlikelyOffset, fit_with_likely_offsets};
 
 use super::error::ValidationError;
 use super::forward::{Forward, Inputs, Prediction};
@@ -15,7 +18,7 @@ use super::observation::{Observation, Observations};
 use super::predicted::{PIECE, difference};
 use super::project::add_cross;
 use super::session_shift::{ACROSS_COLUMNS, SessionShift, relative_sd, shared_inputs, shared_outputs};
-use crate::impact_table::{INPUTS, OUTPUTS, unit};
+use crate::impact_table::{INPUTS, OUTPUTS};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use std::sync::OnceLock;
@@ -26,8 +29,6 @@ const SEEN: f64 = 0.05;
 /// rounds in which they may settle.
 const MOVING: f64 = 0.3;
 const MOST_SETTLING: usize = 8;
-/// An offset of so many deviations of what a session may have is none.
-const UNLIKELY: f64 = 4.0;
 /// Steps of a parameter's derivative, as shares of a typical change: before its deviation is known, and at least and at most afterwards.
 const FIRST_SHARE: f64 = 0.1;
 const SHARES: (f64, f64) = (0.02, 0.5);
@@ -129,19 +130,6 @@ impl Fit {
         (0..places.len()).map(|p| (0..places.len()).map(|q| entry(p, q)).collect()).collect()
     }
 
-    /// The offset farthest beyond what a session may have, if any is beyond [`UNLIKELY`].
-    fn unlikely_offset(&self) -> Option<UnlikelyOffset> {
-        let offsets = self.columns.iter().enumerate().filter_map(|(i, column)| {
-            let column = match *column {
-                Column::Offset { input, .. } => INPUTS[input],
-                Column::OutputOffset { output, .. } => OUTPUTS[output],
-                _ => return None,
-            };
-            Some(UnlikelyOffset { column, value: self.column_values[i], deviations: self.column_values[i].abs() * self.prior_precision[i].sqrt() })
-        });
-        offsets.filter(|o| o.deviations > UNLIKELY).max_by(|a, b| a.deviations.total_cmp(&b.deviations))
-    }
-
     /// Whether the impacts say anything about a free parameter.
     pub fn is_informed(&self, parameter: usize) -> bool {
         !self.widened.contains(&(parameter, plateau::Widening::Unbounded))
@@ -213,41 +201,7 @@ pub fn fit(
     Ok(if held.objective - free.objective > plateau::GAIN { free } else { held })
 }
 
-/// An offset that no session has: a model that fails asks for it, in the place of what it lacks.
-#[derive(Debug, Clone, PartialEq)]
-pub struct UnlikelyOffset {
-    /// Column of the table.
-    pub column: &'static str,
-    pub value: f64,
-    /// In deviations of what a session may have.
-    pub deviations: f64,
-}
-
-impl std::fmt::Display for UnlikelyOffset {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let UnlikelyOffset { column, value, deviations } = self;
-        write!(f, "an offset of {value:+.3} {} in `{column}` for a whole session, {deviations:.0} times what one may be off by", unit(column))
-    }
-}
-
-/// [`fit`], and where it asks for offsets that no session has, once more without any: parameters and residuals are then the model's as it
-/// predicts, not those of a model with an error of the cameras in the place of what it lacks. Says which offset is the most unlikely.
-///
-/// # Errors
-/// As [`fit`].
-pub fn fit_with_likely_offsets(
-    forward: &dyn Forward,
-    observations: &Observations,
-    impacts: &[&Observation],
-    options: &FitOptions,
-) -> Result<(Fit, Option<UnlikelyOffset>), ValidationError> {
-    let free = fit(forward, observations, impacts, options, None)?;
-    let Some(unlikely) = free.unlikely_offset() else { return Ok((free, None)) };
-    let without = fit(forward, observations, impacts, &FitOptions { offset_share: 0.0, ..options.clone() }, None)?;
-    Ok((without, Some(unlikely)))
-}
-
-/// The same with some parameters held where they start.
+/// [`fit`] with some parameters held where they start.
 fn fit_holding(
     forward: &dyn Forward,
     observations: &Observations,

@@ -1,7 +1,7 @@
 //! What the statistics need of a model: free parameters in, predictions out. Nothing else of it is known here.
 
 use super::error::ValidationError;
-use crate::impact::OwnColumns;
+use crate::impact_table::OwnColumns;
 use crate::impact_table::{INPUTS, OUTPUTS};
 
 /// The inputs of one impact in the order of [`INPUTS`], SI, racket-local.

@@ -3,10 +3,9 @@
 use super::error::ValidationError;
 use super::forward::{Asked, EffectOutline, Forward, FreeParameter, Library, Outputs, OwnEffect, Prediction, Strength};
 use super::observation::Gear;
+use super::screen::STRENGTH_PRIOR;
 use crate::impact::{Base, EffectKind, ImpactInput, ImpactOutput, Model, ModelError, Parameter, PreparedModel, Role, catalogue};
 
-/// Width of the prior on a strength, in typical sizes (missing-physics.md, section 5).
-const STRENGTH_PRIOR: f64 = 1.5;
 /// Width of the prior on a shape parameter that the fit may move, in typical sizes.
 const SHAPE_PRIOR: f64 = 1.0;
 

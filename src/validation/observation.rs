@@ -9,8 +9,7 @@ use super::noise::ColumnNoise;
 use super::unseen_spin::is_open;
 use crate::equipment::{Ball, Racket};
 use crate::equipment_set::pick;
-use crate::impact::{OwnColumns, lacking};
-use crate::impact_table::{INPUTS, ImpactRow, ImpactTable, OUTPUTS, SHARED, impossible, unit};
+use crate::impact_table::{INPUTS, ImpactRow, ImpactTable, OUTPUTS, OwnColumns, SHARED, impossible, lacking, unit};
 use std::collections::BTreeMap;
 
 /// A model with two base parameters and an offset per input needs more than this to say anything.

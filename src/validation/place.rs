@@ -10,7 +10,7 @@ use super::diagnosis::Place;
 use super::linearise::Linearised;
 use super::observation::Observation;
 use super::structure::normal_tail;
-use crate::impact::OwnColumn;
+use crate::impact_table::OwnColumn;
 use crate::impact_table::{OUTPUTS, unit};
 
 /// Groups of equal size an input is cut into (fewer with few impacts).

@@ -26,7 +26,7 @@ const VISIBLE: f64 = 0.5;
 const ABSORBED: f64 = 0.999;
 
 /// Prior deviation of a strength, in typical sizes (missing-physics.md, section 5).
-const PRIOR_SD: f64 = 1.5;
+pub const STRENGTH_PRIOR: f64 = 1.5;
 
 /// One effect of the catalogue against the current fit.
 #[derive(Debug, Clone)]
@@ -62,9 +62,9 @@ impl Screening {
         let n = screened.terms.len();
         // The prior is weak, and keeps what nothing tells finite.
         let information = DMatrix::from_fn(n, n, |i, j| {
-            self.projected.information[(screened.terms[i], screened.terms[j])] / c + if i == j { PRIOR_SD.powi(-2) } else { 0.0 }
+            self.projected.information[(screened.terms[i], screened.terms[j])] / c + if i == j { STRENGTH_PRIOR.powi(-2) } else { 0.0 }
         });
-        information.cholesky().map_or_else(|| vec![PRIOR_SD; n], |root| root.inverse().diagonal().iter().map(|v| v.max(0.0).sqrt()).collect())
+        information.cholesky().map_or_else(|| vec![STRENGTH_PRIOR; n], |root| root.inverse().diagonal().iter().map(|v| v.max(0.0).sqrt()).collect())
     }
 }
 

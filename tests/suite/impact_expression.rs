@@ -6,7 +6,8 @@ use std::path::Path;
 use sweetspot::equipment_set::EquipmentSet;
 use sweetspot::impact::batch::predict_table;
 use sweetspot::impact::expression::{channels, quantities};
-use sweetspot::impact::{ImpactInput, ImpactOutput, Model, ModelError, OwnColumns, model_file};
+use sweetspot::impact::{ImpactInput, ImpactOutput, Model, ModelError, model_file};
+use sweetspot::impact_table::OwnColumns;
 use sweetspot::impact_table::{ImpactRow, ImpactTable, Measured};
 
 const BASE: &str = "base = \"rigid\"\n[parameters]\nrestitution = 0.8\nfriction = 0.3\n";

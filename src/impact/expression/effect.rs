@@ -5,10 +5,11 @@ use super::parse::Expression;
 use super::quantities::Scope;
 use crate::impact::body::Body;
 use crate::impact::effects::Effect;
-use crate::impact::error::{ModelError, near_matches};
+use crate::impact::error::ModelError;
 use crate::impact::input::ImpactOutput;
 use crate::impact::real::Real;
 use crate::impact::rigid::{Contact, Impulse, Laws};
+use crate::near_names::near_names;
 use std::fmt;
 
 /// One channel replaced by an expression.
@@ -38,7 +39,7 @@ impl ExpressionEffect {
         };
         let channel = channel(replaces).ok_or_else(|| {
             let known: Vec<&str> = channels().iter().map(|c| c.name).collect();
-            wrong(0, format!("`replaces = {replaces:?}`{}; it can be: {}", near_matches(replaces, known.iter().copied()), known.join(", ")))
+            wrong(0, format!("`replaces = {replaces:?}`{}; it can be: {}", near_names(replaces, known.iter().copied()), known.join(", ")))
         })?;
         let expression = Expression::parse(text, channel, parameters).map_err(|e| wrong(e.at, e.message))?;
         Ok(ExpressionEffect { text: text.to_owned(), expression, channel })

@@ -4,9 +4,9 @@ use super::channels::Channel;
 use super::dimension::{Dimension, NONE};
 use super::functions::{FUNCTIONS, One, Rule, Two};
 use super::quantities::{Quantity, Scope, quantities, quantity};
-use crate::impact::error::near_matches;
-use crate::impact::own_columns::OwnColumn;
 use crate::impact::real::Real;
+use crate::impact_table::OwnColumn;
+use crate::near_names::near_names;
 
 /// Longest expression, in bytes: room for any formula, no room for mischief.
 const MAX_LENGTH: usize = 4096;
@@ -359,7 +359,7 @@ impl<'a> Parser<'a> {
         }
         let Some((i, quantity)) = quantities().iter().enumerate().find(|(_, q)| q.name == name) else {
             let known = quantities().iter().map(|q| q.name).chain(self.names.iter().copied()).chain([self.channel.name]);
-            let near = near_matches(name, known);
+            let near = near_names(name, known);
             return Err(SyntaxError {
                 at: start,
                 message: format!(

@@ -1,7 +1,7 @@
 //! Numbers that stand in columns of the user's own in a table of impacts (string tension, temperature, age of the ball), for expressions:
 //! `column.tension`.
 
-use super::error::near_matches;
+use crate::near_names::near_names;
 use std::collections::BTreeMap;
 
 /// Most columns of numbers that a table's impacts carry along.
@@ -56,7 +56,7 @@ pub fn lacking(columns: &BTreeMap<String, String>, wanted: &[&str]) -> Option<St
         Some(seen) => format!("`{name}` is {seen:?}, and the model needs a number there (`column.{name}`)"),
         None => format!(
             "there is no number in a column `{name}`{}, and the model needs one (`column.{name}`)",
-            near_matches(name, columns.keys().map(String::as_str))
+            near_names(name, columns.keys().map(String::as_str))
         ),
     })
 }

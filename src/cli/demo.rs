@@ -3,8 +3,8 @@
 use super::error::{CliError, Kind};
 use super::impacts_input::LedgerFile;
 use super::synth::{film, is_rendered, rendered_from, unfinished};
-use super::{Shell, undashed};
 use super::validate::{Footage, footage, rigid_model, table_words};
+use super::{Shell, undashed};
 use crate::calibration::StereoRig;
 use crate::impact_table::ImpactTable;
 use crate::limited_file::{LARGEST_TEXT, read_text};
@@ -15,8 +15,8 @@ use crate::synthetic::footage_spec::FootageSpec;
 use crate::synthetic::hidden::{Entry, Hidden, Seen, entry, playable};
 use crate::synthetic::look::Setting;
 use crate::synthetic::sample;
-use crate::validation::ledger::LedgerEntry;
 use crate::validation::expression::FOUND_EFFECT;
+use crate::validation::ledger::LedgerEntry;
 use crate::validation::observation::FEWEST_IMPACTS;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
@@ -78,7 +78,9 @@ pub fn run(mut arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
         let folder = arguments.dir.clone().unwrap_or_else(|| PathBuf::from("demo-results"));
         let files: Vec<_> = sample::files().collect();
         if files.is_empty() {
-            return Err(CliError::input("this program was built without the sample (footage-samples was missing)").hint("sweetspot demo --hidden-effect random"));
+            return Err(
+                CliError::input("this program was built without the sample (footage-samples was missing)").hint("sweetspot demo --hidden-effect random")
+            );
         }
         let own = folder.join("session").join("session.toml");
         let of_sample = files.iter().any(|(name, bytes)| *name == "session.toml" && std::fs::read(&own).ok().as_deref() == Some(*bytes));
@@ -116,7 +118,9 @@ pub fn run(mut arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     shell.say(format_args!("A world with seed {seed}{from}: what is hidden in it is told at the end ({} knows it)", session.join("truth.json").display()));
     let filmed = if reused { Ok(()) } else { film(&spec, &session, shell).map(|_| ()) };
     let mut outcome = filmed.and_then(|()| chain(&folder, shell)).map_err(|e| match e.kind {
-        Kind::Interrupted if arguments.seed.is_none() && arguments.dir.is_none() => e.hint(format!("--seed {seed} goes on with this world; without it chance chooses another")),
+        Kind::Interrupted if arguments.seed.is_none() && arguments.dir.is_none() => {
+            e.hint(format!("--seed {seed} goes on with this world; without it chance chooses another"))
+        }
         _ => e,
     })?;
     outcome.hidden = Some(chosen.iter().map(|e| e.name.to_owned()).collect());
@@ -253,10 +257,7 @@ fn tell(o: &Outcome, shell: &Shell) {
         None => "and that is where this ends: they are too few to judge a model by.",
     });
     if let (Some(mean), Some(sd)) = (o.square_mm, o.square_sd_mm) {
-        shell.say(format_args!(
-            "  1. a {:.0} mm square, measured again in 3-D on boards held out: {mean:.3} mm, scatter {sd:.3} mm",
-            o.square_stated_mm
-        ));
+        shell.say(format_args!("  1. a {:.0} mm square, measured again in 3-D on boards held out: {mean:.3} mm, scatter {sd:.3} mm", o.square_stated_mm));
     }
     if let Some(width) = o.ball_speed_95_m_s {
         shell.say(format_args!("  2. the ball's speed after impact, over {} shots: known to ±{width:.2} m/s (95 %)", o.shots_measured));
@@ -298,7 +299,11 @@ fn reveal(o: &Outcome, hidden: Option<&Entry>, shell: &Shell) {
         }
         None => {
             shell.say("\nHidden in this world: nothing.");
-            shell.say(if o.found.is_empty() && !o.formula { "The diagnosis found nothing missing: right." } else { "The diagnosis added something: a false alarm." });
+            shell.say(if o.found.is_empty() && !o.formula {
+                "The diagnosis found nothing missing: right."
+            } else {
+                "The diagnosis added something: a false alarm."
+            });
         }
         Some(e) => {
             shell.say(format_args!("\nHidden in this world: {} ({}).", e.name, e.law));

@@ -58,7 +58,8 @@ pub fn findings(arguments: &Arguments) -> Result<Outcome, CliError> {
     });
 
     let mut scatter_table = Table::new("Scatter of the impact position into scatter of the launch").numbers("Position sd, mm").numbers("Speed, m/s");
-    scatter_table = scatter_table.numbers("sd, m/s").numbers("Launch angle sd, deg").numbers("Side angle sd, deg").numbers("Spin sd, rpm").numbers("Shots on the strings");
+    scatter_table =
+        scatter_table.numbers("sd, m/s").numbers("Launch angle sd, deg").numbers("Side angle sd, deg").numbers("Spin sd, rpm").numbers("Shots on the strings");
     for a in &accuracy {
         scatter_table = scatter_table.row(&[
             format!("{:.0}", 1e3 * a.position_sd_m.0),

@@ -42,7 +42,8 @@ pub fn models() -> Result<Outcome, CliError> {
             ]);
         }
     }
-    let mut table_free = Table::new("20 m/s on a free racket, 0.225 m from its centre of mass").column("Law").numbers("Apparent restitution").numbers("Contact, ms");
+    let mut table_free =
+        Table::new("20 m/s on a free racket, 0.225 m from its centre of mass").column("Law").numbers("Apparent restitution").numbers("Contact, ms");
     for (law, apparent, time) in &free {
         table_free = table_free.row(&[(*law).to_owned(), format!("{apparent:.3}"), format!("{:.2}", 1e3 * time)]);
     }
@@ -126,7 +127,8 @@ pub fn models() -> Result<Outcome, CliError> {
                 .table(table_offset),
         )
         .finish();
-    let json = serde_json::json!({ "wall": wall, "wall_over_speed": over_speed, "strings": strings, "free_racket": free, "oblique": bounce, "offset": offsets });
+    let json =
+        serde_json::json!({ "wall": wall, "wall_over_speed": over_speed, "strings": strings, "free_racket": free, "oblique": bounce, "offset": offsets });
     Ok(("explore-models", json, page))
 }
 

@@ -3,7 +3,7 @@
 use super::error::{CliError, Kind};
 use super::impacts_input::LedgerFile;
 use super::synth::{film, is_rendered, rendered_from, unfinished};
-use super::validate::{Footage, footage, rigid_model, table_words};
+use super::validate::{Failure, Footage, footage, rigid_model, table_words};
 use super::{Shell, undashed};
 use crate::calibration::StereoRig;
 use crate::impact_table::ImpactTable;
@@ -68,6 +68,14 @@ struct Outcome {
     formula: bool,
     #[serde(skip_serializing_if = "Option::is_none")]
     hidden: Option<Vec<String>>,
+    /// Shots and rows that failed, with the reason; the others are complete.
+    failed: Vec<String>,
+}
+
+impl Outcome {
+    fn unless_some_failed(&self) -> Result<(), CliError> {
+        if self.failed.is_empty() { Ok(()) } else { Err(CliError::some_failed(self.failed.join("\n"))) }
+    }
 }
 
 pub fn run(mut arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
@@ -98,7 +106,8 @@ pub fn run(mut arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
         }
         let outcome = chain(&folder, shell)?;
         tell(&outcome, shell);
-        return shell.print_json(&outcome);
+        shell.print_json(&outcome)?;
+        return outcome.unless_some_failed();
     };
     // The same command goes on with the world it chose.
     let earlier = |folder: &PathBuf| Some(folder.join("session")).filter(|_| !shell.args.force).and_then(|s| unfinished(&s).or_else(|| rendered_from(&s)));
@@ -126,7 +135,8 @@ pub fn run(mut arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     outcome.hidden = Some(chosen.iter().map(|e| e.name.to_owned()).collect());
     tell(&outcome, shell);
     reveal(&outcome, chosen, shell);
-    shell.print_json(&outcome)
+    shell.print_json(&outcome)?;
+    outcome.unless_some_failed()
 }
 
 /// The effect to hide; `None` for nothing. `random` is nothing one time in eight.
@@ -160,19 +170,17 @@ fn make_room(session: &Path, shell: &Shell) -> Result<(), CliError> {
 /// Everything from the checkerboards to the model that explains the shots, and one report.
 fn chain(folder: &Path, shell: &Shell) -> Result<Outcome, CliError> {
     let session = Session::open(&folder.join("session"))?;
-    match footage(&session, folder, shell)? {
-        Footage::Measured(failed) => failed.iter().for_each(|f| shell.say(format_args!("{}: {}", f.step, f.reason))),
-        Footage::Ended(failed) => {
-            let reasons: Vec<String> = failed.iter().map(|f| format!("{}: {}", f.step, f.reason)).collect();
-            return Err(CliError::input(reasons.join("\n")));
-        }
-    }
+    let reasons = |failed: Vec<Failure>| failed.iter().map(|f| format!("{}: {}", f.step, f.reason)).collect::<Vec<_>>();
+    let mut failed = match footage(&session, folder, shell)? {
+        Footage::Measured(failed) => reasons(failed),
+        Footage::Ended(failed) => return Err(CliError::input(reasons(failed).join("\n"))),
+    };
     let (impacts, first, last) = (folder.join("impacts.csv"), rigid_model(folder, shell)?, folder.join("model-found.toml"));
-    let step = |words: &[&OsStr], model: &Path, out: &Path| {
+    let mut step = |words: &[&OsStr], model: &Path, out: &Path| {
         let line: Vec<&OsStr> = words.iter().copied().chain(table_words(&session, &impacts, model)).collect();
         match shell.run_step(&line, out) {
             // What could be used is judged all the same.
-            Err(e) if e.kind == Kind::SomeFailed => shell.say(e.message),
+            Err(e) if e.kind == Kind::SomeFailed => failed.push(format!("{}: {}", words[0].to_string_lossy(), e.message)),
             other => other?,
         }
         Ok::<(), CliError>(())
@@ -218,6 +226,7 @@ fn chain(folder: &Path, shell: &Shell) -> Result<Outcome, CliError> {
         found: results.ledger.last().map(|l| l.effects.iter().filter(|e| *e != FOUND_EFFECT).cloned().collect()).unwrap_or_default(),
         formula: results.ledger.last().is_some_and(|l| l.effects.iter().any(|e| e == FOUND_EFFECT)),
         hidden: None,
+        failed,
     })
 }
 
@@ -307,8 +316,12 @@ fn reveal(o: &Outcome, hidden: Option<&Entry>, shell: &Shell) {
         }
         Some(e) => {
             shell.say(format_args!("\nHidden in this world: {} ({}).", e.name, e.law));
-            let right = if o.found.iter().any(|f| f == e.name) {
+            let right = if o.found == [e.name] && !o.formula {
                 "right"
+            } else if o.found == [e.name] {
+                "right; its form here is another than that of the catalogue, which the formula makes up for"
+            } else if o.found.iter().any(|f| f == e.name) {
+                "right, and more beside it that is not there"
             } else if o.found.iter().any(|f| e.aliases.contains(&f.as_str())) {
                 "an effect that these data can hardly tell from it"
             } else if !e.in_catalogue && o.verdict.as_deref() == Some("unexplained") {

@@ -297,39 +297,69 @@ fn added(o: &Outcome) -> String {
 
 /// The end of the game.
 fn reveal(o: &Outcome, hidden: Option<&Entry>, shell: &Shell) {
-    let named = match (o.found.is_empty(), o.formula) {
-        (true, false) => "nothing".to_owned(),
-        _ => added(o),
+    let name = hidden.map_or_else(|| "nothing".to_owned(), |e| format!("{} ({})", e.name, e.law));
+    shell.say(format_args!("\nHidden in this world: {name}."));
+    shell.say(judged(o, hidden));
+}
+
+/// What the diagnosis is worth.
+fn judged(o: &Outcome, hidden: Option<&Entry>) -> String {
+    if o.verdict.is_none() {
+        return "So few shots cannot show it: no diagnosis was made.".to_owned();
+    }
+    let named = if o.found.is_empty() && !o.formula { "nothing".to_owned() } else { added(o) };
+    let Some(e) = hidden else {
+        return format!("The diagnosis added {named}: {}.", if named == "nothing" { "right" } else { "a false alarm" });
     };
-    match hidden {
-        _ if o.verdict.is_none() => {
-            let name = hidden.map_or_else(|| "nothing".to_owned(), |e| format!("{} ({})", e.name, e.law));
-            shell.say(format_args!("\nHidden in this world: {name}. So few shots cannot show it: no diagnosis was made."));
-        }
-        None => {
-            shell.say("\nHidden in this world: nothing.");
-            shell.say(if o.found.is_empty() && !o.formula {
-                "The diagnosis found nothing missing: right."
-            } else {
-                "The diagnosis added something: a false alarm."
-            });
-        }
-        Some(e) => {
-            shell.say(format_args!("\nHidden in this world: {} ({}).", e.name, e.law));
-            let right = if o.found == [e.name] && !o.formula {
-                "right"
-            } else if o.found == [e.name] {
-                "right; its form here is another than that of the catalogue, which the formula makes up for"
-            } else if o.found.iter().any(|f| f == e.name) {
-                "right, and more beside it that is not there"
-            } else if o.found.iter().any(|f| e.aliases.contains(&f.as_str())) {
-                "an effect that these data can hardly tell from it"
-            } else if !e.in_catalogue && o.verdict.as_deref() == Some("unexplained") {
-                "right: it is in no catalogue, and the verdict is `unexplained`"
-            } else {
-                "wrong"
+    let right = if o.found == [e.name] {
+        if o.formula { "right, and the formula takes up what its form here is other than the catalogue's" } else { "right" }
+    } else if o.found.iter().any(|f| f == e.name) {
+        "right, and more beside it that is not there"
+    } else if o.found.iter().any(|f| e.aliases.contains(&f.as_str())) {
+        "an effect that these data can hardly tell from it"
+    } else if !e.in_catalogue && o.verdict.as_deref() == Some("unexplained") {
+        "right: it is in no catalogue, and the verdict is `unexplained`"
+    } else {
+        "wrong"
+    };
+    format!("The diagnosis named {named}: {right}.")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn truth_the_end_of_the_game_counts_what_is_not_there() {
+        let hidden = entry("frame-vibration").expect("known");
+        let after = |found: &[&str], formula: bool, verdict: Option<&str>, hidden: Option<&Entry>| {
+            let outcome = Outcome {
+                report: PathBuf::new(),
+                shots_measured: 80,
+                square_stated_mm: 60.0,
+                square_mm: None,
+                square_sd_mm: None,
+                ball_speed_95_m_s: None,
+                heldout_error_first: None,
+                heldout_error_last: None,
+                noise_floor: None,
+                verdict: verdict.map(str::to_owned),
+                named_first: None,
+                found: found.iter().map(|f| (*f).to_owned()).collect(),
+                formula,
+                hidden: None,
+                failed: Vec::new(),
             };
-            shell.say(format_args!("The diagnosis named {named}: {right}."));
-        }
+            judged(&outcome, hidden)
+        };
+        let missing = Some("effect-missing");
+        assert_eq!(after(&["frame-vibration"], false, missing, Some(hidden)), "The diagnosis named frame-vibration: right.");
+        assert!(after(&["frame-vibration", "hand-mass"], false, missing, Some(hidden)).contains("more beside it that is not there"));
+        assert!(after(&["frame-vibration"], true, missing, Some(hidden)).contains("takes up"));
+        assert!(after(&["string-tilt"], false, missing, Some(hidden)).ends_with("wrong."));
+        assert!(after(&[], false, Some("adequate"), Some(hidden)).ends_with("named nothing: wrong."));
+        assert!(after(&[], false, Some("adequate"), None).ends_with("nothing: right."));
+        assert!(after(&[], true, missing, None).ends_with("a false alarm."));
+        assert!(after(&[], false, None, Some(hidden)).contains("no diagnosis was made"));
     }
 }

@@ -31,27 +31,29 @@ pub struct CliError {
     pub kind: Kind,
     pub message: String,
     pub hints: Vec<String>,
+    /// Of shots that failed: id and reason.
+    pub shots: Vec<(String, String)>,
 }
 
 impl CliError {
+    fn of(kind: Kind, message: impl std::fmt::Display) -> Self {
+        CliError { kind, message: message.to_string(), hints: Vec::new(), shots: Vec::new() }
+    }
+
     pub fn input(message: impl std::fmt::Display) -> Self {
-        CliError { kind: Kind::Input, message: message.to_string(), hints: Vec::new() }
+        CliError::of(Kind::Input, message)
     }
 
     pub fn output(message: impl std::fmt::Display) -> Self {
-        CliError {
-            kind: Kind::Output,
-            message: message.to_string(),
-            hints: vec!["check the free space and the permissions, or choose another place with --out".into()],
-        }
+        CliError::of(Kind::Output, message).hint("check the free space and the permissions, or choose another place with --out")
     }
 
     pub fn some_failed(message: impl std::fmt::Display) -> Self {
-        CliError { kind: Kind::SomeFailed, message: message.to_string(), hints: Vec::new() }
+        CliError::of(Kind::SomeFailed, message)
     }
 
     pub fn interrupted() -> Self {
-        CliError { kind: Kind::Interrupted, message: "interrupted; what was finished is kept, run the same command again to go on".into(), hints: Vec::new() }
+        CliError::of(Kind::Interrupted, "interrupted; what was finished is kept, run the same command again to go on")
     }
 
     /// Of a session in which there is nothing to track or to measure.
@@ -61,7 +63,12 @@ impl CliError {
 
     /// Of a command that has nothing to keep.
     pub fn interrupted_at_once() -> Self {
-        CliError { kind: Kind::Interrupted, message: "interrupted".into(), hints: Vec::new() }
+        CliError::of(Kind::Interrupted, "interrupted")
+    }
+
+    #[must_use]
+    pub fn of_shots(self, shots: Vec<(String, String)>) -> Self {
+        CliError { shots, ..self }
     }
 
     #[must_use]

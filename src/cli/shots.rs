@@ -133,7 +133,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     }
     let lines: Vec<String> = summary.failed.iter().map(|(id, why)| format!("{id}: {why}")).collect();
     let message = format!("{} of {} shots failed:\n  {}", lines.len(), summary.shots.len() + lines.len(), lines.join("\n  "));
-    Err(CliError::some_failed(message))
+    Err(CliError::some_failed(message).of_shots(summary.failed))
 }
 
 /// What an earlier run measured of a shot is not this one's. Points in space that `track` has found since are, and stay.

@@ -164,11 +164,15 @@ fn track(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     if let Some(e) = outcomes.ended {
         return Err(e);
     }
-    let (summaries, failed): (Vec<ShotSummary>, Vec<Vec<String>>) = outcomes.done.into_values().unzip();
-    let broken = session.broken_shots.iter().filter(|_| arguments.shot.is_empty()).map(|(id, why)| format!("{id}: {why}"));
-    let failed: Vec<String> = broken.chain(failed.into_iter().flatten()).collect();
+    let (summaries, failed): (Vec<ShotSummary>, Vec<Vec<(String, String)>>) = outcomes.done.into_values().unzip();
+    let broken = session.broken_shots.iter().filter(|_| arguments.shot.is_empty()).cloned();
+    let failed: Vec<(String, String)> = broken.chain(failed.into_iter().flatten()).collect();
     shell.print_json(&summaries)?;
-    if failed.is_empty() { Ok(()) } else { Err(CliError::some_failed(failed.join("\n"))) }
+    if failed.is_empty() {
+        return Ok(());
+    }
+    let lines: Vec<String> = failed.iter().map(|(id, why)| format!("{id}: {why}")).collect();
+    Err(CliError::some_failed(lines.join("\n")).of_shots(failed))
 }
 
 /// What is to be said of a shot.
@@ -188,8 +192,8 @@ impl Said {
 /// What became of the shots, by their place in the session.
 #[derive(Default)]
 struct Outcomes {
-    /// Summaries, and what is to be said in the end.
-    done: BTreeMap<usize, (ShotSummary, Vec<String>)>,
+    /// Summaries, and what failed, by the shot's id, to be said in the end.
+    done: BTreeMap<usize, (ShotSummary, Vec<(String, String)>)>,
     /// What was said of shots before which others are not done yet.
     waiting: BTreeMap<usize, Said>,
     /// Shots of which everything was said.
@@ -203,18 +207,18 @@ impl Outcomes {
     fn add(&mut self, at: usize, id: &str, made: Result<(Result<(), CliError>, ShotSummary), Failure>, mut said: Said, shell: &Shell) {
         match made {
             Ok((for_others, summary)) => {
-                let failed = for_others.err().map(|e| format!("{id}: {}", e.message));
-                said.lines.extend(failed.clone());
+                let failed = for_others.err().map(|e| e.message);
+                said.lines.extend(failed.iter().map(|why| format!("{id}: {why}")));
                 // The shot is measured all the same, but nobody should find out by chance that a picture is broken.
-                let unreadable = summary.unreadable.iter().map(|why| format!("{id}: {why}; it counts as missing until it is mended"));
-                let failed = failed.into_iter().chain(unreadable).collect();
+                let unreadable = summary.unreadable.iter().map(|why| format!("{why}; it counts as missing until it is mended"));
+                let failed = failed.into_iter().chain(unreadable).map(|why| (id.to_owned(), why)).collect();
                 self.done.insert(at, (summary, failed));
             }
             Err(Failure::Shot(TrackingError::Cancelled)) => self.ended = Some(CliError::interrupted()),
             Err(Failure::Shot(e)) => {
                 said.push(format!("{id}: {e}"));
                 let summary = ShotSummary { id: id.to_owned(), error: Some(e.to_string()), ..ShotSummary::default() };
-                self.done.insert(at, (summary, vec![format!("{id}: {e}")]));
+                self.done.insert(at, (summary, vec![(id.to_owned(), e.to_string())]));
             }
             Err(Failure::All(e)) => self.ended = Some(e),
         }

@@ -77,12 +77,8 @@ pub(super) struct Failure {
 }
 
 impl Failure {
-    fn of(step: &'static str, error: CliError, session: &Session) -> Self {
-        let (ended, reason) = (error.kind != Kind::SomeFailed, error.message);
-        let ids = session.shots.iter().map(|s| &s.id).chain(session.broken_shots.iter().map(|(id, _)| id));
-        let said = |id: &str| reason.lines().find_map(|line| line.trim_start().strip_prefix(id)?.strip_prefix(": ").map(str::to_owned));
-        let shots = ids.filter_map(|id| Some((id.clone(), said(id)?))).collect();
-        Failure { step, reason, ended, shots }
+    fn of(step: &'static str, error: CliError) -> Self {
+        Failure { step, reason: error.message, ended: error.kind != Kind::SomeFailed, shots: error.shots.into_iter().collect() }
     }
 }
 
@@ -199,7 +195,7 @@ pub(super) fn footage(session: &Session, results: &Path, shell: &Shell) -> Resul
             Ok(()) => {}
             Err(e) if e.kind == Kind::Interrupted => return Err(e),
             Err(e) => {
-                let failure = Failure::of(step, e, session);
+                let failure = Failure::of(step, e);
                 let ends = failure.ended;
                 failed.push(failure);
                 if ends {
@@ -267,7 +263,7 @@ fn one_session(session: &Session, results: &Path, model: Option<&Path>, shell: &
         match shell.run_step(&line, results) {
             Ok(()) => {}
             Err(e) if e.kind == Kind::Interrupted => return Err(e),
-            Err(e) => outcome.failed.push(Failure::of(step, e, session)),
+            Err(e) => outcome.failed.push(Failure::of(step, e)),
         }
     }
     // What an earlier run found is of other shots.

@@ -7,7 +7,7 @@
 //! `cargo run --release --example zoom_experiment -- [FIGURE.svg]`: one line per focal length; with a file name also the
 //! figure.
 
-use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, UnitQuaternion, Vector2, Vector3};
+use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, UnitQuaternion, Vector3};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -68,12 +68,16 @@ fn calibrate(focal: f64, bow_m: f64, look: &Look, sensor: &Sensor) -> Calibratio
 fn one_zoom(focal: f64, bow_m: f64, look: &Look, sensor: &Sensor) -> [f64; 4] {
     let c = calibrate(focal, bow_m, look, sensor);
     let board = Checkerboard { columns: COLUMNS, rows: ROWS, square_m: SQUARE_M };
+    let neighbours = board.neighbours();
     let spacings: Vec<f64> = c
         .bundle
         .views
         .iter()
         .filter(|v| v.left.len() == board.corner_count())
-        .map(|v| board.mean_spacing_px(&v.left.iter().map(|q| q.uv).collect::<Vec<Vector2<f64>>>()))
+        .map(|v| {
+            let spacing = |&(a, b): &(usize, usize)| (v.left[a].uv - v.left[b].uv).norm();
+            neighbours.iter().map(spacing).sum::<f64>() / neighbours.len() as f64
+        })
         .collect();
     let square_px = spacings.iter().sum::<f64>() / spacings.len().max(1) as f64;
     let rms_px = c.rms_px(None);

@@ -114,11 +114,23 @@ pub enum TableError {
     Cell { path: PathBuf, line: u64, column: String, seen: String, allowed: &'static str },
     #[error("{path}: column `{column}` has no meaning, and would be a group's; if it is `{meant}`, write it so, else name it otherwise", path = .path.display())]
     Misspelt { path: PathBuf, column: String, meant: &'static str },
+    #[error("{path}: a column's name has {length} bytes (it begins {begins:?}); allowed: {most}", path = .path.display())]
+    LongName { path: PathBuf, begins: String, length: usize, most: usize },
+    #[error("{path}, line {line}: more than {most} impacts, the most allowed with {grouping} columns of the table's own; give it in parts, or leave columns out", path = .path.display())]
+    TooLarge { path: PathBuf, line: u64, most: usize, grouping: usize },
     #[error("{path}: not a text in UTF-8 ({source}); save it as CSV in UTF-8", path = .path.display())]
     Encoding { path: PathBuf, source: csv::Error },
     #[error("{path}, line {line}: id {id:?} stands twice; ids fix which impacts are held out, so each must be its own", path = .path.display())]
     SameId { path: PathBuf, line: u64, id: String },
 }
+
+/// Most impacts of a table (a kilobyte each), most cells in grouping columns (a hundred bytes each), and the longest name of a column, bytes: a small
+/// file must not ask for all the memory there is.
+const MOST_ROWS: usize = 1_000_000;
+const MOST_GROUPING_CELLS: usize = 10_000_000;
+const LONGEST_NAME: usize = 256;
+/// Of a header in a message, letters.
+const MOST_SHOWN: usize = 400;
 
 /// A measured value with its standard deviation, where the table gives one.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -232,6 +244,105 @@ pub fn is_own_column(name: &str) -> bool {
     !matches!(column(name), Column::Group(_))
 }
 
+/// The columns of a table, checked.
+struct Header {
+    names: Vec<String>,
+    columns: Vec<Column>,
+    /// Without names of their own the rows are numbered.
+    numbered: bool,
+}
+
+impl Header {
+    fn of(header: &csv::StringRecord, path: &Path) -> Result<Self, TableError> {
+        let names: Vec<String> = header.iter().map(|h| h.trim_start_matches('\u{feff}').to_owned()).collect();
+        let numbered = !names.iter().any(|n| n == "id");
+        // A file that holds no column of an impact is none.
+        if numbered && !names.iter().any(|n| INPUTS.contains(&n.as_str())) {
+            let parted = names.len() == 1 && names[0].contains([';', '\t']);
+            let numbers = names.iter().any(|n| n.parse::<f64>().is_ok());
+            let remedy = if parted {
+                "; part the fields by commas and write decimals with a point"
+            } else if numbers {
+                "; the first line must name the columns"
+            } else {
+                ""
+            };
+            let seen = names.join(", ").chars().take(MOST_SHOWN).collect();
+            return Err(TableError::NoColumn { path: path.into(), column: "id", seen, remedy });
+        }
+        if let Some(long) = names.iter().find(|n| n.len() > LONGEST_NAME) {
+            let begins = long.chars().take(40).collect();
+            return Err(TableError::LongName { path: path.into(), begins, length: long.len(), most: LONGEST_NAME });
+        }
+        let mut seen = BTreeSet::new();
+        if let Some(twice) = names.iter().find(|n| !seen.insert(n.as_str())) {
+            return Err(TableError::Twice { path: path.into(), column: twice.clone() });
+        }
+        if let Some((column, meant)) = names.iter().find_map(|n| Some((n.clone(), meant(n, &names)?))) {
+            return Err(TableError::Misspelt { path: path.into(), column, meant });
+        }
+        let columns = names.iter().map(|n| column(n)).collect();
+        Ok(Header { names, columns, numbered })
+    }
+
+    /// How many columns are nobody's but the user's.
+    fn grouping(&self) -> usize {
+        self.columns.iter().filter(|c| matches!(c, Column::Group(_))).count()
+    }
+
+    fn most_rows(&self) -> usize {
+        MOST_ROWS.min(MOST_GROUPING_CELLS / self.grouping().max(1))
+    }
+
+    /// The row at place `n`, in line `line` of the file.
+    fn row(&self, record: &csv::StringRecord, line: u64, n: usize, path: &Path) -> Result<ImpactRow, TableError> {
+        let mut row = ImpactRow::new("");
+        row.sequence = n as f64;
+        let mut sds: Vec<(bool, usize, f64)> = Vec::new();
+        for ((cell, kind), name) in record.iter().zip(&self.columns).zip(&self.names) {
+            let bad = |allowed| TableError::Cell { path: path.into(), line, column: name.clone(), seen: cell.to_owned(), allowed };
+            let number = || -> Result<Option<f64>, TableError> {
+                if cell.is_empty() {
+                    return Ok(None);
+                }
+                cell.parse::<f64>().ok().filter(|v| v.is_finite()).map(Some).ok_or_else(|| bad("a finite number, or empty when not measured"))
+            };
+            let deviation = || -> Result<Option<f64>, TableError> {
+                number()?.map_or(Ok(None), |sd| if sd < 0.0 { Err(bad("a standard deviation of 0 or more")) } else { Ok(Some(sd)) })
+            };
+            match kind {
+                Column::Id => row.id = cell.to_owned(),
+                Column::Racket => row.racket = Some(cell.to_owned()).filter(|c| !c.is_empty()),
+                Column::Ball => row.ball = Some(cell.to_owned()).filter(|c| !c.is_empty()),
+                Column::Sequence => {
+                    row.sequence = number()?.ok_or_else(|| bad("a number in every row; or leave the column out, and the rows' order counts"))?
+                }
+                Column::Group(g) => {
+                    row.groups.insert(g.clone(), cell.to_owned());
+                }
+                Column::Value { output, index, sd: false } => {
+                    let measured = number()?.map(|value| Measured { value, sd: None });
+                    if *output { row.outputs[*index] = measured } else { row.inputs[*index] = measured }
+                }
+                Column::Value { output, index, sd: true } => sds.extend(deviation()?.map(|sd| (*output, *index, sd))),
+                Column::SharedSd(index) => row.shared_sd[*index] = deviation()?,
+            }
+        }
+        for (output, index, sd) in sds {
+            if let Some(m) = if output { &mut row.outputs[index] } else { &mut row.inputs[index] } {
+                m.sd = Some(sd);
+            }
+        }
+        if self.numbered {
+            row.id = (n + 1).to_string();
+        }
+        if row.id.is_empty() {
+            return Err(TableError::Cell { path: path.into(), line, column: "id".into(), seen: String::new(), allowed: "a name of its own for every impact" });
+        }
+        Ok(row)
+    }
+}
+
 impl ImpactTable {
     /// Reads and checks a table.
     pub fn read(path: &Path) -> Result<Self, TableError> {
@@ -246,95 +357,17 @@ impl ImpactTable {
             _ => TableError::Unreadable { path: path.into(), source },
         };
         let mut csv = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(TableFile::new(reader));
-        let header = csv.headers().map_err(unreadable)?.clone();
-        let names: Vec<String> = header.iter().map(|h| h.trim_start_matches('\u{feff}').to_owned()).collect();
-        // Without names of their own the rows are numbered; a file that holds no column of an impact is none.
-        let numbered = !names.iter().any(|n| n == "id");
-        if numbered && !names.iter().any(|n| INPUTS.contains(&n.as_str())) {
-            let parted = names.len() == 1 && names[0].contains([';', '\t']);
-            let numbers = names.iter().any(|n| n.parse::<f64>().is_ok());
-            let remedy = if parted {
-                "; part the fields by commas and write decimals with a point"
-            } else if numbers {
-                "; the first line must name the columns"
-            } else {
-                ""
-            };
-            return Err(TableError::NoColumn { path: path.into(), column: "id", seen: names.join(", "), remedy });
-        }
-        let mut seen = BTreeSet::new();
-        if let Some(twice) = names.iter().find(|n| !seen.insert(n.as_str())) {
-            return Err(TableError::Twice { path: path.into(), column: twice.clone() });
-        }
-        if let Some((column, meant)) = names.iter().find_map(|n| Some((n.clone(), meant(n, &names)?))) {
-            return Err(TableError::Misspelt { path: path.into(), column, meant });
-        }
-        let columns: Vec<Column> = names.iter().map(|n| column(n)).collect();
+        let header = Header::of(csv.headers().map_err(unreadable)?, path)?;
+        let most_rows = header.most_rows();
         let mut rows = Vec::new();
         let mut ids = BTreeSet::new();
         for record in csv.records() {
             let record = record.map_err(unreadable)?;
             let line = record.position().map_or(0, csv::Position::line);
-            let mut row = ImpactRow::new("");
-            row.sequence = rows.len() as f64;
-            let mut sds: Vec<(bool, usize, f64)> = Vec::new();
-            let positive = "a standard deviation of 0 or more";
-            for ((cell, kind), name) in record.iter().zip(&columns).zip(&names) {
-                let bad = |allowed| TableError::Cell { path: path.into(), line, column: name.clone(), seen: cell.to_owned(), allowed };
-                let number = || -> Result<Option<f64>, TableError> {
-                    if cell.is_empty() {
-                        return Ok(None);
-                    }
-                    cell.parse::<f64>().ok().filter(|v| v.is_finite()).map(Some).ok_or_else(|| bad("a finite number, or empty when not measured"))
-                };
-                match kind {
-                    Column::Id => row.id = cell.to_owned(),
-                    Column::Racket => row.racket = Some(cell.to_owned()).filter(|c| !c.is_empty()),
-                    Column::Ball => row.ball = Some(cell.to_owned()).filter(|c| !c.is_empty()),
-                    Column::Sequence => {
-                        row.sequence = number()?.ok_or_else(|| bad("a number in every row; or leave the column out, and the rows' order counts"))?
-                    }
-                    Column::Group(g) => {
-                        row.groups.insert(g.clone(), cell.to_owned());
-                    }
-                    Column::Value { output, index, sd: false } => {
-                        let measured = number()?.map(|value| Measured { value, sd: None });
-                        if *output { row.outputs[*index] = measured } else { row.inputs[*index] = measured }
-                    }
-                    Column::Value { output, index, sd: true } => {
-                        if let Some(sd) = number()? {
-                            if sd < 0.0 {
-                                return Err(bad(positive));
-                            }
-                            sds.push((*output, *index, sd));
-                        }
-                    }
-                    Column::SharedSd(index) => {
-                        row.shared_sd[*index] = number()?;
-                        if row.shared_sd[*index].is_some_and(|sd| sd < 0.0) {
-                            return Err(bad(positive));
-                        }
-                    }
-                }
+            if rows.len() >= most_rows {
+                return Err(TableError::TooLarge { path: path.into(), line, most: most_rows, grouping: header.grouping() });
             }
-            for (output, index, sd) in sds {
-                let cell = if output { &mut row.outputs[index] } else { &mut row.inputs[index] };
-                if let Some(m) = cell {
-                    m.sd = Some(sd);
-                }
-            }
-            if numbered {
-                row.id = (rows.len() + 1).to_string();
-            }
-            if row.id.is_empty() {
-                return Err(TableError::Cell {
-                    path: path.into(),
-                    line,
-                    column: "id".into(),
-                    seen: String::new(),
-                    allowed: "a name of its own for every impact",
-                });
-            }
+            let row = header.row(&record, line, rows.len(), path)?;
             if !ids.insert(row.id.clone()) {
                 return Err(TableError::SameId { path: path.into(), line, id: row.id });
             }
@@ -430,9 +463,22 @@ mod tests {
             ("id,ball_out_vz [m/s]\na,20\n", "if it is `ball_out_vz`, write it so"),
             ("id,sequence\na,1\nb,\n", "line 3: `sequence` is \"\""),
             ("id,ball_in_vz\r\na,1\r\nb,NaN\r\n", "line 3: `ball_in_vz` is \"NaN\""),
+            (&format!("id,{}\na,1\n", "n".repeat(300)), "has 300 bytes"),
         ] {
             let message = read(text).expect_err(text).to_string();
             assert!(message.contains(word), "{message}");
         }
+    }
+
+    #[test]
+    fn fails_a_table_that_asks_for_more_memory_than_its_size_says() {
+        let header = |grouping: usize| {
+            let names: Vec<String> = (0..grouping).map(|k| format!("g{k}")).collect();
+            Header::of(&csv::StringRecord::from([vec!["id".to_owned()], names].concat()), Path::new("t.csv")).expect("a header")
+        };
+        assert_eq!([header(0), header(3), header(1000)].map(|h| h.most_rows()), [1_000_000, 1_000_000, 10_000]);
+        // Of so many columns not one row may come.
+        let wide = Header { columns: (0..=MOST_GROUPING_CELLS).map(|_| Column::Group(String::new())).collect(), ..header(0) };
+        assert_eq!(wide.most_rows(), 0);
     }
 }

@@ -2,6 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
+/// Turns a minute in a radian a second.
+pub const RPM: f64 = 60.0 / std::f64::consts::TAU;
+
 /// `value ± sd` (one standard deviation) in `unit`. A quantity that was not measured is an absent `Quantity`, never NaN.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Quantity {

@@ -80,12 +80,6 @@ impl Checkerboard {
     pub fn smallest_spacing_px(&self, corners: &[Vector2<f64>]) -> f64 {
         self.neighbours().iter().map(|&(a, b)| (corners[a] - corners[b]).norm()).fold(f64::INFINITY, f64::min)
     }
-
-    /// Mean distance between neighbouring corners of a view, px.
-    pub fn mean_spacing_px(&self, corners: &[Vector2<f64>]) -> f64 {
-        let pairs = self.neighbours();
-        pairs.iter().map(|&(a, b)| (corners[a] - corners[b]).norm()).sum::<f64>() / pairs.len() as f64
-    }
 }
 
 #[cfg(test)]

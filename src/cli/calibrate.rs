@@ -103,7 +103,8 @@ fn same_number(folder: &Path, left: &BTreeMap<u64, PathBuf>, right: &BTreeMap<u6
 
 fn axes_picture(folder: &Path, camera: &str) -> Result<PathBuf, CliError> {
     let entries = std::fs::read_dir(folder).map_err(|e| CliError::input(format!("{}: cannot be read ({e})", folder.display())))?;
-    let mut found: Vec<PathBuf> = entries.filter_map(|e| e.ok()).map(|e| e.path()).filter(|p| p.is_file() && p.file_stem().is_some_and(|s| s == camera)).collect();
+    let mut found: Vec<PathBuf> =
+        entries.filter_map(|e| e.ok()).map(|e| e.path()).filter(|p| p.is_file() && p.file_stem().is_some_and(|s| s == camera)).collect();
     found.sort();
     match found.len() {
         1 => Ok(found.remove(0)),
@@ -174,7 +175,9 @@ fn calibrate(session: &Session, arguments: &Arguments, provenance: &Provenance, 
     for (path, (size, _)) in &found {
         if let Some(size) = size.filter(|s| *s != image_size) {
             let name = path.display().to_string();
-            return Err(CalibrationError::PictureSize { name, width: size[0], height: size[1], expected_width: image_size[0], expected_height: image_size[1] }.into());
+            return Err(
+                CalibrationError::PictureSize { name, width: size[0], height: size[1], expected_width: image_size[0], expected_height: image_size[1] }.into()
+            );
         }
     }
     let by_path: BTreeMap<&Path, _> = found.into_iter().map(|(path, (_, view))| (path, view)).collect();
@@ -223,7 +226,8 @@ fn lay_axes(session: &Session, rig: &mut StereoRig) -> Result<(), CliError> {
     if let Some(axes) = &session.axes {
         let images = [read_grey(&axes_picture(&axes.images, "left")?)?, read_grey(&axes_picture(&axes.images, "right")?)?];
         let frame = AxesFrame { arm_u_m: axes.arm_u_m, arm_w_m: axes.arm_w_m };
-        let (global_from_left, report) = global_axes(rig, &images[0], &images[1], &frame).map_err(|e| CliError::input(format!("{}: {e}", axes.images.display())))?;
+        let (global_from_left, report) =
+            global_axes(rig, &images[0], &images[1], &frame).map_err(|e| CliError::input(format!("{}: {e}", axes.images.display())))?;
         rig.global_from_left = global_from_left;
         rig.more.insert("axes".into(), serde_json::to_value(report).map_err(CliError::output)?);
     }

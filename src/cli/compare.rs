@@ -35,8 +35,15 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let ledger_file = LedgerFile::of(&input.files.model, shell);
     let mut ledger = ledger_file.read()?;
     let effects = loaded.library.effect_names();
-    let version =
-        Version { model: &input.files.model, model_text: &loaded.model_text, effects, data_hash: &loaded.data_hash, parent: None, step: None, refused: Vec::new() };
+    let version = Version {
+        model: &input.files.model,
+        model_text: &loaded.model_text,
+        effects,
+        data_hash: &loaded.data_hash,
+        parent: None,
+        step: None,
+        refused: Vec::new(),
+    };
     let hash = record(&mut ledger, version, &comparison);
     let staircase = ledger.path_to(&hash, &loaded.data_hash);
     if staircase.len() > 1 {

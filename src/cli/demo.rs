@@ -3,8 +3,8 @@
 use super::error::{CliError, Kind};
 use super::impacts_input::LedgerFile;
 use super::synth::{film, is_rendered, rendered_from, unfinished};
+use super::validate::{Failure, Footage, footage, rigid_model, table_words};
 use super::{Shell, undashed};
-use super::validate::{Footage, footage, rigid_model, table_words};
 use crate::calibration::StereoRig;
 use crate::impact_table::ImpactTable;
 use crate::limited_file::{LARGEST_TEXT, read_text};
@@ -15,8 +15,8 @@ use crate::synthetic::footage_spec::FootageSpec;
 use crate::synthetic::hidden::{Entry, Hidden, Seen, entry, playable};
 use crate::synthetic::look::Setting;
 use crate::synthetic::sample;
-use crate::validation::ledger::LedgerEntry;
 use crate::validation::expression::FOUND_EFFECT;
+use crate::validation::ledger::LedgerEntry;
 use crate::validation::observation::FEWEST_IMPACTS;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
@@ -68,6 +68,14 @@ struct Outcome {
     formula: bool,
     #[serde(skip_serializing_if = "Option::is_none")]
     hidden: Option<Vec<String>>,
+    /// Shots and rows that failed, with the reason; the others are complete.
+    failed: Vec<String>,
+}
+
+impl Outcome {
+    fn unless_some_failed(&self) -> Result<(), CliError> {
+        if self.failed.is_empty() { Ok(()) } else { Err(CliError::some_failed(self.failed.join("\n"))) }
+    }
 }
 
 pub fn run(mut arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
@@ -78,7 +86,9 @@ pub fn run(mut arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
         let folder = arguments.dir.clone().unwrap_or_else(|| PathBuf::from("demo-results"));
         let files: Vec<_> = sample::files().collect();
         if files.is_empty() {
-            return Err(CliError::input("this program was built without the sample (footage-samples was missing)").hint("sweetspot demo --hidden-effect random"));
+            return Err(
+                CliError::input("this program was built without the sample (footage-samples was missing)").hint("sweetspot demo --hidden-effect random")
+            );
         }
         let own = folder.join("session").join("session.toml");
         let of_sample = files.iter().any(|(name, bytes)| *name == "session.toml" && std::fs::read(&own).ok().as_deref() == Some(*bytes));
@@ -96,7 +106,8 @@ pub fn run(mut arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
         }
         let outcome = chain(&folder, shell)?;
         tell(&outcome, shell);
-        return shell.print_json(&outcome);
+        shell.print_json(&outcome)?;
+        return outcome.unless_some_failed();
     };
     // The same command goes on with the world it chose.
     let earlier = |folder: &PathBuf| Some(folder.join("session")).filter(|_| !shell.args.force).and_then(|s| unfinished(&s).or_else(|| rendered_from(&s)));
@@ -116,13 +127,16 @@ pub fn run(mut arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     shell.say(format_args!("A world with seed {seed}{from}: what is hidden in it is told at the end ({} knows it)", session.join("truth.json").display()));
     let filmed = if reused { Ok(()) } else { film(&spec, &session, shell).map(|_| ()) };
     let mut outcome = filmed.and_then(|()| chain(&folder, shell)).map_err(|e| match e.kind {
-        Kind::Interrupted if arguments.seed.is_none() && arguments.dir.is_none() => e.hint(format!("--seed {seed} goes on with this world; without it chance chooses another")),
+        Kind::Interrupted if arguments.seed.is_none() && arguments.dir.is_none() => {
+            e.hint(format!("--seed {seed} goes on with this world; without it chance chooses another"))
+        }
         _ => e,
     })?;
     outcome.hidden = Some(chosen.iter().map(|e| e.name.to_owned()).collect());
     tell(&outcome, shell);
     reveal(&outcome, chosen, shell);
-    shell.print_json(&outcome)
+    shell.print_json(&outcome)?;
+    outcome.unless_some_failed()
 }
 
 /// The effect to hide; `None` for nothing. `random` is nothing one time in eight.
@@ -156,19 +170,17 @@ fn make_room(session: &Path, shell: &Shell) -> Result<(), CliError> {
 /// Everything from the checkerboards to the model that explains the shots, and one report.
 fn chain(folder: &Path, shell: &Shell) -> Result<Outcome, CliError> {
     let session = Session::open(&folder.join("session"))?;
-    match footage(&session, folder, shell)? {
-        Footage::Measured(failed) => failed.iter().for_each(|f| shell.say(format_args!("{}: {}", f.step, f.reason))),
-        Footage::Ended(failed) => {
-            let reasons: Vec<String> = failed.iter().map(|f| format!("{}: {}", f.step, f.reason)).collect();
-            return Err(CliError::input(reasons.join("\n")));
-        }
-    }
+    let reasons = |failed: Vec<Failure>| failed.iter().map(|f| format!("{}: {}", f.step, f.reason)).collect::<Vec<_>>();
+    let mut failed = match footage(&session, folder, shell)? {
+        Footage::Measured(failed) => reasons(failed),
+        Footage::Ended(failed) => return Err(CliError::input(reasons(failed).join("\n"))),
+    };
     let (impacts, first, last) = (folder.join("impacts.csv"), rigid_model(folder, shell)?, folder.join("model-found.toml"));
-    let step = |words: &[&OsStr], model: &Path, out: &Path| {
+    let mut step = |words: &[&OsStr], model: &Path, out: &Path| {
         let line: Vec<&OsStr> = words.iter().copied().chain(table_words(&session, &impacts, model)).collect();
         match shell.run_step(&line, out) {
             // What could be used is judged all the same.
-            Err(e) if e.kind == Kind::SomeFailed => shell.say(e.message),
+            Err(e) if e.kind == Kind::SomeFailed => failed.push(format!("{}: {}", words[0].to_string_lossy(), e.message)),
             other => other?,
         }
         Ok::<(), CliError>(())
@@ -214,6 +226,7 @@ fn chain(folder: &Path, shell: &Shell) -> Result<Outcome, CliError> {
         found: results.ledger.last().map(|l| l.effects.iter().filter(|e| *e != FOUND_EFFECT).cloned().collect()).unwrap_or_default(),
         formula: results.ledger.last().is_some_and(|l| l.effects.iter().any(|e| e == FOUND_EFFECT)),
         hidden: None,
+        failed,
     })
 }
 
@@ -253,10 +266,7 @@ fn tell(o: &Outcome, shell: &Shell) {
         None => "and that is where this ends: they are too few to judge a model by.",
     });
     if let (Some(mean), Some(sd)) = (o.square_mm, o.square_sd_mm) {
-        shell.say(format_args!(
-            "  1. a {:.0} mm square, measured again in 3-D on boards held out: {mean:.3} mm, scatter {sd:.3} mm",
-            o.square_stated_mm
-        ));
+        shell.say(format_args!("  1. a {:.0} mm square, measured again in 3-D on boards held out: {mean:.3} mm, scatter {sd:.3} mm", o.square_stated_mm));
     }
     if let Some(width) = o.ball_speed_95_m_s {
         shell.say(format_args!("  2. the ball's speed after impact, over {} shots: known to ±{width:.2} m/s (95 %)", o.shots_measured));
@@ -287,31 +297,69 @@ fn added(o: &Outcome) -> String {
 
 /// The end of the game.
 fn reveal(o: &Outcome, hidden: Option<&Entry>, shell: &Shell) {
-    let named = match (o.found.is_empty(), o.formula) {
-        (true, false) => "nothing".to_owned(),
-        _ => added(o),
+    let name = hidden.map_or_else(|| "nothing".to_owned(), |e| format!("{} ({})", e.name, e.law));
+    shell.say(format_args!("\nHidden in this world: {name}."));
+    shell.say(judged(o, hidden));
+}
+
+/// What the diagnosis is worth.
+fn judged(o: &Outcome, hidden: Option<&Entry>) -> String {
+    if o.verdict.is_none() {
+        return "So few shots cannot show it: no diagnosis was made.".to_owned();
+    }
+    let named = if o.found.is_empty() && !o.formula { "nothing".to_owned() } else { added(o) };
+    let Some(e) = hidden else {
+        return format!("The diagnosis added {named}: {}.", if named == "nothing" { "right" } else { "a false alarm" });
     };
-    match hidden {
-        _ if o.verdict.is_none() => {
-            let name = hidden.map_or_else(|| "nothing".to_owned(), |e| format!("{} ({})", e.name, e.law));
-            shell.say(format_args!("\nHidden in this world: {name}. So few shots cannot show it: no diagnosis was made."));
-        }
-        None => {
-            shell.say("\nHidden in this world: nothing.");
-            shell.say(if o.found.is_empty() && !o.formula { "The diagnosis found nothing missing: right." } else { "The diagnosis added something: a false alarm." });
-        }
-        Some(e) => {
-            shell.say(format_args!("\nHidden in this world: {} ({}).", e.name, e.law));
-            let right = if o.found.iter().any(|f| f == e.name) {
-                "right"
-            } else if o.found.iter().any(|f| e.aliases.contains(&f.as_str())) {
-                "an effect that these data can hardly tell from it"
-            } else if !e.in_catalogue && o.verdict.as_deref() == Some("unexplained") {
-                "right: it is in no catalogue, and the verdict is `unexplained`"
-            } else {
-                "wrong"
+    let right = if o.found == [e.name] {
+        if o.formula { "right, and the formula takes up what its form here is other than the catalogue's" } else { "right" }
+    } else if o.found.iter().any(|f| f == e.name) {
+        "right, and more beside it that is not there"
+    } else if o.found.iter().any(|f| e.aliases.contains(&f.as_str())) {
+        "an effect that these data can hardly tell from it"
+    } else if !e.in_catalogue && o.verdict.as_deref() == Some("unexplained") {
+        "right: it is in no catalogue, and the verdict is `unexplained`"
+    } else {
+        "wrong"
+    };
+    format!("The diagnosis named {named}: {right}.")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn truth_the_end_of_the_game_counts_what_is_not_there() {
+        let hidden = entry("frame-vibration").expect("known");
+        let after = |found: &[&str], formula: bool, verdict: Option<&str>, hidden: Option<&Entry>| {
+            let outcome = Outcome {
+                report: PathBuf::new(),
+                shots_measured: 80,
+                square_stated_mm: 60.0,
+                square_mm: None,
+                square_sd_mm: None,
+                ball_speed_95_m_s: None,
+                heldout_error_first: None,
+                heldout_error_last: None,
+                noise_floor: None,
+                verdict: verdict.map(str::to_owned),
+                named_first: None,
+                found: found.iter().map(|f| (*f).to_owned()).collect(),
+                formula,
+                hidden: None,
+                failed: Vec::new(),
             };
-            shell.say(format_args!("The diagnosis named {named}: {right}."));
-        }
+            judged(&outcome, hidden)
+        };
+        let missing = Some("effect-missing");
+        assert_eq!(after(&["frame-vibration"], false, missing, Some(hidden)), "The diagnosis named frame-vibration: right.");
+        assert!(after(&["frame-vibration", "hand-mass"], false, missing, Some(hidden)).contains("more beside it that is not there"));
+        assert!(after(&["frame-vibration"], true, missing, Some(hidden)).contains("takes up"));
+        assert!(after(&["string-tilt"], false, missing, Some(hidden)).ends_with("wrong."));
+        assert!(after(&[], false, Some("adequate"), Some(hidden)).ends_with("named nothing: wrong."));
+        assert!(after(&[], false, Some("adequate"), None).ends_with("nothing: right."));
+        assert!(after(&[], true, missing, None).ends_with("a false alarm."));
+        assert!(after(&[], false, None, Some(hidden)).contains("no diagnosis was made"));
     }
 }

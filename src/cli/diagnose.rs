@@ -7,13 +7,13 @@ use crate::impact::Model;
 use crate::impact::model_file::{with_effect_added, with_values};
 use crate::validation::comparison::{Comparison, compare};
 use crate::validation::diagnose::{DiagnoseOptions, diagnose, fit_current};
-use crate::validation::fit::{FitOptions, fit_with_likely_offsets};
 use crate::validation::diagnosis::{Diagnosis, Verdict};
 use crate::validation::expression::{FOUND_EFFECT, WORTH_A_FORMULA};
+use crate::validation::fit::{FitOptions, fit_with_likely_offsets};
 use crate::validation::forward::Library;
 use crate::validation::heldout::{error_of, is_worth, linearise_held_out};
-use crate::validation::linearise::Linearised;
 use crate::validation::ledger::{Ledger, Refusal};
+use crate::validation::linearise::Linearised;
 use crate::validation::model_library::ModelLibrary;
 use crate::validation::terminal::{diagnosis_text, ledger_text};
 use std::path::{Path, PathBuf};
@@ -40,8 +40,11 @@ pub struct Arguments {
 pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let input = &arguments.input;
     if let Some(output) = arguments.output.as_deref().filter(|o| crate::provenance::is_stdout(o)) {
-        return Err(CliError::input(format!("{}: --auto writes the models on the way beside the last one, and there is no place beside stdout", output.display()))
-            .hint("give -o a file"));
+        return Err(CliError::input(format!(
+            "{}: --auto writes the models on the way beside the last one, and there is no place beside stdout",
+            output.display()
+        ))
+        .hint("give -o a file"));
     }
     let loaded = input.load("diagnose")?;
     let options = DiagnoseOptions { seed: input.seed, model: input.model_name(), expressions: !arguments.no_expression };
@@ -109,7 +112,14 @@ struct Walk<'a> {
 }
 
 impl Walk<'_> {
-    fn go(&self, ledger: &mut Ledger, first: &Diagnosis, comparison: &Comparison, output: &Path, options: &DiagnoseOptions) -> Result<(String, Vec<Comparison>), CliError> {
+    fn go(
+        &self,
+        ledger: &mut Ledger,
+        first: &Diagnosis,
+        comparison: &Comparison,
+        output: &Path,
+        options: &DiagnoseOptions,
+    ) -> Result<(String, Vec<Comparison>), CliError> {
         let input = &self.arguments.input;
         let observations = &self.loaded.observations;
         let mut text = self.loaded.model_text.clone();
@@ -159,7 +169,9 @@ impl Walk<'_> {
             }
         }
         // What is left may be nature's own form of the effects found, or something in no catalogue: a formula for it.
-        if let Some(formula) = diagnosis.suggested_expression.as_ref().filter(|_| diagnosis.verdict == Verdict::Unexplained && !has_formula(&text, &input.files.model)) {
+        if let Some(formula) =
+            diagnosis.suggested_expression.as_ref().filter(|_| diagnosis.verdict == Verdict::Unexplained && !has_formula(&text, &input.files.model))
+        {
             let with_formula = format!("{}\n\n{}\n", text.trim_end(), formula.model_file_text.trim_end());
             // A formula that does not go with what is in the model already is left for the user to look at.
             if let Ok((with, with_held_out)) = self.fitted(&with_formula)
@@ -216,7 +228,16 @@ impl Walk<'_> {
         Ok(compare(library.current(), &self.loaded.observations, &self.arguments.input.model_name(), self.arguments.input.seed)?)
     }
 
-    fn note(&self, ledger: &mut Ledger, file: &Path, text: &str, parent: Option<String>, step: Option<&str>, comparison: &Comparison, refused: Vec<Refusal>) -> Result<(), CliError> {
+    fn note(
+        &self,
+        ledger: &mut Ledger,
+        file: &Path,
+        text: &str,
+        parent: Option<String>,
+        step: Option<&str>,
+        comparison: &Comparison,
+        refused: Vec<Refusal>,
+    ) -> Result<(), CliError> {
         let effects = self.library(text)?.effect_names();
         let version = Version { model: file, model_text: text, effects, data_hash: &self.loaded.data_hash, parent, step: step.map(ToOwned::to_owned), refused };
         record(ledger, version, comparison);

@@ -2,8 +2,8 @@
 
 use super::Shell;
 use super::error::CliError;
-use crate::impact::expression::{Stage, channels, quantities};
 use crate::impact::card::{EffectCard, EffectKind, ParameterCard, Role};
+use crate::impact::expression::{Stage, channels, quantities};
 use crate::impact::{ModelError, catalogue, effect_card};
 use std::fmt::Write as _;
 use std::io::Write as _;

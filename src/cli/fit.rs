@@ -34,7 +34,9 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let loaded = input.load("fit")?;
     let current = loaded.library.current();
     if current.parameters().is_empty() {
-        return Err(CliError::input(format!("{}: no parameter is free", input.files.model.display())).hint("write fit = true beside the parameters that may move"));
+        return Err(
+            CliError::input(format!("{}: no parameter is free", input.files.model.display())).hint("write fit = true beside the parameters that may move")
+        );
     }
     let seen = loaded.observations.side(false);
     let options = FitOptions { robust: !arguments.no_robust, ..FitOptions::default() };
@@ -47,7 +49,12 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     shell.write(&arguments.output, text.as_bytes())?;
     for (p, old) in parameters.iter().zip(current.parameters()) {
         if p.undetermined {
-            shell.say(format_args!("  {:<40} {:>10} -> {}, not determined: these impacts do not bound it within its range", p.name, short(old.value), short(p.value)));
+            shell.say(format_args!(
+                "  {:<40} {:>10} -> {}, not determined: these impacts do not bound it within its range",
+                p.name,
+                short(old.value),
+                short(p.value)
+            ));
             continue;
         }
         let limit = if p.at_limit { format!("  {}", p.limit_words()) } else { String::new() };

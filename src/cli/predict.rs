@@ -53,7 +53,10 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
         shell.say(format_args!("incoming spin not measured, taken as 0, in {} impacts: {}", spinless.len(), spinless.join(", ")));
     }
     if let Some((id, e)) = limited.first() {
-        shell.say(format_args!("restitution beyond 0 to 1, taken as 0 or 1, in {} impacts (the first: {e:.3} in {id}); see the effects that change it", limited.len()));
+        shell.say(format_args!(
+            "restitution beyond 0 to 1, taken as 0 or 1, in {} impacts (the first: {e:.3} in {id}); see the effects that change it",
+            limited.len()
+        ));
     }
     let gained = gained_energies(&set, &table, &results);
     if let Some((id, most)) = gained.iter().max_by(|a, b| a.1.total_cmp(&b.1)) {

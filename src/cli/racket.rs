@@ -5,7 +5,8 @@ use super::error::CliError;
 use super::racket_photograph::{PhotographArguments, measure_photograph};
 use crate::equipment::{BALANCE_M, MASS_KG, Racket, SWINGWEIGHT_AXIS_FROM_BUTT_M, SWINGWEIGHT_KGM2, TWISTWEIGHT_KGM2};
 use crate::kinematics::{
-    Bifilar, Pendulum, TapePlace, Uncertain, balance_from_scales, from_rdc_kg_cm2, perpendicular_axis_mismatch, swingweight_from_pendulum, twistweight_from_bifilar,
+    Bifilar, Pendulum, TapePlace, Uncertain, balance_from_scales, from_rdc_kg_cm2, perpendicular_axis_mismatch, swingweight_from_pendulum,
+    twistweight_from_bifilar,
 };
 use std::path::PathBuf;
 
@@ -162,8 +163,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     bench.spinweight_kgm2 = pendulum(&arguments.spin_pendulum)?;
     bench.twistweight_kgm2 = machine(arguments.twist_rdc)?;
     if let Some([above, below, thread, period, sd]) = arguments.twist_threads.as_deref() {
-        let threads =
-            Bifilar { half_distance_above_m: *above, half_distance_below_m: *below, thread_m: *thread, period_s: *period, period_sd_s: sd.abs() };
+        let threads = Bifilar { half_distance_above_m: *above, half_distance_below_m: *below, thread_m: *thread, period_s: *period, period_sd_s: sd.abs() };
         bench.twistweight_kgm2 = Some(twistweight_from_bifilar(mass.ok_or_else(|| missing("mass"))?, &threads)?);
     }
     let of_file = |f: fn(&Racket) -> f64| file.as_ref().map(f);
@@ -207,7 +207,8 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     }
     if let Some(photograph) = &arguments.photograph.photo {
         let (racket, path) = file.as_ref().zip(arguments.racket.as_deref()).ok_or_else(|| {
-            CliError::input("a photograph needs a racket.toml (its tube's radius lifts the tapes off the sheet)").hint("sweetspot racket racket.toml --photo F ...")
+            CliError::input("a photograph needs a racket.toml (its tube's radius lifts the tapes off the sheet)")
+                .hint("sweetspot racket racket.toml --photo F ...")
         })?;
         bench.markers = Some(measure_photograph(photograph, &arguments.photograph, racket, path, shell)?);
     }

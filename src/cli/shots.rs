@@ -7,8 +7,8 @@ use super::track::{doubt, seen_flattening};
 use super::tracked_session::TrackedSession;
 use crate::impact_table::ImpactTable;
 use crate::kinematics::{
-    BalanceSeen, GroupStatistic, RiseInterval, SHOT_FILE, Shot, ShotInput, ShotRecord, ShotSpin, SpinComponent, SpinVector, measure_shot, mismatch_remark, rise_table,
-    season_statistics, season_to_csv,
+    BalanceSeen, GroupStatistic, RiseInterval, SHOT_FILE, Shot, ShotInput, ShotRecord, ShotSpin, SpinComponent, SpinVector, measure_shot, mismatch_remark,
+    rise_table, season_statistics, season_to_csv,
 };
 use crate::provenance::{Provenance, sha256_file, sha256_hex};
 use crate::report::{histograms_to_csv, season_figures};
@@ -34,7 +34,8 @@ pub struct Arguments {
 }
 
 fn parse_point(text: &str) -> Result<Vector2<f64>, String> {
-    let parts: Vec<f64> = text.split(',').map(|p| p.trim().parse::<f64>()).collect::<Result<_, _>>().map_err(|e| format!("{text:?}: {e}; give X,Y in metres"))?;
+    let parts: Vec<f64> =
+        text.split(',').map(|p| p.trim().parse::<f64>()).collect::<Result<_, _>>().map_err(|e| format!("{text:?}: {e}; give X,Y in metres"))?;
     match parts[..] {
         [x, y] if x.abs() < 1.0 && y.abs() < 1.0 => Ok(Vector2::new(x, y)),
         _ => Err(format!("{text:?}; give X,Y in metres from the stringbed centre, each below 1 m")),
@@ -180,7 +181,8 @@ fn one_shot(tracked: &TrackedSession, folder: &ShotFolder, arguments: &Arguments
     if !tracks_file.exists() {
         return Err(CliError::input(format!("{}: no tracks; run `sweetspot track` first", tracks_file.display())));
     }
-    let mut provenance = Provenance::new("shots").with_file(&tracks_file).and_then(|p| p.with_file(&tracked.results.join("calibration.json"))).map_err(CliError::input)?;
+    let mut provenance =
+        Provenance::new("shots").with_file(&tracks_file).and_then(|p| p.with_file(&tracked.results.join("calibration.json"))).map_err(CliError::input)?;
     if spin_file.exists() {
         provenance = provenance.with_file(&spin_file).map_err(CliError::input)?;
     }
@@ -188,7 +190,10 @@ fn one_shot(tracked: &TrackedSession, folder: &ShotFolder, arguments: &Arguments
     let settings = tracked.settings(folder);
     let ball_flattening = seen_flattening(&place);
     let doubt = doubt(&place);
-    let settings_text = format!("{:?}", (&doubt, &folder.racket, &folder.ball, folder.grip_torque_n_m, &ball_flattening, &folder.groups, &folder.note, &arguments.point, &settings));
+    let settings_text = format!(
+        "{:?}",
+        (&doubt, &folder.racket, &folder.ball, folder.grip_torque_n_m, &ball_flattening, &folder.groups, &folder.note, &arguments.point, &settings)
+    );
     provenance.inputs.insert("settings".into(), sha256_hex(settings_text.as_bytes()));
     let points_file = place.join("points.csv");
     if !shell.args.force

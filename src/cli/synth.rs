@@ -4,9 +4,9 @@ use super::Shell;
 use super::error::CliError;
 use super::set_aside::remove_if_there;
 use crate::limited_file::{LARGEST_TABLE, LARGEST_TEXT, read_text};
-use crate::synthetic::scenario::{Scenario, TableFiles};
 use crate::synthetic::footage_spec::FootageSpec;
 use crate::synthetic::footage_world::{FootageWorld, FootageWorldError};
+use crate::synthetic::scenario::{Scenario, TableFiles};
 use std::path::{Path, PathBuf};
 
 /// Renders a session with known truth from a scenario file
@@ -70,7 +70,8 @@ const PICTURES: [&str; 3] = ["calib", "axes", "shots"];
 fn refuse_others(folder: &Path, names: &[&str]) -> Result<(), CliError> {
     match names.iter().find(|name| folder.join(name).symlink_metadata().is_ok()) {
         None => Ok(()),
-        Some(name) => Err(CliError::input(format!("{}: there is {name} already, which no earlier `synth` of this kind has written", folder.display())).hint("give another folder")),
+        Some(name) => Err(CliError::input(format!("{}: there is {name} already, which no earlier `synth` of this kind has written", folder.display()))
+            .hint("give another folder")),
     }
 }
 

@@ -1,8 +1,8 @@
 //! `sweetspot track`.
 
 use super::Shell;
-use super::set_aside::{listed, remove_if_there, set_all_aside, set_aside};
 use super::error::CliError;
+use super::set_aside::{listed, remove_if_there, set_all_aside, set_aside};
 use super::tracked_session::{rig_to_measure_with, warn_of_old_calibration};
 use crate::calibration::{CameraId, StereoRig};
 use crate::footage::Clip;
@@ -12,8 +12,8 @@ use crate::provenance::{Provenance, ends_with_line, sha256_file, sha256_hex};
 use crate::session::{Session, ShotFolder};
 use crate::tracking::spin::{SPIN_FILE, spin_to_json};
 use crate::tracking::{
-    Flattening, InStep, Overlay, PointState, PressedFrame, RacketFigure, ShotSetup, SyncMode, Throat, TrackExport, TrackingError, Tracks, c3d_bytes, contact_frames, dltdv_tables, measure_spin, points_to_csv,
-    read_points, track_in_step,
+    Flattening, InStep, Overlay, PointState, PressedFrame, RacketFigure, ShotSetup, SyncMode, Throat, TrackExport, TrackingError, Tracks, c3d_bytes,
+    contact_frames, dltdv_tables, measure_spin, points_to_csv, read_points, track_in_step,
 };
 use indicatif::ProgressBar;
 use serde::{Deserialize, Serialize};
@@ -314,18 +314,28 @@ fn points_are_of_tracks(folder: &Path) -> Result<(), CliError> {
     if measured {
         return Ok(());
     }
-    Err(CliError::input(format!("{}: from before the correction by hand in tracks.csv", points.display())).hint("run `sweetspot shots` first, then export again"))
+    Err(CliError::input(format!("{}: from before the correction by hand in tracks.csv", points.display()))
+        .hint("run `sweetspot shots` first, then export again"))
 }
 
 /// Writes what `--export` and `--overlay` ask for, from the tables on disk: a fresh run's or an earlier one's.
-fn for_others(arguments: &Arguments, session: &Session, shot: &ShotFolder, rig: &StereoRig, right_shift: i64, folder: &Path, shell: &Shell) -> Result<(), CliError> {
+fn for_others(
+    arguments: &Arguments,
+    session: &Session,
+    shot: &ShotFolder,
+    rig: &StereoRig,
+    right_shift: i64,
+    folder: &Path,
+    shell: &Shell,
+) -> Result<(), CliError> {
     if arguments.export.is_empty() && arguments.overlay.is_none() {
         return Ok(());
     }
     if !arguments.export.is_empty() {
         points_are_of_tracks(folder)?;
     }
-    let (tracks, points) = (Tracks::read(&folder.join("tracks.csv")).map_err(CliError::input)?, read_points(&folder.join("points.csv")).map_err(CliError::input)?);
+    let (tracks, points) =
+        (Tracks::read(&folder.join("tracks.csv")).map_err(CliError::input)?, read_points(&folder.join("points.csv")).map_err(CliError::input)?);
     let clip = Clip::list(&shot.camera("left"), &shot.camera("right")).map_err(CliError::input)?.shifted(right_shift);
     let (Some(first), Some(last)) = (clip.pairs.first(), clip.pairs.last()) else { return Ok(()) };
     let export = TrackExport { tracks: &tracks, points: &points, rig, frame_rate_hz: session.frame_rate_hz, frames: first.number..=last.number };
@@ -397,7 +407,8 @@ fn keep_by_hand(id: &str, manual: usize, folder: &Path, said: &mut Said) -> Resu
     if manual > 0
         && let Some(kept) = set_aside(&folder.join("tracks.csv"), "manual")?
     {
-        said.warnings.push(format!("{id}: the tracks with {manual} points corrected by hand are kept as {}; --force tracked anew without them", kept.display()));
+        said.warnings
+            .push(format!("{id}: the tracks with {manual} points corrected by hand are kept as {}; --force tracked anew without them", kept.display()));
     }
     Ok(())
 }

@@ -1,11 +1,11 @@
 //! `sweetspot validate`.
 
-use super::{Shell, undashed};
 use super::error::{CliError, Kind, existing};
 use super::set_aside::{listed, set_aside, set_session_aside};
+use super::{Shell, undashed};
 use crate::calibration::StereoRig;
-use crate::report::{read_session_results, session_report};
 use crate::limited_file::{LARGEST_TABLE, read_text};
+use crate::report::{read_session_results, session_report};
 use crate::session::Session;
 use crate::validation::observation::FEWEST_IMPACTS;
 use std::collections::BTreeMap;
@@ -131,7 +131,11 @@ pub fn run(mut arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     }
     let message = failures.join("\n");
     // As the steps by hand: shots that fail are named, input with which nothing could be begun is refused.
-    Err(if outcomes.iter().all(|o| o.shots_measured == 0 && o.failed.iter().any(|f| f.ended)) { CliError::input(message) } else { CliError::some_failed(message) })
+    Err(if outcomes.iter().all(|o| o.shots_measured == 0 && o.failed.iter().any(|f| f.ended)) {
+        CliError::input(message)
+    } else {
+        CliError::some_failed(message)
+    })
 }
 
 /// Of sessions none of which can be opened.

@@ -68,7 +68,7 @@ impl Clip {
                 files.entry(pair.number).or_default()[0] = Some(left.clone());
             }
             // A right picture before the first number there can be has no partner.
-            if let (Some(right), Some(number)) = (&pair.files[1], pair.number.checked_add_signed(-shift)) {
+            if let (Some(right), Some(number)) = (&pair.files[1], pair.number.checked_sub_signed(shift)) {
                 files.entry(number).or_default()[1] = Some(right.clone());
             }
         }

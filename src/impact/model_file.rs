@@ -267,42 +267,17 @@ pub fn with_effect_added(text: &str, effect: &str, path: &Path) -> Result<String
         let first = card.physics.split(". ").next().unwrap_or(card.physics).trim_end_matches('.');
         table.decor_mut().set_prefix(format!("\n# {first}.\n"));
     }
-    insert_effect(&mut document, effect, table);
-    let text = document.to_string();
-    Model::parse(&text, path)?;
-    Ok(text)
-}
-
-/// The model file's text with an effect of the user's own added; comments and layout stay.
-///
-/// # Errors
-/// The text is no valid model; the name is taken; the expression is wrong.
-pub fn with_expression_added(text: &str, name: &str, replaces: &str, expression: &str, parameters: &[Parameter], path: &Path) -> Result<String, ModelError> {
-    let mut document = parse_document(text, path)?;
-    if Model::parse(text, path)?.has_effect(name) {
-        return Err(ModelError::EffectTwice { name: name.to_owned() });
-    }
-    let mut table = Table::new();
-    table.insert("expression", Item::Value(expression.into()));
-    table.insert("replaces", Item::Value(replaces.into()));
-    for p in parameters {
-        table.insert(p.key(), inline(p));
-    }
-    insert_effect(&mut document, name, table);
-    let text = document.to_string();
-    Model::parse(&text, path)?;
-    Ok(text)
-}
-
-fn insert_effect(document: &mut DocumentMut, name: &str, table: Table) {
     let effects = document.entry("effects").or_insert_with(|| {
         let mut t = Table::new();
         t.set_implicit(true);
         Item::Table(t)
     });
     if let Some(t) = effects.as_table_like_mut() {
-        t.insert(name, Item::Table(table));
+        t.insert(effect, Item::Table(table));
     }
+    let text = document.to_string();
+    Model::parse(&text, path)?;
+    Ok(text)
 }
 
 /// The model file's text with new values for parameters named as in [`Model::parameters`]; comments and layout stay.

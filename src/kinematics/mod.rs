@@ -59,7 +59,7 @@ pub use shot_motion::{FEWEST_FRAMES, GRAVITY_M_S2, MeasureSettings, ShotMotion, 
 pub use shot_state::SpinVector;
 pub use sighting::{CommonError, FrameClock};
 pub use space_points::space_points;
-pub use sweet_spot::{centre_of_percussion, dead_spot, effective_mass, ideal_point, rebound_speed};
+pub use sweet_spot::{centre_of_percussion, dead_spot, effective_mass, ideal_point};
 pub use tape_photograph::{TapeError, TapePlace, markers_of, tape_places};
 pub use tape_session::{TapeErrors, evenly};
 pub use thesis_path::{RacketAxes, ThesisShot, thesis_shot};

@@ -15,7 +15,7 @@ use super::thesis_path::{ThesisShot, thesis_shot};
 use crate::calibration::{CalibrationSpread, StereoRig};
 use crate::equipment::{Ball, Racket};
 use crate::impact_table::{INPUTS, ImpactRow, Measured, OUTPUTS};
-use crate::quantity::Quantity;
+use crate::quantity::{Quantity, RPM};
 use crate::tracking::{Flattening, SpacePoint, Tracks, View, widen_by_shake};
 use nalgebra::{Matrix3, Vector2, Vector3};
 use serde::de::{Deserializer, MapAccess, Visitor};
@@ -240,9 +240,8 @@ pub fn measure_shot(input: &ShotInput<'_>, settings: &MeasureSettings) -> Result
     }
     for (name, component) in [("ball_in_spin_component", input.spin.before_component), ("ball_out_spin_component", input.spin.after_component)] {
         if let Some(c) = component {
-            let rpm = 30.0 / std::f64::consts::PI;
             quantities.0.push((name.to_owned(), Quantity::new(c.rate_rad_s, c.sd_rad_s, "rad/s")));
-            quantities.0.push((format!("{name}_rpm"), Quantity::new(c.rate_rad_s * rpm, c.sd_rad_s * rpm, "rpm")));
+            quantities.0.push((format!("{name}_rpm"), Quantity::new(c.rate_rad_s * RPM, c.sd_rad_s * RPM, "rpm")));
         }
     }
     // Set on the mount, not measured: no deviation of its own.

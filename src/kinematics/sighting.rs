@@ -101,7 +101,7 @@ fn groups(sightings: &[Sighting]) -> Vec<std::ops::Range<usize>> {
 ///
 /// With y = r/σ and U = [τ 1/σ, κ t/σ, γ t²/σ], the inverse root of I + U Uᵀ is I − U V diag((1 − 1/√(1+λ))/λ) Vᵀ Uᵀ, where
 /// Uᵀ U = V diag(λ) Vᵀ. None of that depends on the residuals: a fit has it computed once. Where a camera shakes, all its points of a
-/// frame share that too, and U has a column s 1_f/σ per frame beside those of all groups.
+/// frame share that too ([`Shaken`]).
 pub(crate) struct Whitener {
     groups: Vec<Group>,
     /// In place of groups, of a camera that shakes.
@@ -119,38 +119,68 @@ struct Group {
     shrink: Vector3<f64>,
 }
 
-/// All points of a camera that shakes, one axis.
+/// All points of a camera that shakes, one axis. What the points of a frame share is taken out first, frame by frame; then, with U what that leaves
+/// of the groups' columns, I + U Uᵀ as above. One product of both roots is as good as the symmetric one, and of many frames the work grows as they do.
 struct Shaken {
     axis: usize,
-    /// Places among the sightings, and σ.
-    points: Vec<(usize, f64)>,
+    points: Vec<ShakenPoint>,
+    /// (1 − 1/√(1+λ))/λ of each frame, λ = Σ (s/σ)².
+    shrink: Vec<f64>,
     shared: DMatrix<f64>,
     /// V diag((1 − 1/√(1+λ))/λ) Vᵀ.
     taken: DMatrix<f64>,
 }
 
+struct ShakenPoint {
+    /// Place among the sightings.
+    place: usize,
+    sd: f64,
+    /// Its frame among those of the camera.
+    frame: usize,
+    /// s/σ.
+    shake: f64,
+}
+
 impl Shaken {
     fn new(sightings: &[Sighting], groups: &[&Group], shake_px: f64) -> Self {
         let axis = groups.first().map_or(0, |g| g.axis);
-        let points: Vec<(usize, f64)> = groups.iter().flat_map(|g| g.range.clone().zip(g.shared.iter().map(|(_, sd)| *sd))).collect();
-        let mut frames: Vec<u64> = points.iter().map(|(i, _)| sightings[*i].frame).collect();
+        let mut frames: Vec<u64> = groups.iter().flat_map(|g| g.range.clone()).map(|place| sightings[place].frame).collect();
         frames.sort_unstable();
         frames.dedup();
-        let mut shared = DMatrix::zeros(points.len(), 3 * groups.len() + frames.len());
+        let point = |(place, sd): (usize, f64)| {
+            let frame = frames.partition_point(|f| *f < sightings[place].frame);
+            ShakenPoint { place, sd, frame, shake: shake_px / sd }
+        };
+        let points: Vec<ShakenPoint> = groups.iter().flat_map(|g| g.range.clone().zip(g.shared.iter().map(|(_, sd)| *sd))).map(point).collect();
+        let mut shrink = vec![0.0; frames.len()];
+        points.iter().for_each(|p| shrink[p.frame] += p.shake * p.shake);
+        shrink.iter_mut().for_each(|l| *l = shrinking(*l));
+        let mut shaken = Shaken { axis, shared: DMatrix::zeros(points.len(), 3 * groups.len()), points, shrink, taken: DMatrix::zeros(0, 0) };
         let own = groups.iter().enumerate().flat_map(|(k, g)| g.shared.iter().map(move |(u, _)| (k, u)));
-        for (row, ((k, u), (i, sd))) in own.zip(&points).enumerate() {
-            shared.fixed_view_mut::<1, 3>(row, 3 * k).copy_from(&u.transpose());
-            shared[(row, 3 * groups.len() + frames.partition_point(|f| *f < sightings[*i].frame))] = shake_px / sd;
+        for (row, (k, u)) in own.enumerate() {
+            shaken.shared.fixed_view_mut::<1, 3>(row, 3 * k).copy_from(&u.transpose());
         }
-        let eigen = shared.tr_mul(&shared).symmetric_eigen();
-        let taken = &eigen.eigenvectors * DMatrix::from_diagonal(&eigen.eigenvalues.map(shrinking)) * eigen.eigenvectors.transpose();
-        Shaken { axis, points, shared, taken }
+        for column in 0..shaken.shared.ncols() {
+            let left = shaken.still(shaken.shared.column(column).into_owned());
+            shaken.shared.set_column(column, &left);
+        }
+        let eigen = shaken.shared.tr_mul(&shaken.shared).symmetric_eigen();
+        shaken.taken = &eigen.eigenvectors * DMatrix::from_diagonal(&eigen.eigenvalues.map(shrinking)) * eigen.eigenvectors.transpose();
+        shaken
+    }
+
+    /// Residuals over their deviations without what the points of each frame share.
+    fn still(&self, mut y: DVector<f64>) -> DVector<f64> {
+        let mut common = vec![0.0; self.shrink.len()];
+        self.points.iter().zip(y.iter()).for_each(|(p, y)| common[p.frame] += p.shake * y);
+        self.points.iter().zip(y.iter_mut()).for_each(|(p, y)| *y -= p.shake * self.shrink[p.frame] * common[p.frame]);
+        y
     }
 
     fn whiten(&self, misfit_px: &[Vector2<f64>], out: &mut DVector<f64>) {
-        let mut y = DVector::from_iterator(self.points.len(), self.points.iter().map(|(i, sd)| misfit_px[*i][self.axis] / sd));
+        let mut y = self.still(DVector::from_iterator(self.points.len(), self.points.iter().map(|p| misfit_px[p.place][self.axis] / p.sd)));
         y -= &self.shared * (&self.taken * self.shared.tr_mul(&y));
-        self.points.iter().zip(y.iter()).for_each(|((i, _), y)| out[2 * i + self.axis] = *y);
+        self.points.iter().zip(y.iter()).for_each(|(p, y)| out[2 * p.place + self.axis] = *y);
     }
 }
 
@@ -279,6 +309,17 @@ mod tests {
         let left: f64 = [both(0, 4), both(1, 5)].iter().map(|v| v.dot(&(inverse * v))).sum();
         let right: f64 = [2, 3, 6, 7].iter().map(|i| misfit[*i].x.powi(2)).sum();
         assert!((white.norm_squared() - left - right).abs() < 1e-12);
+        // Beside what each target's points share, too: the covariance of the left camera's four, and of the right one's.
+        let white = Whitener::new(&seen, CommonError { constant_px: 0.3, ..none }, 1.0, [2.0, 0.0]).whiten(&misfit);
+        let chi2 = |places: [usize; 4], shake: f64| {
+            let covariance = nalgebra::Matrix4::from_fn(|a, b| {
+                let shares = |with: usize, size: f64| if a == b || a == with { size } else { 0.0 };
+                f64::from(a == b) + shares(b ^ 2, shake * shake) + shares(b ^ 1, 0.09)
+            });
+            let r = nalgebra::Vector4::from_fn(|k, _| misfit[places[k]].x);
+            r.dot(&(covariance.try_inverse().expect("positive") * r))
+        };
+        assert!((white.norm_squared() - chi2([0, 1, 4, 5], 2.0) - chi2([2, 3, 6, 7], 0.0)).abs() < 1e-12);
     }
 
     #[test]

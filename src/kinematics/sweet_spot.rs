@@ -47,17 +47,17 @@ pub fn ideal_point(mass: f64, inertia_y: f64, ball_mass: f64, racket_speed: f64,
     (closing > 0.0).then(|| swing_rate * lambda2 / (closing + (closing * closing + swing_rate * swing_rate * lambda2).sqrt()))
 }
 
-/// Speed of the ball after impact on the long axis (equation 5.3).
-pub fn rebound_speed(ball_mass: f64, effective_mass: f64, restitution: f64, point_speed: f64, ball_speed: f64) -> f64 {
-    (restitution * effective_mass * (point_speed - ball_speed) + effective_mass * point_speed + ball_mass * ball_speed) / (ball_mass + effective_mass)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     const M: f64 = 0.33;
     const I_Y: f64 = 0.0158;
+
+    /// Speed of the ball after impact on the long axis (equation 5.3).
+    fn rebound_speed(ball_mass: f64, effective_mass: f64, restitution: f64, point_speed: f64, ball_speed: f64) -> f64 {
+        (restitution * effective_mass * (point_speed - ball_speed) + effective_mass * point_speed + ball_mass * ball_speed) / (ball_mass + effective_mass)
+    }
 
     #[test]
     fn truth_effective_mass_of_the_reference_points() {

@@ -1,6 +1,6 @@
 //! Columns of the impacts table as people read them: words, unit and scale.
 
-use crate::impact_table::{SHARED, unit};
+use crate::impact_table::{INPUTS, OUTPUTS, SHARED, unit};
 
 /// A column's name in words, the unit it is shown in, and the factor from SI to that unit.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,8 +36,9 @@ pub fn column_words(column: &str) -> ColumnWords {
         return plain(&format!("{}, in proportion", column_words(whole).words), "%", 100.0);
     }
     let parts: Vec<&str> = column.split('_').collect();
+    let is_measured = INPUTS.contains(&column) || OUTPUTS.contains(&column);
     let (body, side, kind) = match parts.as_slice() {
-        [body @ ("ball" | "racket"), side @ ("in" | "out"), kind] if kind.len() == 2 => (*body, *side, *kind),
+        [body, side, kind] if is_measured => (*body, *side, *kind),
         // A column of the user's own has a unit that only the user knows.
         _ => return plain(column, if SHARED.contains(&column) { unit(column) } else { "" }, 1.0),
     };
@@ -61,6 +62,8 @@ mod tests {
         assert_eq!(column_words("racket_in_wy").unit, "rad/s");
         assert_eq!(column_words("impact_x").factor, 1000.0);
         assert_eq!(column_words("ball_out_wy (relative)"), ColumnWords { words: "ball spin y after, in proportion".into(), unit: "%", factor: 100.0 });
-        assert_eq!(column_words("player").words, "player");
+        for own in ["player", "ball_in_é", "racket_in_no", "ball_out_", "racket_in_vw"] {
+            assert_eq!(column_words(own), ColumnWords { words: own.into(), unit: "", factor: 1.0 });
+        }
     }
 }

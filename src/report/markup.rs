@@ -83,6 +83,11 @@ pub fn percent(p: f64) -> String {
     }
 }
 
+/// A p-value in a column of them.
+pub fn odds(p: f64) -> String {
+    if p < 0.001 { "< 0.001".to_owned() } else { fixed(p, 3) }
+}
+
 /// A probability that data gave: never certain, however near it comes.
 pub fn probability(p: f64) -> String {
     percent(p.clamp(f64::MIN_POSITIVE, 1.0 - f64::EPSILON))

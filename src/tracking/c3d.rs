@@ -16,10 +16,14 @@ const MAGIC: u8 = 0x50;
 const LEAST_RESIDUAL_STEP_M: f64 = 1e-6;
 
 /// The shot as the bytes of a C3D file. A point that no camera and no pose gives has residual -1, as the format wants. The
-/// group SWEETSPOT holds the (fractional) frame of t = 0 in points.csv: first contact, where one was found.
+/// group SWEETSPOT holds the (fractional) frame of t = 0 in points.csv: first contact, where one was found; and how many frames that is after the
+/// first one, which single precision holds exactly however high the frames are numbered.
 pub fn c3d_bytes(shot: &TrackExport) -> Result<Vec<u8>, ExportError> {
     let n = shot.length("C3D", MOST_FRAMES)?;
-    let first = *shot.frames.start();
+    let (first, last) = (*shot.frames.start(), *shot.frames.end());
+    if last > u64::from(u32::MAX) {
+        return Err(ExportError::TooHigh { format: "C3D", last, most: u32::MAX.into() });
+    }
     // Residuals are stored as up to 255 steps; the format keeps them in the points' unit, so px become m at the point's place.
     let residual_m = |p: &super::SpacePoint| p.residual_px / shot.px_per_m(&p.position);
     let largest = shot.points.iter().map(residual_m).filter(|r| r.is_finite()).fold(0.0, f64::max);
@@ -146,6 +150,7 @@ fn parameters(first: u64, n: u64, rate: f32, step: f32, zero: Option<f64>, data_
     s.parameter("VERSION", Value::Texts(&[crate::provenance::VERSION]));
     if let Some(frame) = zero {
         s.parameter("TIME_ZERO_FRAME", Value::Float(frame as f32));
+        s.parameter("TIME_ZERO_AFTER_START", Value::Float((frame - first as f64) as f32));
     }
     s.bytes.extend([0, 0]); // a name of no letters ends the section
     pad(&mut s.bytes);
@@ -177,5 +182,7 @@ mod tests {
         assert_eq!(float(3), -1.0);
         let long = TrackExport { frames: 1..=70_000, ..shot };
         assert!(matches!(c3d_bytes(&long), Err(ExportError::TooLong { most: 65_535, .. })));
+        let high = TrackExport { frames: (1 << 33)..=(1 << 33) + 1, ..long };
+        assert!(matches!(c3d_bytes(&high), Err(ExportError::TooHigh { most: 4_294_967_295, .. })));
     }
 }

@@ -20,6 +20,8 @@ pub struct TrackExport<'a> {
 pub enum ExportError {
     #[error("frames {first} to {last}; {format} holds up to {most} frames: split the clip, or look for a wild number in a file name")]
     TooLong { format: &'static str, first: u64, last: u64, most: u64 },
+    #[error("frame {last}; {format} numbers frames up to {most}: look for a wild number in a file name, or number the pictures anew")]
+    TooHigh { format: &'static str, last: u64, most: u64 },
 }
 
 impl TrackExport<'_> {

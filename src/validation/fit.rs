@@ -29,6 +29,7 @@ const SEEN: f64 = 0.05;
 /// rounds in which they may settle.
 const MOVING: f64 = 0.3;
 const MOST_SETTLING: usize = 8;
+const MOST_ROUNDS: usize = 12;
 /// Steps of a parameter's derivative, as shares of a typical change: before its deviation is known, and at least and at most afterwards.
 const FIRST_SHARE: f64 = 0.1;
 const SHARES: (f64, f64) = (0.02, 0.5);
@@ -39,7 +40,6 @@ pub struct FitOptions {
     pub offset_share: f64,
     /// Whether outlying cells lose weight.
     pub robust: bool,
-    pub most_rounds: usize,
     /// Whether the free parameters move at all (`compare` judges the model as it stands).
     pub move_parameters: bool,
     /// Where the free parameters start; `None`: at the model's own values.
@@ -48,7 +48,7 @@ pub struct FitOptions {
 
 impl Default for FitOptions {
     fn default() -> Self {
-        FitOptions { offset_share: 0.5, robust: true, most_rounds: 12, move_parameters: true, start_values: None }
+        FitOptions { offset_share: 0.5, robust: true, move_parameters: true, start_values: None }
     }
 }
 
@@ -246,7 +246,7 @@ fn fit_holding(
     let mut information: Option<DMatrix<f64>> = None;
     // Outlier weights settle with the parameters; fixed from then on, so that what the steps lower is one function.
     let mut settle = if start.is_some() { 2 } else { 3 };
-    while rounds < options.most_rounds.max(1) {
+    while rounds < MOST_ROUNDS {
         rounds += 1;
         if options.robust && rounds <= settle {
             spread = Spread::of(&state.impacts);

@@ -494,7 +494,11 @@ pub fn p_text(p: f64) -> String {
 
 /// A probability in per cent as people write it: never certain.
 pub fn probability_text(p: f64) -> String {
-    if p > 0.995 { "above 99 %".to_owned() } else { format!("{:.0} %", 100.0 * p) }
+    match p {
+        p if p > 0.995 => "above 99 %".to_owned(),
+        p if p < 0.005 => "below 1 %".to_owned(),
+        p => format!("{:.0} %", 100.0 * p),
+    }
 }
 
 /// P(standard normal > z).

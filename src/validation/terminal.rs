@@ -4,7 +4,7 @@ use super::comparison::{Adequacy, Comparison};
 use super::diagnosis::{Diagnosis, Verdict};
 use super::ledger::{LedgerEntry, noise_floor};
 use super::place::output_words;
-use super::structure::p_text;
+use super::structure::{p_text, probability_text};
 use crate::impact_table::unit;
 use std::fmt::Write;
 
@@ -120,9 +120,9 @@ pub fn diagnosis_text(d: &Diagnosis) -> String {
             c.parameters.iter().map(|(name, e)| format!("{} {} ± {}", name.rsplit('.').next().unwrap_or(name), short(e.value), short(e.sd))).collect();
         let _ = writeln!(
             t,
-            "  {:<22} {:>10.1}% {:>8.2} {:>8.2}  {}{}",
+            "  {:<22} {:>11} {:>8.2} {:>8.2}  {}{}",
             c.effect,
-            100.0 * c.probability,
+            probability_text(c.probability),
             c.heldout_error_before,
             c.heldout_error_after,
             fitted.join(", "),

@@ -6,7 +6,7 @@ use std::path::Path;
 use sweetspot::equipment_set::EquipmentSet;
 use sweetspot::impact::batch::predict_table;
 use sweetspot::impact::expression::{channels, quantities};
-use sweetspot::impact::{ImpactInput, ImpactOutput, Model, ModelError, model_file};
+use sweetspot::impact::{ImpactInput, ImpactOutput, Model, ModelError};
 use sweetspot::impact_table::OwnColumns;
 use sweetspot::impact_table::{ImpactRow, ImpactTable, Measured};
 
@@ -180,19 +180,4 @@ fn fails_random_text_never_panics() {
             Ok(())
         });
     }
-}
-
-#[test]
-fn truth_expression_is_written_into_a_model_file() {
-    let base = parse("").unwrap();
-    let text = format!("# head\n{BASE}");
-    let mut k = sweetspot::impact::Parameter::own("k", 0.25);
-    (k.min, k.max, k.fit) = (0.0, 1.0, true);
-    let changed = model_file::with_expression_added(&text, "mine", "restitution", "restitution * (1 - k * spin_ratio)", &[k], Path::new("m.toml")).unwrap();
-    assert!(changed.starts_with("# head"));
-    let model = Model::parse(&changed, Path::new("m.toml")).unwrap();
-    assert_eq!(model.parameters().len(), base.parameters().len() + 1);
-    let own = &model.parameters()[2];
-    assert_eq!((own.name.as_str(), own.value, own.fit), ("mine.k", 0.25, true));
-    assert_eq!(model.effects()[0].expression.as_ref().unwrap().text(), "restitution * (1 - k * spin_ratio)");
 }

@@ -30,7 +30,7 @@ fn cli_explore_writes_every_study() {
     for (name, needles) in [
         ("published", &["Miller and Messner", "frame mode at 180 Hz", "rebound, e 0.84", "Wimbledon"][..]),
         ("models", &["Kelvin-Voigt", "squeezed flat", "Haake"][..]),
-        ("findings", &["Three findings", "Chopping makes spin", "Ball speed", "Launch angle", "String tension", "Grip: speed"][..]),
+        ("findings", &["Three findings", "Chopping makes more spin", "Ball speed", "Launch angle", "String tension", "Grip: speed"][..]),
     ] {
         let page = std::fs::read_to_string(folder.path().join(format!("explore-{name}.html"))).unwrap();
         assert!(needles.iter().all(|n| page.contains(n)) && !page.contains("NaN"), "{name}");

@@ -30,10 +30,13 @@ fn source() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("src")
 }
 
-/// The code of a file before its tests, without comments: what the shipped program contains.
+/// The code of a file before its module of tests, without comments: what the shipped program contains.
 fn shipped(path: &Path) -> String {
     let text = std::fs::read_to_string(path).unwrap();
-    let code = text.split("#[cfg(test)]").next().unwrap();
+    // A single item may be there for tests alone, and shipped code follow.
+    let ends =
+        text.match_indices("#[cfg(test)]").find(|(at, mark)| text[at + mark.len()..].trim_start().trim_start_matches("pub(crate) ").starts_with("mod tests"));
+    let code = ends.map_or(text.as_str(), |(at, _)| &text[..at]);
     code.lines().filter(|l| !l.trim_start().starts_with("//")).collect::<Vec<_>>().join("\n")
 }
 

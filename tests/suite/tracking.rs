@@ -77,10 +77,10 @@ fn score(kind: &str, shot_id: &str) -> Option<(f64, usize, f64)> {
 fn real_lab_and_hard_sessions_are_tracked_without_a_false_point() {
     // Bars of the tracking room: 99.5 % and 93 % found. The ball's centre: 0.08 and 0.10 px measured; the outline alone gave 0.16
     // and 0.17 px.
-    for (kind, shot, share) in [("lab-11", "s01", 0.985), ("hard-13", "s01", 0.93)] {
+    for (kind, shot, share, most) in [("lab-11", "s01", 0.995, 0.10), ("hard-13", "s01", 0.98, 0.12)] {
         let Some((found, wrong, ball)) = score(kind, shot) else { return };
         assert!(found >= share, "{kind}: {found}");
         assert_eq!(wrong, 0, "{kind}");
-        assert!(ball < 0.13, "{kind}: ball {ball} px");
+        assert!(ball < most, "{kind}: ball {ball} px");
     }
 }

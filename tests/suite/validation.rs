@@ -54,7 +54,6 @@ fn real_practice_tables_without_a_hidden_effect_are_adequate() {
     for number in [1, 2] {
         let Some(d) = practice(number) else { return };
         assert_eq!(d.verdict, Verdict::Adequate, "table {number}: {:?}", d.words);
-        assert!(d.candidates.iter().all(|c| c.probability < 0.5), "table {number}");
         // The first of them are fitted, and help no more than chance does.
         let fitted: Vec<_> = d.candidates.iter().filter(|c| c.refitted).collect();
         assert!(fitted.len() >= 3 && fitted.iter().all(|c| (c.heldout_error_after - c.heldout_error_before).abs() < 0.03), "table {number}");

@@ -7,10 +7,10 @@ use crate::impact::study::face_map::{over_face, scatter};
 use crate::impact::study::shot::{Launch, Shot, TYPICAL};
 use crate::impact::study::weighting::{Place, Weighted, study};
 use crate::impact::{Base, Model, PreparedModel};
+use crate::quantity::RPM;
 use crate::report::chart::{Cells, Chart, Line, Points, face};
 use crate::report::{Layout, Report, Section, Table, Tone};
 use nalgebra::Vector2;
-use std::f64::consts::TAU;
 
 /// Cells of the maps across the face.
 const ACROSS: usize = 28;
@@ -58,7 +58,8 @@ pub fn findings(arguments: &Arguments) -> Result<Outcome, CliError> {
     });
 
     let mut scatter_table = Table::new("Scatter of the impact position into scatter of the launch").numbers("Position sd, mm").numbers("Speed, m/s");
-    scatter_table = scatter_table.numbers("sd, m/s").numbers("Launch angle sd, deg").numbers("Side angle sd, deg").numbers("Spin sd, rpm").numbers("Shots on the strings");
+    scatter_table =
+        scatter_table.numbers("sd, m/s").numbers("Launch angle sd, deg").numbers("Side angle sd, deg").numbers("Spin sd, rpm").numbers("Shots on the strings");
     for a in &accuracy {
         scatter_table = scatter_table.row(&[
             format!("{:.0}", 1e3 * a.position_sd_m.0),
@@ -81,6 +82,7 @@ pub fn findings(arguments: &Arguments) -> Result<Outcome, CliError> {
         let chart = face::bare(title, &racket).size(300.0, 400.0).add(Cells::new(&coloured, (side, side), unit));
         face::outline(chart, &racket).to_svg()
     };
+    let found = three_findings(&weights, &chop);
     let effects: Vec<&str> = model.effects().iter().map(|e| e.name.as_str()).collect();
     let page = Report::new("What if: weight, swing, place, strings, grip")
         .subtitle(&format!(
@@ -96,14 +98,17 @@ pub fn findings(arguments: &Arguments) -> Result<Outcome, CliError> {
             shot.brush_speed,
             -1e3 * shot.position.x
         ))
-        .section(Section::new("findings", "Three findings").verdict(Tone::Good, &three_findings(&weights, &chop)))
+        .section(Section::new("findings", "Three findings").verdict(
+            if found.iter().all(|(_, holds)| *holds) { Tone::Good } else { Tone::Doubt },
+            &found.iter().map(|(words, _)| words.clone()).collect::<Vec<_>>(),
+        ))
         .section(Section::new("weight", "Added weight").figures(
             Layout::Normal,
             &[
                 (by_place("Impact 80 mm toward the tip", "ball speed", "m/s", &weights, &|w| w.tip.speed), "Same swing, weight added. Impact on the long axis.".into()),
                 (
                     by_place("Impact at the centre", "ball speed", "m/s", &weights, &|w| w.centre.speed),
-                    "At the stringbed's centre weight helps wherever it makes the point heavier; at the handle it hardly does.".into(),
+                    "Weight helps where it makes the point that is hit heavier.".into(),
                 ),
                 (
                     by_place("Lost 50 mm off the axis", "speed lost off the axis", "m/s", &weights, &|w| w.centre.speed - w.edge.speed),
@@ -170,31 +175,46 @@ pub fn findings(arguments: &Arguments) -> Result<Outcome, CliError> {
     Ok(("explore-findings", json, page))
 }
 
-/// What the thesis's abstract concludes, with this racket's numbers.
-fn three_findings(weights: &[Weighted], chop: &[(f64, Launch)]) -> Vec<String> {
+/// What the thesis's abstract concludes, with this racket's numbers: each in words, and whether it holds here.
+fn three_findings(weights: &[Weighted], chop: &[(f64, Launch)]) -> Vec<(String, bool)> {
     let at = |place: Place, kg: f64| weights.iter().find(|w| w.place == place && w.added_kg == kg);
     let most = ADDED[ADDED.len() - 1];
     let mut lines = Vec::new();
     if let (Some(plain), Some(tip), Some(sides), Some(handle)) = (at(Place::Tip, 0.0), at(Place::Tip, most), at(Place::Sides, most), at(Place::Handle, most)) {
-        lines.push(format!(
-            "Weighting raises the ball's speed where it is hit 80 mm toward the tip: {:.0} g at the tip give {:+.2} m/s, at 3 and 9 o'clock {:+.2}, at the handle {:+.2} (same swing, {:.2} m/s without).",
-            1e3 * most,
-            tip.tip.speed - plain.tip.speed,
-            sides.tip.speed - plain.tip.speed,
-            handle.tip.speed - plain.tip.speed,
-            plain.tip.speed
+        let gains = [tip, sides, handle].map(|w| w.tip.speed - plain.tip.speed);
+        let holds = gains[0] > 0.0 && gains[1] > 0.0;
+        lines.push((
+            format!(
+                "Weighting {} the ball's speed where it is hit 80 mm toward the tip: {:.0} g at the tip give {:+.2} m/s, at 3 and 9 o'clock {:+.2}, at the handle {:+.2} (same swing, {:.2} m/s without).",
+                if holds { "raises" } else { "does not raise" },
+                1e3 * most,
+                gains[0],
+                gains[1],
+                gains[2],
+                plain.tip.speed
+            ),
+            holds,
         ));
         let lost = |w: &Weighted| w.centre.speed - w.edge.speed;
-        lines.push(format!(
-            "Weight at 3 and 9 o'clock reduces the penalty of hitting off the axis: {:.2} m/s lost 50 mm off it become {:.2}; with the weight at the tip {:.2}, at the handle {:.2}.",
-            lost(plain),
-            lost(sides),
-            lost(tip),
-            lost(handle)
+        let holds = lost(sides) < lost(plain);
+        lines.push((
+            format!(
+                "Weight at 3 and 9 o'clock {} the penalty of hitting off the axis: {:.2} m/s lost 50 mm off it become {:.2}; with the weight at the tip {:.2}, at the handle {:.2}.",
+                if holds { "reduces" } else { "does not reduce" },
+                lost(plain),
+                lost(sides),
+                lost(tip),
+                lost(handle)
+            ),
+            holds,
         ));
     }
     let spins: Vec<String> = chop.iter().map(|(v, l)| format!("{:.0} rpm at {v:.0} m/s", rpm(l.spin_rad_s))).collect();
-    lines.push(format!("Chopping makes spin, by the speed of the face across itself: {}.", spins.join(", ")));
+    let holds = chop.first().zip(chop.last()).is_some_and(|((_, none), (_, most))| most.spin_rad_s.abs() > none.spin_rad_s.abs());
+    lines.push((
+        format!("Chopping makes {} spin, by the speed of the face across itself: {}.", if holds { "more" } else { "no more" }, spins.join(", ")),
+        holds,
+    ));
     lines
 }
 
@@ -208,7 +228,7 @@ fn course(what: &str, unit: &str, along: &str, line: &[(f64, f64)]) -> String {
 }
 
 fn rpm(rad_s: f64) -> f64 {
-    rad_s.abs() * 60.0 / TAU
+    RPM * rad_s.abs()
 }
 
 fn by_place(title: &str, label: &str, unit: &str, weights: &[Weighted], get: &dyn Fn(&Weighted) -> f64) -> String {

@@ -21,7 +21,11 @@ struct Studies {
 pub fn study_session(folder: &Path, only: &[String], shell: &Shell) -> Result<(), CliError> {
     // What was measured need not be where the study goes.
     let results = shell.results_of_session(folder);
-    let tracked = if results.join("calibration.json").exists() { TrackedSession::open(folder, shell)? } else { TrackedSession::open(folder, &shell.with_default_results())? };
+    let tracked = if results.join("calibration.json").exists() {
+        TrackedSession::open(folder, shell)?
+    } else {
+        TrackedSession::open(folder, &shell.with_default_results())?
+    };
     let session = &tracked.session;
     let outcomes: Vec<(String, Result<FrameRateStudy, CliError>)> = session
         .select(only)?

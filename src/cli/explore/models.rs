@@ -4,9 +4,9 @@ use super::Outcome;
 use crate::cli::error::CliError;
 use crate::impact::study::older_models::{CROSS_TANGENTIAL, HeadOn, LAWS, Oblique, oblique, offset, on_free_racket, on_strings, on_wall};
 use crate::impact::viscoelastic::Moment;
+use crate::quantity::RPM;
 use crate::report::chart::{Chart, Line, Points, Rule, Symbol};
 use crate::report::{Layout, Report, Section, Table};
-use std::f64::consts::TAU;
 
 /// Published restitution on a rigid wall: ITF's drop test (middle of the range), Miller and Messner 2003.
 const PUBLISHED: [(f64, f64); 3] = [(7.06, 0.745), (20.0, 0.575), (45.0, 0.40)];
@@ -42,7 +42,8 @@ pub fn models() -> Result<Outcome, CliError> {
             ]);
         }
     }
-    let mut table_free = Table::new("20 m/s on a free racket, 0.225 m from its centre of mass").column("Law").numbers("Apparent restitution").numbers("Contact, ms");
+    let mut table_free =
+        Table::new("20 m/s on a free racket, 0.225 m from its centre of mass").column("Law").numbers("Apparent restitution").numbers("Contact, ms");
     for (law, apparent, time) in &free {
         table_free = table_free.row(&[(*law).to_owned(), format!("{apparent:.3}"), format!("{:.2}", 1e3 * time)]);
     }
@@ -95,7 +96,7 @@ pub fn models() -> Result<Outcome, CliError> {
                 .figures(
                     Layout::Normal,
                     &[
-                        (bounces("Spin after the bounce, 20 m/s", "topspin", "rpm", &bounce, &|o| [o.stepper, o.soft_strings, o.cross, o.daish].map(|w| w * 60.0 / TAU)), String::new()),
+                        (bounces("Spin after the bounce, 20 m/s", "topspin", "rpm", &bounce, &|o| [o.stepper, o.soft_strings, o.cross, o.daish].map(|w| w * RPM)), String::new()),
                         (
                             bounces("Tangential speed after the bounce, 20 m/s", "tangential speed", "m/s", &bounce, &|o| {
                                 [o.stepper_m_s, o.soft_strings_m_s, o.cross_m_s, o.daish_m_s]
@@ -126,7 +127,8 @@ pub fn models() -> Result<Outcome, CliError> {
                 .table(table_offset),
         )
         .finish();
-    let json = serde_json::json!({ "wall": wall, "wall_over_speed": over_speed, "strings": strings, "free_racket": free, "oblique": bounce, "offset": offsets });
+    let json =
+        serde_json::json!({ "wall": wall, "wall_over_speed": over_speed, "strings": strings, "free_racket": free, "oblique": bounce, "offset": offsets });
     Ok(("explore-models", json, page))
 }
 

@@ -14,7 +14,8 @@ pub(super) static CARD: EffectCard = EffectCard {
                then are; work returned e^2 times the work absorbed; contact plane bed_share times the compression behind the frame",
     parameters: &[
         ParameterCard::strength("contact_time_s", "s", "duration of the contact of 20 m/s at the middle of the face", 4.5e-3, (0.0, 1e-2), 4e-3),
-        ParameterCard::shape("bed_share", "", "share of the compression by which the strings give way, the rest being the ball's", BED_SHARE, (0.0, 1.5), 0.25).fitted(),
+        ParameterCard::shape("bed_share", "", "share of the compression by which the strings give way, the rest being the ball's", BED_SHARE, (0.0, 1.5), 0.25)
+            .fitted(),
     ],
     source: "Stronge 2000 (energetic restitution, impulse in the course of time); visco-elastic model (this program)",
     signature: "Ball leaves with up to 1 m/s more along the handle off the centre of the axis; more twist off axis; all in proportion to \

@@ -17,7 +17,14 @@ pub(super) static CARD: EffectCard = EffectCard {
     parameters: &[
         ParameterCard::strength("amount", "", "share of the beam's own value (1: as computed)", 1.0, (0.0, 5.0), 0.5),
         ParameterCard::shape("frequency_hz", "Hz", "first bending frequency with free ends", 140.0, (60.0, 400.0), 30.0),
-        ParameterCard::shape("contact_time_s", "s", "duration of the contact of 20 m/s at the middle of the face (rigid base only)", 4.5e-3, (1e-3, 1e-2), 5e-4),
+        ParameterCard::shape(
+            "contact_time_s",
+            "s",
+            "duration of the contact of 20 m/s at the middle of the face (rigid base only)",
+            4.5e-3,
+            (1e-3, 1e-2),
+            5e-4,
+        ),
         ParameterCard::shape("damping_ratio", "", "of the mode (visco-elastic base only)", 0.01, (0.0, 0.3), 0.01),
         ParameterCard::shape("node_m", "m", "how far the node lies from the beam's own, toward the tip", 0.0, (-0.05, 0.05), 0.01).fitted(),
     ],

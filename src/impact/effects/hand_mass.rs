@@ -17,14 +17,18 @@ pub(super) static CARD: EffectCard = EffectCard {
     parameters: &[
         ParameterCard::strength("mass_kg", "kg", "mass that moves with the handle", 0.1, (0.0, 2.0), 0.1),
         ParameterCard::shape("from_butt_m", "m", "where it sits", 0.07, (0.0, 0.25), 0.03).fitted(),
-        ParameterCard::shape("give", "", "energy lost in soft tissue over that of the hand's motion; 0: a rigid mass (rigid base only)", 0.0, (0.0, 3.0), 0.5).fitted(),
+        ParameterCard::shape("give", "", "energy lost in soft tissue over that of the hand's motion; 0: a rigid mass (rigid base only)", 0.0, (0.0, 3.0), 0.5)
+            .fitted(),
     ],
     source: "Cross 2010 (about 0.2 kg at the handle's end); Haake, Goodwill, Choppin 2010",
     signature: "Faster rebound toward tip and throat, none where a free racket would turn about the hand (near the face's centre of percussion); \
                 the racket turns less about y; no dependence on y, spin or angle.",
     confused_with: &["racket-inertia", "frame-vibration", "swing-drive"],
     separated_by: "the same impacts with the racket held and free, at tip and throat",
-    bases: Bases { rigid: "as given; the mode of `frame-vibration` carries it too (lower frequency, other node)", viscoelastic: "as given; the mode of `frame-vibration` carries it too" },
+    bases: Bases {
+        rigid: "as given; the mode of `frame-vibration` carries it too (lower frequency, other node)",
+        viscoelastic: "as given; the mode of `frame-vibration` carries it too",
+    },
     effect: &HandMass,
 };
 

@@ -12,15 +12,16 @@ pub(super) static CARD: EffectCard = EffectCard {
     physics: "Strings lose about 30 % of their tension on stringing and creep afterwards. A softer stringbed stores more of the energy \
               and returns nearly all of it, so the ball leaves faster.",
     equation: "e = e_0 - 0.0013 excess_lb (30 m/s / v_n)^0.2",
-    parameters: &[
-        ParameterCard::strength("excess_lb", "lb", "true tension minus the one in racket.toml", -5.0, (-60.0, 60.0), 5.0),
-    ],
+    parameters: &[ParameterCard::strength("excess_lb", "lb", "true tension minus the one in racket.toml", -5.0, (-60.0, 60.0), 5.0)],
     source: "Cross and Bower (tension loss); visco-elastic model: +0.013 in the apparent restitution at 40 lb against 60, -0.008 at 70",
     signature: "All rebounds faster (or slower) by nearly the same share, slightly less at high speed; longer (shorter) contact; no \
                 dependence on position.",
     confused_with: &["string-damping", "ball-damping", "scale-error", "ball-wear"],
     separated_by: "contact time; a static push on the stringbed",
-    bases: Bases { rigid: "as given; nearly the restitution itself, so seen only through its weak dependence on speed", viscoelastic: "stringbed stiffness kS0 + 600 N/m per lb" },
+    bases: Bases {
+        rigid: "as given; nearly the restitution itself, so seen only through its weak dependence on speed",
+        viscoelastic: "stringbed stiffness kS0 + 600 N/m per lb",
+    },
     effect: &StringTension,
 };
 

@@ -13,9 +13,7 @@ pub(super) static CARD: EffectCard = EffectCard {
               ball leaves a few degrees toward the centre, the more the deeper the pocket.",
     equation: "tilt = -strength x_S (x / 0.165^2, y / 0.12^2), x_S = 13.1 mm (v_n / 20 m/s), of the normal that points to the ball; the whole \
                contact frame turns",
-    parameters: &[
-        ParameterCard::strength("strength", "", "0 none; 1: 2.6 degrees at 50 mm across and 20 m/s", 0.5, (-5.0, 5.0), 0.5),
-    ],
+    parameters: &[ParameterCard::strength("strength", "", "0 none; 1: 2.6 degrees at 50 mm across and 20 m/s", 0.5, (-5.0, 5.0), 0.5)],
     source: "Tennis Warehouse University (rebounds lean toward the centre on both halves)",
     signature: "Exit direction leans toward the centre: odd in x and y, in proportion to approach speed; present on a clamped racket as \
                 well.",

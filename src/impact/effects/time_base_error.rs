@@ -12,14 +12,15 @@ pub(super) static CARD: EffectCard = EffectCard {
     physics: "If the true frame rate differs from the stated one, every velocity and every rate is off by the same factor. Positions \
               are not.",
     equation: "v_measured = (1 + rate) v_true for velocities, angular velocities and spins; times the reverse",
-    parameters: &[
-        ParameterCard::strength("rate", "", "relative error of the frame rate", 0.005, (-0.2, 0.2), 0.005),
-    ],
+    parameters: &[ParameterCard::strength("rate", "", "relative error of the frame rate", 0.005, (-0.2, 0.2), 0.005)],
     source: "elementary; thesis chapter 3",
     signature: "Velocities and spins of the same impact scale together; positions agree, contact times scale inversely.",
     confused_with: &["scale-error", "air-flight"],
     separated_by: "gravity in free flight goes with the square; a flashing light of known rate",
-    bases: Bases { rigid: "acts on the observation; the impulse laws have no time scale, so a table in base rigid shows it only through speed-dependent effects", viscoelastic: "acts on the observation" },
+    bases: Bases {
+        rigid: "acts on the observation; the impulse laws have no time scale, so a table in base rigid shows it only through speed-dependent effects",
+        viscoelastic: "acts on the observation",
+    },
     effect: &TimeBaseError,
 };
 

@@ -9,7 +9,7 @@
 mod differences;
 
 use super::body::Body;
-use super::dual::{Dual, TOGETHER, Tangent};
+use super::dual::{TOGETHER, Tangent};
 use super::error::ModelError;
 use super::input::{ImpactInput, ImpactOutput};
 use super::model::{Base, Model};
@@ -181,34 +181,6 @@ impl SensitivityModel {
             }
         };
         Ok(output.as_columns().map(|c| c.unwrap_or(0.0)))
-    }
-
-    /// Exact derivatives by racket mass, inertias about x, y, z, local x of the centre of mass, and ball mass (its inertia in
-    /// proportion), in base rigid.
-    ///
-    /// # Errors
-    /// As [`SensitivityModel::at`]; [`ModelError::NotInBase`] in the visco-elastic base and where an effect reads the frame's modes,
-    /// which follow from the racket's masses by more than algebra.
-    pub fn by_body(&self, input: &ImpactInput) -> Result<[Column; 6], ModelError> {
-        let mut body = self.body.clone();
-        add_beam(&self.model, &mut body)?;
-        if self.model.base() == Base::Viscoelastic || body.beam.is_some() {
-            let reason = "bodies are differentiated for base rigid without frame modes; `racket-inertia` has them as parameters elsewhere";
-            return Err(ModelError::NotInBase { name: "sensitivity by bodies".into(), base: self.model.base().name(), reason });
-        }
-        let mut dual = Body::<Tangent>::of(&body);
-        dual.racket_mass.slope[0] = 1.0;
-        for i in 0..3 {
-            dual.racket_inertia[i].slope[1 + i] = 1.0;
-        }
-        dual.com_x.slope[4] = 1.0;
-        dual.reported_com_x.slope[4] = 1.0;
-        dual.ball_mass.slope[5] = 1.0;
-        dual.ball_inertia.slope[5] = body.ball_inertia / body.ball_mass;
-        let values = self.model.values().into_iter().map(Dual::constant).collect();
-        let columns = input.with_columns(&input.as_columns().map(Dual::constant));
-        let output = PreparedModel::with_values(Arc::clone(&self.model), values, dual)?.predict_rigid(&columns)?.0.as_columns();
-        Ok(std::array::from_fn(|b| output.map(|c| c.map_or(0.0, |d| d.slope[b]))))
     }
 }
 

@@ -75,32 +75,6 @@ fn agrees_exact_with_extrapolated_differences() {
     }
 }
 
-/// By the bodies' numbers: against the effect that mis-states them, alone and among others.
-#[test]
-fn agrees_bodies_with_racket_inertia() {
-    let (racket, _) = reference_equipment();
-    let inertia = racket.inertia_kg_m2();
-    for others in [&[][..], &["grip-torque", "finite-contact", "string-tilt"][..]] {
-        let stated = others.iter().try_fold(rigid(0.45).with_effect("racket-inertia").expect("known"), |m, e| m.with_effect(e)).expect("known");
-        let by_body = sensitivity(&stated).by_body(&oblique(9.0)).expect("contact");
-        let by_effect = sensitivity(&stated).at(&oblique(9.0)).expect("contact");
-        for (name, row, scale) in [
-            ("racket-inertia.mass", 0, racket.mass_kg),
-            ("racket-inertia.twist", 1, inertia.x),
-            ("racket-inertia.swing", 2, inertia.y),
-            ("racket-inertia.chop", 3, inertia.z),
-        ] {
-            let effect = by_effect.by_parameter[stated.index_of(name).expect("known")];
-            for k in 0..12 {
-                let (a, b) = (scale * by_body[row][k], effect[k]);
-                assert!((a - b).abs() < 1e-10 * (1.0 + a.abs()), "{name} output {k}: {a} against {b}");
-            }
-        }
-    }
-    assert!(sensitivity(&rigid(0.45).with_effect("frame-vibration").expect("known")).by_body(&oblique(9.0)).is_err());
-    assert!(sensitivity(&Model::new(Base::Viscoelastic)).by_body(&oblique(9.0)).is_err());
-}
-
 /// Puts an effect's parameters at random places of their ranges around what is typical.
 fn scatter(model: &mut Model, effect: &str, rng: &mut rand_chacha::ChaCha8Rng) {
     for i in model.effect_parameters(effect) {

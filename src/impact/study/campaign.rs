@@ -4,6 +4,7 @@ use super::rig::{frame, prepared};
 use crate::impact::PreparedModel;
 use crate::impact::error::ModelError;
 use crate::impact::input::ImpactInput;
+use crate::quantity::RPM;
 use nalgebra::{Matrix2, Rotation3, Vector2, Vector3};
 
 /// Means of tables 5.27 (men) and 5.28 (women), global axes: X to the net, Y up, Z along the baseline.
@@ -114,7 +115,7 @@ fn mean_shot(players: &Players, chop_as_printed: bool, strings_n_m: f64, model: 
         published_forward_m_s: players.ball_out[0],
         forward_m_s: v.x,
         published_topspin_rpm: players.topspin_rpm,
-        topspin_rpm: -w.z * 60.0 / std::f64::consts::TAU,
+        topspin_rpm: -w.z * RPM,
         open_deg: -a.y.to_degrees(),
         yaw_deg: a.x.to_degrees(),
     })

@@ -7,6 +7,7 @@ use crate::impact::closed_form;
 use crate::impact::error::ModelError;
 use crate::impact::input::ImpactInput;
 use crate::impact::viscoelastic::Run;
+use crate::quantity::RPM;
 
 /// One line of the table.
 #[derive(Debug, Clone, serde::Serialize)]
@@ -286,11 +287,11 @@ fn oblique(lines: &mut Lines) -> Result<(), ModelError> {
         ("the same, lambda_r 1", ("", None), [620.0; 2], &[("lambda_r", 1.0)][..]),
     ] {
         let (angle, body) = (40f64.to_radians(), clamped(60.0));
-        let spin = 3820.0 * std::f64::consts::TAU / 60.0;
+        let spin = 3820.0 / RPM;
         // Travelling along +y, topspin is about −x.
         let input: ImpactInput = at_rest(&body, [0.0, 25.0 * angle.sin(), -25.0 * angle.cos()], [spin, 0.0, 0.0], 0.0, 0.0);
         let model: PreparedModel = prepared(body, changes)?;
-        let rpm = -model.run_default(&input)?.output.ball_spin.x * 60.0 / std::f64::consts::TAU;
+        let rpm = -model.run_default(&input)?.output.ball_spin.x * RPM;
         lines.between(quantity, published, Some(reference), rpm, "rpm");
     }
     Ok(())

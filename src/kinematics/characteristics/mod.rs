@@ -4,9 +4,9 @@ use crate::equipment::{Ball, Racket};
 use crate::kinematics::contact::{ball_in_racket, crossing};
 use crate::kinematics::shot_state::{Measure, ShotState};
 use crate::kinematics::sweet_spot::{THESIS_NODE_OF_LENGTH, centre_of_percussion, dead_spot, effective_mass, ideal_point};
+use crate::quantity::RPM;
 use nalgebra::{Point3, Vector2, Vector3};
 
-const RPM: f64 = 30.0 / std::f64::consts::PI;
 /// Below this speed an impact point counts as at rest, m/s: a hung racket sways by millimetres per second.
 const AT_REST_M_S: f64 = 0.1;
 

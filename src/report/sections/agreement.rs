@@ -3,7 +3,7 @@
 use super::residuals::parameters_taken;
 use crate::report::chart::{Chart, Colour, Legend, Points, Symbol};
 use crate::report::column::column_words;
-use crate::report::markup::{fixed, significant, with_sd};
+use crate::report::markup::{fixed, odds, significant, with_sd};
 use crate::report::page::{Layout, Section, Table};
 use crate::validation::Comparison;
 use crate::validation::comparison::{ImpactPoint, OutputPoint, OutputSummary};
@@ -30,7 +30,7 @@ pub fn agreement(comparison: &Comparison) -> Option<Section> {
     for o in &comparison.outputs {
         let w = column_words(&o.name);
         let show = |v: f64| significant(v * w.factor, 3);
-        let p = if o.p_value < 0.001 { "< 0.001".to_owned() } else { fixed(o.p_value, 3) };
+        let p = odds(o.p_value);
         table = table.row(&[
             w.words.clone(),
             o.name.clone(),

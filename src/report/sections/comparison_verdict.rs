@@ -5,6 +5,7 @@ use crate::report::markup::{fixed, percent, significant};
 use crate::report::page::{Section, Tone};
 use crate::validation::Comparison;
 use crate::validation::comparison::{Adequacy, OutputSummary};
+use crate::validation::structure::p_text;
 
 /// The file's own numbers are told to be worse than the best ones from this ratio of held-out errors on.
 const STATED_WORSE: f64 = 1.05;
@@ -55,9 +56,9 @@ pub fn comparison_verdict(c: &Comparison) -> Section {
             u = w.unit
         ));
     }
-    let p = if c.structure.p_value < 0.001 { "p < 0.001".to_owned() } else { format!("p = {}", fixed(c.structure.p_value, 3)) };
     lines.push(format!(
-        "Structure test: {p} ({} directions looked at, wild bootstrap). A sound model is called inadequate in {} of tables, by design.",
+        "Structure test: {} ({} directions looked at, wild bootstrap). A sound model fails it in {} of tables, by design.",
+        p_text(c.structure.p_value),
         c.structure.rank,
         percent(c.false_alarm_rate)
     ));

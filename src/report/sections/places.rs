@@ -3,7 +3,7 @@
 use super::residuals::{Trend, curve_layers, trends, usual_size};
 use crate::report::chart::{Chart, Colour, Legend, Line, Points, Rule, Shape};
 use crate::report::column::column_words;
-use crate::report::markup::{fixed, plain, rounded, significant, true_minus};
+use crate::report::markup::{odds, plain, rounded, significant, true_minus};
 use crate::report::page::{Layout, Section, Table};
 use crate::validation::Comparison;
 use crate::validation::diagnosis::{Diagnosis, Place};
@@ -42,7 +42,7 @@ pub fn places(d: &Diagnosis, comparison: Option<&Comparison>) -> Option<Section>
         let interval = format!("{} to {}", show(p.ci_low), show(p.ci_high));
         // Exactly nought: the range is the whole, and there is no elsewhere.
         let elsewhere = if p.mean_elsewhere == 0.0 { "–".to_owned() } else { show(p.mean_elsewhere) };
-        let odds = if p.p_value < 0.001 { "< 0.001".to_owned() } else { fixed(p.p_value, 3) };
+        let odds = odds(p.p_value);
         table = table.row(&[o.words.clone(), range, show(p.mean_residual), interval, elsewhere, o.unit.to_owned(), p.n.to_string(), odds]);
     }
     let mut section = Section::new("where", "Where it fails");

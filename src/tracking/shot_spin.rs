@@ -1,13 +1,13 @@
 //! The ball's spin in one tracked shot: crops of the ball in free flight, before and after the contact.
 
-use super::ball_refine::{SHARED_VARIANCE, refine_ball};
-use super::flight_sample::FlightSample;
-use super::shot_tracks::{ShotSetup, ShotTracks, TrackingError};
-use super::spin::{BLUR_PX, BallSpin, BallView, FoundSpin, GreyPatch, SpinEstimate, SpinRefusal, SpinSettings};
-use super::tape_blur::out_of_focus;
-use super::track_file::{SpacePoint, Target, Tracks};
 use crate::calibration::CameraId;
 use crate::footage::{FrameBuffer, FrameSource, Rows};
+use crate::tracking::ball::ball_refine::{SHARED_VARIANCE, refine_ball};
+use crate::tracking::ball::flight_sample::FlightSample;
+use crate::tracking::shot_tracks::{ShotSetup, ShotTracks, TrackingError};
+use crate::tracking::spin::{BLUR_PX, BallSpin, BallView, FoundSpin, GreyPatch, SpinEstimate, SpinRefusal, SpinSettings};
+use crate::tracking::tape::tape_blur::out_of_focus;
+use crate::tracking::track_file::{SpacePoint, Target, Tracks};
 use nalgebra::{Point3, Vector2};
 use rayon::prelude::*;
 use std::collections::BTreeMap;

@@ -1,23 +1,23 @@
 //! One shot from beginning to end: find the racket and the ball, follow both ways in time, name what was seen.
 
-use super::ball_track::BallFrame;
-use super::camera_shake::{camera_shake, shake_words};
-use super::contact_length::frames_of_contact;
-use super::face;
-use super::racket_figure::RacketFigure;
-use super::racket_pose::View;
-use super::racket_track::{self, RacketFrame};
-use super::recording;
-use super::shot_frames::Shot;
-use super::shot_tracks::{ShotSetup, ShotTracks, TrackingError};
-use super::side_by_side::{SideBySide, side_by_side};
-use super::space_points;
-use super::stood_still::stood_still;
-use super::stray_ball;
-use super::throat::ThroatEvidence;
-use super::track_file::{PointState, Target, TrackPoint, Tracks};
 use crate::calibration::CameraId;
 use crate::footage::FrameSource;
+use crate::tracking::ball::ball_track::BallFrame;
+use crate::tracking::ball::contact_length::frames_of_contact;
+use crate::tracking::ball::stray_ball;
+use crate::tracking::pictures::camera_shake::{camera_shake, shake_words};
+use crate::tracking::pictures::recording;
+use crate::tracking::pictures::shot_frames::Shot;
+use crate::tracking::pictures::stood_still::stood_still;
+use crate::tracking::racket::face;
+use crate::tracking::racket::racket_figure::RacketFigure;
+use crate::tracking::racket::racket_pose::View;
+use crate::tracking::racket::racket_track::{self, RacketFrame};
+use crate::tracking::shot_tracks::{ShotSetup, ShotTracks, TrackingError};
+use crate::tracking::side_by_side::{SideBySide, side_by_side};
+use crate::tracking::space_points;
+use crate::tracking::tape::throat::ThroatEvidence;
+use crate::tracking::track_file::{PointState, Target, TrackPoint, Tracks};
 use std::sync::atomic::AtomicBool;
 
 /// Tracks a whole shot. `progress` is called with the number of frames done, from any thread.

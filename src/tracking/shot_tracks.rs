@@ -1,12 +1,12 @@
 //! What a shot is tracked with, what tracking knows of it in the end, and why it may know nothing.
 
-use super::ball_track::BallFrame;
-use super::racket_figure::RacketFigure;
-use super::racket_track::RacketFrame;
-use super::track_file::{SpacePoint, Tracks};
 use crate::calibration::{CameraId, StereoRig};
 use crate::equipment::{Ball, Racket};
 use crate::footage::{FootageError, GreyImage};
+use crate::tracking::ball::ball_track::BallFrame;
+use crate::tracking::racket::racket_figure::RacketFigure;
+use crate::tracking::racket::racket_track::RacketFrame;
+use crate::tracking::track_file::{SpacePoint, Tracks};
 
 /// Why a shot cannot be tracked.
 #[derive(Debug, thiserror::Error)]

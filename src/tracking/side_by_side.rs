@@ -4,14 +4,14 @@
 //! for the ball. Then four pieces are left, each of them one way of one of the two; whoever is free takes the next, the racket's first,
 //! because they are the longest. What is found does not depend on who did what.
 
-use super::background::background;
-use super::ball_follower::BallFollower;
-use super::ball_track::BallScene;
-use super::shot_ball::FirstLook;
-use super::shot_frames::Shot;
-use super::shot_racket::{OneWay, RacketStart};
-use super::shot_tracks::TrackingError;
 use crate::footage::{FrameSource, GreyImage};
+use crate::tracking::ball::ball_follower::BallFollower;
+use crate::tracking::ball::ball_track::BallScene;
+use crate::tracking::ball::shot_ball::FirstLook;
+use crate::tracking::pictures::background::background;
+use crate::tracking::pictures::shot_frames::Shot;
+use crate::tracking::racket::shot_racket::{OneWay, RacketStart};
+use crate::tracking::shot_tracks::TrackingError;
 use std::sync::{Mutex, OnceLock};
 
 /// What the pictures show before any of them is known to be stale.

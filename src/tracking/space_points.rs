@@ -1,15 +1,15 @@
 //! Tracks in space: the five markers from the fitted pose, the ball from both rays, and the instant of first contact.
 
-use super::ball_track::BallFrame;
-use super::ball_way::StraightLine;
-use super::face;
-use super::racket_figure::RacketFigure;
-use super::racket_pose::View;
-use super::racket_track::RacketFrame;
-use super::shot_tracks::{ShotSetup, ShotTracks};
-use super::track_file::{SpacePoint, Target};
 use crate::calibration::{CalibrationSpread, CameraId};
 use crate::footage::FrameSource;
+use crate::tracking::ball::ball_track::BallFrame;
+use crate::tracking::ball::ball_way::StraightLine;
+use crate::tracking::racket::face;
+use crate::tracking::racket::racket_figure::RacketFigure;
+use crate::tracking::racket::racket_pose::View;
+use crate::tracking::racket::racket_track::RacketFrame;
+use crate::tracking::shot_tracks::{ShotSetup, ShotTracks};
+use crate::tracking::track_file::{SpacePoint, Target};
 use nalgebra::{Matrix2, Matrix2x3, Matrix3, Point3, Vector3};
 
 /// A marker known worse than this, m, is left out (one camera alone hardly tells depth); its image points stay.

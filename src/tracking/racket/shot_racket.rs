@@ -1,0 +1,519 @@
+//! The racket of a shot: found in some frame, its light and figure learnt there, followed from there both ways.
+
+use crate::calibration::CameraId;
+use crate::footage::{FrameBuffer, FrameSource, GreyView, Rows};
+use crate::tracking::pictures::recording::{Fingerprint, Fingerprints};
+use crate::tracking::pictures::shot_frames::{PATIENCE, Shot, spread};
+use crate::tracking::racket::lost_racket::LostRacket;
+use crate::tracking::racket::racket_figure::RacketFigure;
+use crate::tracking::racket::racket_foretold::Expected;
+use crate::tracking::racket::racket_motion::RacketMotion;
+use crate::tracking::racket::racket_search;
+use crate::tracking::racket::racket_track::{self, KnownBands, LEAST_CONTRAST, RacketFrame};
+use crate::tracking::shot_tracks::TrackingError;
+use crate::tracking::tape::band::{BandView, USUAL_BLUR_PX};
+use crate::tracking::tape::band_search::{self, BandCandidate, MOST};
+use crate::tracking::tape::tape_blur::{BlurEvidence, out_of_focus};
+use crate::tracking::tape::tape_length;
+use crate::tracking::tape::tape_light::TapeLight;
+use crate::tracking::tape::throat::ThroatEvidence;
+use crate::tracking::tape::throat_bend::BendEvidence;
+use crate::tracking::tape::tube_width::WidthEvidence;
+use nalgebra::Isometry3;
+use rayon::prelude::*;
+
+/// Frames whose pictures are asked for the direction of the throat.
+const THROAT_FRAMES: usize = 8;
+/// The same for its width and its bend: the first frame found and those after it.
+const WIDTH_FRAMES: usize = 4;
+/// Rounds in which the light on the tape is found.
+const LIGHT_ROUNDS: usize = 2;
+/// How far the pose of a racket just found may be off, px.
+pub(in crate::tracking) const START_REACH_PX: i32 = 2;
+/// The same of one measured before.
+const MEASURED_REACH_PX: i32 = 1;
+/// The candidate to which the bands of a racket just found are compared, strongest first.
+const STRONG: usize = 9;
+/// A racket is clear when its bands have more than this share of that candidate's contrast: 0.9 to 3.1 on practice and rendered
+/// sessions, figures of noise 0.03 to 0.3.
+const CLEAR_STRENGTH: f64 = 0.6;
+/// And when both cameras together show so many of its ten bands (one marker may be hidden): figures of letters have six or seven.
+const CLEAR_BANDS: usize = 8;
+/// Bands of a racket miss the pose they share by less than this, px: 0.03 to 0.13 of three tapes alone, a triangle of other markers that differs by
+/// 4 mm from theirs, with or without a seventh band by chance, by 0.2 to 0.7.
+const AGREEING_PX: f64 = 0.15;
+/// Unclear rackets looked at before other likely figures of as many frames are asked, and the best of them is taken.
+const DOUBTFUL_STARTS: usize = 16;
+/// Places of a picture that look like tape before those that keep their place, or cannot be the racket's, are left out.
+pub(in crate::tracking) const MOST_BEFORE_SOME_GO: usize = 400;
+/// What keeps its place moves by less than this, px,
+pub(in crate::tracking) const STILL_PX: f64 = 1.5;
+/// in so large a share of the frames.
+const STILL_SHARE: f64 = 0.6;
+/// Frames without the racket before it is looked for where it can have got to,
+const FIRST_LOOK: usize = 2;
+/// and most frames between two such looks: it crosses the volume in sixty.
+const FARTHEST_LOOKS: usize = 20;
+
+/// So many frames it is looked for near where it is foretold, in one of so many.
+const LONGEST_NEAR: usize = 40;
+const EVERY_NEAR: usize = 2;
+
+/// Frames that a camera has not shown it, after which its depth has gone astray, and from one time to the next that it is looked for there.
+const STRAYED: usize = 3;
+/// Most frames in a row whose pose is told by few bands and what was foretold.
+const LONGEST_FORETOLD: usize = 200;
+/// Farthest that a racket followed is looked for from where it is expected, px: with a camera that did not see it, its depth is not known well.
+const MOST_REACH_PX: i32 = 7;
+
+/// The racket in the frames of one direction, and every picture's fingerprint.
+pub type OneWay = (Vec<(usize, RacketFrame)>, Vec<(usize, [Option<Fingerprint>; 2])>);
+
+/// The racket where it was found, and the contrast its bands must have, by camera.
+pub struct RacketStart {
+    pub(in crate::tracking) index: usize,
+    pub(in crate::tracking) frame: RacketFrame,
+    pub(in crate::tracking) least_contrast: [f64; 2],
+}
+
+impl RacketStart {
+    /// How strong its bands are beside what else looks like tape in the same pictures, in the camera where they are weaker: noise along a
+    /// white line, or between lines, makes figures too, of bands much fainter than the tape's, in one camera more than in the other.
+    fn strength(&self, candidates: &[Vec<BandCandidate>; 2]) -> f64 {
+        let of = |camera: usize| {
+            let strong = candidates[camera].get(STRONG).or(candidates[camera].last())?.contrast;
+            Some(self.least_contrast[camera] / (LEAST_CONTRAST * strong))
+        };
+        (0..2).filter_map(of).fold(f64::INFINITY, f64::min)
+    }
+
+    fn is_clear(&self, strength: f64) -> bool {
+        strength > CLEAR_STRENGTH && self.frame.count() >= CLEAR_BANDS
+    }
+}
+
+/// Whether most other frames have a candidate at the same place.
+fn stands_still(candidate: &BandCandidate, others: &[&[BandCandidate]]) -> bool {
+    let seen = others.iter().filter(|frame| frame.iter().any(|c| (c.uv - candidate.uv).norm() < STILL_PX)).count();
+    seen as f64 > STILL_SHARE * others.len() as f64
+}
+
+impl<S: FrameSource> Shot<'_, S> {
+    /// What may be tape in the frame that is searched first; nothing where one of its pictures is missing.
+    pub(in crate::tracking) fn first_candidates(&self) -> Result<Option<[Vec<BandCandidate>; 2]>, TrackingError> {
+        self.candidates_in(spread(self.source.len()).first().copied().unwrap_or_default(), MOST)
+    }
+
+    /// The racket in some frame, with its light and figure.
+    pub(in crate::tracking) fn start(&mut self, first: Option<[Vec<BandCandidate>; 2]>) -> Result<RacketStart, TrackingError> {
+        let start = self.acquire_racket(first)?;
+        let start = self.light_tape(start)?;
+        let start = self.focus_tape(start)?;
+        let start = self.measure_tape(start)?;
+        // One frame tells the throat's direction to a degree or two, and the bands are followed with it; several tell it better.
+        let start = self.turn_throat(start)?;
+        let start = self.shape_throat(start)?;
+        // Bands thought too wide show another light.
+        self.light_tape(start)
+    }
+
+    /// Finds the racket in some frame: the middle first (of which candidates may be known), then halves, quarters, ... until one is clear;
+    /// the best of those found when none is.
+    fn acquire_racket(&self, mut first: Option<[Vec<BandCandidate>; 2]>) -> Result<RacketStart, TrackingError> {
+        let (mut searched, mut most) = (0, [0, 0]);
+        let mut found: Vec<(f64, RacketStart)> = Vec::new();
+        for index in spread(self.source.len()) {
+            let candidates = match first.take() {
+                Some(candidates) => candidates,
+                None => match self.candidates_in(index, MOST)? {
+                    Some(candidates) => candidates,
+                    None => continue,
+                },
+            };
+            searched += 1;
+            for c in 0..2 {
+                most[c] = most[c].max(candidates[c].len());
+            }
+            let poses = racket_search::search(self.view, &self.figure, &candidates, None);
+            let starts: Result<Vec<_>, _> = poses.iter().map(|pose| self.confirm(index, &pose.global_from_racket)).collect();
+            let Some(start) = starts?.into_iter().flatten().min_by(|a, b| a.frame.miss_px().total_cmp(&b.frame.miss_px())) else { continue };
+            let strength = start.strength(&candidates);
+            if start.is_clear(strength) {
+                return Ok(start);
+            }
+            found.push((strength, start));
+            if found.len() == DOUBTFUL_STARTS {
+                break;
+            }
+        }
+        if let Some(start) = self.racket_among_figures()? {
+            return Ok(start);
+        }
+        // Bands as strong as tape that agree on one pose, as many as can be; of as many the strongest, or of strong ones those that agree best.
+        let likeness = |(strength, start): &(f64, RacketStart)| {
+            let (strong, miss_px) = (*strength > CLEAR_STRENGTH, start.frame.miss_px());
+            (strong, strong && miss_px < AGREEING_PX, start.frame.count(), if strong { -miss_px } else { *strength })
+        };
+        let best = found.into_iter().max_by(|a, b| likeness(a).partial_cmp(&likeness(b)).unwrap_or(std::cmp::Ordering::Equal));
+        best.map(|(_, start)| start).ok_or(TrackingError::NoRacket { searched, left: most[0], right: most[1] })
+    }
+
+    /// A clear racket where the likeliest figure of a frame is none: among all that looks like tape and does not keep its place, as lettering does.
+    /// (A racket that hangs still is found in a frame in which it moves.)
+    fn racket_among_figures(&self) -> Result<Option<RacketStart>, TrackingError> {
+        let mut frames = Vec::new();
+        for index in spread(self.source.len()).into_iter().take(DOUBTFUL_STARTS) {
+            if let Some(candidates) = self.candidates_in(index, MOST_BEFORE_SOME_GO)? {
+                frames.push((index, candidates));
+            }
+        }
+        for (index, candidates) in &frames {
+            let moving = [0, 1].map(|camera| {
+                let others: Vec<&[BandCandidate]> = frames.iter().filter(|(i, _)| i != index).map(|(_, c)| c[camera].as_slice()).collect();
+                candidates[camera].iter().filter(|c| !stands_still(c, &others)).take(MOST).copied().collect()
+            });
+            for pose in racket_search::search_all(self.view, &self.figure, &moving) {
+                let start = self.confirm(*index, &pose.global_from_racket)?.filter(|s| s.is_clear(s.strength(&moving)));
+                if start.is_some() {
+                    return Ok(start);
+                }
+            }
+        }
+        Ok(None)
+    }
+
+    /// What may be tape in both pictures of a frame, at most so many places in each; nothing where one is missing.
+    fn candidates_in(&self, index: usize, most: usize) -> Result<Option<[Vec<BandCandidate>; 2]>, TrackingError> {
+        self.with_buffers(|buffers| {
+            let [Some(l), Some(r)] = &self.read(index, buffers)? else { return Ok(None) };
+            Ok(Some(self.band_candidates([l, r], most)))
+        })
+    }
+
+    /// What may be tape in either picture.
+    fn band_candidates(&self, images: [&GreyView; 2], most: usize) -> [Vec<BandCandidate>; 2] {
+        let of = |camera: CameraId| band_search::candidates(images[camera.index()], 0..usize::MAX, self.px_per_m(camera), self.shape.white_half_m, most);
+        let (left, right) = rayon::join(|| of(CameraId::Left), || of(CameraId::Right));
+        [left, right]
+    }
+
+    /// A racket is believed when the bands themselves, not only candidate places, agree on one pose.
+    fn confirm(&self, index: usize, pose: &Isometry3<f64>) -> Result<Option<RacketStart>, TrackingError> {
+        self.look_around(index, pose, START_REACH_PX, |images| self.confirm_in(index, images, pose))
+    }
+
+    /// The rows of a frame's pictures that [`racket_track::measure`] looks at around a pose that may be off by so much.
+    fn look_around<R>(&self, index: usize, pose: &Isometry3<f64>, reach_px: i32, look: impl FnOnce(&[Option<GreyView>; 2]) -> R) -> Result<R, TrackingError> {
+        let rows = CameraId::BOTH.map(|c| self.scene().rows(c, pose, reach_px));
+        self.with_buffers(|buffers| Ok(look(&self.read_rows(index, rows, buffers)?)))
+    }
+
+    fn confirm_in(&self, index: usize, images: &[Option<GreyView>; 2], pose: &Isometry3<f64>) -> Option<RacketStart> {
+        let scene = self.scene();
+        let frame = racket_track::measure(&scene, images, pose, START_REACH_PX, &[4.0, 4.0])?;
+        if frame.count() < 6 || frame.pose.misfit() > 40.0 {
+            return None;
+        }
+        let mut least_contrast = [0.0; 2];
+        for camera in CameraId::BOTH {
+            let image = images[camera.index()].as_ref()?;
+            let mut contrasts: Vec<f64> = (0..5)
+                .filter(|m| frame.points[camera.index()][*m].is_some())
+                .filter_map(|m| BandView::at(self.view, &self.figure, &frame.pose.global_from_racket, camera, m)?.contrast(image, &self.shape, 0.0, 0.0))
+                .collect();
+            contrasts.sort_by(f64::total_cmp);
+            least_contrast[camera.index()] = LEAST_CONTRAST * contrasts.get(contrasts.len() / 2)?;
+        }
+        Some(RacketStart { index, frame, least_contrast })
+    }
+
+    /// The start with the light as its bands show it: the first time every band tells its own brightness, then what the light leaves over.
+    fn light_tape(&mut self, mut start: RacketStart) -> Result<RacketStart, TrackingError> {
+        let known = self.shape;
+        (self.shape.light, self.shape.black_shaded) = (None, false);
+        for _ in 0..LIGHT_ROUNDS {
+            let pose = start.frame.pose.global_from_racket;
+            let Some(light) = self.look_around(start.index, &pose, START_REACH_PX, |images| TapeLight::of(&self.scene(), images, &start.frame))? else { break };
+            let before = self.shape;
+            self.shape.light = Some(light);
+            let Some(again) = self.confirm(start.index, &pose)? else {
+                self.shape = before;
+                break;
+            };
+            start = again;
+        }
+        if self.shape.light.is_none() {
+            self.shape = known;
+        }
+        self.shape.black_shaded = self.shape.light.is_some();
+        Ok(start)
+    }
+
+    /// The start with the pictures as sharp as their tape shows them.
+    fn focus_tape(&mut self, start: RacketStart) -> Result<RacketStart, TrackingError> {
+        let mut blur = BlurEvidence::wide();
+        self.look_again(start.index, &start.frame, |images| blur.add(&self.scene(), images, &start.frame))?;
+        let (before, usual) = (self.blur_px, self.shape);
+        self.set_blur(blur.blur_px(before));
+        if self.shape == usual {
+            return Ok(start);
+        }
+        let again = self.confirm_again(&start)?;
+        if again.is_none() {
+            self.set_blur(before);
+        }
+        Ok(again.unwrap_or(start))
+    }
+
+    /// Bands are fitted with the usual blur as long as pictures are in focus: between 0.5 and 0.75 px it makes no difference to their places.
+    fn set_blur(&mut self, blur_px: [f64; 2]) {
+        self.blur_px = blur_px;
+        self.shape.blur_px = blur_px.map(|tape| out_of_focus(USUAL_BLUR_PX, tape));
+    }
+
+    /// The start with the white tape as long as its bands show it.
+    fn measure_tape(&mut self, start: RacketStart) -> Result<RacketStart, TrackingError> {
+        let white_half_m = self.look_again(start.index, &start.frame, |images| tape_length::white_half_m(&self.scene(), images, &start.frame))?;
+        let before = std::mem::replace(&mut self.shape.white_half_m, white_half_m);
+        let again = self.confirm_again(&start)?;
+        if again.is_none() {
+            self.shape.white_half_m = before;
+        }
+        Ok(again.unwrap_or(start))
+    }
+
+    /// The start with the throat's direction as its pictures show it.
+    fn turn_throat(&mut self, start: RacketStart) -> Result<RacketStart, TrackingError> {
+        let Some(figure) = self.throat_of(ThroatEvidence::wide(), &[(start.index, &start.frame)])? else { return Ok(start) };
+        self.confirm_with(start, figure)
+    }
+
+    /// The figure with the throat's direction as the pictures of a few of these frames show it.
+    pub(in crate::tracking) fn throat_of(&self, none: ThroatEvidence, frames: &[(usize, &RacketFrame)]) -> Result<Option<RacketFigure>, TrackingError> {
+        let looked_at = frames.len().min(THROAT_FRAMES);
+        let of_frame = |k: usize| {
+            let (index, frame) = frames[k * frames.len() / looked_at];
+            let mut evidence = none.clone();
+            self.look_again(index, frame, |images| evidence.add(&self.scene(), images, frame)).map(|()| evidence)
+        };
+        let parts: Result<Vec<ThroatEvidence>, TrackingError> = (0..looked_at).into_par_iter().map(of_frame).collect();
+        let mut evidence = none.clone();
+        parts?.iter().for_each(|part| evidence.join(part));
+        Ok(evidence.angle(&self.figure).map(|(angle, _)| self.figure.with_throat(angle)))
+    }
+
+    /// The pictures of the bands of a frame measured before.
+    fn look_again<R>(&self, index: usize, frame: &RacketFrame, look: impl FnOnce(&[Option<GreyView>; 2]) -> R) -> Result<R, TrackingError> {
+        self.look_around(index, &frame.pose.global_from_racket, MEASURED_REACH_PX, look)
+    }
+
+    /// The start with the throat's width and bend as its pictures and the next ones show them, and these as sharp as they are.
+    fn shape_throat(&mut self, start: RacketStart) -> Result<RacketStart, TrackingError> {
+        let next = self.follow_racket_one_way(&start, (start.index + 1..self.source.len()).take(WIDTH_FRAMES - 1))?.0;
+        let frames: Vec<(usize, &RacketFrame)> = std::iter::once((start.index, &start.frame)).chain(next.iter().map(|(i, f)| (*i, f))).collect();
+        let of_frame = |(index, frame): &(usize, &RacketFrame)| {
+            let (mut width, mut bend, mut blur) = (WidthEvidence::none(), BendEvidence::none(), BlurEvidence::near(self.blur_px));
+            let look = |images: &[Option<GreyView>; 2]| {
+                width.add(&self.scene(), images, frame);
+                bend.add(&self.scene(), images, frame);
+                blur.add(&self.scene(), images, frame);
+            };
+            self.look_again(*index, frame, look).map(|()| (width, bend, blur))
+        };
+        let parts: Result<Vec<_>, TrackingError> = frames.par_iter().map(of_frame).collect();
+        let (mut width, mut bend, mut blur) = (WidthEvidence::none(), BendEvidence::none(), BlurEvidence::near(self.blur_px));
+        for (w, b, sharp) in &parts? {
+            width.join(w);
+            bend.join(b);
+            blur.join(sharp);
+        }
+        self.set_blur(blur.blur_px(self.blur_px));
+        let shaped = self.figure.with_throat_width(width.throat_to_head()).with_throat_bend(bend.bend());
+        self.confirm_with(start, shaped)
+    }
+
+    /// The start measured once more; `None` when its bands no longer agree.
+    fn confirm_again(&self, start: &RacketStart) -> Result<Option<RacketStart>, TrackingError> {
+        self.confirm(start.index, &start.frame.pose.global_from_racket)
+    }
+
+    /// The start measured once more with another figure, which stays if the bands agree.
+    fn confirm_with(&mut self, start: RacketStart, figure: RacketFigure) -> Result<RacketStart, TrackingError> {
+        let before = std::mem::replace(&mut self.figure, figure);
+        let again = self.confirm_again(&start)?;
+        if again.is_none() {
+            self.figure = before;
+        }
+        Ok(again.unwrap_or(start))
+    }
+
+    /// Follows the racket from the frame where it was found to the clip's end or to its beginning.
+    pub(in crate::tracking) fn follow_racket(&self, start: &RacketStart, forth: bool) -> Result<OneWay, TrackingError> {
+        let told = |_: &usize| (self.progress)(1);
+        if forth {
+            self.follow_racket_one_way(start, (start.index + 1..self.source.len()).inspect(told))
+        } else {
+            self.follow_racket_one_way(start, (0..start.index).rev().inspect(told))
+        }
+    }
+
+    /// The racket of all frames, and every picture's fingerprint.
+    pub(in crate::tracking) fn both_ways(&self, start: &RacketStart, ways: [OneWay; 2]) -> Result<(Vec<Option<RacketFrame>>, Fingerprints), TrackingError> {
+        let n = self.source.len();
+        let mut all = vec![None; n];
+        all[start.index] = Some(start.frame.clone());
+        let mut prints = vec![[None, None]; n];
+        prints[start.index] = self.with_buffers(|buffers| Ok::<_, TrackingError>(self.read(start.index, buffers)?.map(|v| v.map(|v| Fingerprint::of(&v)))))?;
+        for (frames, seen) in ways {
+            for (index, frame) in frames {
+                all[index] = Some(frame);
+            }
+            for (index, print) in seen {
+                prints[index] = print;
+            }
+        }
+        Ok((all, prints))
+    }
+
+    /// Measures the frames with a stale picture again, from the other camera alone.
+    pub(in crate::tracking) fn remeasure_stale(&self, start: &RacketStart, racket: &mut [Option<RacketFrame>]) -> Result<(), TrackingError> {
+        let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
+        for index in (0..racket.len()).filter(|i| self.stale.get(*i).is_some_and(|s| s.contains(&true))) {
+            let images = self.read(index, &mut buffers)?;
+            let pose = |i: Option<usize>| racket.get(i?)?.as_ref().map(|r| r.pose.global_from_racket);
+            let expected = match (pose(index.checked_sub(1)), pose(Some(index + 1))) {
+                (Some(a), Some(b)) => Some(a.lerp_slerp(&b, 0.5)),
+                (one, other) => one.or(other),
+            };
+            racket[index] = expected.and_then(|p| racket_track::measure(&self.scene(), &images, &p, 2, &start.least_contrast));
+        }
+        Ok(())
+    }
+
+    fn follow_racket_one_way(&self, start: &RacketStart, indices: impl Iterator<Item = usize>) -> Result<OneWay, TrackingError> {
+        self.follow_racket_through(start, None, indices, true)
+    }
+
+    /// Once lost it is looked for near where it is foretold and where it can have got to, in frames ever farther apart. From where it is found, and from where its
+    /// bands alone tell its pose again, it is followed back into the frames without it and those in which it was foretold: what more of it is seen so
+    /// counts. Without `look_for` it is given up after [`PATIENCE`] frames.
+    pub(in crate::tracking) fn follow_racket_through(
+        &self,
+        start: &RacketStart,
+        moves: Option<RacketMotion>,
+        indices: impl Iterator<Item = usize>,
+        look_for: bool,
+    ) -> Result<OneWay, TrackingError> {
+        let scene = self.scene();
+        let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
+        let mut out: Vec<(usize, RacketFrame)> = Vec::new();
+        let found_at = |index: usize, frame: &RacketFrame| RacketMotion::start(self.source.number(index) as f64, &frame.pose, self.setup.frame_rate_hz);
+        // It has been seen to move.
+        let mut goes_on = moves.is_some();
+        let mut motion = moves.unwrap_or_else(|| found_at(start.index, &start.frame));
+        let mut prints = Vec::new();
+        // The bands seen in the frame before, as long as they are seen where they are expected.
+        let mut known: Option<KnownBands> = None;
+        let mut lost = 0;
+        let mut look_next = FIRST_LOOK;
+        // Frames since its bands alone told its pose: those without it, the last so many, and those in which it was foretold.
+        let mut between: Vec<usize> = Vec::new();
+        let mut still = None;
+        // Frames since its bands alone told its pose, and since either camera showed it.
+        let (mut foretold_for, mut unseen) = (0, [0usize; 2]);
+        for index in indices {
+            if !look_for && lost > PATIENCE {
+                break;
+            }
+            let now = self.source.number(index) as f64;
+            let mut found = None;
+            let saw_it = unseen.map(|frames| frames == 0);
+            let astray = unseen.iter().any(|frames| *frames > 0 && frames.is_multiple_of(STRAYED));
+            let foretold = motion.foretold(now);
+            let predicted = foretold.pose;
+            let reach = match goes_on {
+                false => 5,
+                true if saw_it.contains(&false) => MOST_REACH_PX,
+                true => (3 + 2 * lost as i32).min(MOST_REACH_PX),
+            };
+            let expected = lost <= PATIENCE;
+            if expected
+                && let Some(known) = &mut known
+                && let Some(bands) = scene.expected(&predicted)
+            {
+                let images = self.read_rows(index, bands.rows(&scene, known), &mut buffers)?;
+                found = racket_track::confirm(&scene, &images, &predicted, &bands, &start.least_contrast, known);
+                if found.is_some() {
+                    prints.push((index, images.map(|v| v.map(|v| Fingerprint::of(&v)))));
+                }
+            }
+            if found.is_none() {
+                known = None;
+                let rows = if expected { CameraId::BOTH.map(|c| scene.rows(c, &predicted, reach)) } else { [Rows::ALL; 2] };
+                let images = self.read_rows(index, rows, &mut buffers)?;
+                if images.iter().all(Option::is_none) {
+                    continue;
+                }
+                prints.push((index, images.map(|v| v.map(|v| Fingerprint::of(&v)))));
+                if expected {
+                    let by_few = foretold_for < LONGEST_FORETOLD;
+                    let look = Expected { foretold, goes_on, by_few, reach_px: reach, saw_it, astray };
+                    (found, known) = look.find(&scene, images, &start.least_contrast);
+                }
+            }
+            let (mut near, mut afresh) = (false, false);
+            if found.is_none() && look_for && lost >= FIRST_LOOK {
+                let since = between.len().checked_sub(lost).and_then(|first| between.get(first)).copied().unwrap_or(index);
+                let mut racket = LostRacket { since, frames: lost, last_seen: (motion.number(), *motion.pose()), foretold, still: still.take() };
+                if lost <= LONGEST_NEAR && lost.is_multiple_of(EVERY_NEAR) {
+                    found = self.look_near(index, &mut racket, &start.least_contrast, &mut buffers)?;
+                    near = found.is_some();
+                }
+                if found.is_none() && lost >= look_next {
+                    found = self.look_for_racket(index, &mut racket, &start.least_contrast, &mut buffers)?;
+                    look_next = lost + 1 + (lost / 2).min(FARTHEST_LOOKS);
+                }
+                still = racket.still;
+                afresh = found.is_some();
+            }
+            match found {
+                Some(frame) => {
+                    for (unseen, points) in unseen.iter_mut().zip(&frame.points) {
+                        *unseen = if points.iter().any(Option::is_some) { 0 } else { *unseen + 1 };
+                    }
+                    goes_on = near || lost <= PATIENCE;
+                    if goes_on {
+                        motion.go_on(now, &frame);
+                    } else {
+                        motion = found_at(index, &frame);
+                    }
+                    if look_for && !between.is_empty() && (afresh || !frame.foretold) {
+                        let found = RacketStart { index, frame: frame.clone(), least_contrast: start.least_contrast };
+                        let back = goes_on.then(|| motion.turned_back());
+                        for (index, frame) in self.follow_racket_through(&found, back, between.iter().rev().copied(), false)?.0 {
+                            match out.iter_mut().rev().find(|(there, _)| *there == index) {
+                                Some((_, before)) if before.count() >= frame.count() => {}
+                                Some((_, before)) => *before = frame,
+                                None => out.push((index, frame)),
+                            }
+                        }
+                    }
+                    foretold_for = if frame.foretold { foretold_for + 1 } else { 0 };
+                    (lost, look_next) = (0, FIRST_LOOK);
+                    still = None;
+                    if frame.foretold && !afresh {
+                        between.push(index);
+                    } else {
+                        between.clear();
+                    }
+                    out.push((index, frame));
+                }
+                None => {
+                    lost += 1;
+                    between.push(index);
+                }
+            }
+        }
+        Ok((out, prints))
+    }
+}

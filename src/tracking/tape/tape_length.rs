@@ -1,0 +1,25 @@
+//! How long the white tape is along its tube. No file tells: tape is sold in several widths and cut by hand.
+
+use crate::footage::GreyView;
+use crate::tracking::racket::racket_track::{RacketFrame, RacketScene};
+use crate::tracking::tape::band::{BandShape, BandView};
+use crate::tracking::tape::band_trial::{self, Trial};
+
+/// Half lengths tried, of the one expected.
+const TRIED: [f64; 7] = [0.82, 0.88, 0.94, 1.0, 1.06, 1.12, 1.18];
+/// Of the one expected, before anything was seen.
+const EXPECTED_SD: f64 = 0.1;
+
+/// Half the length of the white that leaves least of a frame's bands unexplained, m; the scene's own where that lies at an end of those tried.
+pub fn white_half_m(scene: &RacketScene, images: &[Option<GreyView>; 2], frame: &RacketFrame) -> f64 {
+    let usual = scene.shape.white_half_m;
+    let mut trial = Trial::new(TRIED);
+    let looks = |camera, marker| {
+        let band = BandView::at(scene.view, scene.figure, &frame.pose.global_from_racket, camera, marker)?;
+        Some(TRIED.map(|by| (band, BandShape { white_half_m: by * usual, ..*scene.shape })))
+    };
+    for (_, against) in band_trial::against_in_frame(images, frame, |_| true, looks) {
+        trial.add(&against);
+    }
+    trial.expecting(1.0, EXPECTED_SD).least().map_or(usual, |(by, _)| by * usual)
+}

@@ -3,7 +3,6 @@
 use super::Shell;
 use super::error::{CliError, Kind};
 use super::set_aside::{listed, set_aside, set_judgements_aside, set_session_aside};
-use super::track::{doubt, seen_flattening};
 use super::tracked_session::TrackedSession;
 use crate::impact_table::ImpactTable;
 use crate::kinematics::{
@@ -14,7 +13,7 @@ use crate::provenance::{Provenance, sha256_file, sha256_hex};
 use crate::report::{histograms_to_csv, season_figures};
 use crate::session::ShotFolder;
 use crate::tracking::spin::{SPIN_FILE, SpinEstimate, read_spin};
-use crate::tracking::{Tracks, points_to_csv};
+use crate::tracking::{TrackRecord, Tracks, points_to_csv};
 use nalgebra::Vector2;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -88,7 +87,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     }
     failed.sort();
     for folder in &session.shots {
-        if let Some(doubt) = doubt(&tracked.place(folder)) {
+        if let Some(doubt) = TrackRecord::read(&tracked.place(folder)).and_then(|t| t.summary.doubt) {
             shell.say(format_args!("{}: {doubt}", folder.id));
         }
     }
@@ -188,8 +187,9 @@ fn one_shot(tracked: &TrackedSession, folder: &ShotFolder, arguments: &Arguments
     }
     // Everything else that enters: equipment, timing, groups, points asked for.
     let settings = tracked.settings(folder);
-    let ball_flattening = seen_flattening(&place);
-    let doubt = doubt(&place);
+    let tracking = TrackRecord::read(&place);
+    let ball_flattening = tracking.as_ref().and_then(TrackRecord::flattening);
+    let doubt = tracking.and_then(|t| t.summary.doubt);
     let settings_text = format!(
         "{:?}",
         (&doubt, &folder.racket, &folder.ball, folder.grip_torque_n_m, &ball_flattening, &folder.groups, &folder.note, &arguments.point, &settings)

@@ -7,16 +7,15 @@ use super::tracked_session::{rig_to_measure_with, warn_of_old_calibration};
 use crate::calibration::{CameraId, StereoRig};
 use crate::footage::Clip;
 use crate::kinematics::{SHOT_FILE, ShotRecord};
-use crate::limited_file::{LARGEST_TABLE, LARGEST_TEXT, LimitedFile, read_text};
+use crate::limited_file::{LARGEST_TABLE, LimitedFile};
 use crate::provenance::{Provenance, ends_with_line, sha256_file, sha256_hex};
 use crate::session::{Session, ShotFolder};
 use crate::tracking::spin::{SPIN_FILE, spin_to_json};
 use crate::tracking::{
-    Flattening, InStep, Overlay, PointState, PressedFrame, RacketFigure, ShotSetup, SyncMode, Throat, TrackExport, TrackingError, Tracks, c3d_bytes,
-    contact_frames, dltdv_tables, measure_spin, points_to_csv, read_points, track_in_step,
+    Overlay, PointState, ShotSetup, ShotSummary, SyncMode, TRACK_FILE, TrackExport, TrackRecord, TrackingError, Tracks, c3d_bytes, dltdv_tables, measure_spin,
+    points_to_csv, read_points, track_in_step,
 };
 use indicatif::ProgressBar;
-use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::io::{Read, Seek};
@@ -62,46 +61,6 @@ pub enum Sync {
     Auto,
 }
 
-/// What `--json` prints for one shot, and what `track.json` keeps.
-#[derive(Debug, Default, Serialize, Deserialize)]
-struct ShotSummary {
-    id: String,
-    frames: usize,
-    measured: usize,
-    occluded: usize,
-    contact_frame: Option<f64>,
-    /// Frames in which the ball is nearer to the string plane than one radius.
-    #[serde(default)]
-    contact_frames: Vec<u64>,
-    /// Frames in which the ball was measured as pressed by the strings, and how much they flatten it.
-    #[serde(default)]
-    flattening: Vec<PressedFrame>,
-    /// Frame n pairs the left picture n with the right picture n + this.
-    #[serde(default)]
-    right_shift: i64,
-    /// Whether the cameras were found out of step and left so.
-    #[serde(default)]
-    out_of_step: bool,
-    /// Why the points should not be believed.
-    #[serde(default)]
-    doubt: Option<String>,
-    /// As the pictures show it; `null` when they did not.
-    #[serde(default)]
-    throat: Option<Throat>,
-    notes: Vec<String>,
-    /// Pictures that cannot be read; they count as missing.
-    unreadable: Vec<String>,
-    error: Option<String>,
-}
-
-/// `track.json`: what became of a shot, and from what; a later run keeps tracks only when nothing of it has changed.
-#[derive(Debug, Serialize, Deserialize)]
-struct TrackRecord {
-    summary: ShotSummary,
-    provenance: Provenance,
-}
-
-const TRACK_FILE: &str = "track.json";
 /// What `--export` and `--overlay` write of a shot.
 const EXPORTS: [&str; 7] =
     ["dltdv_xypts.csv", "dltdv_xyzpts.csv", "dltdv_xyzres.csv", "dltdv_offsets.csv", "points.c3d", "overlay_left.png", "overlay_right.png"];
@@ -255,7 +214,7 @@ fn one(
 ) -> Result<ShotSummary, Failure> {
     let provenance = LazyLock::new(|| provenance(session, shot, rig.1, &clip));
     if !shell.args.force {
-        let record = earlier(folder);
+        let record = TrackRecord::read(folder);
         if record.as_ref().is_some_and(|r| still_holds(r, arguments, folder, &provenance, &clip)) {
             said.push(format!("{}: already tracked (--force tracks again)", shot.id));
             return Ok(record.map(|r| r.summary).unwrap_or_default());
@@ -280,7 +239,7 @@ fn one(
     };
     let spin = if arguments.no_spin { None } else { Some(measure_spin(&made.clip, &setup, &mut made.tracked)?) };
     let tracked = &made.tracked;
-    let summary = summary(&shot.id, &setup, &made, [clip.gap_notes(), clip.depth_notes()].concat());
+    let summary = ShotSummary::of(&shot.id, &setup, &made, [clip.gap_notes(), clip.depth_notes()].concat());
     said.push(format!("{}: {} points measured, {} occluded, in {} frames", shot.id, summary.measured, summary.occluded, summary.frames));
     said.lines.extend(summary.notes.iter().map(|note| format!("{}: {note}", shot.id)));
     if spin.is_none() {
@@ -475,27 +434,6 @@ fn set_earlier_aside(id: &str, folder: &Path, said: &mut Said) -> Result<(), Cli
     Ok(())
 }
 
-/// What an earlier run wrote down.
-fn earlier(folder: &Path) -> Option<TrackRecord> {
-    serde_json::from_str(&read_text(&folder.join(TRACK_FILE), LARGEST_TEXT).ok()?).ok()
-}
-
-/// What tracking saw of the throat in this shot, if the tracks are its own.
-pub fn seen_throat(folder: &Path) -> Option<Throat> {
-    earlier(folder)?.summary.throat.filter(Throat::is_possible)
-}
-
-/// Why the points of this shot should not be believed, if tracking found so.
-pub fn doubt(folder: &Path) -> Option<String> {
-    earlier(folder)?.summary.doubt
-}
-
-/// The largest flattening of the ball that tracking saw in this shot, if the tracks are its own.
-pub fn seen_flattening(folder: &Path) -> Option<Flattening> {
-    let all = earlier(folder)?.summary.flattening.into_iter().map(|f| f.flattening).filter(Flattening::is_possible);
-    all.max_by(|a, b| a.share.total_cmp(&b.share))
-}
-
 /// Whether an earlier run had the same input, wrote what is asked for now, and no picture is younger than its result.
 fn still_holds(record: &TrackRecord, arguments: &Arguments, folder: &Path, provenance: &Provenance, clip: &Clip) -> bool {
     let time = |path: &Path| std::fs::metadata(path).and_then(|m| m.modified()).ok();
@@ -508,26 +446,4 @@ fn still_holds(record: &TrackRecord, arguments: &Arguments, folder: &Path, prove
     // A picture that could not be read then may be readable now.
     let all_read = record.summary.unreadable.is_empty();
     whole && settled && all_read && record.provenance == *provenance && !clip.pairs.iter().flat_map(|p| p.files.iter().flatten()).any(younger)
-}
-
-fn summary(id: &str, setup: &ShotSetup, made: &InStep, gaps: Vec<String>) -> ShotSummary {
-    let tracked = &made.tracked;
-    let measured = tracked.tracks.points.iter().filter(|p| p.state == PointState::Measured).count();
-    let as_written = RacketFigure::of(setup.racket).and_then(|f| f.throat());
-    ShotSummary {
-        id: id.to_owned(),
-        frames: tracked.tracks.frames().len(),
-        measured,
-        occluded: tracked.tracks.points.len() - measured,
-        contact_frame: tracked.contact_frame,
-        contact_frames: contact_frames(&made.clip, setup, tracked),
-        flattening: PressedFrame::of(&made.clip, &tracked.ball),
-        right_shift: made.right_shift,
-        out_of_step: made.out_of_step,
-        doubt: made.doubt.clone(),
-        throat: tracked.figure.throat().filter(|t| as_written != Some(*t)),
-        notes: gaps.into_iter().chain(tracked.notes.iter().cloned()).collect(),
-        unreadable: tracked.unreadable.clone(),
-        error: None,
-    }
 }

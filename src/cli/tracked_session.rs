@@ -2,13 +2,12 @@
 
 use super::Shell;
 use super::error::CliError;
-use super::track::seen_throat;
 use crate::calibration::{CalibrationError, StereoRig};
 use crate::equipment::Racket;
 use crate::kinematics::{AirSeen, BalanceSeen, MeasureSettings, ShotMotion, TapeErrors, evenly, measure_motion};
 use crate::provenance::sha256_file;
 use crate::session::{Session, ShotFolder};
-use crate::tracking::{RacketFigure, Throat, Tracks};
+use crate::tracking::{RacketFigure, Throat, TrackRecord, Tracks};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -132,7 +131,7 @@ fn tapes(session: &Session, rig: &StereoRig, results: &Path) -> BTreeMap<String,
         let Ok(tracks) = Tracks::read(&place.join("tracks.csv")) else { continue };
         let (_, all, throats) = by_racket.entry(&shot.racket.name).or_insert((&shot.racket, Vec::new(), Vec::new()));
         all.push(tracks);
-        throats.extend(seen_throat(&place));
+        throats.extend(TrackRecord::read(&place).and_then(|t| t.throat()));
     }
     let of = |(racket, tracks, throats): (&Racket, Vec<Tracks>, Vec<Throat>)| {
         Some(TapeErrors::of(rig, &RacketFigure::of(racket)?, &tracks.iter().collect::<Vec<_>>(), &throats))

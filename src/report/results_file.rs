@@ -9,7 +9,7 @@ use crate::impact_table::ImpactTable;
 use crate::kinematics::{SHOT_FILE, ShotRecord};
 use crate::limited_file::{LARGEST_TABLE, read_text};
 use crate::session::{Session, ShotFolder};
-use crate::tracking::{SpacePoint, Tracks, read_points};
+use crate::tracking::{SpacePoint, TrackRecord, Tracks, read_points};
 use serde::de::DeserializeOwned;
 use std::path::Path;
 
@@ -30,7 +30,7 @@ pub fn read_session_results(session: &Session, results: &Path) -> SessionResults
             let why = if tracks.is_some() { "tracked, but not measured (see `sweetspot shots`)" } else { "not tracked (see `sweetspot track`)" };
             failed.push((folder.id.clone(), why.to_owned()));
         }
-        let tracked = tracked(&place);
+        let tracked = TrackRecord::read(&place).map(|r| r.summary).unwrap_or_default();
         let pictures = tracks.as_ref().map_or_else(Vec::new, |t| pictures(folder, tracked.right_shift, t, &points));
         let recording = if tracks.is_some() { [tracked.notes, tracked.unreadable].concat() } else { Vec::new() };
         shots.push(ShotResults { id: folder.id.clone(), racket: folder.racket.clone(), record, tracks, points, pictures, recording });
@@ -75,27 +75,6 @@ fn json<T: DeserializeOwned>(path: &Path, what: &str, failed: &mut Vec<(String, 
 /// Room around the points of a frame, px, and the least size of a piece.
 const MARGIN_PX: f64 = 22.0;
 const LEAST_PX: f64 = 110.0;
-
-/// What the report takes from `track.json`.
-#[derive(Default, serde::Deserialize)]
-struct Tracked {
-    /// By how many frames the right pictures were moved to pair them anew (`track --sync auto`).
-    #[serde(default)]
-    right_shift: i64,
-    #[serde(default)]
-    notes: Vec<String>,
-    #[serde(default)]
-    unreadable: Vec<String>,
-}
-
-fn tracked(place: &Path) -> Tracked {
-    #[derive(serde::Deserialize)]
-    struct Record {
-        summary: Tracked,
-    }
-    let record = read_text(&place.join("track.json"), LARGEST_TABLE).ok().and_then(|text| serde_json::from_str::<Record>(&text).ok());
-    record.map(|r| r.summary).unwrap_or_default()
-}
 
 /// Pieces of the frames of doubt. A frame that cannot be read (any more) is left out: the tracks are there all the same.
 fn pictures(folder: &ShotFolder, right_shift: i64, tracks: &Tracks, points: &[SpacePoint]) -> Vec<FramePicture> {

@@ -16,6 +16,7 @@ mod space_points;
 pub mod spin;
 mod tape;
 mod track_file;
+mod track_record;
 
 pub use ball::ball_pressed::{Flattening, PressedFrame};
 pub use ball::ball_track::BallFrame;
@@ -35,3 +36,4 @@ pub use shot_tracker::track_shot;
 pub use shot_tracks::{ShotSetup, ShotTracks, TrackingError};
 pub use space_points::{BALL_ERRORS_ALIKE, contact_frames, widen_by_shake, with_errors_alike};
 pub use track_file::{ImagePoint, PointState, SpacePoint, Target, TrackFileError, TrackPoint, Tracks, points_to_csv, read_points};
+pub use track_record::{ShotSummary, TRACK_FILE, TrackRecord};

@@ -432,7 +432,7 @@ fn truth_a_bounce_within_the_window_shortens_it_and_nothing_else_does() {
     assert!(shortened <= 2, "{shortened} of 40 windows shortened though nothing bends");
 }
 
-/// The ends of the table in docs/kinematics.md of errors by the longest window allowed: 30 ms know velocities better than 10 ms, and
+/// The ends of the table in docs/kinematics-experiments.md of errors by the longest window allowed: 30 ms know velocities better than 10 ms, and
 /// their intervals are as true.
 #[test]
 fn law_a_long_window_knows_velocities_better() {

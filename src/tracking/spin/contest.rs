@@ -6,7 +6,7 @@ use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
 /// Least lead over a rival behind a barrier, as a share of what the markings explain; twice that for a best solution that
-/// stands still. Measured (docs/spin.md, "Rivals"): a line that slides along itself leads by up to 0.18 where it stands
+/// stands still. Measured (docs/spin-experiments.md, "Rivals"): a line that slides along itself leads by up to 0.18 where it stands
 /// still; two lines or dots lead by more than 0.3 over the nearest true rival.
 const LEAST_LEAD: f64 = 0.2;
 /// Least lead over a rival that is far away, barrier or not: one wrong spin in footage led by 0.07.
@@ -17,7 +17,7 @@ const BARRIER: f64 = 0.015;
 const PROBES: u32 = 100;
 /// What a fit on the best one's slope, that has not arrived after as many steps, tells of how flat their valley is: squared distance, this
 /// share of it where it is as good, a quarter of that where it is behind by `FLAT_LEAD` of what the markings explain. Three rendered
-/// sessions of 70 shots (docs/spin.md, "Flat valleys").
+/// sessions of 70 shots (docs/spin-experiments.md, "Flat valleys").
 const FLAT_SHARE: f64 = 0.1;
 const FLAT_LEAD: f64 = 0.01;
 /// Turn over the window within which another candidate lies in the same valley, rad.

@@ -18,7 +18,7 @@ pub struct SpinSettings {
     /// Fastest spin looked for, rad/s. The default of 650 rad/s (6200 rpm) is above every stroke measured in play.
     pub limit_rad_s: f64,
     /// Blur of the recording by camera, standard deviation in px: lens and pixel together. Between 0.45 and 0.75 px the rate
-    /// changes by 0.3 % (docs/spin.md, "Blur").
+    /// changes by 0.3 % (docs/spin-experiments.md, "Blur").
     pub blur_px: [f64; 2],
 }
 
@@ -146,11 +146,11 @@ pub const BLUR_PX: f64 = 0.6;
 /// Growth of the covariance with the noise: the map follows some of it, and its slopes there look like information.
 const NOISE_SHARE: f64 = 8.0;
 /// Displacement of the markings from one end of the window to its middle that no picture shows (steps of the shading, the blur's true
-/// shape, the map's cells), px, and relative error of the rate. Measured on rendered balls (docs/spin.md, "Uncertainty").
+/// shape, the map's cells), px, and relative error of the rate. Measured on rendered balls (docs/spin-experiments.md, "Uncertainty").
 const MISFIT_PX: f64 = 0.012;
 const SYSTEMATIC_RATE: f64 = 0.003;
 /// Maps with other cells over which the spin is averaged, and the share of one map's scatter that stays in the mean of all:
-/// dents that the pictures make lie at the same place on all (docs/spin.md, "Cells").
+/// dents that the pictures make lie at the same place on all (docs/spin-experiments.md, "Cells").
 const OTHER_CELLS: usize = 3;
 const CELLS_SHARE: f64 = 0.5;
 /// Frames over which residuals stay correlated.

@@ -447,7 +447,7 @@ fn secant(holds: &Matrix3<f64>, step: &Vector3<f64>, change: &Vector3<f64>) -> M
 /// Where a line lies that a pixel sees in the middle of it. The lens blurs light, not contrast: on a slope of the shading a
 /// line seems to move toward the dark, by the blur's variance times the slope of the light's logarithm. (The mean direction
 /// under the blur would lie farther out still, but lines are narrower than the blur, and a line's blurred picture is
-/// symmetric about its place in the picture, not on the ball; docs/spin.md, "Blur".)
+/// symmetric about its place in the picture, not on the ball; docs/spin-experiments.md, "Blur in the present map".)
 fn blurred_direction(disc: &Vector3<f64>, shading: &Shading, view: &ViewInfo, blur_px: &[f64; 2]) -> Vector3<f64> {
     const H: f64 = 0.02;
     let variance = (blur_px[view.camera.index()] / view.radius_px).powi(2);

@@ -80,7 +80,7 @@ pub(super) const TRACK_TERMS: usize = 4;
 pub(super) type CentreErrors = [f64; TRACK_TERMS];
 
 /// Part of the ball's disc that is used: beyond it, lines are foreshortened below the width of the blur and the
-/// background mixes in. Measured in docs/spin.md, "Used part of the disc".
+/// background mixes in. Measured in docs/spin-experiments.md, "Used part of the disc".
 pub(super) const USED_RADIUS: f64 = 0.88;
 
 /// Centres of a camera from which a track is smoothed.

@@ -6,7 +6,7 @@ use super::impacts_input::ImpactsInput;
 use crate::impact::model_file::with_values;
 use crate::validation::by_group::Groups;
 use crate::validation::comparison::{parameter_values, session_offsets};
-use crate::validation::fit::{FitOptions, fit_with_likely_offsets};
+use crate::validation::fit::{FitOptions, fit, fit_with_likely_offsets};
 use crate::validation::forward::Library;
 use crate::validation::heldout::held_out_error;
 use crate::validation::structure::structure_test;
@@ -40,10 +40,18 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     }
     let seen = loaded.observations.side(false);
     let options = FitOptions { robust: !arguments.no_robust, ..FitOptions::default() };
-    let (fitted, unlikely) = fit_with_likely_offsets(current, &loaded.observations, &seen, &options)?;
-    let structure = structure_test(&fitted, &loaded.observations, &seen, Groups::Test, input.seed);
-    let parameters = parameter_values(current, &fitted, structure.noise_scale);
-    let error = held_out_error(current, &fitted, &loaded.observations)?;
+    let likely = fit_with_likely_offsets(current, &loaded.observations, &seen, &options)?;
+    let fitted = &likely.fit;
+    let structure = structure_test(fitted, &loaded.observations, &seen, Groups::Test, input.seed);
+    let parameters = parameter_values(current, fitted, structure.noise_scale);
+    // As `compare` tells it of the new file: with offsets.
+    let error = match &likely.unlikely {
+        None => held_out_error(current, fitted, &loaded.observations)?,
+        Some(_) => {
+            let held = FitOptions { move_parameters: false, start_values: Some(fitted.values.clone()), ..options };
+            held_out_error(current, &fit(current, &loaded.observations, &seen, &held, None)?, &loaded.observations)?
+        }
+    };
     let values: Vec<(String, f64)> = parameters.iter().map(|p| (p.name.clone(), p.value)).collect();
     let text = with_values(&loaded.model_text, &values, &input.files.model)?;
     shell.write(&arguments.output, text.as_bytes())?;
@@ -79,7 +87,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
         structure.noise_scale.sqrt()
     ));
     let mut notes = loaded.observations.notes.clone();
-    notes.extend(unlikely.map(|offset| {
+    notes.extend(likely.unlikely.as_ref().map(|(offset, _)| {
         format!("the model asks for {offset}: it fails (`sweetspot diagnose` looks for what is missing), and its parameters are fitted without any offset")
     }));
     for note in &notes {
@@ -93,7 +101,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
         "heldout_error": error,
         "noise_floor": structure.noise_scale.sqrt(),
         "n_fitted": seen.len(),
-        "session_offsets": session_offsets(&loaded.observations, &fitted, structure.noise_scale),
+        "session_offsets": session_offsets(&loaded.observations, fitted, structure.noise_scale),
         "notes": notes,
         "left_out": loaded.observations.left_out(),
         "provenance": loaded.provenance,

@@ -37,6 +37,9 @@ pub struct ParameterCard {
     pub role: Role,
     /// Freed by `fit` when the effect has just been added.
     pub fit: bool,
+    /// Of a strength: in base viscoelastic only its size counts, and none is no limit of small ones.
+    #[serde(skip)]
+    pub size_alone: bool,
     pub meaning: &'static str,
 }
 
@@ -52,13 +55,14 @@ impl ParameterCard {
             typical,
             role: Role::Strength { absent: 0.0, one_sided: range.0 >= 0.0 },
             fit: true,
+            size_alone: false,
             meaning,
         }
     }
 
     /// A shape parameter, kept at its default unless the user frees it.
     pub const fn shape(name: &'static str, unit: &'static str, meaning: &'static str, default: f64, range: (f64, f64), typical: f64) -> Self {
-        ParameterCard { name, unit, default, min: range.0, max: range.1, typical, role: Role::Shape, fit: false, meaning }
+        ParameterCard { name, unit, default, min: range.0, max: range.1, typical, role: Role::Shape, fit: false, size_alone: false, meaning }
     }
 
     /// The same, and the fit may move it.
@@ -67,9 +71,15 @@ impl ParameterCard {
         ParameterCard { fit: true, ..self }
     }
 
+    /// The same, and in base viscoelastic only its size counts.
+    #[must_use]
+    pub const fn size_alone(self) -> Self {
+        ParameterCard { size_alone: true, ..self }
+    }
+
     /// A parameter of the base model.
     pub const fn base(name: &'static str, unit: &'static str, meaning: &'static str, default: f64, range: (f64, f64), typical: f64) -> Self {
-        ParameterCard { name, unit, default, min: range.0, max: range.1, typical, role: Role::Base, fit: false, meaning }
+        ParameterCard { name, unit, default, min: range.0, max: range.1, typical, role: Role::Base, fit: false, size_alone: false, meaning }
     }
 
     /// True for a strength.

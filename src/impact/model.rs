@@ -251,7 +251,7 @@ impl Model {
     /// [`ModelError::UnknownEffect`] with near matches, [`ModelError::EffectTwice`].
     pub fn with_effect(&self, name: &str) -> Result<Model, ModelError> {
         let card = effect_card(name).ok_or_else(|| ModelError::unknown_effect(name))?;
-        let parameters = card.parameters.iter().map(|c| Parameter::from_card(Some(name), c)).collect();
+        let parameters = card.parameters.iter().map(|c| Parameter::from_card(Some(name), c).in_base(self.base, c)).collect();
         self.with(name, Some(card), Held::OfCatalogue(card.effect), parameters)
     }
 

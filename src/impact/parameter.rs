@@ -1,6 +1,7 @@
 //! A model's parameters as one flat list, for fits and derivatives.
 
 use super::card::{ParameterCard, Role};
+use super::model::Base;
 use serde::Serialize;
 
 /// One number of the model that a user can set and a fit can free.
@@ -32,6 +33,16 @@ impl Parameter {
             typical: card.typical,
             role: card.role,
         }
+    }
+
+    /// What it is in a base: where only its size counts, it is 0 or more.
+    #[must_use]
+    pub(crate) fn in_base(mut self, base: Base, card: &ParameterCard) -> Self {
+        if let (Base::Viscoelastic, Role::Strength { absent, .. }, true) = (base, self.role, card.size_alone) {
+            self.min = absent;
+            self.role = Role::Strength { absent, one_sided: true };
+        }
+        self
     }
 
     /// A parameter of a user's own effect: any finite value, scaled by its value or bounds.

@@ -228,12 +228,17 @@ impl Comparison {
 pub fn compare(forward: &dyn Forward, observations: &Observations, model: &str, seed: u64) -> Result<Comparison, ValidationError> {
     let seen = observations.side(false);
     let held = observations.side(true);
-    let (as_stated, unlikely) = fit_with_likely_offsets(forward, observations, &seen, &FitOptions { move_parameters: false, ..FitOptions::default() })?;
-    let held_stated = linearise_held_out(forward, &as_stated, observations, &held)?;
+    let stated = fit_with_likely_offsets(forward, observations, &seen, &FitOptions { move_parameters: false, ..FitOptions::default() })?;
+    let (as_stated, held_stated) = (&stated.fit, linearise_held_out(forward, &stated.fit, observations, &held)?);
+    // Errors of several models are compared: all with offsets, as the fitted ones are.
+    let heldout_error = match &stated.unlikely {
+        Some((_, with)) => error_of(&linearise_held_out(forward, with, observations, &held)?),
+        None => error_of(&held_stated),
+    };
     let refitted = fit(forward, observations, &seen, &FitOptions::default(), None)?;
     let held_refitted = linearise_held_out(forward, &refitted, observations, &held)?;
     let structure = structure_test(&refitted, observations, &seen, Groups::Test, seed);
-    let impacts = impact_points(observations, &as_stated, &held_stated);
+    let impacts = impact_points(observations, as_stated, &held_stated);
     let signs = NormalSigns::of(impacts.iter().map(|i| i.inputs.as_slice()));
     let floor = structure.noise_scale.sqrt();
     // What `diagnose` does not believe is not believed here.
@@ -253,7 +258,7 @@ pub fn compare(forward: &dyn Forward, observations: &Observations, model: &str, 
     note_groups(&structure, &mut notes);
     notes.extend(group);
     notes.extend(one_sided);
-    notes.extend(unlikely.map(|offset| format!("as stated, the model asks for {offset}: residuals are shown without any offset")));
+    notes.extend(stated.unlikely.as_ref().map(|(offset, _)| format!("as stated, the model asks for {offset}: residuals are shown without any offset")));
     notes.extend(disbelieved.filter(|_| !fails));
     Ok(Comparison {
         verdict: if fails { Adequacy::Inadequate } else { Adequacy::Adequate },
@@ -262,8 +267,8 @@ pub fn compare(forward: &dyn Forward, observations: &Observations, model: &str, 
         n_impacts: observations.impacts.len(),
         n_held_out: held.len(),
         outputs: summarise(&as_stated.impacts, &held_stated),
-        heldout_error: error_of(&held_stated),
-        fit_error: error_of(&as_stated.impacts),
+        heldout_error,
+        fit_error: error_of(&stated.with_offsets().impacts),
         heldout_error_refitted: error_of(&held_refitted),
         noise_floor: structure.noise_scale.sqrt(),
         parameters_as_stated: forward

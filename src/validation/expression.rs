@@ -163,7 +163,10 @@ impl TableFeatures {
         let speeds = reference.impacts.iter().zip(&reference.base.impacts);
         let speeds = speeds.map(|(o, l)| ContactInputs::of(&l.true_inputs, &reference.observations.gear[o.gear]).approach_m_s);
         let middle_m_s = (speeds.sum::<f64>() / n.max(1) as f64).round();
-        for (place, words) in [("impact_x / half_length", "with speed along the racket"), ("impact_y / half_width", "with speed across the face")] {
+        for (place, words) in [
+            ("impact_x / half_length", "toward the handle, the other way for slow impacts"),
+            ("impact_y / half_width", "toward marker 3, the other way for slow impacts"),
+        ] {
             names.push((format!("((approach_speed - {middle_m_s}) / 25) * ({place})"), words.to_owned()));
         }
         names.extend(angles.iter().map(|a| {
@@ -459,12 +462,11 @@ fn in_words(channel: &TermChannel, chosen: &[Term], constants: &[(String, f64, f
         .map(|(t, (_, k, _))| {
             format!(
                 "{} {}",
-                if t.feature == "1" {
-                    "is other than in the model"
-                } else if *k < 0.0 {
-                    "falls"
-                } else {
-                    "rises"
+                match (t.feature.as_str(), *k < 0.0) {
+                    ("1", true) => "is smaller than in the model,",
+                    ("1", false) => "is larger than in the model,",
+                    (_, true) => "falls",
+                    (_, false) => "rises",
                 },
                 t.words
             )

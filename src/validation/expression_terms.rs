@@ -128,7 +128,7 @@ pub static FEATURES: [Feature; 56] = [
     f("sqrt(abs(grip_torque) / 10)", "with the root of the grip torque", |i| i.torque.abs().sqrt()),
     f("tanh(grip_torque / 10)", "with the grip torque, saturating", |i| i.torque.tanh()),
     f("(order / 100)", "with the order of the impacts", |i| i.order / 100.0),
-    f("exp(-order / 50)", "with the order of the impacts, settling", |i| (-i.order / 50.0).exp()),
+    f("exp(-order / 50)", "toward the first impacts, over some fifty of them", |i| (-i.order / 50.0).exp()),
     f("(racket_in_wy / 30)", "with the racket's swing rate", |i| i.swing),
     f("(approach_speed / 25) * obliqueness", "with the slip speed", |i| i.u * i.g[0].hypot(i.g[1])),
     f("(approach_speed / 25) * (impact_x / half_length)^2", "with speed, toward tip and throat", |i| i.u * i.place[0].powi(2)),

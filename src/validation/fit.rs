@@ -9,10 +9,10 @@
 mod likely_offsets;
 mod plateau;
 
-pub use likely_offsets::{UnlikelyOffset, fit_with_likely_offsets};
+pub use likely_offsets::{LikelyFit, UnlikelyOffset, fit_with_likely_offsets};
 
 use super::error::ValidationError;
-use super::forward::{Forward, Inputs, Prediction};
+use super::forward::{Forward, Inputs, Prediction, Prior};
 use super::linearise::{Linearised, Setting, Spread, linearise};
 use super::observation::{Observation, Observations};
 use super::predicted::{PIECE, difference};
@@ -160,8 +160,7 @@ struct Work<'a> {
     observations: &'a Observations,
     impacts: &'a [&'a Observation],
     columns: Vec<Column>,
-    prior_precision: DVector<f64>,
-    prior_mean: DVector<f64>,
+    priors: Vec<Prior>,
     /// What open spins scatter each prediction by where the fit began. It changes with the friction, and chi-square alone would
     /// make the model slide for being sure of its outputs; held as it is, every state is judged alike.
     open: OnceLock<Vec<DMatrix<f64>>>,
@@ -300,9 +299,9 @@ fn fit_holding(
         shifts: state.shifts,
         impacts: state.impacts,
         design,
+        prior_precision: work.prior_precision(&state.column_values),
+        prior_mean: work.prior_mean(),
         columns: work.columns,
-        prior_precision: work.prior_precision,
-        prior_mean: work.prior_mean,
         column_values: state.column_values,
         information,
         covariance,
@@ -330,15 +329,14 @@ fn begin_of(state: &State) -> Vec<Inputs> {
 impl<'a> Work<'a> {
     fn new(forward: &'a dyn Forward, observations: &'a Observations, impacts: &'a [&'a Observation], options: &FitOptions) -> Self {
         let mut columns = Vec::new();
-        let mut precision = Vec::new();
-        let mut mean = Vec::new();
+        let mut priors = Vec::new();
+        let about_zero = |sd: f64| Prior { mean: 0.0, sd, keeps_near: true };
         if options.move_parameters {
             for (i, p) in forward.parameters().iter().enumerate() {
                 columns.push(Column::Parameter(i));
                 // Without a prior: as wide as the allowed range, so that what the impacts do not tell stays where it is.
                 let width = (p.max - p.min).abs().clamp(1e-12, 1e12);
-                precision.push(p.prior.map_or(1.0 / (width * width), |(_, sd)| 1.0 / (sd * sd)));
-                mean.push(p.prior.map_or(p.value, |(m, _)| m));
+                priors.push(p.prior.unwrap_or(Prior { mean: p.value, sd: width, keeps_near: true }));
             }
         }
         for session in 0..observations.sessions.len() {
@@ -346,15 +344,13 @@ impl<'a> Work<'a> {
             for (input, sd) in sd.iter().enumerate() {
                 if options.offset_share > 0.0 && *sd > 0.0 {
                     columns.push(Column::Offset { session, input });
-                    precision.push((options.offset_share * sd).powi(-2));
-                    mean.push(0.0);
+                    priors.push(about_zero(options.offset_share * sd));
                 }
             }
             for (output, sd) in observations.shared_output_sd(session).iter().enumerate() {
                 if options.offset_share > 0.0 && *sd > 0.0 {
                     columns.push(Column::OutputOffset { session, output });
-                    precision.push((options.offset_share * sd).powi(-2));
-                    mean.push(0.0);
+                    priors.push(about_zero(options.offset_share * sd));
                 }
             }
             let shared = observations.shared_sd(session);
@@ -363,32 +359,29 @@ impl<'a> Work<'a> {
             for (input, own) in sd.iter().enumerate() {
                 if let Some(sd) = scale(INPUTS[input], inputs[input], *own) {
                     columns.push(Column::InputScale { session, input });
-                    precision.push(sd.powi(-2));
-                    mean.push(0.0);
+                    priors.push(about_zero(sd));
                 }
             }
             for (output, own) in observations.shared_output_sd(session).iter().enumerate() {
                 if let Some(sd) = scale(OUTPUTS[output], outputs[output], *own) {
                     columns.push(Column::OutputScale { session, output });
-                    precision.push(sd.powi(-2));
-                    mean.push(0.0);
+                    priors.push(about_zero(sd));
                 }
             }
             for (component, sd) in shared[..ACROSS_COLUMNS].iter().enumerate().filter(|(_, sd)| **sd > 0.0) {
                 columns.push(Column::Shared { session, component });
-                precision.push(sd.powi(-2));
-                mean.push(0.0);
+                priors.push(about_zero(*sd));
             }
         }
-        Work {
-            forward,
-            observations,
-            impacts,
-            columns,
-            prior_precision: DVector::from_vec(precision),
-            prior_mean: DVector::from_vec(mean),
-            open: OnceLock::new(),
-        }
+        Work { forward, observations, impacts, columns, priors, open: OnceLock::new() }
+    }
+
+    fn prior_precision(&self, columns: &DVector<f64>) -> DVector<f64> {
+        DVector::from_iterator(columns.len(), self.priors.iter().zip(columns.iter()).map(|(prior, value)| prior.precision(*value)))
+    }
+
+    fn prior_mean(&self) -> DVector<f64> {
+        DVector::from_iterator(self.priors.len(), self.priors.iter().map(|p| p.mean))
     }
 
     fn unpack(&self, columns: &DVector<f64>) -> (Vec<f64>, Vec<SessionShift>) {
@@ -433,7 +426,7 @@ impl<'a> Work<'a> {
         self.open.get_or_init(|| impacts.iter().map(|l| l.open.clone()).collect());
         let chi2: f64 = impacts.iter().map(|l| l.z.norm_squared()).sum();
         let log_det: f64 = impacts.iter().map(|l| l.log_det).sum();
-        let from_prior: f64 = self.prior_precision.iter().zip(columns.iter().zip(self.prior_mean.iter())).map(|(p, (v, m))| p * (v - m) * (v - m)).sum();
+        let from_prior: f64 = self.priors.iter().zip(columns.iter()).map(|(prior, value)| prior.cost(*value)).sum();
         Ok(State { column_values: columns.clone(), shifts, values, impacts, objective: chi2 + log_det + from_prior, chi2, from_prior })
     }
 
@@ -492,8 +485,9 @@ impl<'a> Work<'a> {
 
     fn step(&self, state: &State, design: &[DMatrix<f64>]) -> Result<(DVector<f64>, DMatrix<f64>), ValidationError> {
         let p = self.columns.len();
-        let mut information = DMatrix::from_diagonal(&self.prior_precision);
-        let mut gradient = self.prior_precision.component_mul(&(&self.prior_mean - &state.column_values));
+        let precision = self.prior_precision(&state.column_values);
+        let mut information = DMatrix::from_diagonal(&precision);
+        let mut gradient = precision.component_mul(&(self.prior_mean() - &state.column_values));
         for (a, l) in design.iter().zip(&state.impacts) {
             add_cross(&mut information, a, a);
             gradient.gemv_tr(1.0, a, &l.z, 1.0);

@@ -18,8 +18,32 @@ pub struct FreeParameter {
     pub max: f64,
     /// Size of a typical change: sets the step of numerical derivatives.
     pub typical: f64,
-    /// Normal prior (mean, sd); `None` for a flat one.
-    pub prior: Option<(f64, f64)>,
+    /// `None`: a flat one.
+    pub prior: Option<Prior>,
+}
+
+/// What is known of a parameter beforehand.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Prior {
+    pub mean: f64,
+    pub sd: f64,
+    /// Normal: a value far away pays by the square, as evidence for an effect must. Otherwise it pays by the logarithm: near the mean the same keeps
+    /// in place what the impacts do not tell, and far from it hardly anything draws back what they do tell.
+    pub keeps_near: bool,
+}
+
+impl Prior {
+    /// Minus twice the log density at a value, without the constant.
+    pub fn cost(&self, value: f64) -> f64 {
+        let away = ((value - self.mean) / self.sd).powi(2);
+        if self.keeps_near { away } else { away.ln_1p() }
+    }
+
+    /// What draws a value back, per distance from the mean: half the slope of the cost.
+    pub fn precision(&self, value: f64) -> f64 {
+        let away = if self.keeps_near { 0.0 } else { (value - self.mean).powi(2) };
+        1.0 / (self.sd * self.sd + away)
+    }
 }
 
 /// A family of models over its free parameters.
@@ -74,6 +98,8 @@ pub struct Strength {
     pub typical: f64,
     /// Physically only on one side of `absent` (above it).
     pub one_sided: bool,
+    /// Small ones are not near `absent`: their signature is that of a typical size.
+    pub jumps: bool,
 }
 
 /// What is known of an effect before it is added.

@@ -235,8 +235,9 @@ impl<'a> Judgement<'a> {
         let with = reference.library.with(&names)?;
         Ok(found.filter(|f| f.log_evidence > LOG_ODDS).map(|mut f| {
             f.suggestion.words = format!("with {} in the model, {}", names.join(" and "), f.suggestion.words);
-            f.suggestion.model_file_text =
-                format!("{}{}", effects_text(&added_parameters(with.as_ref(), &chosen.fit, shared, reference.c)), f.suggestion.model_file_text);
+            // As the fit with the formula has them: without it they were the nearest its form could come.
+            let beside = effects_text(&added_parameters(with.as_ref(), &f.fit, shared, reference.c));
+            f.suggestion.model_file_text = beside + &f.suggestion.model_file_text;
             f
         }))
     }
@@ -248,9 +249,9 @@ impl<'a> Judgement<'a> {
         diagnosis.notes.append(&mut self.notes);
         diagnosis.noise_floor = c.sqrt();
         // Where a model fails shows without the offsets of the cameras that it asks for in the place of what it lacks.
-        let (likely, unlikely) = fit_with_likely_offsets(case.library.current(), case.observations, &case.seen, &FitOptions::default())?;
-        diagnosis.notes.extend(unlikely.map(|offset| format!("the model asks for {offset}: where it fails is told without any offset")));
-        diagnosis.places = places(&case.seen, &likely.impacts, &varied_coordinates(case.observations), &case.structure.by_group, c);
+        let likely = fit_with_likely_offsets(case.library.current(), case.observations, &case.seen, &FitOptions::default())?;
+        diagnosis.notes.extend(likely.unlikely.iter().map(|(offset, _)| format!("the model asks for {offset}: where it fails is told without any offset")));
+        diagnosis.places = places(&case.seen, &likely.fit.impacts, &varied_coordinates(case.observations), &case.structure.by_group, c);
         diagnosis.candidates = self.candidates()?;
         let believed = self.chosen.filter(|_| !self.refused);
         if let Some(best) = believed {

@@ -1,7 +1,7 @@
 //! A model file's model, as the statistics see it: [`Forward`] over its free parameters, [`Library`] over the catalogue.
 
 use super::error::ValidationError;
-use super::forward::{Asked, EffectOutline, Forward, FreeParameter, Library, Outputs, OwnEffect, Prediction, Strength};
+use super::forward::{Asked, EffectOutline, Forward, FreeParameter, Library, Outputs, OwnEffect, Prediction, Prior, Strength};
 use super::observation::Gear;
 use super::screen::STRENGTH_PRIOR;
 use crate::impact::{Base, EffectKind, ImpactInput, ImpactOutput, Model, ModelError, Parameter, PreparedModel, Role, catalogue};
@@ -28,19 +28,21 @@ impl ModelForward {
     /// Frees the parameters that the model file says `fit = true` to.
     pub fn new(model: Model, gear: &[Gear]) -> Self {
         let names: Vec<String> = model.parameters().iter().filter(|p| p.fit).map(|p| p.name.clone()).collect();
-        Self::with_free(model, gear, &names)
+        Self::with_free(model, gear, &names, names.len())
     }
 
-    fn with_free(model: Model, gear: &[Gear], names: &[String]) -> Self {
+    /// The first `own` of `names` are the user's: they were asked for, and go where the impacts say.
+    fn with_free(model: Model, gear: &[Gear], names: &[String], own: usize) -> Self {
         let mut free = Vec::new();
         let mut places = Vec::new();
-        for name in names {
+        for (n, name) in names.iter().enumerate() {
+            let keeps_near = n >= own;
             let Ok(place) = model.index_of(name) else { continue };
             let p = &model.parameters()[place];
             let prior = match p.role {
                 Role::Base => None,
-                Role::Strength { absent, .. } => Some((absent, STRENGTH_PRIOR * p.typical)),
-                Role::Shape => Some((p.value, SHAPE_PRIOR * p.typical)),
+                Role::Strength { absent, .. } => Some(Prior { mean: absent, sd: STRENGTH_PRIOR * p.typical, keeps_near }),
+                Role::Shape => Some(Prior { mean: p.value, sd: SHAPE_PRIOR * p.typical, keeps_near }),
             };
             free.push(FreeParameter { name: p.name.clone(), value: p.value, min: p.min, max: p.max, typical: p.typical, prior });
             places.push(place);
@@ -132,11 +134,12 @@ impl ModelLibrary {
                     },
                     strengths: card
                         .strengths()
-                        .filter_map(|(_, p)| match p.role {
-                            Role::Strength { absent, one_sided } => {
-                                Some(Strength { parameter: format!("{}.{}", card.name, p.name), absent, typical: p.typical, one_sided })
+                        .filter_map(|(_, p)| match Parameter::from_card(Some(card.name), p).in_base(model.base(), p) {
+                            Parameter { name: parameter, role: Role::Strength { absent, one_sided }, typical, .. } => {
+                                let jumps = p.size_alone && model.base() == Base::Viscoelastic;
+                                Some(Strength { parameter, absent, typical, one_sided, jumps })
                             }
-                            Role::Shape | Role::Base => None,
+                            _ => None,
                         })
                         .collect(),
                     confused_with: card.confused_with.iter().map(|s| (*s).to_owned()).collect(),
@@ -171,7 +174,7 @@ impl ModelLibrary {
                 }
             }
         }
-        Ok(ModelForward::with_free(model, &self.current.gear, &names))
+        Ok(ModelForward::with_free(model, &self.current.gear, &names, self.current.free.len()))
     }
 }
 
@@ -218,11 +221,11 @@ impl Library for ModelLibrary {
             model = model.with_expression(&own.name, &own.replaces, &own.expression, parameters)?;
             names.extend(own.parameters.iter().map(|(name, _)| format!("{}.{name}", own.name)));
         }
-        forward = ModelForward::with_free(model, &self.current.gear, &names);
+        forward = ModelForward::with_free(model, &self.current.gear, &names, self.current.free.len());
         let first = forward.free.len() - expressions.iter().map(|e| e.parameters.len()).sum::<usize>();
         for (p, (_, typical)) in forward.free[first..].iter_mut().zip(expressions.iter().flat_map(|e| &e.parameters)) {
             p.typical = *typical;
-            p.prior = Some((0.0, STRENGTH_PRIOR * typical));
+            p.prior = Some(Prior { mean: 0.0, sd: STRENGTH_PRIOR * typical, keeps_near: true });
         }
         Ok(Box::new(forward))
     }

@@ -106,8 +106,17 @@ fn worst_range(
     let coordinate = |i: usize| along.of(impacts[i]);
     sorted.sort_by(|a, b| coordinate(a.0).total_cmp(&coordinate(b.0)).then(a.0.cmp(&b.0)));
     let n = sorted.len();
-    let edges: Vec<usize> = (0..=groups).map(|g| g * n / groups).collect();
     let value = |i: usize| coordinate(sorted[i].0);
+    // No edge parts impacts at one and the same place: those that happen to come first are no range.
+    let whole = |mut edge: usize| {
+        while edge > 0 && edge < n && value(edge - 1) == value(edge) {
+            edge += 1;
+        }
+        edge
+    };
+    let mut edges: Vec<usize> = (0..=groups).map(|g| whole(g * n / groups)).collect();
+    edges.dedup();
+    let groups = edges.len() - 1;
     let mut best: Option<(f64, usize, usize)> = None;
     for a in 0..groups {
         for b in a + 1..=groups {
@@ -251,6 +260,7 @@ fn range_words(input: Coordinate, from: f64, to: f64, lowest: bool, highest: boo
     };
     match usual {
         _ if lowest && highest => "over the whole range".to_owned(),
+        "grip_torque" if from == to => format!("where the grip torque is {from:.1} N m"),
         "impact_x" if lowest && to < 0.0 => format!("for impacts beyond {} toward the tip", mm(-to)),
         "impact_x" if highest && from > 0.0 => format!("for impacts beyond {} toward the handle", mm(from)),
         "impact_x" => format!("for impacts between {} and {} along the racket (tip negative)", mm(from), mm(to)),

@@ -435,16 +435,18 @@ impl<'a> Refits<'a> {
 
     /// An alias explains these impacts about as well (within twenty to one), or has the same signature.
     fn add_aliases(&self, library: &dyn Library, screening: &Screening, overdispersion: f64, list: &mut [CandidateReport]) {
-        let facts: Vec<(String, f64, f64)> = list.iter().map(|c| (c.effect.clone(), c.log_evidence_gain, c.share_removed)).collect();
+        let facts: Vec<(String, f64, f64, f64)> = list.iter().map(|c| (c.effect.clone(), c.log_evidence_gain, c.share_removed, c.probability)).collect();
         for candidate in list.iter_mut() {
-            for (other, evidence, share) in &facts {
+            for (other, evidence, share, probability) in &facts {
                 if *other == candidate.effect {
                     continue;
                 }
                 let like = cosine(library, screening, &candidate.effect, other);
                 let close = (candidate.log_evidence_gain - evidence).abs() / overdispersion < LOG_ODDS && *evidence > 0.0;
+                // Of two that are likely together neither is the other's.
+                let likely = *probability > (-LOG_ODDS).exp() * candidate.probability && *probability > 0.01 && probability + candidate.probability < 1.01;
                 let as_good = candidate.share_removed > 0.3 && *share > ALIAS_SHARE * candidate.share_removed;
-                if close || as_good || like.abs() > ALIAS_COSINE {
+                if close || likely || as_good || like.abs() > ALIAS_COSINE {
                     candidate.aliases.push(other.clone());
                     candidate.alias_cosines.insert(other.clone(), like);
                 }

@@ -92,7 +92,7 @@ fn signatures(library: &dyn Library, fit: &Fit, impacts: &[&Observation], which:
                 .enumerate()
                 .map(|(s, strength)| {
                     let limits = &forward.parameters()[base + s];
-                    let h = STEP * strength.typical;
+                    let h = if strength.jumps { 1.0 } else { STEP } * strength.typical;
                     let (mut up, mut down) = (values.clone(), values.clone());
                     up[base + s] = (strength.absent + h).min(limits.max);
                     down[base + s] = (strength.absent - h).max(limits.min);

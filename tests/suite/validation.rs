@@ -97,9 +97,10 @@ fn real_a_failing_model_is_fitted_without_offsets_that_no_session_has() {
         (squares.sum::<f64>() / outcomes.len() as f64).sqrt()
     };
     let free = fit(library.current(), &observations, &seen, &FitOptions::default(), None).unwrap();
-    let (likely, unlikely) = fit_with_likely_offsets(library.current(), &observations, &seen, &FitOptions::default()).unwrap();
-    assert!(unlikely.is_some_and(|offset| offset.deviations > 10.0));
-    let (with, without, stated) = (error(free.values[0], free.values[1]), error(likely.values[0], likely.values[1]), error(0.8, 0.45));
+    let likely = fit_with_likely_offsets(library.current(), &observations, &seen, &FitOptions::default()).unwrap();
+    assert!(likely.unlikely.as_ref().is_some_and(|(offset, _)| offset.deviations > 10.0));
+    assert_eq!(likely.with_offsets().values, free.values);
+    let (with, without, stated) = (error(free.values[0], free.values[1]), error(likely.fit.values[0], likely.fit.values[1]), error(0.8, 0.45));
     assert!(with > 1.2 * stated && without < 1.01 * stated, "{with} and {without}, {stated} as stated");
 }
 

@@ -13,8 +13,8 @@ pub(super) static CARD: EffectCard = EffectCard {
               with its surface moving against the strings (overspin), more across the racket, where the main strings move, than along it.",
     equation: "u_t' = -e_t u_t for a contact that sticks, e_t separately along x and y",
     parameters: &[
-        ParameterCard::strength("across", "", "tangential restitution across the face (y)", 0.15, (-0.95, 0.95), 0.15),
-        ParameterCard::strength("along", "", "tangential restitution along the racket (x)", 0.0, (-0.95, 0.95), 0.15),
+        ParameterCard::strength("across", "", "tangential restitution across the face (y)", 0.15, (-0.95, 0.95), 0.15).size_alone(),
+        ParameterCard::strength("along", "", "tangential restitution along the racket (x)", 0.0, (-0.95, 0.95), 0.15).size_alone(),
     ],
     source: "Cross 2002, 2005 (grip-slip behaviour); Goodwill and Haake 2004; thesis 2.7.1",
     signature: "Only tangential velocity and spin change, in proportion to the slip speed of impacts that stick; the ratio of the spin change to the \

@@ -25,8 +25,23 @@ impl std::fmt::Display for UnlikelyOffset {
     }
 }
 
-/// [`fit`], and where it asks for offsets that no session has, once more without any: parameters and residuals are then the model's as it
-/// predicts, not those of a model with an error of the cameras in the place of what it lacks. Says which offset is the most unlikely.
+/// A fit without the offsets that no session has.
+pub struct LikelyFit {
+    /// Without any offset, where it asked for unlikely ones: parameters and residuals are then the model's as it predicts, not those of a model with an
+    /// error of the cameras in the place of what it lacks.
+    pub fit: Fit,
+    /// The most unlikely offset it asked for, and the fit with it.
+    pub unlikely: Option<(UnlikelyOffset, Fit)>,
+}
+
+impl LikelyFit {
+    /// With offsets, however unlikely: errors on held-out impacts are compared with these.
+    pub fn with_offsets(&self) -> &Fit {
+        self.unlikely.as_ref().map_or(&self.fit, |(_, with)| with)
+    }
+}
+
+/// [`fit`], and where it asks for offsets that no session has, once more without any.
 ///
 /// # Errors
 /// As [`fit`].
@@ -35,11 +50,11 @@ pub fn fit_with_likely_offsets(
     observations: &Observations,
     impacts: &[&Observation],
     options: &FitOptions,
-) -> Result<(Fit, Option<UnlikelyOffset>), ValidationError> {
-    let free = fit(forward, observations, impacts, options, None)?;
-    let Some(unlikely) = free.unlikely_offset() else { return Ok((free, None)) };
+) -> Result<LikelyFit, ValidationError> {
+    let with = fit(forward, observations, impacts, options, None)?;
+    let Some(offset) = with.unlikely_offset() else { return Ok(LikelyFit { fit: with, unlikely: None }) };
     let without = fit(forward, observations, impacts, &FitOptions { offset_share: 0.0, ..options.clone() }, None)?;
-    Ok((without, Some(unlikely)))
+    Ok(LikelyFit { fit: without, unlikely: Some((offset, with)) })
 }
 
 impl Fit {

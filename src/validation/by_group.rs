@@ -309,9 +309,69 @@ fn one_column(
     Some((misfit, blocks))
 }
 
+/// A column is taken to change slowly over the table where neighbours in the order differ by less than this share of what any two do.
+const SLOWLY: f64 = 0.2;
+/// Correlation beyond which a column is the order itself.
+const THE_ORDER: f64 = 0.999;
+
+/// Columns that change slowly, or in blocks, over the table (a temperature, the racket of a day): what goes with the order may be theirs.
+pub(super) fn slow_columns(observations: &Observations, impacts: &[&Observation]) -> Vec<String> {
+    let mut ordered = impacts.to_vec();
+    ordered.sort_by(|a, b| a.order.total_cmp(&b.order));
+    let gear = &observations.gear;
+    let racket: Vec<Option<&str>> = ordered.iter().map(|o| Some(gear[o.gear].racket.name.as_str())).collect();
+    let ball: Vec<Option<&str>> = ordered.iter().map(|o| Some(gear[o.gear].ball.name.as_str())).collect();
+    let keys: BTreeSet<&String> = ordered.iter().flat_map(|o| o.groups.keys()).collect();
+    let own = keys.into_iter().map(|key| (key.as_str(), ordered.iter().map(|o| o.groups.get(key).map(String::as_str)).collect()));
+    let all = [("racket", racket), ("ball", ball)].into_iter().chain(own);
+    all.filter(|(_, texts)| is_slow(texts)).map(|(name, _)| name.to_owned()).collect()
+}
+
+fn is_slow(texts: &[Option<&str>]) -> bool {
+    let texts: Vec<&str> = texts.iter().flatten().copied().collect();
+    let numbers: Option<Vec<f64>> = texts.iter().map(|t| t.trim().parse::<f64>().ok().filter(|v| v.is_finite())).collect();
+    let n = texts.len().max(2) as f64;
+    let (neighbours, any) = match numbers {
+        Some(numbers) => {
+            // A number of the impact, or its time, is the order itself.
+            let with_order: Vec<(f64, f64)> = numbers.iter().enumerate().map(|(i, v)| (i as f64, *v)).collect();
+            if correlation(&with_order).abs() > THE_ORDER {
+                return false;
+            }
+            let mean = numbers.iter().sum::<f64>() / n;
+            let squares = numbers.windows(2).map(|two| (two[1] - two[0]).powi(2)).sum::<f64>() / (n - 1.0);
+            (squares, 2.0 * numbers.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n)
+        }
+        None => {
+            let mut count: BTreeMap<&str, f64> = BTreeMap::new();
+            texts.iter().for_each(|t| *count.entry(t).or_default() += 1.0);
+            let differ = texts.windows(2).filter(|two| two[0] != two[1]).count() as f64 / (n - 1.0);
+            (differ, 1.0 - count.values().map(|c| (c / n).powi(2)).sum::<f64>())
+        }
+    };
+    any > 0.0 && neighbours < SLOWLY * any
+}
+
 fn same_parts(a: &[Option<Cow<str>>], b: &[Option<Cow<str>>]) -> bool {
     let pairs: BTreeSet<(Option<&str>, Option<&str>)> = a.iter().map(Option::as_deref).zip(b.iter().map(Option::as_deref)).collect();
     let left: BTreeSet<Option<&str>> = pairs.iter().map(|p| p.0).collect();
     let right: BTreeSet<Option<&str>> = pairs.iter().map(|p| p.1).collect();
     pairs.len() == left.len() && pairs.len() == right.len()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn truth_what_changes_slowly_is_told_from_what_is_mixed_and_from_the_order_itself() {
+        let texts = |of: &dyn Fn(usize) -> String| (0..60).map(of).collect::<Vec<_>>();
+        let slow = |texts: &[String]| is_slow(&texts.iter().map(|t| Some(t.as_str())).collect::<Vec<_>>());
+        assert!(slow(&texts(&|i| format!("{}", 20.0 + 5.0 * (i as f64 / 12.0).sin()))));
+        assert!(slow(&texts(&|i| if i < 31 { "red" } else { "blue" }.to_owned())));
+        assert!(!slow(&texts(&|i| if i % 2 == 0 { "red" } else { "blue" }.to_owned())));
+        assert!(!slow(&texts(&|i| format!("{}", (i * 37) % 60))));
+        assert!(!slow(&texts(&|i| format!("{}", 100 + i))));
+        assert!(!slow(&texts(&|_| "red".to_owned())));
+    }
 }

@@ -22,10 +22,15 @@ use super::structure::{ContactInputs, StructureTest, racket_turns, structure_tes
 use crate::impact_table::{OwnColumn, OwnColumns};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Single terms refitted.
 const REFITTED: usize = 6;
+/// Columns of the user's own that a formula may rest on.
+const MOST_COLUMN_FEATURES: usize = 8;
+/// Most that a formula may take of a mass, an inertia or a radius; and of the racket's mass, where it is the hand's.
+const LARGEST_LOSS: f64 = 0.8;
+const LEAST_HAND: f64 = 0.02;
 /// Terms of one expression at most.
 const MOST_TERMS: usize = 3;
 /// A further term must gain this much in chi-square (its price among some fifty features is about 8) ...
@@ -173,7 +178,13 @@ impl TableFeatures {
             let period = 2.0 * std::f64::consts::PI / a;
             (format!("cos({a} * order)"), format!("in waves of {period:.0} impacts"))
         }));
-        let own: Vec<ColumnFeature> = reference.groups.iter().filter_map(|g| ColumnFeature::of(reference, &g.column)).collect();
+        // Those by whose groups the model fails first; the others may tell as well what seems to go with the order.
+        let failing = reference.groups.iter().map(|g| g.column.as_str());
+        let others = reference.impacts.first().into_iter().flat_map(|o| o.groups.keys()).map(String::as_str);
+        let mut columns: Vec<&str> = failing.chain(others).collect();
+        let mut met = BTreeSet::new();
+        columns.retain(|column| met.insert(*column));
+        let own: Vec<ColumnFeature> = columns.into_iter().filter_map(|column| ColumnFeature::of(reference, column)).take(MOST_COLUMN_FEATURES).collect();
         names.extend(own.iter().flat_map(ColumnFeature::names));
         let mut values = DMatrix::zeros(n, names.len());
         for (i, (o, l)) in reference.impacts.iter().zip(&reference.base.impacts).enumerate() {
@@ -274,7 +285,20 @@ struct Fitted {
     log_evidence: f64,
 }
 
-fn refit(reference: &Reference, channel: &TermChannel, features: &[String], start: &[f64]) -> Option<Fitted> {
+/// Whether a quantity with these terms stays one that nature has in all impacts: no mass, inertia or radius of next to nothing, no hand that takes mass
+/// away. What no table's feature tells (a step, a place) passes.
+fn is_possible(reference: &Reference, table: &TableFeatures, channel: &TermChannel, features: &[String], k: &[f64]) -> bool {
+    let least = match channel.replaces {
+        "racket_mass" | "ball_mass" | "twist_inertia" | "swing_inertia" | "ball_inertia" | "ball_arm" => -LARGEST_LOSS,
+        "hand_mass" if !reference.library.has_effect("hand-mass") => -LEAST_HAND,
+        _ => return true,
+    };
+    let place = |feature: &String| table.names.iter().position(|(text, _)| text == feature);
+    let Some(columns) = features.iter().map(place).collect::<Option<Vec<_>>>() else { return true };
+    (0..table.values.nrows()).all(|i| columns.iter().zip(k).map(|(j, k)| k * table.values[(i, *j)]).sum::<f64>() >= least)
+}
+
+fn refit(reference: &Reference, table: &TableFeatures, channel: &TermChannel, features: &[String], start: &[f64]) -> Option<Fitted> {
     let effect = own_effect(reference, channel, features);
     let forward = reference.library.with_expression(&[], std::slice::from_ref(&effect)).ok()?;
     let mut values = reference.base.values.clone();
@@ -282,6 +306,9 @@ fn refit(reference: &Reference, channel: &TermChannel, features: &[String], star
     let options = FitOptions { start_values: Some(values), ..FitOptions::default() };
     let begin = Start { fit: reference.base, keep_jacobians: forward.costly() };
     let fitted = fit(forward.as_ref(), reference.observations, reference.impacts, &options, Some(begin)).ok()?;
+    if !is_possible(reference, table, channel, features, &fitted.values[reference.base.values.len()..]) {
+        return None;
+    }
     let log_evidence = log_evidence_over(reference.base, &fitted, reference.c, 0);
     Some(Fitted { effect, fit: fitted, log_evidence })
 }
@@ -300,7 +327,7 @@ pub fn find_expression(
     let singles: Vec<(usize, Fitted)> = candidates
         .par_iter()
         .enumerate()
-        .map(|(i, t)| refit(fixed, &CHANNELS[t.channel], std::slice::from_ref(&t.feature), &[t.strength]).map(|f| (i, f)))
+        .map(|(i, t)| refit(fixed, &features, &CHANNELS[t.channel], std::slice::from_ref(&t.feature), &[t.strength]).map(|f| (i, f)))
         .collect::<Vec<_>>()
         .into_iter()
         .flatten()
@@ -314,11 +341,11 @@ pub fn find_expression(
         let tried: Vec<(Term, Fitted)> = further(fixed, &features, &best, &chosen, &more)
             .into_iter()
             .filter_map(|t| {
-                let mut features: Vec<String> = chosen.iter().map(|c| c.feature.clone()).collect();
-                features.push(t.feature.clone());
+                let mut names: Vec<String> = chosen.iter().map(|c| c.feature.clone()).collect();
+                names.push(t.feature.clone());
                 let mut start: Vec<f64> = best.fit.values[fixed.base.values.len()..].to_vec();
                 start.push(t.strength);
-                refit(fixed, channel, &features, &start).map(|f| (t, f))
+                refit(fixed, &features, channel, &names, &start).map(|f| (t, f))
             })
             .collect();
         let Some((term, next)) = tried.into_iter().max_by(|a, b| a.1.log_evidence.total_cmp(&b.1.log_evidence)) else { break };

@@ -3,6 +3,7 @@
 //! The catalogue's best effect or pair is a first verdict; then chance, the held-out impacts, what shots of one calibration share
 //! and a formula found from the residuals may each take it back.
 
+use super::by_group::slow_columns;
 use super::case::{Case, less_likely_than_nothing};
 use super::comparison::{note_noise, outliers, varied_coordinates};
 use super::diagnosis::{CandidateReport, Diagnosis, Together, Verdict};
@@ -282,6 +283,11 @@ impl<'a> Judgement<'a> {
         let at_the_floor = diagnosis.heldout_error < 1.1 * diagnosis.noise_floor;
         let sound = at_the_floor || (self.chosen.is_none_or(|b| b.structure.p_value >= STRUCTURE_LEVEL) && self.verdict != Verdict::Unexplained);
         note_noise(diagnosis.noise_floor, sound || diagnosis.suggested_expression.is_some(), &mut diagnosis.notes);
+        let goes_with_order =
+            diagnosis.recommended.iter().any(|e| e == "ball-wear") || diagnosis.suggested_expression.as_ref().is_some_and(|e| e.expression.contains("order"));
+        if goes_with_order {
+            diagnosis.notes.extend(slow_columns_words(&slow_columns(case.observations, &case.seen)));
+        }
         // Names that take nothing away are not worth an experiment.
         if self.verdict == Verdict::EffectMissing {
             diagnosis.next_experiments = self.refits.next_experiments(&self.reference, &diagnosis.candidates)?;
@@ -340,6 +346,18 @@ impl<'a> Judgement<'a> {
 /// The excess of a structure test at a noise scale that is believed.
 fn excess_believed(test: &StructureTest, c: f64) -> f64 {
     excess_at(test, c.min(LARGEST_NOISE_SCALE))
+}
+
+/// What else may stand behind what goes with the order of the impacts.
+fn slow_columns_words(columns: &[String]) -> Option<String> {
+    let names: Vec<String> = columns.iter().map(|c| format!("`{c}`")).collect();
+    (!names.is_empty()).then(|| {
+        format!(
+            "over the table {} {} slowly or in blocks: what seems to go with the order of the impacts may go with that; impacts in a mixed order would tell",
+            names.join(" and "),
+            if names.len() == 1 { "changes" } else { "change" }
+        )
+    })
 }
 
 /// Catalogue effects as a model file holds them.

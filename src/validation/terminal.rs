@@ -50,7 +50,7 @@ pub fn comparison_text(c: &Comparison) -> String {
     if !fitted.is_empty() {
         let _ = writeln!(t, "fitted: {}", fitted.join(", "));
     }
-    outliers_text(&mut t, &c.outliers);
+    outliers_text(&mut t, &c.outliers, c.verdict == Adequacy::Adequate);
     for note in &c.notes {
         let _ = writeln!(t, "note: {note}");
     }
@@ -75,7 +75,7 @@ pub fn comparison_text(c: &Comparison) -> String {
     t
 }
 
-fn outliers_text(t: &mut String, outliers: &[super::comparison::Outlier]) {
+fn outliers_text(t: &mut String, outliers: &[super::comparison::Outlier], adequate: bool) {
     if outliers.is_empty() {
         return;
     }
@@ -83,7 +83,12 @@ fn outliers_text(t: &mut String, outliers: &[super::comparison::Outlier]) {
     let more = outliers.len().saturating_sub(6);
     let _ = writeln!(
         t,
-        "outlying numbers (they keep little weight, in chi²/n too): {}{}",
+        "{}: {}{}",
+        if adequate {
+            "outlying numbers (they keep little weight, in chi²/n too)"
+        } else {
+            "numbers far from what this model makes of their impact (they keep little weight, in chi²/n too; while it fails they may show what it lacks, and need not be wrong)"
+        },
         list.join(", "),
         if more > 0 { format!(" and {more} more") } else { String::new() }
     );
@@ -157,7 +162,7 @@ pub fn diagnosis_text(d: &Diagnosis) -> String {
 }
 
 fn notes_text(t: &mut String, d: &Diagnosis) {
-    outliers_text(t, &d.outliers);
+    outliers_text(t, &d.outliers, d.verdict == Verdict::Adequate);
     for note in &d.notes {
         let _ = writeln!(t, "note: {note}");
     }

@@ -23,11 +23,13 @@ pub fn fit_details(stated: &[ParameterValue], fitted: &[ParameterValue], outlier
         };
         parameters = parameters.row(&[p.name.clone(), parameter_unit(&p.name).to_owned(), before, after, remark.to_owned()]);
     }
-    let mut odd = Table::new("Measured numbers that do not belong to the rest; they were given less weight")
-        .column("impact")
-        .column("quantity")
-        .column("column")
-        .numbers("residual (own sd)");
+    let mut odd = Table::new(
+        "Measured numbers far from what the model makes of their impact; they were given less weight (while a model fails they may show what it lacks)",
+    )
+    .column("impact")
+    .column("quantity")
+    .column("column")
+    .numbers("residual (own sd)");
     for o in outliers {
         odd = odd.row(&[o.id.clone(), column_words(&o.column).words, o.column.clone(), fixed(o.standardised, 1)]);
     }

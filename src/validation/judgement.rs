@@ -6,16 +6,17 @@
 use super::by_group::slow_columns;
 use super::case::{Case, less_likely_than_nothing};
 use super::comparison::{note_noise, outliers, varied_coordinates};
-use super::diagnosis::{CandidateReport, Diagnosis, Together, Verdict};
+use super::diagnosis::{CandidateReport, Diagnosis, Estimate, Together, Verdict};
 use super::error::ValidationError;
 use super::expression::{Found, find_expression};
-use super::fit::{FitOptions, fit_with_likely_offsets};
+use super::fit::{FitOptions, Start, fit, fit_with_likely_offsets};
 use super::heldout::{error_of, is_worth, log_evidence_of, taken_for_chance, taken_for_shared};
 use super::place::places;
 use super::rank::{Reference, Refit, added_parameters, form_overdispersion, gain_over};
 use super::refits::{FIRST_LEVEL, LARGEST_NOISE_SCALE, LOG_ODDS, Refits, SHARE, estimates, excess_at, share_removed};
 use super::structure::{STRUCTURE_LEVEL, StructureTest, p_text};
 use super::verdict_words::verdict_words;
+use std::collections::BTreeMap;
 
 /// Log evidence of a formula, or of an effect, that the error on held-out impacts alone does not show.
 const CONVINCING: f64 = 10.0;
@@ -261,6 +262,11 @@ impl<'a> Judgement<'a> {
                 diagnosis.recommended = best.effects.clone();
             }
             diagnosis.together = self.together(best)?;
+            let estimated = self.without_prior(best)?;
+            match &mut diagnosis.together {
+                Some(together) => together.parameters = estimated,
+                None => diagnosis.candidates.iter_mut().filter(|c| c.effect == best.effects[0]).for_each(|c| c.parameters.clone_from(&estimated)),
+            }
             diagnosis.outliers = outliers(&case.seen, &best.fit.impacts, &case.held, &best.held_out);
         }
         let form_is_off = believed.is_some_and(|b| b.structure.p_value < STRUCTURE_LEVEL || self.formula_does_better(b));
@@ -306,6 +312,16 @@ impl<'a> Judgement<'a> {
             less_likely_than_nothing(&mut list);
         }
         Ok(list)
+    }
+
+    /// Strengths as the impacts alone tell them: the prior that weighs an effect against others draws a large one toward none.
+    fn without_prior(&self, best: &Refit) -> Result<BTreeMap<String, Estimate>, ValidationError> {
+        let names: Vec<&str> = best.effects.iter().map(String::as_str).collect();
+        let library = self.case.library.extended(&names, &best.fit.values)?;
+        let (forward, start) = (library.current(), Start { fit: &best.fit, keep_jacobians: library.current().costly() });
+        let options = FitOptions { start_values: Some(best.fit.values.clone()), ..FitOptions::default() };
+        let settled = fit(forward, self.case.observations, &self.case.seen, &options, Some(start))?;
+        Ok(estimates(&added_parameters(forward, &settled, self.case.base.values.len(), self.refits.c)))
     }
 
     /// Two effects as one model.

@@ -196,6 +196,8 @@ impl Library for ModelLibrary {
         current.model = current.model_at(values)?;
         for (p, v) in current.free.iter_mut().zip(values) {
             p.value = *v;
+            // What is in the model goes where the impacts say.
+            p.prior = p.prior.map(|prior| Prior { keeps_near: false, ..prior });
         }
         let mut outlines = self.outlines.clone();
         for o in outlines.iter_mut().filter(|o| effects.contains(&o.name.as_str())) {

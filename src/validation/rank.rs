@@ -224,6 +224,13 @@ impl Reference<'_> {
         Ok(refit)
     }
 
+    /// What further effects explain at `first`'s fit, in its own form.
+    pub fn screen_next(&self, first: &Refit) -> Result<Screening, ValidationError> {
+        let names: Vec<&str> = first.effects.iter().map(String::as_str).collect();
+        let library = self.library.extended(&names, &first.fit.values)?;
+        screen_beyond(library.as_ref(), &first.fit, self.impacts, self.c, &Nuisance::of(&first.fit), None)
+    }
+
     /// What further effects explain at `first`'s fit, once `first` may have another form. `only`: the effects to look at.
     pub fn screen_second(&self, first: &Refit, only: Option<&[&str]>) -> Result<Screening, ValidationError> {
         let names: Vec<&str> = first.effects.iter().map(String::as_str).collect();

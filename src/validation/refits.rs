@@ -37,7 +37,9 @@ pub const SHARE: f64 = 0.75;
 pub const ALONE_SHARE: f64 = 0.9;
 /// Candidates refitted alone, and pairs.
 const SINGLES: usize = 8;
-const PAIRS: usize = 8;
+const PAIRS: usize = 12;
+/// Chi-square that each strength of a further effect costs when the most promising ones are chosen.
+const STRENGTH_PRICE: f64 = 5.0;
 /// An effect that takes nearly as much of the excess away is an alias, whatever the evidence says of its formula.
 const ALIAS_SHARE: f64 = 0.9;
 /// Cosine of two signatures above which nothing on these impacts tells them apart.
@@ -152,7 +154,15 @@ impl<'a> Refits<'a> {
             let name = |s: &Screened| library.effects()[s.effect].name.as_str();
             let second_to = |s: &Screened| order.iter().any(|o| o.effect < s.effect && cosine(library, screening, name(o), name(s)).abs() > TWIN_COSINE);
             for s in order.iter().filter(|s| !second_to(s)).take(3) {
-                want(&first.effects[0], &library.effects()[s.effect].name);
+                want(&first.effects[0], name(s));
+            }
+            // And what a further step would add, each strength of it paid for: any form of the leader may take much of the right one away.
+            let next = reference.screen_next(first)?;
+            let mut order: Vec<_> = next.effects.iter().filter(|s| s.hidden_because.is_none() && s.p_value * (self.tested as f64) < SECOND_LEVEL).collect();
+            let worth = |s: &Screened| s.gain - STRENGTH_PRICE * s.terms.len() as f64;
+            order.sort_by(|a, b| worth(b).total_cmp(&worth(a)).then(a.effect.cmp(&b.effect)));
+            for s in order.iter().take(2) {
+                want(&first.effects[0], name(s));
             }
         }
         // Pairs that hide each other: much better together than the best one alone.
@@ -308,11 +318,19 @@ impl<'a> Refits<'a> {
     }
 
     /// The second effect of the best single one's pair is weighed in full, any other pair against the best single effect's
-    /// possible forms.
+    /// possible forms; but no pair more than its whole evidence allows beside that of another that stands.
     fn pair_weight(&self, pair: &Pair, overdispersion: f64) -> f64 {
-        let (half, more) = self.pair_evidence(pair);
-        let sum = if self.best_single().is_some_and(|b| pair.halves.contains(&b)) { half / overdispersion + more } else { (half + more) / overdispersion };
-        sum + self.told_by_held_out(&pair.refit) / overdispersion + self.log_prior(2)
+        let whole = |p: &Pair| {
+            let (half, more) = self.pair_evidence(p);
+            half + more + self.told_by_held_out(&p.refit)
+        };
+        let by_itself = |p: &Pair| {
+            let more = self.pair_evidence(p).1;
+            let in_full = if self.best_single().is_some_and(|b| p.halves.contains(&b)) { more - more / overdispersion } else { 0.0 };
+            whole(p) / overdispersion + in_full
+        };
+        let beside = |other: &Pair| by_itself(other) + (whole(pair) - whole(other)) / overdispersion;
+        self.earned().map(beside).fold(by_itself(pair), f64::min) + self.log_prior(2)
     }
 
     /// The model to recommend: the best single effect, or the best pair, by the same weights as their probabilities, when it

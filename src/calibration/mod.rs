@@ -49,7 +49,7 @@ pub use error::CalibrationError;
 pub use homography::homography;
 pub use methods::{MethodError, dlt_coefficients, dltdv_csv};
 pub use point_spread::CalibrationSpread;
-pub use rays::CalibrationError3d;
+pub use rays::{CalibrationError3d, nearest_approach};
 pub use rig::{CameraId, PairFate, RigidTransform, SquareSize, StereoRig};
 pub use verdict::Verdict;
 pub use view::{BoardView, ViewFault};

@@ -13,14 +13,17 @@ pub fn midpoint(left: &Camera, right: &Camera, right_from_left: &Isometry3<f64>,
     let d1 = Vector3::new(a.x, a.y, 1.0).normalize();
     let d2 = (left_from_right.rotation * Vector3::new(b.x, b.y, 1.0)).normalize();
     let o2 = left_from_right.translation.vector;
-    let c = d1.dot(&d2);
-    let denominator = 1.0 - c * c;
-    if denominator < 1e-10 {
-        return None;
-    }
-    let s = (d1.dot(&o2) - c * d2.dot(&o2)) / denominator;
-    let t = (c * d1.dot(&o2) - d2.dot(&o2)) / denominator;
-    (s > 0.0 && t > 0.0).then(|| Point3::from((d1 * s + o2 + d2 * t) / 2.0))
+    let (squared_sine, [s, t]) = nearest_approach(&o2, &d1, &d2);
+    (squared_sine >= 1e-10 && s > 0.0 && t > 0.0).then(|| Point3::from((d1 * s + o2 + d2 * t) / 2.0))
+}
+
+/// Where two rays come nearest: the distances along unit directions `a`, from an origin, and `b`, from `base` beside it, and the squared sine of the
+/// angle between them. Of nearly parallel rays the distances mean nothing.
+pub fn nearest_approach(base: &Vector3<f64>, a: &Vector3<f64>, b: &Vector3<f64>) -> (f64, [f64; 2]) {
+    let cosine = a.dot(b);
+    let squared_sine = 1.0 - cosine * cosine;
+    let (along_a, along_b) = (base.dot(a), base.dot(b));
+    (squared_sine, [(along_a - cosine * along_b) / squared_sine, (cosine * along_a - along_b) / squared_sine])
 }
 
 type PointByShared = SMatrix<f64, 3, SHARED>;

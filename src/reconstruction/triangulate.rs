@@ -1,6 +1,6 @@
 //! One point from its pixels in both cameras: maximum likelihood in pixels, with covariance.
 
-use crate::calibration::{CalibrationError3d, Camera, CameraId, StereoRig};
+use crate::calibration::{CalibrationError3d, Camera, CameraId, StereoRig, nearest_approach};
 use crate::tracking::{ImagePoint, with_errors_alike};
 use nalgebra::{Isometry3, Matrix2, Matrix2x3, Matrix3, Point3, Vector2, Vector3};
 
@@ -147,13 +147,11 @@ impl Triangulator {
         let d1 = ray(CameraId::Left, left)?;
         let d2 = left_from_right.rotation * ray(CameraId::Right, right)?;
         let origin2 = left_from_right.translation.vector;
-        let c = d1.dot(&d2);
-        let sine = d1.cross(&d2).norm();
+        let (squared_sine, [s, t]) = nearest_approach(&origin2, &d1, &d2);
+        let sine = squared_sine.max(0.0).sqrt();
         if sine < MIN_RAY_ANGLE {
             return Err(TriangulationError::ParallelRays { angle_rad: sine });
         }
-        let s = (d1.dot(&origin2) - c * d2.dot(&origin2)) / (sine * sine);
-        let t = (c * d1.dot(&origin2) - d2.dot(&origin2)) / (sine * sine);
         if s <= 0.0 {
             return Err(TriangulationError::BehindCamera { camera: CameraId::Left });
         }

@@ -107,15 +107,7 @@ fn worst_range(
     sorted.sort_by(|a, b| coordinate(a.0).total_cmp(&coordinate(b.0)).then(a.0.cmp(&b.0)));
     let n = sorted.len();
     let value = |i: usize| coordinate(sorted[i].0);
-    // No edge parts impacts at one and the same place: those that happen to come first are no range.
-    let whole = |mut edge: usize| {
-        while edge > 0 && edge < n && value(edge - 1) == value(edge) {
-            edge += 1;
-        }
-        edge
-    };
-    let mut edges: Vec<usize> = (0..=groups).map(|g| whole(g * n / groups)).collect();
-    edges.dedup();
+    let edges = edges_between(n, groups, value);
     let groups = edges.len() - 1;
     let mut best: Option<(f64, usize, usize)> = None;
     for a in 0..groups {
@@ -180,6 +172,19 @@ fn worst_range(
         words,
     };
     Some((by_noise, place))
+}
+
+/// Where `n` sorted values are cut into groups of about equal size. No edge parts equal values: those that happen to come first are no range.
+fn edges_between(n: usize, groups: usize, value: impl Fn(usize) -> f64) -> Vec<usize> {
+    let whole = |mut edge: usize| {
+        while edge > 0 && edge < n && value(edge - 1) == value(edge) {
+            edge += 1;
+        }
+        edge
+    };
+    let mut edges: Vec<usize> = (0..=groups).map(|g| whole(g * n / groups)).collect();
+    edges.dedup();
+    edges
 }
 
 /// Mean residual with the weights of the noise, and its variance by that noise.
@@ -290,6 +295,14 @@ fn range_words(input: Coordinate, from: f64, to: f64, lowest: bool, highest: boo
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn truth_equal_values_are_not_parted() {
+        let torques = [0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 2.0, 3.0, 3.0, 4.0];
+        assert_eq!(edges_between(10, 5, |i| torques[i]), [0, 5, 6, 9, 10]);
+        assert_eq!(edges_between(10, 5, |i| i as f64), [0, 2, 4, 6, 8, 10]);
+        assert_eq!(edges_between(10, 5, |_| 1.0), [0, 10]);
+    }
 
     #[test]
     fn truth_words_say_too_fast_and_where() {

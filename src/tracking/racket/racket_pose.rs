@@ -3,7 +3,7 @@
 //! Every image point counts with its own deviation, whichever camera saw it; a marker needs no partner. Three markers
 //! that span a plane suffice. The visible tape's offset from the tube's axis is part of the model ([`RacketFigure`]).
 
-use crate::calibration::{CameraId, StereoRig};
+use crate::calibration::{CameraId, StereoRig, nearest_approach};
 use crate::tracking::cholesky::Cholesky;
 use crate::tracking::racket::foretold_pose::{Foretold, moved, turn_and_shift};
 use crate::tracking::racket::racket_figure::RacketFigure;
@@ -134,15 +134,8 @@ impl<'a> View<'a> {
 
     /// [`View::triangulate`] for unit rays of the left (`a`) and right (`b`) camera.
     pub fn nearest_to_rays(&self, a: &Vector3<f64>, b: &Vector3<f64>) -> Option<(Point3<f64>, f64)> {
-        let base = self.eye[1] - self.eye[0];
-        let cos = a.dot(b);
-        let sin2 = 1.0 - cos * cos;
-        if sin2 < 1e-8 {
-            return None;
-        }
-        let s = (base.dot(a) - cos * base.dot(b)) / sin2;
-        let t = (cos * base.dot(a) - base.dot(b)) / sin2;
-        if s <= 0.0 || t <= 0.0 {
+        let (squared_sine, [s, t]) = nearest_approach(&(self.eye[1] - self.eye[0]), a, b);
+        if squared_sine < 1e-8 || s <= 0.0 || t <= 0.0 {
             return None;
         }
         let (p, q) = (self.eye[0] + a * s, self.eye[1] + b * t);

@@ -50,7 +50,7 @@ pub struct MeasureSettings {
     /// with an arc and angular acceleration hold longer. Where the ball's path bends more than its laws allow, its window
     /// is shortened.
     pub window_s: f64,
-    /// Global V points up. When the session has no axes pictures gravity is taken along the left camera's downward axis.
+    /// Global V points up ([`StereoRig::axes_known`]). Otherwise gravity is taken along the left camera's downward axis.
     pub axes_known: bool,
     /// Prior odds of air drag against none; the session's other shots may know better than 1.
     pub air_odds: f64,
@@ -123,7 +123,7 @@ const ROUNDS: usize = 6;
 /// Contact lasts 3 to 7 ms (physics.md E.2); frames this long after first contact are surely free again.
 const SURELY_FREE_S: f64 = 0.0075;
 /// Usual length of a contact, s, for when its end is not seen.
-const USUAL_CONTACT_S: f64 = 0.005;
+pub(crate) const USUAL_CONTACT_S: f64 = 0.005;
 /// Deviations (in scaled standard deviations over both axes) beyond which a point is an outlier. Among 500 good points
 /// one is beyond 4.2 in every ten shots (Rayleigh).
 const OUTLIER: f64 = 4.2;
@@ -165,7 +165,7 @@ pub fn measure_motion(rig: &StereoRig, tracks: &Tracks, racket: &Racket, ball: &
     };
     let mut clock = FrameClock { origin: first, period_s: settings.frame_period_s };
     let frames = frame_views(rig, tracks, &moving, clock);
-    let (impact_frame, side) = find_impact(&frames, ball, clock, settings.impact_frame, (first, last))?;
+    let (impact_frame, side) = find_impact(&frames, racket, ball, clock, settings.impact_frame, (first, last))?;
     // Count time from the impact: no cancellation in powers of t.
     let shift = clock.time_s(impact_frame);
     clock.origin = impact_frame;

@@ -45,7 +45,7 @@ pub use frame_rate::{FrameRateStudy, SlowerCamera, TipPath, frame_rate_study};
 pub use frame_view::FrameView;
 pub use grid_photograph::{GridError, GridPhotograph};
 pub use marker_distance::{MarkerDistance, marker_distances, mismatch_remark};
-pub use motion_law::{Fade, MotionLaw, Pace};
+pub use motion_law::{Fade, MotionLaw, Pace, Reach};
 pub use motion_state::MotionState;
 pub use racket_bench::{
     BenchError, Bifilar, Pendulum, Uncertain, balance_from_scales, from_rdc_kg_cm2, perpendicular_axis_mismatch, swingweight_from_pendulum,

@@ -9,8 +9,13 @@ use nalgebra::Vector3;
 pub enum MotionLaw {
     /// Hangs still (a laboratory racket before impact), up to a slow sway.
     Rest,
-    /// Constant velocity, constant angular velocity.
+    /// Nearly still, hung or in a quiet hand: sways, and is hardly accelerated.
+    Sway(Reach),
+    /// Constant velocity, constant angular velocity, with the weight carried. After the contact only: a racket that hung is carried on by what it hung
+    /// from; a hand always accelerates what it carries.
     Coasting,
+    /// Carried by a slow hand: small acceleration and angular acceleration, in body axes, that change at constant rates.
+    Carried,
     /// Falls freely, constant angular velocity.
     SteadyFall,
     /// Falls freely, torque-free rotation with the racket's own inertia (Euler).
@@ -25,6 +30,38 @@ pub enum MotionLaw {
     Drift,
     /// After contact: Euler's equations with a force and a torque in body axes that die away exponentially.
     Release(Fade),
+}
+
+/// Force (m/s²) and angular acceleration (rad/s²) of a hand that carries a racket slowly (a block, a drop shot): it would gain 1 m/s within a tenth of a second.
+const CARRIES: (f64, f64) = (8.0, 20.0);
+/// Weight of laws of free flight where the racket did not hang: a hand that held it lets go in few shots.
+const LET_GO: f64 = 0.05;
+/// Least weight of a law.
+const NEVER: f64 = 1e-9;
+
+/// How fast a nearly still racket sways: by some 15 mm/s, or by some 50.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Reach {
+    Slight,
+    Wide,
+}
+
+impl Reach {
+    /// Spreads of velocity (m/s) and rate (rad/s).
+    fn velocities(self) -> (f64, f64) {
+        match self {
+            Reach::Slight => (0.015, 0.06),
+            Reach::Wide => (0.05, 0.2),
+        }
+    }
+
+    /// Spreads of acceleration (m/s²) and angular acceleration (rad/s²): a pendulum of 1 s at that velocity gains six times it in a second, a stiffer support
+    /// somewhat more.
+    fn drives(self) -> (f64, f64) {
+        let (velocity, rate) = self.velocities();
+        (10.0 * velocity, 10.0 * rate)
+    }
 }
 
 /// How strong a drive is and how fast it changes. There is no law with a strictly constant force: a hand that pushes also
@@ -67,10 +104,12 @@ impl Fade {
 pub(crate) type Course = [f64; 3];
 
 impl MotionLaw {
-    /// Laws that any window may follow.
-    pub const EVERYWHERE: [MotionLaw; 13] = [
+    /// Laws that the window before the contact may follow.
+    pub const BEFORE_CONTACT: [MotionLaw; 15] = [
         MotionLaw::Rest,
-        MotionLaw::Coasting,
+        MotionLaw::Sway(Reach::Slight),
+        MotionLaw::Sway(Reach::Wide),
+        MotionLaw::Carried,
         MotionLaw::SteadyFall,
         MotionLaw::FreeBody,
         MotionLaw::Swing(Pace::Even),
@@ -84,15 +123,18 @@ impl MotionLaw {
         MotionLaw::Drift,
     ];
 
-    /// Laws for the window after the contact: those, a hand that lets go, and a racket set free that is balanced elsewhere than stated.
+    /// Laws for the window after the contact: those (what the blow has set moving no longer sways), a racket that goes on as it was carried, a hand that
+    /// lets go, and a racket set free that is balanced elsewhere than stated.
     pub fn after_contact() -> Vec<MotionLaw> {
-        Self::EVERYWHERE.into_iter().chain([MotionLaw::OffBalance]).chain(Fade::ALL.map(MotionLaw::Release)).collect()
+        let blown = Self::BEFORE_CONTACT.into_iter().filter(|law| !matches!(law, MotionLaw::Sway(_)));
+        blown.chain([MotionLaw::Coasting, MotionLaw::OffBalance]).chain(Fade::ALL.map(MotionLaw::Release)).collect()
     }
 
     /// Laws enough to tell whether a racket flies freely after the contact, and about which point.
-    pub(crate) const TOLD_FREE: [MotionLaw; 8] = [
+    pub(crate) const TOLD_FREE: [MotionLaw; 9] = [
         MotionLaw::Rest,
         MotionLaw::Coasting,
+        MotionLaw::Carried,
         MotionLaw::SteadyFall,
         MotionLaw::FreeBody,
         MotionLaw::OffBalance,
@@ -101,9 +143,23 @@ impl MotionLaw {
         MotionLaw::Release(Fade(10)),
     ];
 
-    /// Logarithm of the prior weight: the time constants of a release share the weight of one law.
-    pub(crate) fn ln_weight(self) -> f64 {
-        if matches!(self, MotionLaw::Release(_)) { -(Fade::ALL.len() as f64).ln() } else { 0.0 }
+    /// Logarithm of the prior weight, where the racket hung still before the contact with the probability `hung`: the time constants of a release share the
+    /// weight of one law. Laws that fix an acceleration exactly would be preferred for their fewer numbers wherever a window cannot tell some m/s² from
+    /// none, and their deviations are as small as if nothing acted: it must be likely that nothing does.
+    pub(crate) fn ln_weight(self, hung: f64) -> f64 {
+        let weight = match self {
+            MotionLaw::Release(_) => 1.0 / Fade::ALL.len() as f64,
+            MotionLaw::Coasting => hung,
+            MotionLaw::Carried => 1.0 - hung,
+            _ if self.free() => hung + (1.0 - hung) * LET_GO,
+            _ => 1.0,
+        };
+        weight.max(NEVER).ln()
+    }
+
+    /// What a racket does that hangs from a stand, or lies in a hand as still as that.
+    pub(crate) fn hangs(self) -> bool {
+        matches!(self, MotionLaw::Rest | MotionLaw::Sway(_))
     }
 
     /// The two most flexible laws of moderate size: whatever moves in a window, one of them follows it.
@@ -113,7 +169,10 @@ impl MotionLaw {
     pub fn word(self) -> String {
         match self {
             MotionLaw::Rest => "rest".to_owned(),
+            MotionLaw::Sway(Reach::Slight) => "slight-sway".to_owned(),
+            MotionLaw::Sway(Reach::Wide) => "wide-sway".to_owned(),
             MotionLaw::Coasting => "coasting".to_owned(),
+            MotionLaw::Carried => "carried".to_owned(),
             MotionLaw::SteadyFall => "steady-fall".to_owned(),
             MotionLaw::FreeBody => "free-body".to_owned(),
             MotionLaw::OffBalance => "off-balance".to_owned(),
@@ -130,8 +189,8 @@ impl MotionLaw {
         match self {
             MotionLaw::Rest | MotionLaw::Coasting | MotionLaw::SteadyFall | MotionLaw::FreeBody => &[Place, Turn, Velocity, Rate],
             MotionLaw::OffBalance => &[Place, Turn, Velocity, Rate, Lever],
-            MotionLaw::Release(_) => &[Place, Turn, Velocity, Rate, Force, RateDot],
-            MotionLaw::Swing(_) | MotionLaw::Hold(_) => &[Place, Turn, Velocity, Rate, Force, RateDot, ForceSlope, RateDdot],
+            MotionLaw::Sway(_) | MotionLaw::Release(_) => &[Place, Turn, Velocity, Rate, Force, RateDot],
+            MotionLaw::Carried | MotionLaw::Swing(_) | MotionLaw::Hold(_) => &[Place, Turn, Velocity, Rate, Force, RateDot, ForceSlope, RateDdot],
             MotionLaw::Drift => &[Place, Turn, Velocity, Rate, Force, RateDot, ForceSlope, RateDdot, ForceCurve, RateDddot],
         }
     }
@@ -139,8 +198,8 @@ impl MotionLaw {
     /// Step of a part in the fit: a hung racket hardly moves.
     pub(crate) fn step(self, part: Part) -> f64 {
         match (self, part) {
-            (MotionLaw::Rest, Part::Velocity) => 1e-3,
-            (MotionLaw::Rest, Part::Rate) => 1e-2,
+            (MotionLaw::Rest | MotionLaw::Sway(_), Part::Velocity) => 1e-3,
+            (MotionLaw::Rest | MotionLaw::Sway(_), Part::Rate) => 1e-2,
             _ => part.step(),
         }
     }
@@ -155,7 +214,7 @@ impl MotionLaw {
     }
 
     pub(crate) fn falls(self) -> bool {
-        !matches!(self, MotionLaw::Rest | MotionLaw::Coasting)
+        !matches!(self, MotionLaw::Rest | MotionLaw::Sway(_) | MotionLaw::Coasting | MotionLaw::Carried)
     }
 
     /// How force and torque stand `dt` after the reference time.
@@ -173,6 +232,8 @@ impl MotionLaw {
         // Brisk: a centre of mass 0.35 m from the pivot at 30 rad/s needs 300 m/s²; a swing gains 30 rad/s within 0.05 to
         // 0.1 s (physics.md E.7). Gentle is a third of that, abrupt twice.
         let (force, rate_dot) = match self {
+            MotionLaw::Sway(reach) => reach.drives(),
+            MotionLaw::Carried => CARRIES,
             MotionLaw::Swing(Pace::Gentle) | MotionLaw::Hold(Pace::Gentle) => (100.0, 130.0),
             MotionLaw::Swing(Pace::Abrupt) | MotionLaw::Hold(Pace::Abrupt) => (600.0, 1000.0),
             _ => (300.0, 400.0),
@@ -183,8 +244,16 @@ impl MotionLaw {
         let (slope, curve) = (1.0 / memory_s, 1.0 / (memory_s * memory_s));
         match part {
             Part::Place | Part::Turn | Part::Lever => None,
-            Part::Velocity => Some(Vector3::repeat(if self == MotionLaw::Rest { 0.005 } else { 20.0 })),
-            Part::Rate => Some(Vector3::repeat(if self == MotionLaw::Rest { 0.02 } else { 30.0 })),
+            Part::Velocity => Some(Vector3::repeat(match self {
+                MotionLaw::Rest => 0.005,
+                MotionLaw::Sway(reach) => reach.velocities().0,
+                _ => 20.0,
+            })),
+            Part::Rate => Some(Vector3::repeat(match self {
+                MotionLaw::Rest => 0.02,
+                MotionLaw::Sway(reach) => reach.velocities().1,
+                _ => 30.0,
+            })),
             Part::Force => Some(Vector3::repeat(force)),
             Part::RateDot => Some(twist * rate_dot),
             Part::ForceSlope => Some(Vector3::repeat(force * slope)),

@@ -178,22 +178,33 @@ pub fn measure_motion(rig: &StereoRig, tracks: &Tracks, racket: &Racket, ball: &
 #[derive(Clone, Copy)]
 enum When {
     Before,
-    After,
+    /// With the probability that the racket hung still before.
+    After {
+        hung: f64,
+    },
 }
 
 impl When {
     fn word(self) -> &'static str {
         match self {
             When::Before => "before",
-            When::After => "after",
+            When::After { .. } => "after",
         }
     }
 
     /// Muscles change a force by its own size in some 30 ms; the soft hand after the blow lets go in 10 ms.
+    /// Before the contact what hangs is told by the window itself.
+    fn hung(self) -> f64 {
+        match self {
+            When::Before => 0.0,
+            When::After { hung } => hung,
+        }
+    }
+
     fn memory_s(self) -> f64 {
         match self {
             When::Before => 0.030,
-            When::After => 0.010,
+            When::After { .. } => 0.010,
         }
     }
 }
@@ -211,7 +222,7 @@ impl Bench<'_> {
         for round in 0..ROUNDS {
             let from = contact - self.settings.window_s;
             // The windows settle with one law; the last round weighs them all.
-            let laws: &[MotionLaw] = if settled && !self.settings.first_look { &MotionLaw::EVERYWHERE } else { &[MotionLaw::Hold(Pace::Brisk)] };
+            let laws: &[MotionLaw] = if settled && !self.settings.first_look { &MotionLaw::BEFORE_CONTACT } else { &[MotionLaw::Hold(Pace::Brisk)] };
             let ball_in = self.flight(&frames, When::Before, from, end, contact)?;
             let racket_in = self.motion(&frames, When::Before, from, end, contact, laws)?;
             let dt = crossing(&PointMotion::from(&ball_in), &body_at(&self.moving, &racket_in, contact), &self.moving.com_local, side, radius)
@@ -252,12 +263,13 @@ impl Bench<'_> {
         let mut start = shot.first_contact_t + SURELY_FREE_S;
         let mut contact = shot.first_contact_t + 0.005;
         let mut settled = false;
+        let hung = self.hung(shot);
         let all = if self.settings.first_look { MotionLaw::TOLD_FREE.to_vec() } else { MotionLaw::after_contact() };
         for round in 0..ROUNDS {
             let laws: &[MotionLaw] = if settled { &all } else { &[MotionLaw::Hold(Pace::Brisk)] };
             let to = contact + self.settings.window_s;
-            let ball_out = self.flight(&shot.frames, When::After, start, to, contact)?;
-            let racket_out = self.motion(&shot.frames, When::After, start, to, contact, laws)?;
+            let ball_out = self.flight(&shot.frames, When::After { hung }, start, to, contact)?;
+            let racket_out = self.motion(&shot.frames, When::After { hung }, start, to, contact, laws)?;
             let dt = crossing(&PointMotion::from(&ball_out), &body_at(&self.moving, &racket_out, contact), &self.moving.com_local, shot.side, radius)
                 .ok_or(KinematicsError::NoCrossing { when: "after" })?;
             let next = (contact + dt).clamp(shot.first_contact_t + 0.001, shot.first_contact_t + SURELY_FREE_S);
@@ -277,9 +289,10 @@ impl Bench<'_> {
     /// a contact of usual length.
     fn measure_each_after(&self, shot: &mut ShotMotion, why: &KinematicsError) {
         let (start, contact) = (shot.first_contact_t + SURELY_FREE_S, shot.first_contact_t + USUAL_CONTACT_S);
+        let hung = self.hung(shot);
         let to = contact + self.settings.window_s;
-        shot.ball_out = self.flight(&shot.frames, When::After, start, to, contact).ok();
-        shot.racket_out = self.motion(&shot.frames, When::After, start, to, contact, &MotionLaw::after_contact()).ok();
+        shot.ball_out = self.flight(&shot.frames, When::After { hung }, start, to, contact).ok();
+        shot.racket_out = self.motion(&shot.frames, When::After { hung }, start, to, contact, &MotionLaw::after_contact()).ok();
         let given = match (&shot.ball_out, &shot.racket_out) {
             (None, None) => return shot.remarks.push(format!("nothing after contact: {why}")),
             (Some(_), None) => "the ball's",
@@ -288,6 +301,14 @@ impl Bench<'_> {
         };
         shot.remarks
             .push(format!("the last contact was not found ({why}); motions after it ({given}) are those {:.0} ms after first contact", 1e3 * USUAL_CONTACT_S));
+    }
+
+    /// Probability that the racket hung still before the contact. The first look weighs no laws there: it does not know.
+    fn hung(&self, shot: &ShotMotion) -> f64 {
+        if self.settings.first_look {
+            return 0.5;
+        }
+        shot.racket_in.laws.iter().filter(|(law, _)| law.hangs()).map(|(_, p)| p).sum()
     }
 
     /// Time of the last frame in which the ball is surely clear of the face, before the impact frame.
@@ -315,7 +336,7 @@ impl Bench<'_> {
             let length = SHORTENED * estimate.length_s;
             let (from, to) = match when {
                 When::Before => (reference_t - length, to),
-                When::After => (from, reference_t + length),
+                When::After { .. } => (from, reference_t + length),
             };
             match self.flight_within(frames, when, from, to, reference_t) {
                 Ok(shorter) if shorter.frames >= FEWEST_UNBENT && shorter.length_s < estimate.length_s => {
@@ -417,6 +438,7 @@ impl Bench<'_> {
             memory_s: when.memory_s(),
             noise_scale,
             shake_px: self.shake_px,
+            hung: when.hung(),
         }
     }
 

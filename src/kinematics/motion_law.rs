@@ -9,12 +9,13 @@ use nalgebra::Vector3;
 pub enum MotionLaw {
     /// Hangs still (a laboratory racket before impact), up to a slow sway.
     Rest,
-    /// Nearly still, hung or in a quiet hand: sways, and is hardly accelerated.
+    /// Hangs and sways: moves by centimetres per second and is hardly accelerated.
     Sway(Reach),
-    /// Constant velocity, constant angular velocity, with the weight carried. After the contact only: a racket that hung is carried on by what it hung
-    /// from; a hand always accelerates what it carries.
+    /// Nearly still in a hand (a block): as slow as what sways widely, and accelerated by some m/s².
+    Quiet,
+    /// Constant velocity, constant angular velocity.
     Coasting,
-    /// Carried by a slow hand: small acceleration and angular acceleration, in body axes, that change at constant rates.
+    /// Carried by a slow hand (a block, a drop shot): small acceleration and angular acceleration, in body axes, that change at constant rates.
     Carried,
     /// Falls freely, constant angular velocity.
     SteadyFall,
@@ -32,14 +33,24 @@ pub enum MotionLaw {
     Release(Fade),
 }
 
-/// Force (m/s²) and angular acceleration (rad/s²) of a hand that carries a racket slowly (a block, a drop shot): it would gain 1 m/s within a tenth of a second.
-const CARRIES: (f64, f64) = (8.0, 20.0);
-/// Weight of laws of free flight where the racket did not hang: a hand that held it lets go in few shots.
-const LET_GO: f64 = 0.05;
+/// Force (m/s²) and angular acceleration (rad/s²) of a hand that carries a racket slowly: it would gain 1 m/s within a tenth of a second. And how slowly:
+/// spreads of velocity (m/s) and rate (rad/s) before the contact. A faster racket is swung, with hundreds of m/s²: where it shows none, none is there.
+const CARRIES: (f64, f64) = (12.0, 30.0);
+const SLOWLY: (f64, f64) = (2.0, 5.0);
+/// The same of a hand that holds the racket nearly still, and spreads of its velocity (m/s) and rate (rad/s).
+const HOLDS_STILL: (f64, f64) = (4.0, 10.0);
+const NEARLY_STILL: (f64, f64) = (0.15, 0.6);
+/// Weight of a slight sway: most rackets that hang hang still, and known to do so to a few per cent as if there were no other law.
+const SLIGHTLY: f64 = 0.25;
+/// Weight of laws of free flight where a slow hand carried the racket: it lets go in few shots.
+const LET_GO: f64 = 0.02;
+/// Weight before the contact of laws by which nothing, or gravity alone, acts on a racket that moves: a hand does. Fast rackets that show no acceleration are
+/// told from swung ones by twelve powers of ten.
+const NOTHING_ACTS: f64 = 0.01;
 /// Least weight of a law.
 const NEVER: f64 = 1e-9;
 
-/// How fast a nearly still racket sways: by some 15 mm/s, or by some 50.
+/// How fast a hung racket sways: by some 15 mm/s, or by some 50.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Reach {
@@ -48,6 +59,8 @@ pub enum Reach {
 }
 
 impl Reach {
+    pub const ALL: [Reach; 2] = [Reach::Slight, Reach::Wide];
+
     /// Spreads of velocity (m/s) and rate (rad/s).
     fn velocities(self) -> (f64, f64) {
         match self {
@@ -104,11 +117,10 @@ impl Fade {
 pub(crate) type Course = [f64; 3];
 
 impl MotionLaw {
-    /// Laws that the window before the contact may follow.
-    pub const BEFORE_CONTACT: [MotionLaw; 15] = [
+    /// Laws that any window may follow.
+    pub const EVERYWHERE: [MotionLaw; 14] = [
         MotionLaw::Rest,
-        MotionLaw::Sway(Reach::Slight),
-        MotionLaw::Sway(Reach::Wide),
+        MotionLaw::Coasting,
         MotionLaw::Carried,
         MotionLaw::SteadyFall,
         MotionLaw::FreeBody,
@@ -123,11 +135,14 @@ impl MotionLaw {
         MotionLaw::Drift,
     ];
 
-    /// Laws for the window after the contact: those (what the blow has set moving no longer sways), a racket that goes on as it was carried, a hand that
-    /// lets go, and a racket set free that is balanced elsewhere than stated.
+    /// Laws for the window before the contact: those, and what a racket does that no blow has set moving yet.
+    pub fn before_contact() -> Vec<MotionLaw> {
+        Self::EVERYWHERE.into_iter().chain(Reach::ALL.map(MotionLaw::Sway)).chain([MotionLaw::Quiet]).collect()
+    }
+
+    /// Laws for the window after the contact: those, a hand that lets go, and a racket set free that is balanced elsewhere than stated.
     pub fn after_contact() -> Vec<MotionLaw> {
-        let blown = Self::BEFORE_CONTACT.into_iter().filter(|law| !matches!(law, MotionLaw::Sway(_)));
-        blown.chain([MotionLaw::Coasting, MotionLaw::OffBalance]).chain(Fade::ALL.map(MotionLaw::Release)).collect()
+        Self::EVERYWHERE.into_iter().chain([MotionLaw::OffBalance]).chain(Fade::ALL.map(MotionLaw::Release)).collect()
     }
 
     /// Laws enough to tell whether a racket flies freely after the contact, and about which point.
@@ -143,23 +158,25 @@ impl MotionLaw {
         MotionLaw::Release(Fade(10)),
     ];
 
-    /// Logarithm of the prior weight, where the racket hung still before the contact with the probability `hung`: the time constants of a release share the
-    /// weight of one law. Laws that fix an acceleration exactly would be preferred for their fewer numbers wherever a window cannot tell some m/s² from
-    /// none, and their deviations are as small as if nothing acted: it must be likely that nothing does.
-    pub(crate) fn ln_weight(self, hung: f64) -> f64 {
-        let weight = match self {
-            MotionLaw::Release(_) => 1.0 / Fade::ALL.len() as f64,
-            MotionLaw::Coasting => hung,
-            MotionLaw::Carried => 1.0 - hung,
-            _ if self.free() => hung + (1.0 - hung) * LET_GO,
+    /// Logarithm of the prior weight: the time constants of a release share the weight of one law. After the contact it depends on the probability `slow_hand`
+    /// that a slow hand carried the racket before it (`None` before the contact): laws that fix an acceleration exactly would be preferred for their fewer
+    /// numbers wherever a window cannot tell the hand's few m/s² from none, with deviations as small as if nothing acted.
+    pub(crate) fn ln_weight(self, slow_hand: Option<f64>) -> f64 {
+        let weight = match (self, slow_hand) {
+            (MotionLaw::Release(_), _) => 1.0 / Fade::ALL.len() as f64,
+            (MotionLaw::Sway(Reach::Slight), _) => SLIGHTLY,
+            (MotionLaw::Coasting, Some(slow_hand)) => 1.0 - slow_hand,
+            (MotionLaw::Carried, Some(slow_hand)) => slow_hand,
+            (law, Some(slow_hand)) if law.free() => 1.0 - slow_hand * (1.0 - LET_GO),
+            (law, None) if law.free() || law == MotionLaw::Coasting => NOTHING_ACTS,
             _ => 1.0,
         };
         weight.max(NEVER).ln()
     }
 
-    /// What a racket does that hangs from a stand, or lies in a hand as still as that.
-    pub(crate) fn hangs(self) -> bool {
-        matches!(self, MotionLaw::Rest | MotionLaw::Sway(_))
+    /// A slow hand carries the racket.
+    pub(crate) fn in_slow_hand(self) -> bool {
+        matches!(self, MotionLaw::Carried | MotionLaw::Quiet)
     }
 
     /// The two most flexible laws of moderate size: whatever moves in a window, one of them follows it.
@@ -173,6 +190,7 @@ impl MotionLaw {
             MotionLaw::Sway(Reach::Wide) => "wide-sway".to_owned(),
             MotionLaw::Coasting => "coasting".to_owned(),
             MotionLaw::Carried => "carried".to_owned(),
+            MotionLaw::Quiet => "quiet-hand".to_owned(),
             MotionLaw::SteadyFall => "steady-fall".to_owned(),
             MotionLaw::FreeBody => "free-body".to_owned(),
             MotionLaw::OffBalance => "off-balance".to_owned(),
@@ -189,7 +207,7 @@ impl MotionLaw {
         match self {
             MotionLaw::Rest | MotionLaw::Coasting | MotionLaw::SteadyFall | MotionLaw::FreeBody => &[Place, Turn, Velocity, Rate],
             MotionLaw::OffBalance => &[Place, Turn, Velocity, Rate, Lever],
-            MotionLaw::Sway(_) | MotionLaw::Release(_) => &[Place, Turn, Velocity, Rate, Force, RateDot],
+            MotionLaw::Sway(_) | MotionLaw::Quiet | MotionLaw::Release(_) => &[Place, Turn, Velocity, Rate, Force, RateDot],
             MotionLaw::Carried | MotionLaw::Swing(_) | MotionLaw::Hold(_) => &[Place, Turn, Velocity, Rate, Force, RateDot, ForceSlope, RateDdot],
             MotionLaw::Drift => &[Place, Turn, Velocity, Rate, Force, RateDot, ForceSlope, RateDdot, ForceCurve, RateDddot],
         }
@@ -198,8 +216,8 @@ impl MotionLaw {
     /// Step of a part in the fit: a hung racket hardly moves.
     pub(crate) fn step(self, part: Part) -> f64 {
         match (self, part) {
-            (MotionLaw::Rest | MotionLaw::Sway(_), Part::Velocity) => 1e-3,
-            (MotionLaw::Rest | MotionLaw::Sway(_), Part::Rate) => 1e-2,
+            (MotionLaw::Rest | MotionLaw::Sway(_) | MotionLaw::Quiet, Part::Velocity) => 1e-3,
+            (MotionLaw::Rest | MotionLaw::Sway(_) | MotionLaw::Quiet, Part::Rate) => 1e-2,
             _ => part.step(),
         }
     }
@@ -214,7 +232,7 @@ impl MotionLaw {
     }
 
     pub(crate) fn falls(self) -> bool {
-        !matches!(self, MotionLaw::Rest | MotionLaw::Sway(_) | MotionLaw::Coasting | MotionLaw::Carried)
+        !matches!(self, MotionLaw::Rest | MotionLaw::Sway(_) | MotionLaw::Quiet | MotionLaw::Coasting | MotionLaw::Carried)
     }
 
     /// How force and torque stand `dt` after the reference time.
@@ -228,12 +246,13 @@ impl MotionLaw {
     /// Prior standard deviations of a part (SI), but for the lever, which is the racket's. Wide: they weigh the laws against
     /// each other and hardly move an estimate. A hung racket sways by millimetres per second. A drive changes by its own size
     /// within `memory_s`.
-    pub(crate) fn prior(self, part: Part, memory_s: f64) -> Option<Vector3<f64>> {
+    pub(crate) fn prior(self, part: Part, memory_s: f64, before_contact: bool) -> Option<Vector3<f64>> {
         // Brisk: a centre of mass 0.35 m from the pivot at 30 rad/s needs 300 m/s²; a swing gains 30 rad/s within 0.05 to
         // 0.1 s (physics.md E.7). Gentle is a third of that, abrupt twice.
         let (force, rate_dot) = match self {
             MotionLaw::Sway(reach) => reach.drives(),
             MotionLaw::Carried => CARRIES,
+            MotionLaw::Quiet => HOLDS_STILL,
             MotionLaw::Swing(Pace::Gentle) | MotionLaw::Hold(Pace::Gentle) => (100.0, 130.0),
             MotionLaw::Swing(Pace::Abrupt) | MotionLaw::Hold(Pace::Abrupt) => (600.0, 1000.0),
             _ => (300.0, 400.0),
@@ -247,11 +266,15 @@ impl MotionLaw {
             Part::Velocity => Some(Vector3::repeat(match self {
                 MotionLaw::Rest => 0.005,
                 MotionLaw::Sway(reach) => reach.velocities().0,
+                MotionLaw::Quiet => NEARLY_STILL.0,
+                MotionLaw::Carried if before_contact => SLOWLY.0,
                 _ => 20.0,
             })),
             Part::Rate => Some(Vector3::repeat(match self {
                 MotionLaw::Rest => 0.02,
                 MotionLaw::Sway(reach) => reach.velocities().1,
+                MotionLaw::Quiet => NEARLY_STILL.1,
+                MotionLaw::Carried if before_contact => SLOWLY.1,
                 _ => 30.0,
             })),
             Part::Force => Some(Vector3::repeat(force)),

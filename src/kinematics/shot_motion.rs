@@ -178,9 +178,9 @@ pub fn measure_motion(rig: &StereoRig, tracks: &Tracks, racket: &Racket, ball: &
 #[derive(Clone, Copy)]
 enum When {
     Before,
-    /// With the probability that the racket hung still before.
+    /// With the probability that a slow hand carried the racket before.
     After {
-        hung: f64,
+        slow_hand: f64,
     },
 }
 
@@ -192,15 +192,14 @@ impl When {
         }
     }
 
-    /// Muscles change a force by its own size in some 30 ms; the soft hand after the blow lets go in 10 ms.
-    /// Before the contact what hangs is told by the window itself.
-    fn hung(self) -> f64 {
+    fn slow_hand(self) -> Option<f64> {
         match self {
-            When::Before => 0.0,
-            When::After { hung } => hung,
+            When::Before => None,
+            When::After { slow_hand } => Some(slow_hand),
         }
     }
 
+    /// Muscles change a force by its own size in some 30 ms; the soft hand after the blow lets go in 10 ms.
     fn memory_s(self) -> f64 {
         match self {
             When::Before => 0.030,
@@ -219,10 +218,11 @@ impl Bench<'_> {
         let mut end = self.last_clear(&frames, side).max(-USUAL_CONTACT_S);
         let mut contact = end + half;
         let (mut fits, mut settled) = (None, false);
+        let all = MotionLaw::before_contact();
         for round in 0..ROUNDS {
             let from = contact - self.settings.window_s;
             // The windows settle with one law; the last round weighs them all.
-            let laws: &[MotionLaw] = if settled && !self.settings.first_look { &MotionLaw::BEFORE_CONTACT } else { &[MotionLaw::Hold(Pace::Brisk)] };
+            let laws: &[MotionLaw] = if settled && !self.settings.first_look { &all } else { &[MotionLaw::Hold(Pace::Brisk)] };
             let ball_in = self.flight(&frames, When::Before, from, end, contact)?;
             let racket_in = self.motion(&frames, When::Before, from, end, contact, laws)?;
             let dt = crossing(&PointMotion::from(&ball_in), &body_at(&self.moving, &racket_in, contact), &self.moving.com_local, side, radius)
@@ -263,13 +263,13 @@ impl Bench<'_> {
         let mut start = shot.first_contact_t + SURELY_FREE_S;
         let mut contact = shot.first_contact_t + 0.005;
         let mut settled = false;
-        let hung = self.hung(shot);
+        let slow_hand = self.slow_hand(shot);
         let all = if self.settings.first_look { MotionLaw::TOLD_FREE.to_vec() } else { MotionLaw::after_contact() };
         for round in 0..ROUNDS {
             let laws: &[MotionLaw] = if settled { &all } else { &[MotionLaw::Hold(Pace::Brisk)] };
             let to = contact + self.settings.window_s;
-            let ball_out = self.flight(&shot.frames, When::After { hung }, start, to, contact)?;
-            let racket_out = self.motion(&shot.frames, When::After { hung }, start, to, contact, laws)?;
+            let ball_out = self.flight(&shot.frames, When::After { slow_hand }, start, to, contact)?;
+            let racket_out = self.motion(&shot.frames, When::After { slow_hand }, start, to, contact, laws)?;
             let dt = crossing(&PointMotion::from(&ball_out), &body_at(&self.moving, &racket_out, contact), &self.moving.com_local, shot.side, radius)
                 .ok_or(KinematicsError::NoCrossing { when: "after" })?;
             let next = (contact + dt).clamp(shot.first_contact_t + 0.001, shot.first_contact_t + SURELY_FREE_S);
@@ -289,10 +289,10 @@ impl Bench<'_> {
     /// a contact of usual length.
     fn measure_each_after(&self, shot: &mut ShotMotion, why: &KinematicsError) {
         let (start, contact) = (shot.first_contact_t + SURELY_FREE_S, shot.first_contact_t + USUAL_CONTACT_S);
-        let hung = self.hung(shot);
+        let slow_hand = self.slow_hand(shot);
         let to = contact + self.settings.window_s;
-        shot.ball_out = self.flight(&shot.frames, When::After { hung }, start, to, contact).ok();
-        shot.racket_out = self.motion(&shot.frames, When::After { hung }, start, to, contact, &MotionLaw::after_contact()).ok();
+        shot.ball_out = self.flight(&shot.frames, When::After { slow_hand }, start, to, contact).ok();
+        shot.racket_out = self.motion(&shot.frames, When::After { slow_hand }, start, to, contact, &MotionLaw::after_contact()).ok();
         let given = match (&shot.ball_out, &shot.racket_out) {
             (None, None) => return shot.remarks.push(format!("nothing after contact: {why}")),
             (Some(_), None) => "the ball's",
@@ -303,12 +303,12 @@ impl Bench<'_> {
             .push(format!("the last contact was not found ({why}); motions after it ({given}) are those {:.0} ms after first contact", 1e3 * USUAL_CONTACT_S));
     }
 
-    /// Probability that the racket hung still before the contact. The first look weighs no laws there: it does not know.
-    fn hung(&self, shot: &ShotMotion) -> f64 {
+    /// Probability that a slow hand carried the racket before the contact. The first look weighs no laws there: it does not know.
+    fn slow_hand(&self, shot: &ShotMotion) -> f64 {
         if self.settings.first_look {
             return 0.5;
         }
-        shot.racket_in.laws.iter().filter(|(law, _)| law.hangs()).map(|(_, p)| p).sum()
+        shot.racket_in.laws.iter().filter(|(law, _)| law.in_slow_hand()).map(|(_, p)| p).sum()
     }
 
     /// Time of the last frame in which the ball is surely clear of the face, before the impact frame.
@@ -438,7 +438,7 @@ impl Bench<'_> {
             memory_s: when.memory_s(),
             noise_scale,
             shake_px: self.shake_px,
-            hung: when.hung(),
+            slow_hand: when.slow_hand(),
         }
     }
 

@@ -105,6 +105,14 @@ impl StereoRig {
         isometry(&self.r, &self.t)
     }
 
+    /// Whether the global axes are the three-sphere frame's; otherwise they are the left camera's, and nothing knows what is up. The transform itself
+    /// tells: only without pictures of the frame it is written as the identity, which no frame in front of a camera has. Whether the pictures are
+    /// still there does not matter.
+    pub fn axes_known(&self) -> bool {
+        let left = RigidTransform::from_isometry(&Isometry3::identity());
+        (self.global_from_left.r, self.global_from_left.t) != (left.r, left.t)
+    }
+
     /// Pose `camera_from_global`.
     pub fn camera_from_global(&self, id: CameraId) -> Isometry3<f64> {
         let left_from_global = self.global_from_left.isometry().inverse();

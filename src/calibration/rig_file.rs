@@ -276,6 +276,19 @@ mod tests {
     }
 
     #[test]
+    fn law_the_transform_in_the_file_tells_whether_the_axes_are_known() {
+        let folder = tempfile::tempdir().expect("folder");
+        let json = folder.path().join("calibration.json");
+        let framed = RigidTransform::from_isometry(&nalgebra::Isometry3::translation(-0.3, 1.0, 9.0));
+        for (global_from_left, known) in [(rig().global_from_left, false), (framed, true)] {
+            StereoRig { global_from_left, ..rig() }.write(&json).expect("written");
+            for read in [StereoRig::read(&json), StereoRig::read_to_measure_with(&json)] {
+                assert_eq!(read.expect("read").axes_known(), known);
+            }
+        }
+    }
+
+    #[test]
     fn fails_numbers_no_camera_can_have() {
         let path = Path::new("calibration.json");
         let cases: [fn(&mut StereoRig); 6] = [

@@ -115,7 +115,7 @@ fn axes_picture(folder: &Path, camera: &str) -> Result<PathBuf, CliError> {
 
 /// The calibration's own report; the session's report holds the same section.
 fn page(session: &Session, rig: &StereoRig) -> String {
-    Report::new(&session.name).command("calibrate").subtitle("Calibration").section(sections::calibration(rig, session.axes.is_some())).finish()
+    Report::new(&session.name).command("calibrate").subtitle("Calibration").section(sections::calibration(rig, rig.axes_known())).finish()
 }
 
 /// Hashes of everything the calibration reads.

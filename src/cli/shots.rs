@@ -7,7 +7,7 @@ use super::tracked_session::TrackedSession;
 use crate::impact_table::ImpactTable;
 use crate::kinematics::{
     BalanceSeen, GroupStatistic, RiseInterval, SHOT_FILE, Shot, ShotInput, ShotRecord, ShotSpin, SpinComponent, SpinVector, measure_shot, mismatch_remark,
-    rise_table, season_statistics, season_to_csv,
+    point_name, rise_table, season_statistics, season_to_csv,
 };
 use crate::provenance::{Provenance, sha256_file, sha256_hex};
 use crate::report::{histograms_to_csv, season_figures};
@@ -41,6 +41,24 @@ fn parse_point(text: &str) -> Result<Vector2<f64>, String> {
     }
 }
 
+/// Two points of one name would be one key of shot.json.
+fn told_apart(points: &[Vector2<f64>]) -> Result<(), CliError> {
+    for (k, p) in points.iter().enumerate() {
+        if let Some(q) = points[..k].iter().find(|q| point_name(q) == point_name(p)) {
+            return Err(CliError::input(format!(
+                "--point {},{} and --point {},{} are both {}_*: a point is named by whole millimetres",
+                q.x,
+                q.y,
+                p.x,
+                p.y,
+                point_name(p)
+            ))
+            .hint("leave one out, or give points a millimetre apart"));
+        }
+    }
+    Ok(())
+}
+
 #[derive(serde::Serialize)]
 struct Summary {
     #[serde(serialize_with = "super::as_shown")]
@@ -50,6 +68,7 @@ struct Summary {
 }
 
 pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
+    told_apart(&arguments.point)?;
     let tracked = TrackedSession::open(&arguments.session, shell)?;
     let (session, results) = (&tracked.session, &tracked.results);
     if session.shots.is_empty() && session.broken_shots.is_empty() {

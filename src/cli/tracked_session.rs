@@ -114,7 +114,7 @@ impl TrackedSession {
     pub fn settings(&self, shot: &ShotFolder) -> MeasureSettings {
         MeasureSettings {
             impact_frame: shot.impact_frame,
-            axes_known: self.session.axes.is_some(),
+            axes_known: self.rig.axes_known(),
             tape: self.tapes.get(&shot.racket.name).copied().unwrap_or_else(TapeErrors::expected),
             air_odds: self.air.odds(&shot.id),
             balance: self.balances.get(&shot.racket.name).copied().unwrap_or_else(BalanceSeen::expected),

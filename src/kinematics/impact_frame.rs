@@ -2,9 +2,10 @@
 
 use super::KinematicsError;
 use super::frame_view::{FEWEST_STEREO, FrameView};
+use super::racket_outline::{outside_strings, past_head};
 use super::sighting::FrameClock;
 use super::straight_line::{Line, straight_line};
-use crate::equipment::Ball;
+use crate::equipment::{Ball, Racket};
 use nalgebra::{Isometry3, Point3, center};
 use std::collections::BTreeMap;
 
@@ -18,11 +19,12 @@ const LEAST_JUMP_M_S: f64 = 3.0;
 /// Half of a flight's places lie nearer to its line, m: 24 frames of free fall and depths that are good to some millimetres.
 const STRAIGHT_M: f64 = 0.02;
 /// The face's half extents around the stringbed centre within which an approach counts as an impact, m.
-pub(super) const FACE: (f64, f64) = (0.30, 0.20);
+const FACE: (f64, f64) = (0.30, 0.20);
 
 /// The frame at which the ball is nearest to the face, or that was `stated`, within the frames of the `span`; and the side it came from.
 pub fn find_impact(
     frames: &BTreeMap<u64, FrameView>,
+    racket: &Racket,
     ball: &Ball,
     clock: FrameClock,
     stated: Option<u64>,
@@ -50,8 +52,7 @@ pub fn find_impact(
             let seen = lowest.map(|(_, n)| n.0).filter(|n| meetings.iter().all(|m| m.gap.0 != *n && m.gap.1 != *n));
             let all = seen.map(|n| (velocity_jump(frames, n), n)).chain(meetings.iter().map(|m| (m.jump, m.frame)));
             let most = all.max_by(|a, b| a.0.total_cmp(&b.0));
-            let nearest_m = || local.iter().map(|(_, p)| p.z.abs()).fold(f64::INFINITY, f64::min);
-            most.ok_or_else(|| KinematicsError::NoImpact { nearest_m: nearest_m(), reach_m: reach })?.1
+            most.ok_or_else(|| why_none(&local, racket, ball))?.1
         }
     };
     let before: Vec<f64> = local.iter().filter(|(k, _)| *k < nearest).rev().take(12).map(|(_, p)| p.z).collect();
@@ -59,6 +60,22 @@ pub fn find_impact(
         return Err(KinematicsError::TooFewFrames { body: "ball and racket", when: "before", seen: before.len(), need: FEWEST_STEREO });
     }
     Ok((nearest, before.iter().sum::<f64>().signum()))
+}
+
+/// Where the ball goes when it comes to no impact: past the head, where it crosses the string plane between one frame and one of the next, or nowhere near.
+fn why_none(local: &[(u64, Point3<f64>)], racket: &Racket, ball: &Ball) -> KinematicsError {
+    let crossings = local.windows(2).filter(|pair| pair[1].0 - pair[0].0 <= 3 && pair[0].1.z * pair[1].1.z < 0.0).map(|pair| {
+        let (p, q) = (pair[0].1, pair[1].1);
+        let place = (p + (q - p) * (p.z / (p.z - q.z))).xy();
+        (past_head(racket, ball, &place.coords), place)
+    });
+    match crossings.min_by(|a, b| a.0.total_cmp(&b.0)).filter(|(past_m, _)| *past_m > 0.0) {
+        Some((past_m, place)) => KinematicsError::PassesBy { past_m, x_m: place.x, y_m: place.y },
+        None => {
+            let from_strings = |p: &Point3<f64>| outside_strings(&racket.head, &p.xy().coords).max(0.0).hypot(p.z);
+            KinematicsError::NoImpact { nearest_m: local.iter().map(|(_, p)| from_strings(p)).fold(f64::INFINITY, f64::min) }
+        }
+    }
 }
 
 /// Change of the ball's velocity from the frames before to the frames after one frame, m/s; 0 when too few are seen. Where none of the next frames

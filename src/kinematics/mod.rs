@@ -22,6 +22,7 @@ mod motion_law;
 mod motion_state;
 mod racket_bench;
 mod racket_motion;
+mod racket_outline;
 mod season;
 mod shot;
 mod shot_file;
@@ -38,12 +39,13 @@ mod thesis_path;
 pub use air_seen::AirSeen;
 pub use balance_seen::BalanceSeen;
 pub use ball_flight::{FlightEstimate, FlightLaw};
+pub use characteristics::point_name;
 pub use contact::{BodyMotion, PointMotion, ball_in_racket, crossing};
 pub use frame_rate::{FrameRateStudy, SlowerCamera, TipPath, frame_rate_study};
 pub use frame_view::FrameView;
 pub use grid_photograph::{GridError, GridPhotograph};
 pub use marker_distance::{MarkerDistance, marker_distances, mismatch_remark};
-pub use motion_law::{Fade, MotionLaw, Pace};
+pub use motion_law::{Fade, MotionLaw, Pace, Reach};
 pub use motion_state::MotionState;
 pub use racket_bench::{
     BenchError, Bifilar, Pendulum, Uncertain, balance_from_scales, from_rdc_kg_cm2, perpendicular_axis_mismatch, swingweight_from_pendulum,
@@ -75,17 +77,26 @@ pub enum KinematicsError {
     NoCommonFrames { seen: usize, need: usize },
     #[error("impact_frame is {frame}; the tracks run from {first} to {last}")]
     ImpactFrameOutside { frame: u64, first: u64, last: u64 },
+    #[error("no impact: the ball's centre comes no nearer to the strings than {nearest_m:.3} m; if there is one, give `impact_frame` in shot.toml")]
+    NoImpact { nearest_m: f64 },
     #[error(
-        "no impact: the ball's centre comes no nearer to the string plane than {nearest_m:.3} m (an impact needs {reach_m:.3} m over the face); \
-         if there is one, give `impact_frame` in shot.toml"
+        "no impact: the ball passes the head by {:.0} mm ({x_m:.3} m along and {y_m:.3} m across from the stringbed's centre); \
+         if there is one, give `impact_frame` in shot.toml",
+        1e3 * past_m
     )]
-    NoImpact { nearest_m: f64, reach_m: f64 },
+    PassesBy { past_m: f64, x_m: f64, y_m: f64 },
     #[error(
-        "the ball touches the string plane {x_m:.3} m along and {y_m:.3} m across from the stringbed's centre, beyond any racket (allowed: {} and {}): \
-         the pictures of the two cameras may not belong together, or this is no impact; look at the tracks around it, or give `impact_frame` in shot.toml",
-        impact_frame::FACE.0, impact_frame::FACE.1
+        "no impact: where the ball meets the string plane ({x_m:.3} m along and {y_m:.3} m across from the stringbed's centre) it flies on, its velocity \
+         changes by {change_m_s:.2} m/s (sd {sd_m_s:.2}) of {speed_m_s:.1}; look at the tracks around it, or give `impact_frame` in shot.toml"
     )]
-    OffTheFace { x_m: f64, y_m: f64 },
+    FliesOn { x_m: f64, y_m: f64, change_m_s: f64, sd_m_s: f64, speed_m_s: f64 },
+    #[error(
+        "the ball touches the string plane {x_m:.3} m along and {y_m:.3} m across from the stringbed's centre, {:.0} mm beyond the racket: the pictures of \
+         the two cameras may not belong together, racket.toml ([head], [markers]) may be another's, or this is no impact; look at the tracks around it, \
+         or give `impact_frame` in shot.toml",
+        1e3 * past_m
+    )]
+    OffTheFace { x_m: f64, y_m: f64, past_m: f64 },
     #[error("{seen} frames show the {body} {when} contact; at least {need} are needed")]
     TooFewFrames { body: &'static str, when: &'static str, seen: usize, need: usize },
     #[error(

@@ -9,8 +9,14 @@ use nalgebra::Vector3;
 pub enum MotionLaw {
     /// Hangs still (a laboratory racket before impact), up to a slow sway.
     Rest,
+    /// Hangs and sways: moves by centimetres per second and is hardly accelerated.
+    Sway(Reach),
+    /// Nearly still in a hand (a block): as slow as what sways widely, and accelerated by some m/s².
+    Quiet,
     /// Constant velocity, constant angular velocity.
     Coasting,
+    /// Carried by a slow hand (a block, a drop shot): small acceleration and angular acceleration, in body axes, that change at constant rates.
+    Carried,
     /// Falls freely, constant angular velocity.
     SteadyFall,
     /// Falls freely, torque-free rotation with the racket's own inertia (Euler).
@@ -25,6 +31,50 @@ pub enum MotionLaw {
     Drift,
     /// After contact: Euler's equations with a force and a torque in body axes that die away exponentially.
     Release(Fade),
+}
+
+/// Force (m/s²) and angular acceleration (rad/s²) of a hand that carries a racket slowly: it would gain 1 m/s within a tenth of a second. And how slowly:
+/// spreads of velocity (m/s) and rate (rad/s) before the contact. A faster racket is swung, with hundreds of m/s²: where it shows none, none is there.
+const CARRIES: (f64, f64) = (12.0, 30.0);
+const SLOWLY: (f64, f64) = (2.0, 5.0);
+/// The same of a hand that holds the racket nearly still, and spreads of its velocity (m/s) and rate (rad/s).
+const HOLDS_STILL: (f64, f64) = (4.0, 10.0);
+const NEARLY_STILL: (f64, f64) = (0.15, 0.6);
+/// Weight of a slight sway: most rackets that hang hang still, and known to do so to a few per cent as if there were no other law.
+const SLIGHTLY: f64 = 0.25;
+/// Weight of laws of free flight where a slow hand carried the racket: it lets go in few shots.
+const LET_GO: f64 = 0.02;
+/// Weight before the contact of laws by which nothing, or gravity alone, acts on a racket that moves: a hand does. Fast rackets that show no acceleration are
+/// told from swung ones by twelve powers of ten.
+const NOTHING_ACTS: f64 = 0.01;
+/// Least weight of a law.
+const NEVER: f64 = 1e-9;
+
+/// How fast a hung racket sways: by some 15 mm/s, or by some 50.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Reach {
+    Slight,
+    Wide,
+}
+
+impl Reach {
+    pub const ALL: [Reach; 2] = [Reach::Slight, Reach::Wide];
+
+    /// Spreads of velocity (m/s) and rate (rad/s).
+    fn velocities(self) -> (f64, f64) {
+        match self {
+            Reach::Slight => (0.015, 0.06),
+            Reach::Wide => (0.05, 0.2),
+        }
+    }
+
+    /// Spreads of acceleration (m/s²) and angular acceleration (rad/s²): a pendulum of 1 s at that velocity gains six times it in a second, a stiffer support
+    /// somewhat more.
+    fn drives(self) -> (f64, f64) {
+        let (velocity, rate) = self.velocities();
+        (10.0 * velocity, 10.0 * rate)
+    }
 }
 
 /// How strong a drive is and how fast it changes. There is no law with a strictly constant force: a hand that pushes also
@@ -68,9 +118,10 @@ pub(crate) type Course = [f64; 3];
 
 impl MotionLaw {
     /// Laws that any window may follow.
-    pub const EVERYWHERE: [MotionLaw; 13] = [
+    pub const EVERYWHERE: [MotionLaw; 14] = [
         MotionLaw::Rest,
         MotionLaw::Coasting,
+        MotionLaw::Carried,
         MotionLaw::SteadyFall,
         MotionLaw::FreeBody,
         MotionLaw::Swing(Pace::Even),
@@ -84,15 +135,21 @@ impl MotionLaw {
         MotionLaw::Drift,
     ];
 
+    /// Laws for the window before the contact: those, and what a racket does that no blow has set moving yet.
+    pub fn before_contact() -> Vec<MotionLaw> {
+        Self::EVERYWHERE.into_iter().chain(Reach::ALL.map(MotionLaw::Sway)).chain([MotionLaw::Quiet]).collect()
+    }
+
     /// Laws for the window after the contact: those, a hand that lets go, and a racket set free that is balanced elsewhere than stated.
     pub fn after_contact() -> Vec<MotionLaw> {
         Self::EVERYWHERE.into_iter().chain([MotionLaw::OffBalance]).chain(Fade::ALL.map(MotionLaw::Release)).collect()
     }
 
     /// Laws enough to tell whether a racket flies freely after the contact, and about which point.
-    pub(crate) const TOLD_FREE: [MotionLaw; 8] = [
+    pub(crate) const TOLD_FREE: [MotionLaw; 9] = [
         MotionLaw::Rest,
         MotionLaw::Coasting,
+        MotionLaw::Carried,
         MotionLaw::SteadyFall,
         MotionLaw::FreeBody,
         MotionLaw::OffBalance,
@@ -101,9 +158,25 @@ impl MotionLaw {
         MotionLaw::Release(Fade(10)),
     ];
 
-    /// Logarithm of the prior weight: the time constants of a release share the weight of one law.
-    pub(crate) fn ln_weight(self) -> f64 {
-        if matches!(self, MotionLaw::Release(_)) { -(Fade::ALL.len() as f64).ln() } else { 0.0 }
+    /// Logarithm of the prior weight: the time constants of a release share the weight of one law. After the contact it depends on the probability `slow_hand`
+    /// that a slow hand carried the racket before it (`None` before the contact): laws that fix an acceleration exactly would be preferred for their fewer
+    /// numbers wherever a window cannot tell the hand's few m/s² from none, with deviations as small as if nothing acted.
+    pub(crate) fn ln_weight(self, slow_hand: Option<f64>) -> f64 {
+        let weight = match (self, slow_hand) {
+            (MotionLaw::Release(_), _) => 1.0 / Fade::ALL.len() as f64,
+            (MotionLaw::Sway(Reach::Slight), _) => SLIGHTLY,
+            (MotionLaw::Coasting, Some(slow_hand)) => 1.0 - slow_hand,
+            (MotionLaw::Carried, Some(slow_hand)) => slow_hand,
+            (law, Some(slow_hand)) if law.free() => 1.0 - slow_hand * (1.0 - LET_GO),
+            (law, None) if law.free() || law == MotionLaw::Coasting => NOTHING_ACTS,
+            _ => 1.0,
+        };
+        weight.max(NEVER).ln()
+    }
+
+    /// A slow hand carries the racket.
+    pub(crate) fn in_slow_hand(self) -> bool {
+        matches!(self, MotionLaw::Carried | MotionLaw::Quiet)
     }
 
     /// The two most flexible laws of moderate size: whatever moves in a window, one of them follows it.
@@ -113,7 +186,11 @@ impl MotionLaw {
     pub fn word(self) -> String {
         match self {
             MotionLaw::Rest => "rest".to_owned(),
+            MotionLaw::Sway(Reach::Slight) => "slight-sway".to_owned(),
+            MotionLaw::Sway(Reach::Wide) => "wide-sway".to_owned(),
             MotionLaw::Coasting => "coasting".to_owned(),
+            MotionLaw::Carried => "carried".to_owned(),
+            MotionLaw::Quiet => "quiet-hand".to_owned(),
             MotionLaw::SteadyFall => "steady-fall".to_owned(),
             MotionLaw::FreeBody => "free-body".to_owned(),
             MotionLaw::OffBalance => "off-balance".to_owned(),
@@ -130,8 +207,8 @@ impl MotionLaw {
         match self {
             MotionLaw::Rest | MotionLaw::Coasting | MotionLaw::SteadyFall | MotionLaw::FreeBody => &[Place, Turn, Velocity, Rate],
             MotionLaw::OffBalance => &[Place, Turn, Velocity, Rate, Lever],
-            MotionLaw::Release(_) => &[Place, Turn, Velocity, Rate, Force, RateDot],
-            MotionLaw::Swing(_) | MotionLaw::Hold(_) => &[Place, Turn, Velocity, Rate, Force, RateDot, ForceSlope, RateDdot],
+            MotionLaw::Sway(_) | MotionLaw::Quiet | MotionLaw::Release(_) => &[Place, Turn, Velocity, Rate, Force, RateDot],
+            MotionLaw::Carried | MotionLaw::Swing(_) | MotionLaw::Hold(_) => &[Place, Turn, Velocity, Rate, Force, RateDot, ForceSlope, RateDdot],
             MotionLaw::Drift => &[Place, Turn, Velocity, Rate, Force, RateDot, ForceSlope, RateDdot, ForceCurve, RateDddot],
         }
     }
@@ -139,8 +216,8 @@ impl MotionLaw {
     /// Step of a part in the fit: a hung racket hardly moves.
     pub(crate) fn step(self, part: Part) -> f64 {
         match (self, part) {
-            (MotionLaw::Rest, Part::Velocity) => 1e-3,
-            (MotionLaw::Rest, Part::Rate) => 1e-2,
+            (MotionLaw::Rest | MotionLaw::Sway(_) | MotionLaw::Quiet, Part::Velocity) => 1e-3,
+            (MotionLaw::Rest | MotionLaw::Sway(_) | MotionLaw::Quiet, Part::Rate) => 1e-2,
             _ => part.step(),
         }
     }
@@ -155,7 +232,7 @@ impl MotionLaw {
     }
 
     pub(crate) fn falls(self) -> bool {
-        !matches!(self, MotionLaw::Rest | MotionLaw::Coasting)
+        !matches!(self, MotionLaw::Rest | MotionLaw::Sway(_) | MotionLaw::Quiet | MotionLaw::Coasting | MotionLaw::Carried)
     }
 
     /// How force and torque stand `dt` after the reference time.
@@ -169,10 +246,13 @@ impl MotionLaw {
     /// Prior standard deviations of a part (SI), but for the lever, which is the racket's. Wide: they weigh the laws against
     /// each other and hardly move an estimate. A hung racket sways by millimetres per second. A drive changes by its own size
     /// within `memory_s`.
-    pub(crate) fn prior(self, part: Part, memory_s: f64) -> Option<Vector3<f64>> {
+    pub(crate) fn prior(self, part: Part, memory_s: f64, before_contact: bool) -> Option<Vector3<f64>> {
         // Brisk: a centre of mass 0.35 m from the pivot at 30 rad/s needs 300 m/s²; a swing gains 30 rad/s within 0.05 to
         // 0.1 s (physics.md E.7). Gentle is a third of that, abrupt twice.
         let (force, rate_dot) = match self {
+            MotionLaw::Sway(reach) => reach.drives(),
+            MotionLaw::Carried => CARRIES,
+            MotionLaw::Quiet => HOLDS_STILL,
             MotionLaw::Swing(Pace::Gentle) | MotionLaw::Hold(Pace::Gentle) => (100.0, 130.0),
             MotionLaw::Swing(Pace::Abrupt) | MotionLaw::Hold(Pace::Abrupt) => (600.0, 1000.0),
             _ => (300.0, 400.0),
@@ -183,8 +263,20 @@ impl MotionLaw {
         let (slope, curve) = (1.0 / memory_s, 1.0 / (memory_s * memory_s));
         match part {
             Part::Place | Part::Turn | Part::Lever => None,
-            Part::Velocity => Some(Vector3::repeat(if self == MotionLaw::Rest { 0.005 } else { 20.0 })),
-            Part::Rate => Some(Vector3::repeat(if self == MotionLaw::Rest { 0.02 } else { 30.0 })),
+            Part::Velocity => Some(Vector3::repeat(match self {
+                MotionLaw::Rest => 0.005,
+                MotionLaw::Sway(reach) => reach.velocities().0,
+                MotionLaw::Quiet => NEARLY_STILL.0,
+                MotionLaw::Carried if before_contact => SLOWLY.0,
+                _ => 20.0,
+            })),
+            Part::Rate => Some(Vector3::repeat(match self {
+                MotionLaw::Rest => 0.02,
+                MotionLaw::Sway(reach) => reach.velocities().1,
+                MotionLaw::Quiet => NEARLY_STILL.1,
+                MotionLaw::Carried if before_contact => SLOWLY.1,
+                _ => 30.0,
+            })),
             Part::Force => Some(Vector3::repeat(force)),
             Part::RateDot => Some(twist * rate_dot),
             Part::ForceSlope => Some(Vector3::repeat(force * slope)),

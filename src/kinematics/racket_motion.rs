@@ -139,6 +139,8 @@ pub struct MotionView<'a> {
     pub noise_scale: f64,
     /// How far all bands of a picture are off together, px, by camera.
     pub shake_px: [f64; 2],
+    /// Probability that a slow hand carried the racket before the contact, for the laws after it; `None` before it.
+    pub slow_hand: Option<f64>,
 }
 
 struct LawFit<'a> {
@@ -179,7 +181,7 @@ impl<'a> LawFit<'a> {
 
     /// Prior deviations of a part; where the centre of mass lies is a matter of the racket, not of the law.
     fn prior(&self, part: Part) -> Option<Vector3<f64>> {
-        if part == Part::Lever { Some(self.view.racket.balance_sd) } else { self.law.prior(part, self.view.memory_s) }
+        if part == Part::Lever { Some(self.view.racket.balance_sd) } else { self.law.prior(part, self.view.memory_s, self.view.slow_hand.is_none()) }
     }
 }
 
@@ -242,7 +244,7 @@ pub(crate) fn fit_law(view: &MotionView<'_>, law: MotionLaw, start: &MotionState
         state,
         covariance: covariance.fixed_view::<12, 12>(0, 0).into_owned(),
         lever_covariance: lever.map(|k| covariance.fixed_view::<3, 3>(3 * k, 3 * k).into_owned()),
-        ln_evidence: -0.5 * cost - 0.5 * ln_det_information + ln_prior + law.ln_weight(),
+        ln_evidence: -0.5 * cost - 0.5 * ln_det_information + ln_prior + law.ln_weight(view.slow_hand),
         chi2,
     })
 }

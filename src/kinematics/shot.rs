@@ -5,10 +5,10 @@ use super::calibration_share::CalibrationShare;
 use super::characteristics::{ShotEquipment, characteristics};
 use super::contact::BodyMotion;
 use super::face_pose::face_pose_sd;
-use super::impact_frame::FACE;
 use super::least_squares::chi2_tail_3;
 use super::marker_distance::{MarkerDistance, marker_distances, mismatch_remark};
-use super::shot_motion::{BENDS_P, MeasureSettings, ShotMotion, measure_motion};
+use super::racket_outline::{outside_strings, past_racket};
+use super::shot_motion::{BENDS_P, MeasureSettings, ShotMotion, USUAL_CONTACT_S, measure_motion};
 use super::shot_state::{BALANCE_SD_M, LEAVING_FLAT_SD_S, SPEED_SCALE_SD, SPIN_SCALE_SD, SpinVector, UncertainShot};
 use super::space_points::{on_rigid_racket, space_points};
 use super::thesis_path::{ThesisShot, thesis_shot};
@@ -200,6 +200,16 @@ pub struct ShotInput<'a> {
     pub asked_points: &'a [Vector2<f64>],
 }
 
+/// The ball's velocity does not change where error alone would make as much of a change in more than one shot of a thousand,
+const NOTHING_P: f64 = 0.001;
+/// or where the change is less than a fiftieth of the speed at which ball and racket meet (a ball that strings throw back changes by more than that
+/// speed, one that the frame turns aside by a part of it), should the tracks' deviations be understated.
+const NOTHING_OF_SPEED: f64 = 0.02;
+/// How far beyond the racket's outline the ball may be turned round, m: a head is an ellipse to some millimetres only.
+const BEYOND_M: f64 = 0.010;
+const NO_VERTICAL: &str = "the calibration has no axes' frame, and nothing knows what is up: gravity is taken along the left camera's downward axis, and playing angle, \
+                           topspin, planar_relative_velocity_up, impact timing, unexplained and carrying impulse and the momentum balance are left out";
+
 /// Measures a shot.
 ///
 /// # Errors  [`KinematicsError`]; nothing after contact is not an error, the shot then has no outputs and says why.
@@ -212,8 +222,7 @@ pub fn measure_shot(input: &ShotInput<'_>, settings: &MeasureSettings) -> Result
         ball: input.ball,
         points: input.asked_points,
         clock: motion.clock,
-        up: -settings.gravity().normalize(),
-        axes_known: settings.axes_known,
+        up: settings.axes_known.then(|| -settings.gravity().normalize()),
     };
     let (measures, covariance) = uncertain.propagate(|s| characteristics(s, &equipment));
     let places = |name: &str| -> Option<[usize; 3]> {
@@ -233,10 +242,32 @@ pub fn measure_shot(input: &ShotInput<'_>, settings: &MeasureSettings) -> Result
         Some(MomentumVerdict { chi2, p_value, hand_interferes: p_value < 0.05 })
     })();
     let mut quantities = Quantities(measures.iter().filter_map(|(m, sd)| Some((m.name.clone(), m.quantity(*sd)?))).collect());
-    let place = |name: &str| quantities.get(name).map_or(0.0, |q| q.value);
-    let (x_m, y_m) = (place("impact_x"), place("impact_y"));
-    if x_m.abs() > FACE.0 || y_m.abs() > FACE.1 {
-        return Err(KinematicsError::OffTheFace { x_m, y_m });
+    let value = |name: &str| quantities.get(name).map_or(0.0, |q| q.value);
+    let (x_m, y_m) = (value("impact_x"), value("impact_y"));
+    let place = Vector2::new(x_m, y_m);
+    let past_m = past_racket(input.racket, input.ball, &place);
+    let face = BodyMotion::from(&motion.racket_in).pose(&motion.moving.com_local);
+    if let Some(push) = places("ball_impulse") {
+        // What gravity does meanwhile is no impact.
+        let lasted_s = quantities.get("contact_time").map_or(USUAL_CONTACT_S, |t| t.value.max(0.0));
+        let fall = face.rotation.inverse() * settings.gravity() * lasted_s;
+        let change = vector(push).map(|push| push / input.ball.mass_kg - fall);
+        let spread = Matrix3::from_fn(|a, b| covariance[(push[a], push[b])]) / input.ball.mass_kg.powi(2);
+        let against = ["x", "y", "z"].map(|a| value(&format!("ball_in_v{a}")) - value(&format!("impact_point_in_v{a}")));
+        let speed_m_s = Vector3::from(against).norm();
+        if let Some((change, information)) = change.zip(spread.try_inverse()) {
+            let change_m_s = change.norm();
+            if chi2_tail_3(change.dot(&(information * change))) > NOTHING_P || change_m_s < NOTHING_OF_SPEED * speed_m_s {
+                return Err(if past_m > 0.0 {
+                    KinematicsError::PassesBy { past_m, x_m, y_m }
+                } else {
+                    KinematicsError::FliesOn { x_m, y_m, change_m_s, sd_m_s: spread.trace().sqrt(), speed_m_s }
+                });
+            }
+        }
+    }
+    if past_m > BEYOND_M {
+        return Err(KinematicsError::OffTheFace { x_m, y_m, past_m });
     }
     for (name, component) in [("ball_in_spin_component", input.spin.before_component), ("ball_out_spin_component", input.spin.after_component)] {
         if let Some(c) = component {
@@ -276,6 +307,15 @@ pub fn measure_shot(input: &ShotInput<'_>, settings: &MeasureSettings) -> Result
             motion.frames.len()
         ));
     }
+    let outside_m = outside_strings(&input.racket.head, &place);
+    if outside_m > 0.0 {
+        let outside_mm = 1e3 * outside_m;
+        remarks
+            .push(format!("on the frame, {outside_mm:.0} mm outside the strings: effective mass, ideal point and the model are those of a hit on the strings"));
+    }
+    if !settings.axes_known {
+        remarks.push(NO_VERTICAL.to_owned());
+    }
     if quantities.get("impact_success_ratio").is_none() {
         remarks.push("no impact_success_ratio: the impact point stood still before the impact, and has no momentum to compare".to_owned());
     }
@@ -299,7 +339,6 @@ pub fn measure_shot(input: &ShotInput<'_>, settings: &MeasureSettings) -> Result
             w.frames
         ));
     }
-    let face = BodyMotion::from(&motion.racket_in).pose(&motion.moving.com_local);
     let shot = Shot {
         id: input.id.to_owned(),
         racket: input.racket.name.clone(),

@@ -50,7 +50,7 @@ pub struct MeasureSettings {
     /// with an arc and angular acceleration hold longer. Where the ball's path bends more than its laws allow, its window
     /// is shortened.
     pub window_s: f64,
-    /// Global V points up. When the session has no axes pictures gravity is taken along the left camera's downward axis.
+    /// Global V points up ([`StereoRig::axes_known`]). Otherwise gravity is taken along the left camera's downward axis.
     pub axes_known: bool,
     /// Prior odds of air drag against none; the session's other shots may know better than 1.
     pub air_odds: f64,
@@ -123,7 +123,7 @@ const ROUNDS: usize = 6;
 /// Contact lasts 3 to 7 ms (physics.md E.2); frames this long after first contact are surely free again.
 const SURELY_FREE_S: f64 = 0.0075;
 /// Usual length of a contact, s, for when its end is not seen.
-const USUAL_CONTACT_S: f64 = 0.005;
+pub(crate) const USUAL_CONTACT_S: f64 = 0.005;
 /// Deviations (in scaled standard deviations over both axes) beyond which a point is an outlier. Among 500 good points
 /// one is beyond 4.2 in every ten shots (Rayleigh).
 const OUTLIER: f64 = 4.2;
@@ -165,7 +165,7 @@ pub fn measure_motion(rig: &StereoRig, tracks: &Tracks, racket: &Racket, ball: &
     };
     let mut clock = FrameClock { origin: first, period_s: settings.frame_period_s };
     let frames = frame_views(rig, tracks, &moving, clock);
-    let (impact_frame, side) = find_impact(&frames, ball, clock, settings.impact_frame, (first, last))?;
+    let (impact_frame, side) = find_impact(&frames, racket, ball, clock, settings.impact_frame, (first, last))?;
     // Count time from the impact: no cancellation in powers of t.
     let shift = clock.time_s(impact_frame);
     clock.origin = impact_frame;
@@ -178,14 +178,24 @@ pub fn measure_motion(rig: &StereoRig, tracks: &Tracks, racket: &Racket, ball: &
 #[derive(Clone, Copy)]
 enum When {
     Before,
-    After,
+    /// With the probability that a slow hand carried the racket before.
+    After {
+        slow_hand: f64,
+    },
 }
 
 impl When {
     fn word(self) -> &'static str {
         match self {
             When::Before => "before",
-            When::After => "after",
+            When::After { .. } => "after",
+        }
+    }
+
+    fn slow_hand(self) -> Option<f64> {
+        match self {
+            When::Before => None,
+            When::After { slow_hand } => Some(slow_hand),
         }
     }
 
@@ -193,7 +203,7 @@ impl When {
     fn memory_s(self) -> f64 {
         match self {
             When::Before => 0.030,
-            When::After => 0.010,
+            When::After { .. } => 0.010,
         }
     }
 }
@@ -208,10 +218,11 @@ impl Bench<'_> {
         let mut end = self.last_clear(&frames, side).max(-USUAL_CONTACT_S);
         let mut contact = end + half;
         let (mut fits, mut settled) = (None, false);
+        let all = MotionLaw::before_contact();
         for round in 0..ROUNDS {
             let from = contact - self.settings.window_s;
             // The windows settle with one law; the last round weighs them all.
-            let laws: &[MotionLaw] = if settled && !self.settings.first_look { &MotionLaw::EVERYWHERE } else { &[MotionLaw::Hold(Pace::Brisk)] };
+            let laws: &[MotionLaw] = if settled && !self.settings.first_look { &all } else { &[MotionLaw::Hold(Pace::Brisk)] };
             let ball_in = self.flight(&frames, When::Before, from, end, contact)?;
             let racket_in = self.motion(&frames, When::Before, from, end, contact, laws)?;
             let dt = crossing(&PointMotion::from(&ball_in), &body_at(&self.moving, &racket_in, contact), &self.moving.com_local, side, radius)
@@ -252,12 +263,13 @@ impl Bench<'_> {
         let mut start = shot.first_contact_t + SURELY_FREE_S;
         let mut contact = shot.first_contact_t + 0.005;
         let mut settled = false;
+        let slow_hand = self.slow_hand(shot);
         let all = if self.settings.first_look { MotionLaw::TOLD_FREE.to_vec() } else { MotionLaw::after_contact() };
         for round in 0..ROUNDS {
             let laws: &[MotionLaw] = if settled { &all } else { &[MotionLaw::Hold(Pace::Brisk)] };
             let to = contact + self.settings.window_s;
-            let ball_out = self.flight(&shot.frames, When::After, start, to, contact)?;
-            let racket_out = self.motion(&shot.frames, When::After, start, to, contact, laws)?;
+            let ball_out = self.flight(&shot.frames, When::After { slow_hand }, start, to, contact)?;
+            let racket_out = self.motion(&shot.frames, When::After { slow_hand }, start, to, contact, laws)?;
             let dt = crossing(&PointMotion::from(&ball_out), &body_at(&self.moving, &racket_out, contact), &self.moving.com_local, shot.side, radius)
                 .ok_or(KinematicsError::NoCrossing { when: "after" })?;
             let next = (contact + dt).clamp(shot.first_contact_t + 0.001, shot.first_contact_t + SURELY_FREE_S);
@@ -277,9 +289,10 @@ impl Bench<'_> {
     /// a contact of usual length.
     fn measure_each_after(&self, shot: &mut ShotMotion, why: &KinematicsError) {
         let (start, contact) = (shot.first_contact_t + SURELY_FREE_S, shot.first_contact_t + USUAL_CONTACT_S);
+        let slow_hand = self.slow_hand(shot);
         let to = contact + self.settings.window_s;
-        shot.ball_out = self.flight(&shot.frames, When::After, start, to, contact).ok();
-        shot.racket_out = self.motion(&shot.frames, When::After, start, to, contact, &MotionLaw::after_contact()).ok();
+        shot.ball_out = self.flight(&shot.frames, When::After { slow_hand }, start, to, contact).ok();
+        shot.racket_out = self.motion(&shot.frames, When::After { slow_hand }, start, to, contact, &MotionLaw::after_contact()).ok();
         let given = match (&shot.ball_out, &shot.racket_out) {
             (None, None) => return shot.remarks.push(format!("nothing after contact: {why}")),
             (Some(_), None) => "the ball's",
@@ -288,6 +301,14 @@ impl Bench<'_> {
         };
         shot.remarks
             .push(format!("the last contact was not found ({why}); motions after it ({given}) are those {:.0} ms after first contact", 1e3 * USUAL_CONTACT_S));
+    }
+
+    /// Probability that a slow hand carried the racket before the contact. The first look weighs no laws there: it does not know.
+    fn slow_hand(&self, shot: &ShotMotion) -> f64 {
+        if self.settings.first_look {
+            return 0.5;
+        }
+        shot.racket_in.laws.iter().filter(|(law, _)| law.in_slow_hand()).map(|(_, p)| p).sum()
     }
 
     /// Time of the last frame in which the ball is surely clear of the face, before the impact frame.
@@ -315,7 +336,7 @@ impl Bench<'_> {
             let length = SHORTENED * estimate.length_s;
             let (from, to) = match when {
                 When::Before => (reference_t - length, to),
-                When::After => (from, reference_t + length),
+                When::After { .. } => (from, reference_t + length),
             };
             match self.flight_within(frames, when, from, to, reference_t) {
                 Ok(shorter) if shorter.frames >= FEWEST_UNBENT && shorter.length_s < estimate.length_s => {
@@ -417,6 +438,7 @@ impl Bench<'_> {
             memory_s: when.memory_s(),
             noise_scale,
             shake_px: self.shake_px,
+            slow_hand: when.slow_hand(),
         }
     }
 

@@ -41,6 +41,10 @@ pub struct Difficulty {
     pub ball_untold: f64,
     /// Both cameras' shake from picture to picture, per axis.
     pub shake_px: f64,
+    /// Acceleration of a slow hand that carries the racket before and after the contact (a block, a drop shot), m/s²; 0 for a swing.
+    pub slow_m_s2: f64,
+    /// How many times faster than by 5 mm/s and 20 mrad/s a hung racket sways.
+    pub sway_times: f64,
 }
 
 pub struct TrueShot {
@@ -175,8 +179,15 @@ pub fn true_shot(seed: u64, d: &Difficulty) -> TrueShot {
     }
     if d.laboratory {
         let mut sway = ChaCha8Rng::seed_from_u64(seed ^ 0x7377_6179);
-        (start.v, start.w) = (normal3(&mut sway, 0.005), normal3(&mut sway, 0.02));
+        (start.v, start.w) = (normal3(&mut sway, 0.005 * d.sway_times), normal3(&mut sway, 0.02 * d.sway_times));
     }
+    // A slow hand holds the racket up, and gains some m/s² in any direction besides.
+    let mut carrying = ChaCha8Rng::seed_from_u64(seed ^ 0x736c_6f77);
+    if d.slow_m_s2 > 0.0 {
+        (start.v, start.w) = (Vector3::new(0.8, 0.3, 0.0) + normal3(&mut carrying, 0.3), normal3(&mut carrying, 1.5));
+    }
+    let gains = normal3(&mut carrying, 1.0).normalize() * d.slow_m_s2;
+    let carried = (q.inverse() * (gains + Vector3::new(0.0, 9.80665, 0.0)), normal3(&mut carrying, 2.0 * d.slow_m_s2));
     start.com = Vector3::new(0.0, 1.0, 0.0) + normal3(&mut rng, 0.08);
     let contact_point = start.pose(&com_local) * Point3::new(impact.x, impact.y, side * radius);
     let ball_in = if d.laboratory {
@@ -195,6 +206,9 @@ pub fn true_shot(seed: u64, d: &Difficulty) -> TrueShot {
     let before = |t: f64| {
         if d.laboratory {
             return (q.inverse() * Vector3::new(0.0, 9.80665, 0.0), Vector3::zeros()); // hangs from a thread
+        }
+        if d.slow_m_s2 > 0.0 {
+            return carried;
         }
         let wave = (90.0 * t + phase).sin();
         (swing_force * (1.0 + wave_share * wave) + swing_slope * t, swing_torque * (1.0 + wave_share * wave) + swing_torque_slope * t)
@@ -226,6 +240,9 @@ pub fn true_shot(seed: u64, d: &Difficulty) -> TrueShot {
     let mut apart = ChaCha8Rng::seed_from_u64(seed ^ 0x6c65_7474_696e_6721);
     let letting_go = apart.random_range(0.005..0.020);
     let after = |t: f64| {
+        if d.slow_m_s2 > 0.0 {
+            return carried;
+        }
         let fade = (-(t - contact_time) / letting_go).exp();
         (after_force * fade, after_torque * fade)
     };

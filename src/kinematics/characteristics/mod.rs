@@ -19,10 +19,15 @@ pub struct ShotEquipment<'a> {
     pub points: &'a [Vector2<f64>],
     /// Frame number at the clock's zero and the frame period, for `impact_frame`.
     pub clock: crate::kinematics::FrameClock,
-    /// Upward, global axes.
-    pub up: Vector3<f64>,
-    /// Whether U points along the court: without the axes' frame it is the left camera's x axis, and says nothing.
-    pub axes_known: bool,
+    /// Upward, global axes; `None` without the axes' frame: then nothing knows it, nor does U (the left camera's x axis) point along the court.
+    pub up: Option<Vector3<f64>>,
+}
+
+/// What the names of an asked point's velocities begin with: its place in whole millimetres.
+pub fn point_name(p: &Vector2<f64>) -> String {
+    // Nought added: a place just below zero is not "-0".
+    let [x, y] = [p.x, p.y].map(|v| (1e3 * v).round() + 0.0);
+    format!("point_{x}_{y}_mm")
 }
 
 struct List(Vec<Measure>);
@@ -107,7 +112,7 @@ pub fn characteristics(s: &ShotState, e: &ShotEquipment<'_>) -> Vec<Measure> {
 
     // Spin: size, and the topspin component about the horizontal axis across the path (positive = topspin).
     for (name, spin, velocity) in [("ball_in", s.spin_in, Some(b0.velocity)), ("ball_out", s.spin_out, ball_out)] {
-        let topspin = spin.zip(velocity).and_then(|(w, v)| e.up.cross(&v).try_normalize(1e-6).map(|axis| w.dot(&axis)));
+        let topspin = spin.zip(velocity).and_then(|(w, v)| e.up?.cross(&v).try_normalize(1e-6).map(|axis| w.dot(&axis)));
         list.vector(&format!("{name}_global_w"), "rad/s", spin);
         list.put(&format!("{name}_spin"), "rad/s", spin.map(|w| w.norm()));
         list.put(&format!("{name}_spin_rpm"), "rpm", spin.map(|w| w.norm() * RPM));
@@ -128,7 +133,7 @@ pub fn characteristics(s: &ShotState, e: &ShotEquipment<'_>) -> Vec<Measure> {
         list.put(&format!("{name}_out_speed"), "m/s", point_out(p).map(|v| v.norm()));
     }
     for p in e.points {
-        let name = format!("point_{}_{}_mm", (1e3 * p.x).round(), (1e3 * p.y).round());
+        let name = point_name(p);
         let p = Point3::new(p.x, p.y, 0.0);
         list.vector(&format!("{name}_in_v"), "m/s", Some(point_in(&p)));
         list.vector(&format!("{name}_out_v"), "m/s", point_out(&p));
@@ -144,15 +149,14 @@ pub fn characteristics(s: &ShotState, e: &ShotEquipment<'_>) -> Vec<Measure> {
     let v_ip = point_in(&impact);
     let u = local(b0.velocity) - v_ip;
     let approach = -n * u.z;
-    let up = local(e.up);
-    let up_in_face = Vector3::new(up.x, up.y, 0.0).try_normalize(1e-6);
+    let up_in_face = e.up.map(local).and_then(|up| Vector3::new(up.x, up.y, 0.0).try_normalize(1e-6));
     list.put("playing_angle_deg", "deg", up_in_face.map(|y| u.dot(&y).atan2(approach).to_degrees()));
     list.put("incidence_angle_deg", "deg", (approach / u.norm()).clamp(-1.0, 1.0).acos().to_degrees());
     // The thesis's sum of two unsigned angles (4.16a, b), z on the ball's side, U global.
     let along_u = (r0.attitude * -u).x / u.norm();
     let normal_u = n * (r0.attitude * Vector3::z()).x;
     let thesis_angle = (along_u.clamp(-1.0, 1.0).acos() + normal_u.clamp(-1.0, 1.0).acos()).to_degrees();
-    list.put("playing_angle_thesis_deg", "deg", Some(thesis_angle).filter(|_| e.axes_known));
+    list.put("playing_angle_thesis_deg", "deg", e.up.map(|_| thesis_angle));
     list.put("planar_racket_velocity", "m/s", v_ip.xy().norm());
     list.put("planar_relative_velocity", "m/s", u.xy().norm());
     // How fast the face brushes up past the ball: what makes topspin.
@@ -189,14 +193,16 @@ pub fn characteristics(s: &ShotState, e: &ShotEquipment<'_>) -> Vec<Measure> {
     // A racket at rest brings no momentum: the ratio of two noises is no ratio.
     let moves = actual.abs() > AT_REST_M_S * m_e;
     list.put("impact_success_ratio", "", ideal.map(|b| momentum(-b, 0.0) / actual).filter(|_| moves));
-    // Efficiency (5.8), court frame, each inertia with its own axis; the spin terms where spin was measured.
+    // Efficiency (5.8), court frame, each inertia with its own axis. A spin of 300 rad/s holds 7 % of the energy of a ball of 30 m/s: without both spins there is
+    // none, and what one component leaves unknown is as much.
     let spin_energy = |w: Vector3<f64>| ball.inertia_kg_m2() * (m / ball.mass_kg) * w.norm_squared();
     let racket_energy = mass * com_in.norm_squared() + inertia.component_mul(&r0.rate_body).dot(&r0.rate_body);
-    let energy_in = racket_energy + m * b0.velocity.norm_squared() + s.spin_in.map_or(0.0, spin_energy);
-    list.put("efficiency", "", ball_out.map(|v| (m * v.norm_squared() + s.spin_out.map_or(0.0, spin_energy)) / energy_in));
+    let energy_in = s.spin_in.map(|w| racket_energy + m * b0.velocity.norm_squared() + spin_energy(w));
+    let energy_out = ball_out.zip(s.spin_out).map(|(v, w)| m * v.norm_squared() + spin_energy(w));
+    list.put("efficiency", "", energy_out.zip(energy_in).map(|(out, brought)| out / brought));
 
     // Momentum balance: what else pushed on ball and racket while they touched (local axes at first contact).
-    let fall = contact_time.map(|t| -e.up * (crate::kinematics::GRAVITY_M_S2 * t));
+    let fall = contact_time.zip(e.up).map(|(t, up)| -up * (crate::kinematics::GRAVITY_M_S2 * t));
     let lacking = ball_out.zip(point_out(&true_com)).zip(fall).map(|((bo, ro), fall)| local((bo - b0.velocity) * m - fall * (m + mass)) + (ro - com_in) * mass);
     list.vector("unexplained_impulse_", "N s", lacking);
     // What a support gives that carries the racket through the contact, as a stand, a string or a quiet hand does.

@@ -81,8 +81,6 @@ fn square_hit() -> (ShotState, Expected) {
         ("incidence_angle_deg", 0.0),
         ("planar_racket_velocity", 0.0),
         ("impact_point_out_vz", point),
-        // (0.5 m v² over): 36/400.
-        ("efficiency", 0.09),
         // Nothing swings: the ideal point is the centre of mass (5.5), b beyond it.
         ("ideal_point_from_butt", 0.325),
         ("impact_beyond_ideal_point", b),
@@ -302,8 +300,7 @@ fn forehand() -> (ShotState, Expected) {
 fn truth_every_characteristic_agrees_with_a_hand_calculation() {
     let (_, racket, ball) = by_hand();
     let points = [Vector2::new(0.1, 0.03)];
-    let e =
-        ShotEquipment { racket: &racket, ball: &ball, points: &points, clock: FrameClock { origin: 300, period_s: 1e-3 }, up: Vector3::y(), axes_known: true };
+    let e = ShotEquipment { racket: &racket, ball: &ball, points: &points, clock: FrameClock { origin: 300, period_s: 1e-3 }, up: Some(Vector3::y()) };
     let mut unchecked: BTreeSet<String> = BTreeSet::new();
     let mut checked: BTreeSet<String> = BTreeSet::new();
     for (shot, (state, expected)) in [("square hit", square_hit()), ("low shot", low_shot()), ("forehand", forehand())] {
@@ -318,7 +315,16 @@ fn truth_every_characteristic_agrees_with_a_hand_calculation() {
     unchecked.retain(|name| !checked.contains(name));
     assert!(unchecked.is_empty(), "no hand calculation for {unchecked:?}");
     // A racket at rest has no impact success ratio.
-    assert!(characteristics(&square_hit().0, &e).iter().any(|m| m.name == "impact_success_ratio" && m.value.is_none()));
+    let without = |s: &ShotState, name: &str| characteristics(s, &e).iter().any(|m| m.name == name && m.value.is_none());
+    assert!(without(&square_hit().0, "impact_success_ratio"));
+    // An unmeasured spin is not a spin of zero: no efficiency unless both are known. Of balls that do not spin it is 36/400.
+    let spins = |spin_in, spin_out| ShotState { spin_in, spin_out, ..square_hit().0 };
+    let none = Some(Vector3::zeros());
+    for one_sided in [spins(None, None), spins(none, None), spins(None, none)] {
+        assert!(without(&one_sided, "efficiency"));
+    }
+    let still = characteristics(&spins(none, none), &e).iter().find(|m| m.name == "efficiency").and_then(|m| m.value);
+    assert!((still.expect("both spins known") - 0.09).abs() < 1e-9);
 }
 
 /// A shot drawn from numbers between −1 and 1.
@@ -376,8 +382,7 @@ fn changed(
 fn values(s: &ShotState) -> BTreeMap<String, f64> {
     let (_, racket, ball) = by_hand();
     let points = [Vector2::new(0.1, 0.03), Vector2::new(0.1, -0.03)];
-    let e =
-        ShotEquipment { racket: &racket, ball: &ball, points: &points, clock: FrameClock { origin: 300, period_s: 1e-3 }, up: Vector3::y(), axes_known: true };
+    let e = ShotEquipment { racket: &racket, ball: &ball, points: &points, clock: FrameClock { origin: 300, period_s: 1e-3 }, up: Some(Vector3::y()) };
     characteristics(s, &e).into_iter().filter_map(|m| Some((m.name, m.value?))).collect()
 }
 
@@ -474,7 +479,7 @@ proptest! {
 #[test]
 fn law_uncertain_inertias_move_what_depends_on_them_and_nothing_else() {
     let (state, racket, ball) = by_hand();
-    let e = ShotEquipment { racket: &racket, ball: &ball, points: &[], clock: FrameClock { origin: 0, period_s: 1e-3 }, up: Vector3::y(), axes_known: true };
+    let e = ShotEquipment { racket: &racket, ball: &ball, points: &[], clock: FrameClock { origin: 0, period_s: 1e-3 }, up: Some(Vector3::y()) };
     let of = |s: &ShotState, name: &str| characteristics(s, &e).iter().find(|m| m.name == name).and_then(|m| m.value).expect("there");
     // Swingweight + 1 %: I_y = 0.0158 + 0.0003250625; m_e by hand.
     let heavier = ShotState { swingweight_ratio: 1.01, ..state.clone() };
@@ -492,13 +497,28 @@ fn law_uncertain_inertias_move_what_depends_on_them_and_nothing_else() {
 }
 
 #[test]
-fn law_an_angle_to_the_court_needs_the_courts_axes() {
-    let (state, racket, ball) = by_hand();
-    let court =
-        ShotEquipment { racket: &racket, ball: &ball, points: &[], clock: FrameClock { origin: 0, period_s: 1e-3 }, up: Vector3::y(), axes_known: true };
+fn law_what_refers_to_the_vertical_or_the_court_needs_their_axes() {
+    let (_, racket, ball) = by_hand();
+    let (state, _) = forehand();
+    let court = ShotEquipment { racket: &racket, ball: &ball, points: &[], clock: FrameClock { origin: 0, period_s: 1e-3 }, up: Some(Vector3::y()) };
     let names = |e: &ShotEquipment| characteristics(&state, e).into_iter().filter(|m| m.value.is_some()).map(|m| m.name).collect::<BTreeSet<_>>();
-    let (with, without) = (names(&court), names(&ShotEquipment { axes_known: false, ..court.clone() }));
-    assert_eq!(with.difference(&without).collect::<Vec<_>>(), ["playing_angle_thesis_deg"]);
+    let (with, without) = (names(&court), names(&ShotEquipment { up: None, ..court.clone() }));
+    let expected = [
+        "ball_in_topspin",
+        "ball_in_topspin_rpm",
+        "ball_out_topspin",
+        "ball_out_topspin_rpm",
+        "carrying_impulse_x",
+        "carrying_impulse_y",
+        "carrying_impulse_z",
+        "planar_relative_velocity_up",
+        "playing_angle_deg",
+        "playing_angle_thesis_deg",
+        "unexplained_impulse_x",
+        "unexplained_impulse_y",
+        "unexplained_impulse_z",
+    ];
+    assert_eq!(with.difference(&without).collect::<Vec<_>>(), expected);
 }
 
 #[test]
@@ -508,8 +528,10 @@ fn law_the_other_face_mirrors_the_shot() {
     let (state, racket, ball) = by_hand();
     let half = UnitQuaternion::from_scaled_axis(Vector3::x() * std::f64::consts::PI);
     let turned = |b: &BodyMotion| BodyMotion { attitude: half * b.attitude, rate_body: half * b.rate_body, ..b.clone() };
+    // Without spin, so that there is an efficiency.
+    let state = ShotState { spin_in: Some(Vector3::zeros()), spin_out: Some(Vector3::zeros()), ..state };
     let other = ShotState { side: -1.0, racket_in: turned(&state.racket_in), racket_out: state.racket_out.as_ref().map(turned), ..state.clone() };
-    let e = ShotEquipment { racket: &racket, ball: &ball, points: &[], clock: FrameClock { origin: 0, period_s: 1e-3 }, up: Vector3::y(), axes_known: true };
+    let e = ShotEquipment { racket: &racket, ball: &ball, points: &[], clock: FrameClock { origin: 0, period_s: 1e-3 }, up: Some(Vector3::y()) };
     let (a, b) = (characteristics(&state, &e), characteristics(&other, &e));
     for name in
         ["impact_x", "apparent_restitution", "restitution", "effective_mass", "ideal_point_from_butt", "efficiency", "contact_time", "playing_angle_deg"]

@@ -117,7 +117,7 @@ fn low_shot() -> (ShotState, Expected) {
     let (mut state, ..) = by_hand();
     state.ball_in.velocity = Vector3::new(0.0, -5.0, -12.0);
     state.ball_out.as_mut().expect("there").velocity = Vector3::new(0.0, 1.0, 6.0);
-    state.spin_out = Some(Vector3::new(100.0, 0.0, 0.0));
+    (state.spin_in, state.spin_out) = (Some(Vector3::zeros()), Some(Vector3::new(100.0, 0.0, 0.0)));
     let angle = (5.0f64 / 12.0).atan().to_degrees();
     let i_b = 0.6667 * 0.0577 * 0.033 * 0.033;
     let expected = vec![

@@ -61,6 +61,7 @@ pub struct Found {
     pub log_evidence: f64,
     /// Fall in minus twice the log posterior, less the price of having looked among all terms for each of those kept.
     pub honest_gain: f64,
+    pub goes_with_order: bool,
     pub effect: OwnEffect,
 }
 
@@ -379,7 +380,8 @@ pub fn find_expression(
         model_file_text: model_file_text(&best.effect, &constants),
     };
     let honest_gain = gain_over(reference.base, &best.fit, c) - chosen.len() as f64 * 2.0 * ((CHANNELS.len() * features.names.len()) as f64).ln();
-    Ok(Some(Found { suggestion, fit: best.fit, structure, log_evidence, honest_gain, effect: best.effect }))
+    let goes_with_order = reference.adds_what_goes_with_order(forward.as_ref(), &best.fit)?;
+    Ok(Some(Found { suggestion, fit: best.fit, structure, log_evidence, honest_gain, goes_with_order, effect: best.effect }))
 }
 
 /// The three terms that score best at the fit that already has the chosen ones.

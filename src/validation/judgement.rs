@@ -256,10 +256,13 @@ impl<'a> Judgement<'a> {
         diagnosis.places = places(&case.seen, &likely.fit.impacts, &varied_coordinates(case.observations), &case.structure.by_group, c);
         diagnosis.candidates = self.candidates()?;
         let believed = self.chosen.filter(|_| !self.refused);
+        let mut goes_with_order = false;
         if let Some(best) = believed {
             diagnosis.structure_after = Some(best.structure.clone());
             if self.verdict == Verdict::EffectMissing {
                 diagnosis.recommended = best.effects.clone();
+                let names: Vec<&str> = best.effects.iter().map(String::as_str).collect();
+                goes_with_order = self.reference.adds_what_goes_with_order(case.library.with(&names)?.as_ref(), &best.fit)?;
             }
             diagnosis.together = self.together(best)?;
             let estimated = self.without_prior(best)?;
@@ -275,6 +278,7 @@ impl<'a> Judgement<'a> {
             && let Some(found) = self.best_formula()?
         {
             diagnosis.noise_floor = diagnosis.noise_floor.min(found.structure.noise_scale.sqrt()).min(self.c_of_formula.sqrt());
+            goes_with_order |= found.goes_with_order;
             diagnosis.suggested_expression = Some(found.suggestion);
         }
         if self.verdict == Verdict::EffectMissing && form_is_off {
@@ -289,8 +293,6 @@ impl<'a> Judgement<'a> {
         let at_the_floor = diagnosis.heldout_error < 1.1 * diagnosis.noise_floor;
         let sound = at_the_floor || (self.chosen.is_none_or(|b| b.structure.p_value >= STRUCTURE_LEVEL) && self.verdict != Verdict::Unexplained);
         note_noise(diagnosis.noise_floor, sound || diagnosis.suggested_expression.is_some(), &mut diagnosis.notes);
-        let goes_with_order =
-            diagnosis.recommended.iter().any(|e| e == "ball-wear") || diagnosis.suggested_expression.as_ref().is_some_and(|e| e.expression.contains("order"));
         if goes_with_order {
             diagnosis.notes.extend(slow_columns_words(&slow_columns(case.observations, &case.seen)));
         }

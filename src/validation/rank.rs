@@ -28,6 +28,9 @@ use nalgebra::DMatrix;
 pub const FORM_FREEDOM: f64 = 4.0;
 /// Prior deviation of each smooth variation of an effect's strength, relative to the strength itself.
 const FORM_SHARE: f64 = 0.5;
+/// Chi-square by which what is added to a model must change with the order of the impacts to be said to go with it. An effect without the order that meets
+/// one with it, in a model that has both, changes by less.
+const GOES_WITH_ORDER: f64 = 10.0;
 
 /// The current model with effects, refitted.
 pub struct Refit {
@@ -222,6 +225,18 @@ impl Reference<'_> {
         };
         refit.judge(self.base, self.c);
         Ok(refit)
+    }
+
+    /// Whether what `forward` adds to the current model would be another if all impacts were the first in time.
+    pub fn adds_what_goes_with_order(&self, forward: &dyn Forward, fit: &Fit) -> Result<bool, ValidationError> {
+        let without = self.library.current().prepare(&fit.values[..self.base.values.len()])?;
+        let with = forward.prepare(&fit.values)?;
+        let added = |impacts: &[&Observation]| difference(with.as_ref(), without.as_ref(), impacts, &fit.impacts);
+        let first = self.impacts.iter().map(|o| o.order).fold(f64::INFINITY, f64::min);
+        let as_first: Vec<Observation> = self.impacts.iter().map(|o| Observation { order: first, ..(*o).clone() }).collect();
+        let changes = added(self.impacts).into_iter().zip(added(&as_first.iter().collect::<Vec<_>>()));
+        let chi2: f64 = changes.zip(&fit.impacts).map(|((own, as_first), l)| (&l.whitener * (own - as_first)).norm_squared()).sum();
+        Ok(chi2 > GOES_WITH_ORDER * self.c)
     }
 
     /// What further effects explain at `first`'s fit, in its own form.

@@ -174,6 +174,30 @@ fn truth_a_rebound_that_wanders_is_told_by_the_order_of_the_impacts() {
     assert!(formula.expression.contains("order") && formula.heldout_error_after < d.heldout_error, "{}", formula.expression);
 }
 
+/// Beside what goes with the order stand the columns that change slowly over the table; what goes with a column is no reason to name them, whatever
+/// the column's name.
+#[test]
+fn truth_columns_that_change_slowly_are_named_beside_what_goes_with_the_order() {
+    let border = |i: usize| 25.0 * (0.618_033_988_7 * i as f64).fract();
+    let noted = |rebound: &dyn Fn(usize) -> f64| {
+        let made = changed(160, 3, |i, row| {
+            row.groups.insert("border".into(), format!("{:.2}", border(i)));
+            row.groups.insert("hall".into(), if i / 40 % 2 == 0 { "old" } else { "new" }.to_owned());
+            scaled(row, "ball_out_vz", rebound(i));
+        });
+        let (_, d) = judged(&made, &TableOptions::default());
+        let note = d.notes.iter().find(|n| n.contains("slowly or in blocks")).cloned();
+        (d, note)
+    };
+    let (d, note) = noted(&|i| 1.0 + 0.003 * (border(i) - 12.0));
+    assert!(d.suggested_expression.as_ref().unwrap().expression.contains("column.border"), "{:?}", d.suggested_expression);
+    assert_eq!(note, None);
+    let (d, note) = noted(&|i| 1.04 - 0.0005 * i as f64);
+    assert_eq!(d.recommended, ["ball-wear"], "{:?}", d.words);
+    let note = note.unwrap();
+    assert!(note.contains("`hall`") && !note.contains("`border`"), "{note}");
+}
+
 /// One player's racket turns more the farther from the middle it is hit: a push alike for all of his impacts shows nothing of it.
 #[test]
 fn truth_a_group_that_differs_with_the_place_of_impact_is_named() {

@@ -121,22 +121,27 @@ pub struct GroupTest {
     pub failing: Vec<(GroupMisfit, Vec<DMatrix<f64>>)>,
 }
 
+/// The columns that say of what kind an impact is: its racket, its ball, and the table's own; with the text of each impact.
+fn columns<'a>(observations: &'a Observations, impacts: &[&'a Observation]) -> Vec<(&'a str, Vec<Option<&'a str>>)> {
+    let texts = |of: &dyn Fn(&'a Observation) -> Option<&'a str>| impacts.iter().map(|o| of(o)).collect();
+    let gear = &observations.gear;
+    let mut all = vec![("racket", texts(&|o| Some(gear[o.gear].racket.name.as_str()))), ("ball", texts(&|o| Some(gear[o.gear].ball.name.as_str())))];
+    let own: BTreeSet<&str> = impacts.iter().flat_map(|o| o.groups.keys()).map(String::as_str).collect();
+    all.extend(own.into_iter().map(|name| (name, texts(&|o| o.groups.get(name).map(String::as_str)))));
+    all
+}
+
 /// A column, and of each impact its group there.
 type Labels<'a> = (String, Vec<Option<Cow<'a, str>>>);
 
-fn columns<'a>(observations: &'a Observations, impacts: &[&'a Observation]) -> Vec<Labels<'a>> {
-    let named = |of: &dyn Fn(&Observation) -> &'a str| impacts.iter().map(|o| Some(Cow::Borrowed(of(o)))).collect::<Vec<_>>();
-    let gear = &observations.gear;
-    let mut all: Vec<Labels> =
-        vec![("racket".to_owned(), named(&|o| gear[o.gear].racket.name.as_str())), ("ball".to_owned(), named(&|o| gear[o.gear].ball.name.as_str()))];
-    let keys: BTreeSet<&String> = impacts.iter().flat_map(|o| o.groups.keys()).collect();
-    all.extend(keys.into_iter().filter_map(|key| {
-        let texts: Vec<Option<&str>> = impacts.iter().map(|o| o.groups.get(key).map(String::as_str)).collect();
+/// The groups of each column; none of one that has too many and holds no numbers of its own.
+fn labels<'a>(observations: &'a Observations, impacts: &[&'a Observation]) -> Vec<Labels<'a>> {
+    let grouped = |(name, texts): (&str, Vec<Option<&'a str>>)| {
         let distinct: BTreeSet<&str> = texts.iter().flatten().copied().collect();
-        let labels = if distinct.len() > MOST_GROUPS { ranges(&texts, impacts)? } else { texts.iter().map(|t| t.map(Cow::Borrowed)).collect() };
-        Some((key.clone(), labels))
-    }));
-    all
+        let labels = if distinct.len() > MOST_GROUPS { ranges(&texts, impacts)? } else { texts.into_iter().map(|t| t.map(Cow::Borrowed)).collect() };
+        Some((name.to_owned(), labels))
+    };
+    columns(observations, impacts).into_iter().filter_map(grouped).collect()
 }
 
 /// A column of numbers (a temperature) in [`RANGES`] groups of neighbours of about equal size. `None` where it holds something else, or goes with
@@ -182,7 +187,7 @@ fn correlation(pairs: &[(f64, f64)]) -> f64 {
 /// The columns that part the impacts, each with its groups that are large enough.
 fn parted<'a>(observations: &'a Observations, impacts: &[&'a Observation]) -> Vec<(Labels<'a>, Vec<String>)> {
     let mut parted: Vec<(Labels, Vec<String>)> = Vec::new();
-    for labels in columns(observations, impacts) {
+    for labels in labels(observations, impacts) {
         let mut count: BTreeMap<&str, usize> = BTreeMap::new();
         labels.1.iter().flatten().for_each(|l| *count.entry(l).or_default() += 1);
         let groups: Vec<String> = count.iter().filter(|(_, n)| **n >= FEWEST_IN_GROUP).map(|(l, _)| (*l).to_owned()).collect();
@@ -318,13 +323,7 @@ const THE_ORDER: f64 = 0.999;
 pub(super) fn slow_columns(observations: &Observations, impacts: &[&Observation]) -> Vec<String> {
     let mut ordered = impacts.to_vec();
     ordered.sort_by(|a, b| a.order.total_cmp(&b.order));
-    let gear = &observations.gear;
-    let racket: Vec<Option<&str>> = ordered.iter().map(|o| Some(gear[o.gear].racket.name.as_str())).collect();
-    let ball: Vec<Option<&str>> = ordered.iter().map(|o| Some(gear[o.gear].ball.name.as_str())).collect();
-    let keys: BTreeSet<&String> = ordered.iter().flat_map(|o| o.groups.keys()).collect();
-    let own = keys.into_iter().map(|key| (key.as_str(), ordered.iter().map(|o| o.groups.get(key).map(String::as_str)).collect()));
-    let all = [("racket", racket), ("ball", ball)].into_iter().chain(own);
-    all.filter(|(_, texts)| is_slow(texts)).map(|(name, _)| name.to_owned()).collect()
+    columns(observations, &ordered).into_iter().filter(|(_, texts)| is_slow(texts)).map(|(name, _)| name.to_owned()).collect()
 }
 
 fn is_slow(texts: &[Option<&str>]) -> bool {

@@ -180,7 +180,7 @@ fn chain(folder: &Path, shell: &Shell) -> Result<Outcome, CliError> {
         let line: Vec<&OsStr> = words.iter().copied().chain(table_words(&session, &impacts, model)).collect();
         match shell.run_step(&line, out) {
             // What could be used is judged all the same.
-            Err(e) if e.kind == Kind::SomeFailed => failed.push(format!("{}: {}", words[0].to_string_lossy(), e.message)),
+            Err(e) if e.kind == Kind::SomeFailed => note_once(&mut failed, e.message),
             other => other?,
         }
         Ok::<(), CliError>(())
@@ -228,6 +228,13 @@ fn chain(folder: &Path, shell: &Shell) -> Result<Outcome, CliError> {
         hidden: None,
         failed,
     })
+}
+
+/// Notes the rows that a step could not use: the steps on the table have them in common.
+fn note_once(failed: &mut Vec<String>, rows: String) {
+    if !failed.contains(&rows) {
+        failed.push(rows);
+    }
 }
 
 /// The models from the first to the one `diagnose --auto` arrived at.
@@ -328,6 +335,14 @@ fn judged(o: &Outcome, hidden: Option<&Entry>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn truth_rows_that_fail_in_every_step_are_named_once() {
+        let mut failed = vec!["shots: 1 of 80 shots failed:\n  shot-3: no ball".to_owned()];
+        let rows = "1 of 79 impacts cannot be used:\n  shot-7: no deviation";
+        ["compare", "diagnose", "compare"].iter().for_each(|_| note_once(&mut failed, rows.to_owned()));
+        assert_eq!(failed[1..], [rows]);
+    }
 
     #[test]
     fn truth_the_end_of_the_game_counts_what_is_not_there() {

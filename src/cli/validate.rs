@@ -78,7 +78,12 @@ pub(super) struct Failure {
 
 impl Failure {
     fn of(step: &'static str, error: CliError) -> Self {
-        Failure { step, reason: error.message, ended: error.kind != Kind::SomeFailed, shots: error.shots.into_iter().collect() }
+        let mut shots = BTreeMap::new();
+        for (id, reason) in error.shots {
+            // What failed first is the cause of what failed after it.
+            shots.entry(id).or_insert(reason);
+        }
+        Failure { step, reason: error.message, ended: error.kind != Kind::SomeFailed, shots }
     }
 }
 
@@ -144,17 +149,14 @@ fn none_opened(mut errors: Vec<CliError>) -> CliError {
 /// One report of the whole session, in place of those that single steps wrote.
 fn write_report(session: &Session, results: &Path, outcome: &Outcome, shell: &Shell) -> Result<(), CliError> {
     let mut all = read_session_results(session, results);
-    // What a step said of a shot beats the bare fact that its file is missing; what is of no shot is of the step.
-    for f in &outcome.failed {
-        for (id, why) in &mut all.failed {
-            if let Some(reason) = f.shots.get(id) {
-                why.clone_from(reason);
-            }
-        }
-        if f.shots.is_empty() {
-            all.steps_failed.push((f.step.to_owned(), f.reason.clone()));
+    // What the first step to miss a shot said of it beats the bare fact that its file is missing; what is of no shot is of the step.
+    for (id, why) in &mut all.failed {
+        if let Some(reason) = outcome.failed.iter().find_map(|f| f.shots.get(id)) {
+            why.clone_from(reason);
         }
     }
+    let of_no_shot = outcome.failed.iter().filter(|f| f.shots.is_empty());
+    all.steps_failed.extend(of_no_shot.map(|f| (f.step.to_owned(), f.reason.clone())));
     let path = results.join("report.html");
     shell.write(&path, session_report(&all).as_bytes())?;
     shell.say(format_args!("report: {}", path.display()));
@@ -279,4 +281,17 @@ fn one_session(session: &Session, results: &Path, model: Option<&Path>, shell: &
         outcome.diagnosis = Some(serde_json::from_str(&text).map_err(CliError::input)?);
     }
     Ok(outcome)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn truth_of_several_reasons_of_a_shot_the_first_is_told() {
+        let reasons = [("shot-1", "the racket was lost"), ("shot-2", "no ball"), ("shot-1", "no velocity of the racket")];
+        let error = CliError::some_failed("2 of 9 shots failed").of_shots(reasons.map(|(id, why)| (id.to_owned(), why.to_owned())).into());
+        let shots = Failure::of("track", error).shots;
+        assert_eq!(shots.iter().map(|(id, why)| (id.as_str(), why.as_str())).collect::<Vec<_>>(), reasons[..2]);
+    }
 }

@@ -28,9 +28,9 @@ use std::collections::{BTreeMap, BTreeSet};
 const REFITTED: usize = 6;
 /// Columns of the user's own that a formula may rest on.
 const MOST_COLUMN_FEATURES: usize = 8;
-/// Most that a formula may take of a mass, an inertia or a radius; and of the racket's mass, where it is the hand's.
+/// Most that a formula may take of a mass, an inertia or a radius; and, as a share of the racket's mass, from a hand that has none.
 const LARGEST_LOSS: f64 = 0.8;
-const LEAST_HAND: f64 = 0.02;
+const LARGEST_HAND_LOSS: f64 = 0.02;
 /// Terms of one expression at most.
 const MOST_TERMS: usize = 3;
 /// A further term must gain this much in chi-square (its price among some fifty features is about 8) ...
@@ -291,7 +291,7 @@ struct Fitted {
 fn is_possible(reference: &Reference, table: &TableFeatures, channel: &TermChannel, features: &[String], k: &[f64]) -> bool {
     let least = match channel.replaces {
         "racket_mass" | "ball_mass" | "twist_inertia" | "swing_inertia" | "ball_inertia" | "ball_arm" => -LARGEST_LOSS,
-        "hand_mass" if !reference.library.has_effect("hand-mass") => -LEAST_HAND,
+        "hand_mass" if !reference.library.has_effect("hand-mass") => -LARGEST_HAND_LOSS,
         _ => return true,
     };
     let place = |feature: &String| table.names.iter().position(|(text, _)| text == feature);

@@ -265,7 +265,7 @@ impl<'a> Judgement<'a> {
                 goes_with_order = self.reference.adds_what_goes_with_order(case.library.with(&names)?.as_ref(), &best.fit)?;
             }
             diagnosis.together = self.together(best)?;
-            let estimated = self.without_prior(best)?;
+            let estimated = self.strengths_if_in_model(best)?;
             match &mut diagnosis.together {
                 Some(together) => together.parameters = estimated,
                 None => diagnosis.candidates.iter_mut().filter(|c| c.effect == best.effects[0]).for_each(|c| c.parameters.clone_from(&estimated)),
@@ -316,8 +316,8 @@ impl<'a> Judgement<'a> {
         Ok(list)
     }
 
-    /// Strengths as the impacts alone tell them: the prior that weighs an effect against others draws a large one toward none.
-    fn without_prior(&self, best: &Refit) -> Result<BTreeMap<String, Estimate>, ValidationError> {
+    /// Strengths with the wide prior of what is in a model: the one that weighs an effect against others draws a large one toward none.
+    fn strengths_if_in_model(&self, best: &Refit) -> Result<BTreeMap<String, Estimate>, ValidationError> {
         let names: Vec<&str> = best.effects.iter().map(String::as_str).collect();
         let library = self.case.library.extended(&names, &best.fit.values)?;
         let (forward, start) = (library.current(), Start { fit: &best.fit, keep_jacobians: library.current().costly() });

@@ -79,6 +79,8 @@ pub struct Pair {
     p_value: f64,
     /// Each imitates the other, by their cards or by their signatures here.
     aliases: bool,
+    /// Why it does not earn its place beside its better half; `None` when it does.
+    objection: Option<String>,
 }
 
 /// Everything refitted.
@@ -111,6 +113,8 @@ impl<'a> Refits<'a> {
         refits.settle_noise(reference);
         refits.find_pairs(reference, screening)?;
         refits.settle_noise(reference);
+        let objections: Vec<Option<String>> = refits.pairs.iter().map(|p| refits.objection(p)).collect();
+        refits.pairs.iter_mut().zip(objections).for_each(|(pair, objection)| pair.objection = objection);
         let place = |r: &Refit| library.effects().iter().position(|o| o.name == r.effects[0]);
         refits.twins = refits
             .singles
@@ -195,7 +199,8 @@ impl<'a> Refits<'a> {
                     let s = beyond.effects.first()?;
                     least = (least.0.min(s.gain), least.1.max((s.p_value * tested).min(1.0)));
                 }
-                Some(Pair { aliases: imitate_each_other(library, screening, pair[0], pair[1]), refit, halves, beyond_form: least.0, p_value: least.1 })
+                let aliases = imitate_each_other(library, screening, pair[0], pair[1]);
+                Some(Pair { refit, halves, beyond_form: least.0, p_value: least.1, aliases, objection: None })
             })
             .collect();
         self.pairs = pairs.into_iter().flatten().collect();
@@ -215,7 +220,7 @@ impl<'a> Refits<'a> {
         pair.aliases && share_removed(excess_at(&self.base, c), left) > ALONE_SHARE
     }
 
-    /// Why a pair does not earn its place beside its better half; `None` when it does.
+    /// Why a pair does not earn its place beside its better half, at the noise scale that all refits settled on.
     fn objection(&self, pair: &Pair) -> Option<String> {
         let c = self.c.min(LARGEST_NOISE_SCALE);
         let (base, both) = (excess_at(&self.base, c), excess_at(&pair.refit.structure, c));
@@ -260,11 +265,11 @@ impl<'a> Refits<'a> {
         if best.refit.log_evidence < single + LOG_ODDS {
             return None;
         }
-        self.objection(best).map(|why| format!("{} together would fit still better, but {why}", best.refit.effects.join(" and ")))
+        best.objection.as_ref().map(|why| format!("{} together would fit still better, but {why}", best.refit.effects.join(" and ")))
     }
 
     fn earned(&self) -> impl Iterator<Item = &Pair> {
-        self.pairs.iter().filter(|p| p.refit.largest_share < ONE_IMPACT && self.objection(p).is_none())
+        self.pairs.iter().filter(|p| p.refit.largest_share < ONE_IMPACT && p.objection.is_none())
     }
 
     /// Whether chance, or one odd impact, could have made the gain of a single effect. Few impacts meet some effects (those

@@ -137,7 +137,7 @@ impl RacketBench {
 const DIFFERENT: f64 = 0.01;
 /// Share by which real rackets leave the perpendicular axis theorem, which holds for flat bodies.
 const FLATNESS: f64 = 0.05;
-/// A machine's reading error, relative (physics.md F19: below 1 %).
+/// A machine's reading error, relative (Spurr et al. 2014: below 1 %).
 const RDC_SD: f64 = 0.01;
 
 pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {

@@ -1,7 +1,8 @@
 //! The ball before and after contact: gravity always, drag and lift if the points show them.
 //!
 //! Drag −k |v| v with k = ρ C_D A / 2m, and a lift acceleration across the path that stays constant over the window.
-//! Sources: physics.md E.6 (C_D 0.507 ± 0.024 in free flight, 0.55-0.7 in tunnels; lift below half the drag).
+//! Sources: Cross and Lindsey (C_D 0.507 ± 0.024 in free flight); Mehta, Alam and Subic 2008 (0.6 to 0.7 in tunnels);
+//! Stepanek 1988 (lift below half the drag).
 //!
 //! How long a window these laws hold over is asked of the points: `bending_p` tests them against a path whose acceleration
 //! changes freely. A bounce, a net cord, a barrel or a wrongly tracked stretch within the window bends it.
@@ -16,7 +17,7 @@ use nalgebra::{DVector, Isometry3, Matrix6, Point3, SMatrix, Vector2, Vector3};
 const AIR_DENSITY: f64 = 1.225;
 /// Mean and spread of a tennis ball's drag coefficient over new and worn balls.
 const DRAG: (f64, f64) = (0.55, 0.08);
-/// Spread of lift over drag: a lift coefficient of about ±0.2 (3000 rpm at 30 m/s, physics.md D.17).
+/// Spread of lift over drag: a lift coefficient of about ±0.2 (3000 rpm at 30 m/s by the formula of the effect `air-flight`).
 const LIFT_SHARE: f64 = 0.35;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]

@@ -3,7 +3,7 @@
 //! Comes in: a stereo rig, tracks, racket, ball, the ball's spin where it was measured. Goes out: [`Shot`] (the motions on
 //! both sides of the contact and every quantity of contract section 5) and the row of the impacts table. Global axes and
 //! racket-local axes of contract section 1; SI. Definitions with equation numbers: docs/kinematics.md. Sources: thesis
-//! chapters 4 and 5, physics.md B.
+//! chapters 4 and 5; docs/impact.md, closed forms.
 
 mod air_seen;
 mod balance_seen;

@@ -247,8 +247,8 @@ impl MotionLaw {
     /// each other and hardly move an estimate. A hung racket sways by millimetres per second. A drive changes by its own size
     /// within `memory_s`.
     pub(crate) fn prior(self, part: Part, memory_s: f64, before_contact: bool) -> Option<Vector3<f64>> {
-        // Brisk: a centre of mass 0.35 m from the pivot at 30 rad/s needs 300 m/s²; a swing gains 30 rad/s within 0.05 to
-        // 0.1 s (physics.md E.7). Gentle is a third of that, abrupt twice.
+        // Brisk: a centre of mass 0.35 m from the pivot at 30 rad/s needs 300 m/s²; a swing gains 30 rad/s (thesis,
+        // table 5.27) within 0.05 to 0.1 s. Gentle is a third of that, abrupt twice.
         let (force, rate_dot) = match self {
             MotionLaw::Sway(reach) => reach.drives(),
             MotionLaw::Carried => CARRIES,

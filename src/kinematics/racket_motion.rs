@@ -1,7 +1,7 @@
 //! The racket as a moving rigid body: candidate laws of motion, fitted straight to the image points of both cameras.
 //!
 //! A state is position of the centre of mass, attitude, velocity, angular velocity at a reference time (the contact), so
-//! nothing has to be carried from the middle of a window to its edge afterwards (physics.md B.8). A law says how the
+//! nothing has to be carried from the middle of a window to its edge afterwards (what the effect `window-bias` is about). A law says how the
 //! state goes on from there. Which law holds is a matter of evidence: each law's marginal likelihood weighs its result,
 //! and the spread between laws is part of the uncertainty.
 

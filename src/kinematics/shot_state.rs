@@ -30,7 +30,7 @@ const NODE: usize = 49;
 const HAND: usize = 50;
 
 /// By how much earlier than one radius from the strings the ball may leave because it is still flat, s. A ball that springs
-/// back with the force (hysteresis) leaves round, at no difference; one with viscous losses (physics.md C.3 to C.6, set P2)
+/// back with the force (hysteresis) leaves round, at no difference; one with viscous losses (docs/impact.md, base visco-elastic)
 /// 0.13 to 0.15 ms earlier whatever its speed, string or racket. The 95 % interval holds both; all shots share the error.
 pub const LEAVING_FLAT_SD_S: f64 = 0.07e-3;
 /// Spread of the bent frame's place at the impact point when the ball leaves, m, against the rigid racket that the markers
@@ -38,7 +38,7 @@ pub const LEAVING_FLAT_SD_S: f64 = 0.07e-3;
 pub const LEAVING_BENT_SD_M: f64 = 0.003;
 /// Spread of the masses in the files, relative: kitchen scales, and tape and dampers that were not weighed.
 pub const MASS_SD: f64 = 0.005;
-/// Spread of the swingweight, relative: a machine reads within 1 % (physics.md E.4, F19), a pendulum as well.
+/// Spread of the swingweight, relative: a machine reads within 1 % (Spurr et al. 2014), a pendulum as well.
 pub const SWINGWEIGHT_SD: f64 = 0.01;
 /// Spread of the twistweight, relative: small, and seldom measured on a good bifilar suspension.
 pub const TWISTWEIGHT_SD: f64 = 0.03;

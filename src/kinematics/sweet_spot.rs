@@ -5,19 +5,19 @@
 use crate::equipment::Racket;
 use nalgebra::{Vector2, Vector3};
 
-/// Where the hand pivots, m from the butt: between the 0.08 and 0.10 m of physics.md B.3.
+/// Where the hand pivots, m from the butt: between 0.08 m and the 0.10 m of the swingweight's axis (docs/impact.md, closed forms).
 pub const HAND_PIVOT_FROM_BUTT_M: f64 = 0.09;
 /// Spread of that place over those two figures, m.
 pub const HAND_PIVOT_SD_M: f64 = 0.006;
 /// Node of the first bending mode on the head side, over the racket's length: beam models of real rackets 0.783 to 0.805,
-/// mean impact of the thesis's players 0.80 (physics.md F.4, B.9).
+/// mean impact of the thesis's players 0.80 (docs/impact.md, the frame, where the thesis's print slips).
 pub const NODE_OF_LENGTH: f64 = 0.80;
 /// Spread over those models: (0.805 − 0.783)/√12.
 pub const NODE_OF_LENGTH_SD: f64 = 0.0064;
 /// What the thesis takes (5.5.1).
 pub const THESIS_NODE_OF_LENGTH: f64 = 0.82;
 
-/// Effective mass of a point of the face, kg: 1/m_e = 1/M + X²/I_y + Y²/I_x (equations 5.1, 5.2; physics.md B.1).
+/// Effective mass of a point of the face, kg: 1/m_e = 1/M + X²/I_y + Y²/I_x (equations 5.1, 5.2).
 /// `from_com` is (X, Y) in local axes from the centre of mass, m.
 pub fn effective_mass(mass: f64, inertia: &Vector3<f64>, from_com: &Vector2<f64>) -> f64 {
     1.0 / (1.0 / mass + from_com.x * from_com.x / inertia.y + from_com.y * from_com.y / inertia.x)
@@ -30,14 +30,14 @@ pub fn centre_of_percussion(racket: &Racket, pivot_from_butt: f64) -> f64 {
 }
 
 /// Dead spot: where the effective mass is m/e, so that the ball stops dead on a resting racket: b = √(I_y (e/m − 1/M))
-/// (physics.md B.2; the thesis's m_e = m is the case e = 1). `None` where e/m < 1/M.
+/// (docs/impact.md, closed forms; the thesis's m_e = m is the case e = 1). `None` where e/m < 1/M.
 pub fn dead_spot(mass: f64, inertia_y: f64, ball_mass: f64, restitution: f64) -> Option<f64> {
     let b2 = inertia_y * (restitution / ball_mass - 1.0 / mass);
     (b2 >= 0.0).then(|| b2.sqrt())
 }
 
 /// Ideal point: the b on the long axis at which the ball would leave fastest (equation 5.5 solved; e cancels):
-/// ω b² + 2 (V − v) b − ω Λ² = 0, Λ² = I_y (1/m + 1/M), in a form that stays finite as ω → 0 (physics.md B.3).
+/// ω b² + 2 (V − v) b − ω Λ² = 0, Λ² = I_y (1/m + 1/M), in a form that stays finite as ω → 0 (docs/impact.md, closed forms).
 ///
 /// `racket_speed`, `ball_speed` along the normal toward the ball's side, m/s (the ball's is negative when it comes in);
 /// `swing_rate` such that a point at b moves at V + ω b. `None` when racket and ball do not approach.
@@ -61,7 +61,7 @@ mod tests {
 
     #[test]
     fn truth_effective_mass_of_the_reference_points() {
-        // physics.md G.1.
+        // The checks of docs/impact.md, closed forms.
         let i = Vector3::new(0.0015, I_Y, 0.0173);
         assert!((effective_mass(M, &i, &Vector2::new(-0.21, 0.0)) - 0.1717787).abs() < 5e-8);
         assert!((effective_mass(M, &i, &Vector2::new(-0.2246, 0.0)) - 0.1606933).abs() < 5e-8);
@@ -71,7 +71,7 @@ mod tests {
 
     #[test]
     fn truth_ideal_point_and_speeds_of_the_thesis_mean_shot() {
-        // physics.md G.2: means of table 5.27.
+        // The checks of docs/impact.md, closed forms: means of table 5.27.
         let b = ideal_point(M, I_Y, 0.0577, 15.96, -9.30, 30.53).expect("approaching");
         assert!((b - 0.1757479).abs() < 5e-8, "{b}");
         let speed = |b: f64| {
@@ -88,7 +88,7 @@ mod tests {
 
     #[test]
     fn truth_dead_spot_lies_beyond_the_tip_of_a_modern_racket() {
-        // physics.md B.2: 0.414 m for e = 0.8.
+        // The checks of docs/impact.md, closed forms: 0.414 m for e = 0.8.
         let b = dead_spot(M, I_Y, 0.0577, 0.8).expect("real");
         assert!((b - 0.414).abs() < 5e-4, "{b}");
         let me = effective_mass(M, &Vector3::new(0.0015, I_Y, 0.0173), &Vector2::new(-b, 0.0));

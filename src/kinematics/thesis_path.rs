@@ -3,7 +3,7 @@
 //! Plane and axes from three markers, straight lines through ten frames, angular velocity from velocity differences, impact
 //! where the ball's centre lies on the plane, by bisection. Slips of the printed text are put right and named: d of 4.8
 //! needs a minus, 4.9 divides by the root of the sum, θ of 4.24 changes sign with the side marker, 4.10 is missing there
-//! (physics.md B.8, B.9).
+//! (docs/impact.md, where the thesis's print slips).
 
 use super::shot_motion::ShotMotion;
 use crate::tracking::{RacketFigure, SpacePoint, Target};

@@ -201,7 +201,7 @@ fn with_tip_mass(racket: &Racket, lump: f64) -> (f64, Vector3<f64>, Vector3<f64>
     (mass, centre, racket.inertia_kg_m2() + Vector3::new(0.0, reduced, reduced))
 }
 
-/// Draws one impact of the kind: ranges of the laboratory rig and of the published forehands (physics.md E.8).
+/// Draws one impact of the kind: ranges of the laboratory rig and of the published forehands (thesis, tables 5.6 to 5.28).
 pub fn draw(kind: Kind, order: f64, rng: &mut impl Rng) -> Approach {
     let mut normal = |mean: f64, sd: f64| -> f64 {
         let z: f64 = StandardNormal.sample(rng);

@@ -61,7 +61,8 @@ pub struct ShotMotion {
     pub hand: Vector3<f64>,
 }
 
-/// The ball's part of what ball and strings give together: 33 kN/m and more as it is pressed against strings of 25 to 45 kN/m (physics.md C, E.2).
+/// The ball's part of what ball and strings give together: 33 kN/m and more as it is pressed against strings of 27 to 45 kN/m
+/// (docs/impact.md, base visco-elastic).
 const BALLS_PART: f64 = 0.45;
 /// Power of time by which the flattening is skewed.
 const PEAKS_EARLY: f64 = 0.9;

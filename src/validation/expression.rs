@@ -3,7 +3,7 @@
 //! All pairs of a channel and a feature are scored at once (nuisance projected out), the best refitted in the full model,
 //! then up to two more terms of the same channel are added, each only if it gains more than its price; constants are
 //! rounded to two digits and refitted around. A dead spot (a bump over the face) has a place and a width to find
-//! ([`super::local_spot`]), a step its moment ([`super::step_in_order`]). (missing-physics.md, section 7.)
+//! ([`super::local_spot`]), a step its moment ([`super::step_in_order`]). (docs/diagnosis.md, "The formula".)
 
 use super::by_group::Groups;
 use super::diagnosis::{Estimate, SuggestedExpression};

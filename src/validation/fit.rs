@@ -1,7 +1,7 @@
 //! Gauss-Newton fit of the free parameters and of the session offsets, with errors in inputs and outputs.
 //!
 //! Every measured input may carry one offset shared by a whole session (a tilted face, a shifted origin): the largest
-//! source of false alarms (missing-physics.md, section 4). Offsets are nuisance with a normal prior of
+//! source of false alarms (docs/diagnosis.md, "In formulas", offsets). Offsets are nuisance with a normal prior of
 //! [`FitOptions::offset_share`] of the single-impact deviation; measured outputs of a session of footage likewise, whose
 //! calibration all shots share. Where the table states how well the face's own axes are
 //! known, their shared error is nuisance too ([`super::session_shift`]).

@@ -2,7 +2,7 @@
 //!
 //! With measured inputs x (deviations S_x), outputs y (S_y) and the model f, at the estimate x^ of the true inputs:
 //! r = y − f(x^) − F (x − b − x^), S = S_y² + F S_x² F', F = df/dx, b the offsets shared by a session;
-//! then x^ ← x − b + S_x² F' S⁻¹ r. (missing-physics.md, section 1; Britt and Luecke 1973 for errors in variables.)
+//! then x^ ← x − b + S_x² F' S⁻¹ r. (docs/diagnosis.md, "In formulas", fit; Britt and Luecke 1973.)
 //!
 //! F is a difference over ± one deviation of each input: the slope that the noise itself sees. Across the edge between
 //! sticking and sliding that is the average of both sides, weighted by how far the noise reaches, where a derivative at a

@@ -56,7 +56,7 @@ pub struct Observation {
     pub held_by: String,
 }
 
-/// Spin of a ball whose markings could not be read: unknown within the range of play (physics.md E.8), rad/s. Where other
+/// Spin of a ball whose markings could not be read: unknown within the range of play (men's forehands in the thesis: 1125 ± 1122 rpm), rad/s. Where other
 /// spin components of the table were measured, their size is taken instead.
 pub const MISSING_SPIN_SD: f64 = 120.0;
 

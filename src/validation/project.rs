@@ -1,7 +1,7 @@
 //! Scores and information of possible extra terms, with everything the fit can absorb projected out.
 //!
 //! For whitened signatures G_i of m extra terms, Gp = G − A (A'A + P)⁻¹ A'G; score U = Σ Gp_i' z_i (plus the prior's
-//! share), information I = G'G − G'A (A'A + P)⁻¹ A'G (missing-physics.md, section 4). What is left of a signature is what
+//! share), information I = G'G − G'A (A'A + P)⁻¹ A'G (docs/diagnosis.md, "In formulas", nuisance and score). What is left of a signature is what
 //! no base parameter and no offset of the session can imitate.
 
 use super::error::ValidationError;

@@ -1,7 +1,7 @@
 //! Refits of the full non-linear model with one or two effects, ranked by evidence.
 //!
 //! Laplace evidence at noise scale c: log likelihood, normal priors of 1.5 typical sizes on the strengths (half-normal
-//! where only one side is physical), half the log determinant (missing-physics.md, section 5; MacKay 1992).
+//! where only one side is physical), half the log determinant (docs/diagnosis.md, "In formulas", evidence; MacKay 1992).
 //!
 //! A formula of the catalogue is never quite nature's. When the best model still leaves structure behind, differences of
 //! evidence between candidates are worth less than they seem: the part of the signal that no formula catches could favour

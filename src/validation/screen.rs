@@ -1,8 +1,8 @@
 //! Screening the catalogue: how much would each effect, alone and in pairs, explain of what the fit left over?
 //!
 //! Signature of an effect: the whitened difference of predictions for a fifth of a typical strength either way, nuisance
-//! projected out. Its score and information give a p-value and an approximate gain without a refit (missing-physics.md,
-//! section 3). An effect that a typical size would not move by half a deviation is "not visible here" and is left out of
+//! projected out. Its score and information give a p-value and an approximate gain without a refit (docs/diagnosis.md,
+//! "In formulas", score). An effect that a typical size would not move by half a deviation is "not visible here" and is left out of
 //! the count for which p-values are corrected.
 
 use super::error::ValidationError;
@@ -25,7 +25,7 @@ const VISIBLE: f64 = 0.5;
 /// A nuisance that takes away more than this share of a signature's information hides the effect.
 const ABSORBED: f64 = 0.999;
 
-/// Prior deviation of a strength, in typical sizes (missing-physics.md, section 5).
+/// Prior deviation of a strength, in typical sizes (docs/diagnosis.md, "In formulas", evidence).
 pub const STRENGTH_PRIOR: f64 = 1.5;
 
 /// One effect of the catalogue against the current fit.

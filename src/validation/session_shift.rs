@@ -6,7 +6,7 @@
 //! in which the racket is seen alike. A turn acts on inputs and outputs together, in proportion to the vectors: no offset of
 //! single columns can take it up, and left alone it looks like a physical effect (a face that bends every exit the same
 //! way). Where a table states how well the axes are known (`face_turn_x_sd` ...), the pose's error is therefore a nuisance
-//! of six components per session with that prior (missing-physics.md, section 4).
+//! of six components per session with that prior (docs/diagnosis.md, "In formulas", offsets).
 //!
 //! To first order in the error, with θ the turn of vectors as seen and s the shift of the stringbed centre: v → v + θ × v,
 //! impact position p → p + θ × p + (s_x, s_y) + h u_t/u_z. The last part: the plane is taken to lie h = s_z − (θ × p)_z above
@@ -233,7 +233,7 @@ mod tests {
     /// A racket hung at rest, hit on its long axis at 20 m/s with e = 0.8; its balance point is stated 1.5 mm too near the tip.
     #[test]
     fn truth_a_mis_stated_balance_point_is_taken_out() {
-        // Ball out, velocity of the centre of mass, rate about y, by hand (physics.md B.2) for a racket hit x from its centre of mass.
+        // Ball out, velocity of the centre of mass, rate about y, by hand (docs/impact.md, closed forms) for a racket hit x from its centre of mass.
         let hit = |r: &Racket, x: f64| {
             let i = r.inertia_kg_m2().y;
             let impulse = 1.8 * 20.0 / (1.0 / 0.0577 + 1.0 / 0.33 + x * x / i);

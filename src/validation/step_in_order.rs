@@ -1,7 +1,7 @@
 //! A change from one impact to the next: a racket strung anew, another can of balls, a camera that was knocked.
 //!
 //! Drifts and waves in the order of the impacts imitate a step in part and would give it a wrong name. So a step of a quantity
-//! is scored between neighbouring impacts, nuisance projected out (missing-physics.md, section 7: "step in t").
+//! is scored between neighbouring impacts, nuisance projected out (docs/diagnosis.md, "The formula").
 
 use super::project::{Nuisance, project_out};
 use super::rank::Reference;

@@ -4,7 +4,7 @@
 //! ball, impulses and angular impulses on the racket, each times smooth features of the inputs, and a friction that goes with what
 //! sliding balls differ by. They span what almost any missing mechanism would do, whatever its name. Statistic T = U' I⁺ U of rank q; its p-value by a wild bootstrap
 //! (random signs on the impacts' contributions), which keeps its level with outliers and wrongly stated noise where
-//! chi-square and F tails do not (missing-physics.md, section 2). The noise scale c is what is left when all structure is taken
+//! chi-square and F tails do not (docs/diagnosis.md, "In formulas", structure). The noise scale c is what is left when all structure is taken
 //! out: it tells a wrongly stated noise from a wrong model. It is found for each group of outputs by itself (Σ e² over
 //! Σ (1 − h), h the leverage) and averaged over the numbers measured: (chi² − T)/(dof − q) would be too small where the terms
 //! take most out of those outputs whose noise is understated the most, and the floor of the error with it.

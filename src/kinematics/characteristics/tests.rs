@@ -90,7 +90,7 @@ fn square_hit() -> (ShotState, Expected) {
         ("impact_beyond_node_point", -0.0005),
         ("node_point_thesis_from_butt", 0.5617),
         ("impact_beyond_node_point_thesis", -0.0142),
-        // Where m_e = m/e (physics.md B.2).
+        // Where m_e = m/e (docs/impact.md, closed forms).
         ("dead_spot_from_butt", 0.325 + (i_y * (e / m - 1.0 / mass)).sqrt()),
         ("impact_beyond_dead_spot", b - (i_y * (e / m - 1.0 / mass)).sqrt()),
         ("contact_time", 0.005),

@@ -3,7 +3,7 @@
 //! A circle of the free ball's size keeps to one side of the outline of a pressed ball and is up to 5 mm off. Here the outline is that of a
 //! spheroid of the ball's volume whose axis is the face's normal, which the racket's pose tells. How much it is flattened is what both
 //! cameras' outlines agree with best, over all frames of the contact together: it rises and falls like half a sine, or nearly (Brody 2000, thesis
-//! equation 2.21; physics.md B.6, whose k is the largest share).
+//! equation 2.21; docs/impact.md, squeezed ball, whose k is the largest share).
 
 use crate::calibration::CameraId;
 use crate::footage::{FrameBuffer, FrameSource, GreyView};

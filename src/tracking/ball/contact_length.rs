@@ -1,4 +1,5 @@
-//! How long ball and strings touch: no frame within it shows a ball in free flight (physics.md E.2: 3 to 7 ms, 4 to 6 ms at the speeds of play).
+//! How long ball and strings touch: no frame within it shows a ball in free flight (3 to 7 ms, 4 to 6 ms at the speeds of play:
+//! docs/impact.md, base visco-elastic).
 
 use std::ops::RangeInclusive;
 

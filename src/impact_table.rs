@@ -3,8 +3,10 @@
 //! Comes in: CSV in which columns may be missing, in any order, with unknown columns kept as grouping columns. Goes out:
 //! [`ImpactTable`]. An empty cell is `None`; NaN, infinities and negative deviations are refused with their line.
 
+mod column_words;
 mod own_columns;
 
+pub use column_words::{ColumnWords, RELATIVE, column_subject, column_words};
 pub use own_columns::{MOST_OWN_COLUMNS, OwnColumn, OwnColumns, lacking};
 
 use crate::limited_file::{LARGEST_TABLE, LimitedFile, TableFile};

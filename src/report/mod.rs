@@ -5,7 +5,6 @@
 //! `None` when it has no data; `page` puts sections together. Text that a user wrote is escaped on the way in.
 
 pub mod chart;
-mod column;
 mod frame_doubt;
 mod frame_rate;
 mod markup;

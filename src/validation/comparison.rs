@@ -12,7 +12,7 @@ use super::polynomial::{PolynomialFit, polynomial_fits};
 use super::refits::LARGEST_NOISE_SCALE;
 use super::smooth::{FaceCell, SmoothCurve, face_map, smooth};
 use super::structure::{StructureTest, chi2_tail, p_text, structure_test};
-use crate::impact_table::{INPUTS, OUTPUTS, SHARED, unit};
+use crate::impact_table::{INPUTS, OUTPUTS, RELATIVE, SHARED, unit};
 use crate::provenance::Provenance;
 use serde::{Deserialize, Serialize};
 
@@ -570,5 +570,5 @@ pub fn session_offsets(observations: &Observations, fit: &Fit, c: f64) -> Vec<Se
 
 /// Name of a column's error in proportion.
 fn in_proportion(column: &str) -> String {
-    format!("{column} (relative)")
+    format!("{column}{RELATIVE}")
 }

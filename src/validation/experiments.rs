@@ -8,11 +8,10 @@ use super::diagnosis::NextExperiment;
 use super::forward::{Asked, Inputs, Outputs, Prediction};
 use super::linearise::Linearised;
 use super::observation::{Observation, Observations};
-use super::place::output_words;
 use super::predicted::PIECE;
 use super::refits::LOG_ODDS;
 use super::terminal::short;
-use crate::impact_table::{INPUTS, OUTPUTS, unit};
+use crate::impact_table::{INPUTS, OUTPUTS, column_subject, unit};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -94,7 +93,7 @@ pub fn next_experiment(
                 "{} with {} {} is {} {} {} than with {}",
                 place_words(&s.inputs),
                 first.name,
-                output_words(OUTPUTS[s.output]),
+                column_subject(OUTPUTS[s.output]),
                 short(s.difference.abs()),
                 unit(OUTPUTS[s.output]),
                 if s.difference > 0.0 { "more" } else { "less" },

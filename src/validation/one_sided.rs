@@ -3,7 +3,7 @@
 
 use super::comparison::Outlier;
 use super::observation::Observations;
-use super::place::output_words;
+use crate::impact_table::column_subject;
 use std::collections::BTreeMap;
 
 /// Fewest outliers of an output that say anything, their share of the impacts, and the chance that as many of them lie on one side
@@ -31,7 +31,7 @@ pub fn one_sided(outliers: &[Outlier], observations: &Observations) -> Option<St
     Some(format!(
         "{} of {all} outlying numbers of {} (`{column}`) are too {}: those impacts are of another kind (a dead ball, the frame, another racket), not wrongly measured; give them a column of their own, or leave them out",
         below.max(all - below),
-        output_words(column),
+        column_subject(column),
         if 2 * below > all { "small" } else { "large" }
     ))
 }

@@ -10,8 +10,7 @@ use super::diagnosis::Place;
 use super::linearise::Linearised;
 use super::observation::Observation;
 use super::structure::normal_tail;
-use crate::impact_table::OwnColumn;
-use crate::impact_table::{OUTPUTS, unit};
+use crate::impact_table::{OUTPUTS, OwnColumn, column_subject, unit};
 
 /// Groups of equal size an input is cut into (fewer with few impacts).
 const GROUPS: usize = 10;
@@ -217,7 +216,7 @@ fn in_words(output: &str, input: Coordinate, from: f64, to: f64, mean: f64, else
     } else {
         format!(" ({} by {} elsewhere)", direction(elsewhere), amount(output, elsewhere.abs()))
     };
-    format!("{} is {} by {} {range}{rest}", output_words(output), direction(mean), amount(output, mean.abs()))
+    format!("{} is {} by {} {range}{rest}", column_subject(output), direction(mean), amount(output, mean.abs()))
 }
 
 fn amount(output: &str, value: f64) -> String {
@@ -228,32 +227,6 @@ fn amount(output: &str, value: f64) -> String {
         _ => format!("{value:.1}"),
     };
     format!("{text} {}", unit(output))
-}
-
-/// A column in words.
-pub fn output_words(column: &str) -> String {
-    let axis = match column.chars().last() {
-        Some('x') => "along the racket",
-        Some('y') => "across the face",
-        _ => "normal to the strings",
-    };
-    match column {
-        c if c.starts_with("ball_out_v") || c.starts_with("ball_in_v") => format!("ball speed {axis}"),
-        c if c.starts_with("ball_out_w") || c.starts_with("ball_in_w") => format!(
-            "ball spin about {}",
-            match column.chars().last() {
-                Some('x') => "the racket's long axis",
-                Some('y') => "the axis across the face",
-                _ => "the normal",
-            }
-        ),
-        "racket_out_wx" | "racket_in_wx" => "the racket's twist rate".to_owned(),
-        "racket_out_wy" | "racket_in_wy" => "the racket's swing rate".to_owned(),
-        "racket_out_wz" | "racket_in_wz" => "the racket's rate in its own plane".to_owned(),
-        c if c.starts_with("racket_") => format!("racket speed {axis}"),
-        "contact_time" => "contact time".to_owned(),
-        other => other.to_owned(),
-    }
 }
 
 fn range_words(input: Coordinate, from: f64, to: f64, lowest: bool, highest: bool) -> String {
@@ -275,18 +248,21 @@ fn range_words(input: Coordinate, from: f64, to: f64, lowest: bool, highest: boo
         // People count from one.
         "order" => format!("for impacts {:.0} to {:.0} in the order they were recorded", from + 1.0, to + 1.0),
         other => {
-            let name = if other == "grip_torque" { "a grip torque".to_owned() } else { output_words(other).replace("speed", "velocity") };
+            let name = match other {
+                "grip_torque" => "the grip torque".to_owned(),
+                _ => format!("{} before impact", column_subject(other).replace("speed", "velocity")),
+            };
             let u = unit(other);
             let digits = if (to - from).abs() >= 20.0 { 0 } else { 1 };
             // Nothing is below minus nought.
             let tidy = |v: f64| if format!("{v:.digits$}").chars().any(|c| ('1'..='9').contains(&c)) { v } else { 0.0 };
             let (from, to) = (tidy(from), tidy(to));
             if lowest {
-                format!("where {name} before impact is below {to:.digits$} {u}").replace("a grip torque before impact", "the grip torque")
+                format!("where {name} is below {to:.digits$} {u}")
             } else if highest {
-                format!("where {name} before impact is above {from:.digits$} {u}").replace("a grip torque before impact", "the grip torque")
+                format!("where {name} is above {from:.digits$} {u}")
             } else {
-                format!("where {name} before impact is between {from:.digits$} and {to:.digits$} {u}").replace("a grip torque before impact", "the grip torque")
+                format!("where {name} is between {from:.digits$} and {to:.digits$} {u}")
             }
         }
     }
@@ -311,5 +287,7 @@ mod tests {
         assert_eq!(words, "ball speed normal to the strings is over-predicted by 1.9 m/s for impacts beyond 60 mm toward the tip, not elsewhere");
         // A ball that leaves toward −z: measured less predicted is positive, so it is slower than predicted.
         assert!(in_words("ball_out_vz", x, -0.12, -0.06, 1.9, 0.02, -9.0, true, false).contains("over-predicted"));
+        let torque = Coordinate::Usual(14);
+        assert!(in_words("ball_out_vz", torque, 2.0, 5.0, 1.9, 0.02, 9.0, false, true).contains("where the grip torque is above 2.0 N m"));
     }
 }

@@ -3,9 +3,8 @@
 use super::comparison::{Adequacy, Comparison};
 use super::diagnosis::{Diagnosis, Verdict};
 use super::ledger::{LedgerEntry, noise_floor};
-use super::place::output_words;
 use super::structure::{p_text, probability_text};
-use crate::impact_table::unit;
+use crate::impact_table::{column_subject, unit};
 use std::fmt::Write;
 
 /// Candidates listed in the terminal; the others are in the file.
@@ -20,7 +19,7 @@ pub fn comparison_text(c: &Comparison) -> String {
         let _ = writeln!(
             t,
             "  {:<44} {:>5} {:>11} {:>11} {:>11}  {:.2}",
-            format!("{} ({})", output_words(&o.name), o.name),
+            format!("{} ({})", column_subject(&o.name), o.name),
             o.n,
             quantity(o.rmse, &o.name),
             quantity(o.bias, &o.name),

@@ -1,8 +1,8 @@
 //! Predicted against measured, one panel per output with the line y = x (thesis figure 2.38), and the table of errors.
 
 use super::residuals::parameters_taken;
+use crate::impact_table::column_words;
 use crate::report::chart::{Chart, Colour, Legend, Points, Symbol};
-use crate::report::column::column_words;
 use crate::report::markup::{fixed, odds, significant, with_sd};
 use crate::report::page::{Layout, Section, Table};
 use crate::validation::Comparison;

@@ -1,6 +1,6 @@
 //! The comparison's verdict in words, with the figures that matter.
 
-use crate::report::column::column_words;
+use crate::impact_table::column_words;
 use crate::report::markup::{fixed, percent, significant};
 use crate::report::page::{Section, Tone};
 use crate::validation::Comparison;

@@ -2,8 +2,8 @@
 
 use super::agreement::points_of;
 use crate::equipment::Racket;
+use crate::impact_table::column_words;
 use crate::report::chart::{Cells, Chart, Colour, Legend, Points, face};
-use crate::report::column::column_words;
 use crate::report::page::{Layout, Section};
 use crate::validation::Comparison;
 use crate::validation::comparison::NormalSigns;

@@ -1,8 +1,7 @@
 //! Predicted beside measured when there are too few shots for a verdict: no fit, no test, just the points.
 
-use crate::impact_table::OUTPUTS;
+use crate::impact_table::{OUTPUTS, column_words};
 use crate::report::chart::{Chart, Colour, Legend, Points};
-use crate::report::column::column_words;
 use crate::report::markup::{rounded, significant, with_sd};
 use crate::report::page::{Layout, Section, Table};
 use crate::report::session_results::PredictedShot;

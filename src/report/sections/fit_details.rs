@@ -1,6 +1,6 @@
 //! Parameters, outliers and session offsets of a comparison or a diagnosis.
 
-use crate::report::column::column_words;
+use crate::impact_table::column_words;
 use crate::report::markup::{fixed, significant, with_sd};
 use crate::report::page::{Section, Table};
 use crate::report::parameter_unit::parameter_unit;

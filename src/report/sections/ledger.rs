@@ -1,8 +1,8 @@
 //! The error falls: the staircase from the first model to the noise floor, and the pictures before and after.
 
 use super::residuals::{Trend, panel, reach, strongest, trends};
+use crate::impact_table::column_words;
 use crate::report::chart::{Bars, Chart, Colour, Points, Rule, Symbol};
-use crate::report::column::column_words;
 use crate::report::markup::{fixed, with_sd};
 use crate::report::page::{Layout, Section, Table};
 use crate::report::parameter_unit::with_unit;

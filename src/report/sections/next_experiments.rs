@@ -1,8 +1,8 @@
 //! Which impacts to record next: a table to take to the laboratory for each pair of effects that look alike.
 
 use crate::equipment::Racket;
+use crate::impact_table::column_words;
 use crate::report::chart::{Legend, Points, Symbol, face};
-use crate::report::column::column_words;
 use crate::report::markup::{fixed, significant};
 use crate::report::page::{Section, Table};
 use crate::validation::diagnosis::{Diagnosis, NextExperiment};

@@ -1,8 +1,8 @@
 //! Where the model fails: ranges of an input over which an output is off, in words, a table and pictures.
 
 use super::residuals::{Trend, curve_layers, trends, usual_size};
+use crate::impact_table::column_words;
 use crate::report::chart::{Chart, Colour, Legend, Line, Points, Rule, Shape};
-use crate::report::column::column_words;
 use crate::report::markup::{odds, plain, rounded, significant, true_minus};
 use crate::report::page::{Layout, Section, Table};
 use crate::validation::Comparison;

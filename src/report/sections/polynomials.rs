@@ -1,8 +1,8 @@
 //! Polynomial fits of the outputs (thesis 2.8, James 2004): the effect of one input while the others are held.
 
 use super::agreement::points_of;
+use crate::impact_table::column_words;
 use crate::report::chart::{Band, Chart, Colour, Legend, Line};
-use crate::report::column::column_words;
 use crate::report::markup::{fixed, significant};
 use crate::report::page::{Layout, Section, Table};
 use crate::validation::Comparison;

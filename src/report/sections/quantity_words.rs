@@ -1,6 +1,6 @@
 //! Shot characteristics as people read them.
 
-use crate::report::column::{ColumnWords, column_words};
+use crate::impact_table::{ColumnWords, column_words};
 
 /// Name in shot.json, words, unit shown, factor from SI; in the order of reading.
 pub(super) const QUANTITIES: [(&str, &str, &str, f64); 34] = [

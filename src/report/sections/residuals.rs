@@ -1,8 +1,8 @@
 //! Residuals in units of their own deviation against every input, with a smooth and its 95 % band: where the model fails.
 
 use super::agreement::points_of;
+use crate::impact_table::column_words;
 use crate::report::chart::{Band, Cells, Chart, Colour, Legend, Line, Points, Rule};
-use crate::report::column::column_words;
 use crate::report::markup::fixed;
 use crate::report::page::{Layout, Section};
 use crate::validation::Comparison;

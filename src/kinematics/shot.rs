@@ -9,7 +9,7 @@ use super::least_squares::chi2_tail_3;
 use super::marker_distance::{MarkerDistance, marker_distances, mismatch_remark};
 use super::racket_outline::{outside_strings, past_racket};
 use super::shot_motion::{BENDS_P, MeasureSettings, ShotMotion, USUAL_CONTACT_S, measure_motion};
-use super::shot_state::{BALANCE_SD_M, LEAVING_FLAT_SD_S, SPEED_SCALE_SD, SPIN_SCALE_SD, SpinVector, UncertainShot};
+use super::shot_state::{BALANCE_SD_M, LEAVING_FLAT_SD_S, Measure, SPEED_SCALE_SD, SPIN_SCALE_SD, SpinVector, UncertainShot};
 use super::space_points::{on_rigid_racket, space_points};
 use super::thesis_path::{ThesisShot, thesis_shot};
 use crate::calibration::{CalibrationSpread, StereoRig};
@@ -17,7 +17,7 @@ use crate::equipment::{Ball, Racket};
 use crate::impact_table::{INPUTS, ImpactRow, Measured, OUTPUTS};
 use crate::quantity::{Quantity, RPM};
 use crate::tracking::{Flattening, SpacePoint, Tracks, View, widen_by_shake};
-use nalgebra::{Matrix3, Vector2, Vector3};
+use nalgebra::{DMatrix, Matrix3, Vector2, Vector3};
 use serde::de::{Deserializer, MapAccess, Visitor};
 use serde::ser::{SerializeMap, Serializer};
 use serde::{Deserialize, Serialize};
@@ -225,50 +225,10 @@ pub fn measure_shot(input: &ShotInput<'_>, settings: &MeasureSettings) -> Result
         up: settings.axes_known.then(|| -settings.gravity().normalize()),
     };
     let (measures, covariance) = uncertain.propagate(|s| characteristics(s, &equipment));
-    let places = |name: &str| -> Option<[usize; 3]> {
-        let place = |axis: &str| measures.iter().position(|(m, _)| m.name == format!("{name}_{axis}"));
-        Some([place("x")?, place("y")?, place("z")?])
-    };
-    let vector = |at: [usize; 3]| Some(Vector3::new(measures[at[0]].0.value?, measures[at[1]].0.value?, measures[at[2]].0.value?));
-    let momentum = (|| {
-        let unexplained = places("unexplained_impulse")?;
-        let information = Matrix3::from_fn(|a, b| covariance[(unexplained[a], unexplained[b])]).try_inverse()?;
-        let (lacking, carrying) = (vector(unexplained)?, vector(places("carrying_impulse")?)?);
-        // A racket may hang, lie in a quiet hand or fall: what carries it, all of its weight or some or none, does not interfere.
-        let carried = (carrying.dot(&(information * lacking)) / carrying.dot(&(information * carrying)).max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
-        let v = lacking - carrying * carried;
-        let chi2 = v.dot(&(information * v));
-        let p_value = chi2_tail_3(chi2);
-        Some(MomentumVerdict { chi2, p_value, hand_interferes: p_value < 0.05 })
-    })();
-    let mut quantities = Quantities(measures.iter().filter_map(|(m, sd)| Some((m.name.clone(), m.quantity(*sd)?))).collect());
-    let value = |name: &str| quantities.get(name).map_or(0.0, |q| q.value);
-    let (x_m, y_m) = (value("impact_x"), value("impact_y"));
-    let place = Vector2::new(x_m, y_m);
-    let past_m = past_racket(input.racket, input.ball, &place);
+    let characteristics = Characteristics { measures, covariance };
     let face = BodyMotion::from(&motion.racket_in).pose(&motion.moving.com_local);
-    if let Some(push) = places("ball_impulse") {
-        // What gravity does meanwhile is no impact.
-        let lasted_s = quantities.get("contact_time").map_or(USUAL_CONTACT_S, |t| t.value.max(0.0));
-        let fall = face.rotation.inverse() * settings.gravity() * lasted_s;
-        let change = vector(push).map(|push| push / input.ball.mass_kg - fall);
-        let spread = Matrix3::from_fn(|a, b| covariance[(push[a], push[b])]) / input.ball.mass_kg.powi(2);
-        let against = ["x", "y", "z"].map(|a| value(&format!("ball_in_v{a}")) - value(&format!("impact_point_in_v{a}")));
-        let speed_m_s = Vector3::from(against).norm();
-        if let Some((change, information)) = change.zip(spread.try_inverse()) {
-            let change_m_s = change.norm();
-            if chi2_tail_3(change.dot(&(information * change))) > NOTHING_P || change_m_s < NOTHING_OF_SPEED * speed_m_s {
-                return Err(if past_m > 0.0 {
-                    KinematicsError::PassesBy { past_m, x_m, y_m }
-                } else {
-                    KinematicsError::FliesOn { x_m, y_m, change_m_s, sd_m_s: spread.trace().sqrt(), speed_m_s }
-                });
-            }
-        }
-    }
-    if past_m > BEYOND_M {
-        return Err(KinematicsError::OffTheFace { x_m, y_m, past_m });
-    }
+    characteristics.refuse_no_impact(input, &(face.rotation.inverse() * settings.gravity()))?;
+    let mut quantities = characteristics.quantities();
     for (name, component) in [("ball_in_spin_component", input.spin.before_component), ("ball_out_spin_component", input.spin.after_component)] {
         if let Some(c) = component {
             quantities.0.push((name.to_owned(), Quantity::new(c.rate_rad_s, c.sd_rad_s, "rad/s")));
@@ -278,47 +238,6 @@ pub fn measure_shot(input: &ShotInput<'_>, settings: &MeasureSettings) -> Result
     // Set on the mount, not measured: no deviation of its own.
     quantities.0.extend(input.grip_torque_n_m.map(|torque| ("grip_torque".to_owned(), Quantity::new(torque, 0.0, "N m"))));
     quantities.0.extend(input.ball_flattening.map(|f| ("ball_flattening".to_owned(), Quantity::new(f.share, f.sd, ""))));
-    let impact_timing = quantities.get("ball_in_global_vy").filter(|_| settings.axes_known).map(|v| {
-        if v.value.abs() < 1.96 * v.sd {
-            ImpactTiming::Apex
-        } else if v.value > 0.0 {
-            ImpactTiming::Rising
-        } else {
-            ImpactTiming::Falling
-        }
-    });
-    // A racket that does not swing has no apex.
-    let swings = quantities.get("impact_point_in_speed").is_some_and(|v| v.value > 1.0 && v.value > 5.0 * v.sd);
-    let swing_timing = quantities.get("impact_point_in_vx").filter(|_| swings).map(|v| {
-        if v.value.abs() < 1.96 * v.sd {
-            SwingTiming::Apex
-        } else if v.value < 0.0 {
-            SwingTiming::BeforeApex
-        } else {
-            SwingTiming::AfterApex
-        }
-    });
-    let mut remarks = motion.remarks.clone();
-    remarks.extend(input.spin.remarks.iter().cloned());
-    let outside = motion.frames.values().filter(|f| f.ball.is_some_and(|b| b.far_outside)).count();
-    if outside > 0 {
-        remarks.push(format!(
-            "the ball lies far outside the volume that the checkerboards filled in {outside} of {} frames: there the calibration is a guess",
-            motion.frames.len()
-        ));
-    }
-    let outside_m = outside_strings(&input.racket.head, &place);
-    if outside_m > 0.0 {
-        let outside_mm = 1e3 * outside_m;
-        remarks
-            .push(format!("on the frame, {outside_mm:.0} mm outside the strings: effective mass, ideal point and the model are those of a hit on the strings"));
-    }
-    if !settings.axes_known {
-        remarks.push(NO_VERTICAL.to_owned());
-    }
-    if quantities.get("impact_success_ratio").is_none() {
-        remarks.push("no impact_success_ratio: the impact point stood still before the impact, and has no momentum to compare".to_owned());
-    }
     let points = space_points(input.rig, input.tracks, &motion);
     let marker_distances = marker_distances(&points, &motion.moving.figure);
     let thesis = thesis_shot(&points, &motion);
@@ -330,8 +249,149 @@ pub fn measure_shot(input: &ShotInput<'_>, settings: &MeasureSettings) -> Result
         point.sd = spread.widen(&point.position, &point.sd);
     }
     widen_by_shake(&View::new(input.rig), &mut points, motion.shake_px);
-    remarks.extend(mismatch_remark(&marker_distances));
     let windows = windows(&motion);
+    let shot = Shot {
+        id: input.id.to_owned(),
+        racket: input.racket.name.clone(),
+        ball: input.ball.name.clone(),
+        ball_side_of_face: (if motion.side > 0.0 { "+z" } else { "-z" }).to_owned(),
+        groups: input.groups.to_vec(),
+        impact_timing: impact_timing(&quantities).filter(|_| settings.axes_known),
+        swing_timing: swing_timing(&quantities),
+        momentum: characteristics.momentum_verdict(),
+        face_pose_sd: face_pose_sd(input.rig, &motion.moving.figure, &face, settings.tape.shared_px),
+        thesis,
+        remarks: remarks(input, settings, &motion, &quantities, &marker_distances, &windows),
+        quantities,
+        windows,
+        marker_distances,
+    };
+    Ok(MeasuredShot { shot, points, motion })
+}
+
+/// The characteristics of a shot, each with its deviation, and what their errors have in common.
+struct Characteristics {
+    measures: Vec<(Measure, f64)>,
+    covariance: DMatrix<f64>,
+}
+
+impl Characteristics {
+    fn quantities(&self) -> Quantities {
+        Quantities(self.measures.iter().filter_map(|(m, sd)| Some((m.name.clone(), m.quantity(*sd)?))).collect())
+    }
+
+    fn value(&self, name: &str) -> Option<f64> {
+        self.measures.iter().find(|(m, _)| m.name == name).and_then(|(m, sd)| m.quantity(*sd)).map(|q| q.value)
+    }
+
+    /// A vector by the name of its components, with its covariance.
+    fn vector(&self, name: &str) -> Option<(Vector3<f64>, Matrix3<f64>)> {
+        let place = |axis: &str| self.measures.iter().position(|(m, _)| m.name == format!("{name}_{axis}"));
+        let at = [place("x")?, place("y")?, place("z")?];
+        let value = |k: usize| self.measures[at[k]].0.value;
+        Some((Vector3::new(value(0)?, value(1)?, value(2)?), Matrix3::from_fn(|a, b| self.covariance[(at[a], at[b])])))
+    }
+
+    /// Whether the momentum of ball and racket is kept, or a hand pushed meanwhile.
+    fn momentum_verdict(&self) -> Option<MomentumVerdict> {
+        let (lacking, covariance) = self.vector("unexplained_impulse")?;
+        let (carrying, _) = self.vector("carrying_impulse")?;
+        let information = covariance.try_inverse()?;
+        // A racket may hang, lie in a quiet hand or fall: what carries it, all of its weight or some or none, does not interfere.
+        let carried = (carrying.dot(&(information * lacking)) / carrying.dot(&(information * carrying)).max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+        let v = lacking - carrying * carried;
+        let chi2 = v.dot(&(information * v));
+        let p_value = chi2_tail_3(chi2);
+        Some(MomentumVerdict { chi2, p_value, hand_interferes: p_value < 0.05 })
+    }
+
+    /// Refuses a ball that meets nothing, or that turns round where there is no racket. `gravity` is racket-local.
+    fn refuse_no_impact(&self, input: &ShotInput<'_>, gravity: &Vector3<f64>) -> Result<(), KinematicsError> {
+        let value = |name: &str| self.value(name).unwrap_or(0.0);
+        let (x_m, y_m) = (value("impact_x"), value("impact_y"));
+        let past_m = past_racket(input.racket, input.ball, &Vector2::new(x_m, y_m));
+        if let Some((push, spread)) = self.vector("ball_impulse") {
+            // What gravity does meanwhile is no impact.
+            let lasted_s = self.value("contact_time").map_or(USUAL_CONTACT_S, |t| t.max(0.0));
+            let change = push / input.ball.mass_kg - gravity * lasted_s;
+            let spread = spread / input.ball.mass_kg.powi(2);
+            let against = ["x", "y", "z"].map(|a| value(&format!("ball_in_v{a}")) - value(&format!("impact_point_in_v{a}")));
+            let speed_m_s = Vector3::from(against).norm();
+            if let Some(information) = spread.try_inverse() {
+                let change_m_s = change.norm();
+                if chi2_tail_3(change.dot(&(information * change))) > NOTHING_P || change_m_s < NOTHING_OF_SPEED * speed_m_s {
+                    return Err(if past_m > 0.0 {
+                        KinematicsError::PassesBy { past_m, x_m, y_m }
+                    } else {
+                        KinematicsError::FliesOn { x_m, y_m, change_m_s, sd_m_s: spread.trace().sqrt(), speed_m_s }
+                    });
+                }
+            }
+        }
+        if past_m > BEYOND_M {
+            return Err(KinematicsError::OffTheFace { x_m, y_m, past_m });
+        }
+        Ok(())
+    }
+}
+
+/// Whether the ball rose or fell as it was hit.
+fn impact_timing(quantities: &Quantities) -> Option<ImpactTiming> {
+    let v = quantities.get("ball_in_global_vy")?;
+    Some(if v.value.abs() < 1.96 * v.sd {
+        ImpactTiming::Apex
+    } else if v.value > 0.0 {
+        ImpactTiming::Rising
+    } else {
+        ImpactTiming::Falling
+    })
+}
+
+fn swing_timing(quantities: &Quantities) -> Option<SwingTiming> {
+    // A racket that does not swing has no apex.
+    quantities.get("impact_point_in_speed").filter(|v| v.value > 1.0 && v.value > 5.0 * v.sd)?;
+    let v = quantities.get("impact_point_in_vx")?;
+    Some(if v.value.abs() < 1.96 * v.sd {
+        SwingTiming::Apex
+    } else if v.value < 0.0 {
+        SwingTiming::BeforeApex
+    } else {
+        SwingTiming::AfterApex
+    })
+}
+
+/// What the reader of a shot is to know beside its numbers.
+fn remarks(
+    input: &ShotInput<'_>,
+    settings: &MeasureSettings,
+    motion: &ShotMotion,
+    quantities: &Quantities,
+    marker_distances: &[MarkerDistance],
+    windows: &Windows,
+) -> Vec<String> {
+    let mut remarks = motion.remarks.clone();
+    remarks.extend(input.spin.remarks.iter().cloned());
+    let outside = motion.frames.values().filter(|f| f.ball.is_some_and(|b| b.far_outside)).count();
+    if outside > 0 {
+        remarks.push(format!(
+            "the ball lies far outside the volume that the checkerboards filled in {outside} of {} frames: there the calibration is a guess",
+            motion.frames.len()
+        ));
+    }
+    let value = |name: &str| quantities.get(name).map_or(0.0, |q| q.value);
+    let outside_m = outside_strings(&input.racket.head, &Vector2::new(value("impact_x"), value("impact_y")));
+    if outside_m > 0.0 {
+        let outside_mm = 1e3 * outside_m;
+        remarks
+            .push(format!("on the frame, {outside_mm:.0} mm outside the strings: effective mass, ideal point and the model are those of a hit on the strings"));
+    }
+    if !settings.axes_known {
+        remarks.push(NO_VERTICAL.to_owned());
+    }
+    if quantities.get("impact_success_ratio").is_none() {
+        remarks.push("no impact_success_ratio: the impact point stood still before the impact, and has no momentum to compare".to_owned());
+    }
+    remarks.extend(mismatch_remark(marker_distances));
     for (when, window) in [("before", Some(&windows.ball_in)), ("after", windows.ball_out.as_ref())] {
         let Some((w, p)) = window.and_then(|w| Some((w, w.bending_p?))).filter(|(_, p)| *p < BENDS_P) else { continue };
         remarks.push(format!(
@@ -339,23 +399,7 @@ pub fn measure_shot(input: &ShotInput<'_>, settings: &MeasureSettings) -> Result
             w.frames
         ));
     }
-    let shot = Shot {
-        id: input.id.to_owned(),
-        racket: input.racket.name.clone(),
-        ball: input.ball.name.clone(),
-        ball_side_of_face: (if motion.side > 0.0 { "+z" } else { "-z" }).to_owned(),
-        groups: input.groups.to_vec(),
-        quantities,
-        impact_timing,
-        swing_timing,
-        momentum,
-        windows,
-        face_pose_sd: face_pose_sd(input.rig, &motion.moving.figure, &face, settings.tape.shared_px),
-        thesis,
-        marker_distances,
-        remarks,
-    };
-    Ok(MeasuredShot { shot, points, motion })
+    remarks
 }
 
 fn windows(m: &ShotMotion) -> Windows {

@@ -6,8 +6,8 @@
 //! is found by applying it, not from a closed form.
 
 use super::body::Body;
-use super::nature::{FirstTouch, Nature};
-use nalgebra::{Matrix2, Matrix3, Unit, Vector2, Vector3};
+use super::nature::{ElasticHand, FirstTouch, FrameMode, Nature};
+use nalgebra::{Matrix2, Matrix3, Point3, Unit, Vector2, Vector3};
 
 /// Exponent of the contact force.
 const FORCE_EXPONENT: f64 = 1.25;
@@ -52,6 +52,23 @@ pub enum ContactError {
     NoRelease,
 }
 
+impl Encounter {
+    /// Stringbed centre in the laboratory.
+    fn face(&self, racket: &Body) -> Point3<f64> {
+        racket.position + racket.attitude * self.face_centre
+    }
+
+    /// Where on the face the ball is, from the stringbed centre, racket axes, m.
+    fn place(&self, racket: &Body, ball: &Body) -> Vector2<f64> {
+        (racket.attitude.inverse() * (ball.position - self.face(racket))).xy()
+    }
+
+    /// From the racket's centre of mass to a place on the handle's axis, so far from the butt; laboratory axes.
+    fn arm_to(&self, from_butt_m: f64) -> Vector3<f64> {
+        self.racket.attitude * (self.face_centre + Vector3::x() * (self.face_centre_from_butt_m - from_butt_m))
+    }
+}
+
 /// Traction between ball and strings: what the ball remembers of its sliding.
 struct Traction {
     first_direction: Vector3<f64>,
@@ -68,151 +85,204 @@ struct Frame {
     racket_arm: Vector3<f64>,
 }
 
-/// Steps the contact from first touch to release with time step `dt` (s).
-pub fn collide(encounter: &Encounter, nature: &Nature, dt: f64) -> Result<Aftermath, ContactError> {
-    let mut racket = encounter.racket.clone();
-    let mut ball = encounter.ball.clone();
-    let first_axes = racket.attitude.to_rotation_matrix();
-    let face = |racket: &Body| racket.position + racket.attitude * encounter.face_centre;
-    let side = (racket.attitude * Vector3::z()).dot(&(ball.position - face(&racket))).signum();
-    let place_of = |racket: &Body, ball: &Body| (racket.attitude.inverse() * (ball.position - face(racket))).xy();
-    let first_place = place_of(&racket, &ball);
-
-    let frame_at = |racket: &Body, ball: &Body, depth: f64| -> Frame {
+impl Frame {
+    /// With the ball pressed in by `depth` (m) at a place of the face; `side` is the face's that it came to.
+    fn at(e: &Encounter, nature: &Nature, side: f64, place: &Vector2<f64>, racket: &Body, ball: &Body, depth: f64) -> Self {
         let axes = racket.attitude.to_rotation_matrix();
-        let place = if nature.moving_geometry { place_of(racket, ball) } else { first_place };
         let (x_axis, y_axis, z_axis) = (axes * Vector3::x(), axes * Vector3::y(), axes * Vector3::z() * side);
         let mut normal = z_axis;
         if nature.pocket_tilt_rad != 0.0 {
             let steep = nature.pocket_tilt_rad * (depth / REFERENCE_DEPTH_M).max(0.0).sqrt();
             let lean = |u: f64| (1.6 * u).tanh();
-            normal = z_axis - steep * (lean(place.x / encounter.half_axes.x) * x_axis + lean(place.y / encounter.half_axes.y) * y_axis);
+            normal = z_axis - steep * (lean(place.x / e.half_axes.x) * x_axis + lean(place.y / e.half_axes.y) * y_axis);
         }
         let normal = Unit::new_normalize(normal).into_inner();
         let t1 = Unit::new_normalize(x_axis - normal * normal.dot(&x_axis)).into_inner();
         let tangents = [t1, normal.cross(&t1) * side];
-        let arm = encounter.ball_radius_m - nature.flattening * depth.max(0.0);
+        let arm = e.ball_radius_m - nature.flattening * depth.max(0.0);
         let ball_arm = -normal * arm;
-        let in_face = axes * Vector3::new(place.x, place.y, 0.0) + racket.attitude * encounter.face_centre;
+        let in_face = axes * Vector3::new(place.x, place.y, 0.0) + racket.attitude * e.face_centre;
         let racket_arm = if nature.moving_geometry { ball.position + ball_arm - racket.position } else { in_face };
         Frame { normal, tangents, ball_arm, racket_arm }
-    };
-
-    let mut frame = frame_at(&racket, &ball, 0.0);
-    let slip_velocity = |racket: &Body, ball: &Body, f: &Frame| ball.velocity_at(&f.ball_arm) - racket.velocity_at(&f.racket_arm);
-    let first = slip_velocity(&racket, &ball, &frame);
-    let approach = -first.dot(&frame.normal);
-    if approach <= 0.0 {
-        return Err(ContactError::NoApproach { approach_m_s: approach });
     }
-    let first_slip = first - frame.normal * first.dot(&frame.normal);
-    let touch = FirstTouch {
-        place: first_place,
-        half_axes: encounter.half_axes,
-        approach_m_s: approach,
-        slip_m_s: first_slip.norm(),
-        spin_across_rad_s: (ball.rate - frame.normal * ball.rate.dot(&frame.normal)).norm(),
-        grip_torque_n_m: encounter.grip_torque_n_m,
-        order: encounter.order,
+}
+
+/// Ball and racket while they touch, with what an angular impulse does to each.
+struct Bodies {
+    racket: Body,
+    racket_give: Matrix3<f64>,
+    ball: Body,
+    ball_give: Matrix3<f64>,
+}
+
+impl Bodies {
+    /// Velocity of the ball against the racket where they touch.
+    fn slip(&self, f: &Frame) -> Vector3<f64> {
+        self.ball.velocity_at(&f.ball_arm) - self.racket.velocity_at(&f.racket_arm)
+    }
+
+    /// An impulse on the ball where they touch, its reverse on the racket.
+    fn kick(&mut self, f: &Frame, impulse: &Vector3<f64>) {
+        self.ball.kick(&self.ball_give, &f.ball_arm, impulse);
+        self.racket.kick(&self.racket_give, &f.racket_arm, &-impulse);
+    }
+
+    /// An angular impulse on the ball, its reverse on the racket.
+    fn twist(&mut self, couple: &Vector3<f64>) {
+        self.ball.twist(&self.ball_give, couple);
+        self.racket.twist(&self.racket_give, &-couple);
+    }
+
+    /// Change of slip per unit impulse along the two tangents: apply a unit impulse, see what happens.
+    fn response(&self, frame: &Frame) -> Matrix2<f64> {
+        let mut change = Matrix2::zeros();
+        for (j, direction) in frame.tangents.iter().enumerate() {
+            let (mut b, mut r) = (self.ball.clone(), self.racket.clone());
+            (b.velocity, b.rate, r.velocity, r.rate) = Default::default();
+            b.kick(&self.ball_give, &frame.ball_arm, direction);
+            r.kick(&self.racket_give, &frame.racket_arm, &-direction);
+            let slip = b.velocity_at(&frame.ball_arm) - r.velocity_at(&frame.racket_arm);
+            for (i, t) in frame.tangents.iter().enumerate() {
+                change[(i, j)] = slip.dot(t);
+            }
+        }
+        change
+    }
+}
+
+/// The frame's modes while the ball pushes at one place: displacement of the string plane there per unit coordinate, coordinates and their rates.
+struct Bending<'a> {
+    modes: &'a [FrameMode],
+    shapes: Vec<f64>,
+    states: Vec<(f64, f64)>,
+}
+
+impl<'a> Bending<'a> {
+    fn at_rest(modes: &'a [FrameMode], shape: impl Fn(&FrameMode) -> f64) -> Self {
+        Bending { modes, shapes: modes.iter().map(shape).collect(), states: vec![(0.0, 0.0); modes.len()] }
+    }
+
+    /// How far the string plane stands out toward the ball, m (below 0: it gives way).
+    fn bent(&self) -> f64 {
+        self.shapes.iter().zip(&self.states).map(|(phi, (q, _))| phi * q).sum()
+    }
+
+    /// How fast, m/s.
+    fn rise(&self) -> f64 {
+        self.shapes.iter().zip(&self.states).map(|(phi, (_, rate))| phi * rate).sum()
+    }
+
+    fn step(&mut self, load_n: f64, dt: f64) {
+        for ((mode, phi), state) in self.modes.iter().zip(&self.shapes).zip(&mut self.states) {
+            let w = std::f64::consts::TAU * mode.frequency_hz;
+            state.1 += dt * (-phi * load_n / mode.modal_mass_kg - 2.0 * mode.damping_ratio * w * state.1 - w * w * state.0);
+            state.0 += dt * state.1;
+        }
+    }
+}
+
+/// A hand at the handle, moving with it at first touch.
+struct Hand {
+    elastic: ElasticHand,
+    arm: Vector3<f64>,
+    velocity: Vector3<f64>,
+    stretch: Vector3<f64>,
+}
+
+impl Hand {
+    fn at(elastic: ElasticHand, e: &Encounter) -> Self {
+        let arm = e.arm_to(elastic.from_butt_m);
+        Hand { elastic, velocity: e.racket.velocity_at(&arm), arm, stretch: Vector3::zeros() }
+    }
+
+    fn pull(&mut self, racket: &mut Body, give: &Matrix3<f64>, dt: f64) {
+        let rate = self.velocity - racket.velocity_at(&self.arm);
+        self.stretch += rate * dt;
+        let pull = self.stretch * self.elastic.stiffness_n_m + rate * self.elastic.damping_n_s_m;
+        self.velocity -= pull * (dt / self.elastic.mass_kg);
+        racket.kick(give, &self.arm, &(pull * dt));
+    }
+}
+
+/// Steps the contact from first touch to release with time step `dt` (s).
+pub fn collide(encounter: &Encounter, nature: &Nature, dt: f64) -> Result<Aftermath, ContactError> {
+    let (racket, ball) = (encounter.racket.clone(), encounter.ball.clone());
+    let mut bodies = Bodies { racket_give: racket.compliance(), ball_give: ball.compliance(), racket, ball };
+    let first_axes = encounter.racket.attitude.to_rotation_matrix();
+    let side = (encounter.racket.attitude * Vector3::z()).dot(&(encounter.ball.position - encounter.face(&encounter.racket))).signum();
+    let first_place = encounter.place(&encounter.racket, &encounter.ball);
+    let frame_at = |bodies: &Bodies, depth: f64| {
+        let place = if nature.moving_geometry { encounter.place(&bodies.racket, &bodies.ball) } else { first_place };
+        Frame::at(encounter, nature, side, &place, &bodies.racket, &bodies.ball, depth)
     };
-    let mut traction = Traction {
-        first_direction: first_slip.try_normalize(1e-9).unwrap_or(frame.tangents[0]),
-        holds: first_slip.norm() < 1e-9,
-        slid_throughout: true,
-        stretch: Vector2::zeros(),
-    };
-    let mut racket_give = racket.compliance();
-    let ball_give = ball.compliance();
-    let mut modes: Vec<(f64, f64)> = vec![(0.0, 0.0); nature.modes.len()];
-    let shapes: Vec<f64> = nature.modes.iter().map(|m| side * m.shape.at(first_place, encounter.face_centre_from_butt_m)).collect();
-    let hand_arm = nature.hand.map(|h| racket.attitude * (encounter.face_centre + Vector3::x() * (encounter.face_centre_from_butt_m - h.from_butt_m)));
-    let mut hand_velocity = hand_arm.map(|arm| racket.velocity_at(&arm));
-    let mut hand_stretch = Vector3::zeros();
-    let grip_arm = racket.attitude * (encounter.face_centre + Vector3::x() * (encounter.face_centre_from_butt_m - super::impact_world::HAND_FROM_BUTT_M));
-    let push = racket.velocity_at(&grip_arm).try_normalize(1e-3).unwrap_or_default();
+    let mut frame = frame_at(&bodies, 0.0);
+    let (touch, mut traction) = first_touch(encounter, &bodies, &frame, first_place)?;
+    let mut bending = Bending::at_rest(&nature.modes, |m| side * m.shape.at(first_place, encounter.face_centre_from_butt_m));
+    let mut hand = nature.hand.map(|h| Hand::at(h, encounter));
+    let grip_arm = encounter.arm_to(super::impact_world::HAND_FROM_BUTT_M);
+    let push = bodies.racket.velocity_at(&grip_arm).try_normalize(1e-3).unwrap_or_default();
 
     // Contact time goes with the root of the inverse stiffness (nearly: the force is a little steeper than linear).
     let force_scale = FORCE_SCALE / nature.softness.powf(FORCE_EXPONENT + 1.0);
     let (mut depth, mut peak, mut time) = (0.0_f64, 0.0_f64, 0.0_f64);
     let mut share: Option<f64> = None;
     loop {
-        let slip = slip_velocity(&racket, &ball, &frame);
-        let rise: f64 = shapes.iter().zip(&modes).map(|(phi, (_, rate))| phi * rate).sum();
-        let closing = -slip.dot(&frame.normal) + rise;
+        let closing = -bodies.slip(&frame).dot(&frame.normal) + bending.rise();
         if share.is_none() && closing <= 0.0 {
             share = Some(nature.returned_share(&touch, peak));
         }
         let mut load = force_scale * depth.max(0.0).powf(FORCE_EXPONENT) * if depth < peak { share.unwrap_or(1.0) } else { 1.0 };
         if nature.flux != 0.0 && share.is_none() {
-            load += nature.flux * ball.mass_kg / encounter.ball_radius_m * closing * closing * (1.0 - 0.5 * depth / encounter.ball_radius_m);
+            load += nature.flux * bodies.ball.mass_kg / encounter.ball_radius_m * closing * closing * (1.0 - 0.5 * depth / encounter.ball_radius_m);
         }
         if nature.drive_n != 0.0 {
             // The arm pushes while the ball is felt: in proportion to the load, saturating.
-            racket.kick(&racket_give, &grip_arm, &(push * (nature.drive_n * (load / 300.0).tanh() * dt)));
+            bodies.racket.kick(&bodies.racket_give, &grip_arm, &(push * (nature.drive_n * (load / 300.0).tanh() * dt)));
         }
         let normal_impulse = load * dt;
-        let kick = |racket: &mut Body, ball: &mut Body, impulse: &Vector3<f64>| {
-            ball.kick(&ball_give, &frame.ball_arm, impulse);
-            racket.kick(&racket_give, &frame.racket_arm, &-impulse);
-        };
-        kick(&mut racket, &mut ball, &(frame.normal * normal_impulse));
-        let held = traction_impulse(&mut traction, nature, &frame, &slip_velocity(&racket, &ball, &frame), load, dt, || {
-            response(&frame, &ball, &ball_give, &racket, &racket_give)
-        });
-        kick(&mut racket, &mut ball, &held);
+        bodies.kick(&frame, &(frame.normal * normal_impulse));
+        let slip = bodies.slip(&frame);
+        let held = traction_impulse(&mut traction, nature, &frame, &slip, load, dt, || bodies.response(&frame));
+        bodies.kick(&frame, &held);
         if nature.inertia_loss_per_m != 0.0 && depth > 0.0 {
             // A flattened ball turns more easily: the same torque does more.
-            ball.twist(&ball_give, &(frame.ball_arm.cross(&held) * (nature.inertia_loss_per_m * depth)));
+            bodies.ball.twist(&bodies.ball_give, &(frame.ball_arm.cross(&held) * (nature.inertia_loss_per_m * depth)));
         }
         if nature.trailing_m != 0.0 {
             let lag = -traction.first_direction * (nature.trailing_m * (1.0 - (-touch.slip_m_s / 6.0).exp()));
-            let couple = lag.cross(&(frame.normal * normal_impulse));
-            ball.twist(&ball_give, &couple);
-            racket.twist(&racket_give, &-couple);
+            bodies.twist(&lag.cross(&(frame.normal * normal_impulse)));
         }
         if nature.pivot_radius_m != 0.0 {
-            let turning = (ball.rate - racket.rate).dot(&frame.normal);
-            let couple = frame.normal * (-nature.friction * nature.pivot_radius_m * normal_impulse * (turning / 30.0).tanh());
-            ball.twist(&ball_give, &couple);
-            racket.twist(&racket_give, &-couple);
+            let turning = (bodies.ball.rate - bodies.racket.rate).dot(&frame.normal);
+            bodies.twist(&(frame.normal * (-nature.friction * nature.pivot_radius_m * normal_impulse * (turning / 30.0).tanh())));
         }
-        for ((mode, phi), state) in nature.modes.iter().zip(&shapes).zip(&mut modes) {
-            let w = std::f64::consts::TAU * mode.frequency_hz;
-            state.1 += dt * (-phi * load / mode.modal_mass_kg - 2.0 * mode.damping_ratio * w * state.1 - w * w * state.0);
-            state.0 += dt * state.1;
-        }
-        if let (Some(hand), Some(arm), Some(velocity)) = (nature.hand, hand_arm, hand_velocity.as_mut()) {
-            let rate = *velocity - racket.velocity_at(&arm);
-            hand_stretch += rate * dt;
-            let pull = hand_stretch * hand.stiffness_n_m + rate * hand.damping_n_s_m;
-            *velocity -= pull * (dt / hand.mass_kg);
-            racket.kick(&racket_give, &arm, &(pull * dt));
+        bending.step(load, dt);
+        if let Some(hand) = &mut hand {
+            hand.pull(&mut bodies.racket, &bodies.racket_give, dt);
         }
         if nature.grip_share != 0.0 {
-            let axis = racket.attitude * Vector3::x();
-            let twist = racket.rate.dot(&axis);
+            let axis = bodies.racket.attitude * Vector3::x();
+            let twist = bodies.racket.rate.dot(&axis);
             let torque = nature.grip_share * encounter.grip_torque_n_m * (twist / 4.0).tanh();
-            racket.twist(&racket_give, &(-axis * torque * dt));
+            bodies.racket.twist(&bodies.racket_give, &(-axis * torque * dt));
         }
 
-        let slip = slip_velocity(&racket, &ball, &frame);
-        let rise: f64 = shapes.iter().zip(&modes).map(|(phi, (_, rate))| phi * rate).sum();
-        depth += dt * (-slip.dot(&frame.normal) + rise);
+        depth += dt * (-bodies.slip(&frame).dot(&frame.normal) + bending.rise());
         peak = peak.max(depth);
         time += dt;
         if nature.moving_geometry {
-            racket.precess(dt);
+            bodies.racket.precess(dt);
         }
-        ball.drift(dt);
-        let attitude = racket.attitude;
-        racket.drift(dt);
+        bodies.ball.drift(dt);
+        let attitude = bodies.racket.attitude;
+        bodies.racket.drift(dt);
         if nature.moving_geometry {
-            racket_give = racket.compliance();
-            frame = frame_at(&racket, &ball, depth);
+            bodies.racket_give = bodies.racket.compliance();
+            frame = frame_at(&bodies, depth);
         } else {
-            racket.attitude = attitude; // forces see the face as it was at first touch; the turn is added at the end
+            bodies.racket.attitude = attitude; // forces see the face as it was at first touch; the turn is added at the end
             if nature.pocket_tilt_rad != 0.0 || nature.flattening != 0.0 {
-                frame = frame_at(&racket, &ball, depth);
+                frame = frame_at(&bodies, depth);
             }
         }
         if depth <= 0.0 && share.is_some() {
@@ -222,6 +292,7 @@ pub fn collide(encounter: &Encounter, nature: &Nature, dt: f64) -> Result<Afterm
             return Err(ContactError::NoRelease);
         }
     }
+    let Bodies { mut racket, mut ball, .. } = bodies;
     if !nature.moving_geometry {
         // Mean rate over the contact, for pictures only: the outcome of an impulse does not depend on it.
         let mean = 0.5 * (encounter.racket.rate + racket.rate);
@@ -229,26 +300,35 @@ pub fn collide(encounter: &Encounter, nature: &Nature, dt: f64) -> Result<Afterm
         // The forces saw the face as it was; the ball must leave the face as it is: one radius from it, less what the frame is
         // bent. Left where the unturned face let it go, a ball that slid across a twisting face lay up to 12 mm inside the strings.
         let normal = racket.attitude * Vector3::z() * side;
-        let bent: f64 = shapes.iter().zip(&modes).map(|(phi, (q, _))| phi * q).sum();
-        ball.position += normal * (encounter.ball_radius_m + bent - (ball.position - face(&racket)).dot(&normal));
+        ball.position += normal * (encounter.ball_radius_m + bending.bent() - (ball.position - encounter.face(&racket)).dot(&normal));
     }
     Ok(Aftermath { racket, ball, contact_time_s: time, peak_compression_m: peak, slid_throughout: traction.slid_throughout })
 }
 
-/// Change of slip per unit impulse along the two tangents: apply a unit impulse, see what happens.
-fn response(frame: &Frame, ball: &Body, ball_give: &Matrix3<f64>, racket: &Body, racket_give: &Matrix3<f64>) -> Matrix2<f64> {
-    let mut change = Matrix2::zeros();
-    for (j, direction) in frame.tangents.iter().enumerate() {
-        let (mut b, mut r) = (ball.clone(), racket.clone());
-        (b.velocity, b.rate, r.velocity, r.rate) = Default::default();
-        b.kick(ball_give, &frame.ball_arm, direction);
-        r.kick(racket_give, &frame.racket_arm, &-direction);
-        let slip = b.velocity_at(&frame.ball_arm) - r.velocity_at(&frame.racket_arm);
-        for (i, t) in frame.tangents.iter().enumerate() {
-            change[(i, j)] = slip.dot(t);
-        }
+/// How ball and strings meet, and the traction before anything has slid.
+fn first_touch(e: &Encounter, bodies: &Bodies, frame: &Frame, place: Vector2<f64>) -> Result<(FirstTouch, Traction), ContactError> {
+    let first = bodies.slip(frame);
+    let approach = -first.dot(&frame.normal);
+    if approach <= 0.0 {
+        return Err(ContactError::NoApproach { approach_m_s: approach });
     }
-    change
+    let slip = first - frame.normal * first.dot(&frame.normal);
+    let touch = FirstTouch {
+        place,
+        half_axes: e.half_axes,
+        approach_m_s: approach,
+        slip_m_s: slip.norm(),
+        spin_across_rad_s: (e.ball.rate - frame.normal * e.ball.rate.dot(&frame.normal)).norm(),
+        grip_torque_n_m: e.grip_torque_n_m,
+        order: e.order,
+    };
+    let traction = Traction {
+        first_direction: slip.try_normalize(1e-9).unwrap_or(frame.tangents[0]),
+        holds: slip.norm() < 1e-9,
+        slid_throughout: true,
+        stretch: Vector2::zeros(),
+    };
+    Ok((touch, traction))
 }
 
 /// Tangential impulse on the ball during one step.

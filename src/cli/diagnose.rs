@@ -4,16 +4,14 @@ use super::Shell;
 use super::error::CliError;
 use super::impacts_input::{ImpactsInput, LedgerFile, Loaded, Version, record, write_ledger};
 use crate::impact::Model;
-use crate::impact::model_file::{with_effect_added, with_values};
+use crate::impact::model_file::with_values;
+use crate::provenance::sha256_hex;
+use crate::validation::auto::{Tried, Walk};
 use crate::validation::comparison::{Comparison, compare};
-use crate::validation::diagnose::{DiagnoseOptions, diagnose, fit_current};
-use crate::validation::diagnosis::{Diagnosis, Verdict};
-use crate::validation::expression::{FOUND_EFFECT, WORTH_A_FORMULA};
+use crate::validation::diagnose::{DiagnoseOptions, diagnose};
 use crate::validation::fit::{FitOptions, fit_with_likely_offsets};
 use crate::validation::forward::Library;
-use crate::validation::heldout::{error_of, is_worth, linearise_held_out};
 use crate::validation::ledger::{Ledger, Refusal};
-use crate::validation::linearise::Linearised;
 use crate::validation::model_library::ModelLibrary;
 use crate::validation::terminal::{diagnosis_text, ledger_text};
 use std::path::{Path, PathBuf};
@@ -61,12 +59,13 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let mut ledger = ledger_file.read()?;
     if arguments.auto {
         let output = arguments.output.clone().unwrap_or_else(|| auto_name(&input.files.model));
-        let walk = Walk { arguments: &arguments, shell, loaded: &loaded, ledger_path: &ledger_file.path };
-        let (text, stages) = walk.go(&mut ledger, &diagnosis, &comparison, &output, &options)?;
+        let walk = Walk::new(&loaded.model_text, &input.files.model, &diagnosis, &loaded.observations, &options, arguments.most_effects)?;
+        let story = Story { input, shell, loaded: &loaded, ledger: &mut ledger, ledger_path: &ledger_file.path, output: &output, versions };
+        let text;
+        (text, versions) = story.tell(walk, &comparison)?;
         last = (output, text);
-        versions = std::iter::once(comparison.clone()).chain(stages).collect();
     }
-    let hash = crate::provenance::sha256_hex(last.1.as_bytes());
+    let hash = sha256_hex(last.1.as_bytes());
     let staircase = ledger.path_to(&hash, &loaded.data_hash);
     // The pictures show what the words speak of: the residuals with the free parameters at their best.
     let shown = at_its_best(&loaded, input, comparison)?;
@@ -94,153 +93,85 @@ fn version_name(output: &Path, step: usize) -> PathBuf {
     output.with_file_name(format!("{stem}.{step}.toml"))
 }
 
-fn has_formula(model_text: &str, path: &Path) -> bool {
-    Model::parse(model_text, path).is_ok_and(|m| m.has_effect(FOUND_EFFECT))
-}
-
 fn auto_name(model: &Path) -> PathBuf {
     let stem = model.file_stem().map_or_else(|| "model".to_owned(), |s| s.to_string_lossy().into_owned());
     model.with_file_name(format!("{stem}-auto.toml"))
 }
 
-/// `--auto`: one effect at a time, each version in the ledger, an effect refused when the held-out impacts do not gain.
-struct Walk<'a> {
-    arguments: &'a Arguments,
+/// `--auto`: what is said of a [`Walk`], its versions in files of their own and in the ledger.
+struct Story<'a> {
+    input: &'a ImpactsInput,
     shell: &'a Shell,
     loaded: &'a Loaded,
+    ledger: &'a mut Ledger,
     ledger_path: &'a Path,
+    output: &'a Path,
+    /// The first model, then those on the way.
+    versions: Vec<Comparison>,
 }
 
-impl Walk<'_> {
-    fn go(
-        &self,
-        ledger: &mut Ledger,
-        first: &Diagnosis,
-        comparison: &Comparison,
-        output: &Path,
-        options: &DiagnoseOptions,
-    ) -> Result<(String, Vec<Comparison>), CliError> {
-        let input = &self.arguments.input;
-        let observations = &self.loaded.observations;
+impl Story<'_> {
+    /// The text arrived at, and all versions.
+    fn tell(mut self, mut walk: Walk, first: &Comparison) -> Result<(String, Vec<Comparison>), CliError> {
+        let shell = self.shell;
         let mut text = self.loaded.model_text.clone();
-        let mut comparison = comparison.clone();
-        let mut stages = Vec::new();
-        self.note(ledger, &input.files.model, &text, None, Some("first model"), &comparison, Vec::new())?;
-        // The first step is the old model at its best: an effect must beat that, not the file's first guesses.
-        let (fitted, mut held_out) = self.fitted(&text)?;
-        if fitted != text {
-            let parent = crate::provenance::sha256_hex(text.as_bytes());
-            text = fitted;
-            comparison = self.compared(&text)?;
-            stages.push(comparison.clone());
-            self.keep(ledger, output, stages.len(), &text, parent, "fitted", &comparison)?;
+        self.versions.push(first.clone());
+        self.note(&text, None, Some("first model"), Vec::new())?;
+        if walk.text != text {
+            text = self.keep(&walk, &text, "fitted")?;
         }
-        let mut diagnosis = first.clone();
-        let mut refused: Vec<Refusal> = Vec::new();
-        let mut additions = 0;
-        while additions < self.arguments.most_effects {
-            self.shell.check_cancelled()?;
-            let tried: Vec<String> = refused.iter().map(|r| r.effect.clone()).collect();
-            let Some(effect) = diagnosis.recommended.iter().find(|e| !tried.contains(e)).cloned() else { break };
-            self.shell.say(format_args!("\n--auto, effect {}: adding {effect}", additions + 1));
-            let added = with_effect_added(&text, &effect, &input.files.model)?;
-            let (with, with_held_out) = self.fitted(&added)?;
-            let (error, with_error) = (error_of(&held_out), error_of(&with_held_out));
-            if with_error >= error {
-                let reason = format!("the error on held-out impacts does not fall ({error:.3} to {with_error:.3})");
-                self.shell.say(format_args!("  refused: {reason}"));
-                refused.push(Refusal { effect, reason, heldout_error_before: error, heldout_error_after: with_error });
-                let file = if stages.is_empty() { input.files.model.clone() } else { version_name(output, stages.len()) };
-                self.note(ledger, &file, &text, None, None, &comparison, refused.clone())?;
-                continue;
-            }
-            let parent = crate::provenance::sha256_hex(text.as_bytes());
-            self.shell.say(format_args!("  held-out error {error:.3} -> {with_error:.3}"));
-            additions += 1;
-            (text, held_out) = (with, with_held_out);
-            refused.clear();
-            comparison = self.compared(&text)?;
-            stages.push(comparison.clone());
-            self.keep(ledger, output, stages.len(), &text, parent, &format!("added {effect}"), &comparison)?;
-            let library = self.library(&text)?;
-            diagnosis = diagnose(&library, observations, options)?;
-            if diagnosis.verdict == Verdict::Adequate {
-                break;
+        while let Some(effect) = walk.next_effect() {
+            shell.check_cancelled()?;
+            shell.say(format_args!("\n--auto, effect {}: adding {effect}", walk.added + 1));
+            match walk.try_effect(&effect)? {
+                Tried::Refused { reason } => {
+                    shell.say(format_args!("  refused: {reason}"));
+                    self.note(&text, None, None, walk.refused.clone())?;
+                }
+                Tried::Added { before, after } => {
+                    shell.say(format_args!("  held-out error {before:.3} -> {after:.3}"));
+                    text = self.keep(&walk, &text, &format!("added {effect}"))?;
+                }
             }
         }
-        // What is left may be nature's own form of the effects found, or something in no catalogue: a formula for it.
-        if let Some(formula) =
-            diagnosis.suggested_expression.as_ref().filter(|_| diagnosis.verdict == Verdict::Unexplained && !has_formula(&text, &input.files.model))
-        {
-            let with_formula = format!("{}\n\n{}\n", text.trim_end(), formula.model_file_text.trim_end());
-            // A formula that does not go with what is in the model already is left for the user to look at.
-            if let Ok((with, with_held_out)) = self.fitted(&with_formula)
-                && is_worth(WORTH_A_FORMULA, &held_out, &with_held_out, diagnosis.noise_floor.powi(2))
-            {
-                let parent = crate::provenance::sha256_hex(text.as_bytes());
-                let (error, with_error) = (error_of(&held_out), error_of(&with_held_out));
-                self.shell.say(format_args!("\n--auto: adding a formula ({})\n  held-out error {error:.3} -> {with_error:.3}", formula.words));
-                text = with;
-                comparison = self.compared(&text)?;
-                stages.push(comparison.clone());
-                self.keep(ledger, output, stages.len(), &text, parent, "added a formula", &comparison)?;
-                diagnosis = diagnose(&self.library(&text)?, observations, options)?;
-            }
+        if let Some((words, before, after)) = walk.try_formula()? {
+            shell.say(format_args!("\n--auto: adding a formula ({words})\n  held-out error {before:.3} -> {after:.3}"));
+            text = self.keep(&walk, &text, "added a formula")?;
         }
-        self.shell.write(output, text.as_bytes())?;
-        let hash = crate::provenance::sha256_hex(text.as_bytes());
-        self.shell.say(format_args!("\n{}", ledger_text(&ledger.path_to(&hash, &self.loaded.data_hash)).trim_end()));
-        self.shell.say(format_args!("verdict now: {}; model: {} (every version: {})", diagnosis.verdict, output.display(), self.ledger_path.display()));
-        if stages.len() > 1 {
-            self.shell.say(format_args!(
+        shell.write(self.output, text.as_bytes())?;
+        let staircase = self.ledger.path_to(&sha256_hex(text.as_bytes()), &self.loaded.data_hash);
+        shell.say(format_args!("\n{}", ledger_text(&staircase).trim_end()));
+        shell.say(format_args!("verdict now: {}; model: {} (every version: {})", walk.diagnosis.verdict, self.output.display(), self.ledger_path.display()));
+        if self.versions.len() > 2 {
+            shell.say(format_args!(
                 "to go back or to branch, go on from an earlier version: {} to {}",
-                version_name(output, 1).display(),
-                version_name(output, stages.len()).display()
+                version_name(self.output, 1).display(),
+                self.file().display()
             ));
         }
-        Ok((text, stages))
+        Ok((text, self.versions))
     }
 
-    /// Writes a version into a file of its own and notes it in the ledger under that name.
-    fn keep(&self, ledger: &mut Ledger, output: &Path, step: usize, text: &str, parent: String, what: &str, comparison: &Comparison) -> Result<(), CliError> {
-        let file = version_name(output, step);
-        self.shell.write(&file, text.as_bytes())?;
-        self.shell.write(output, text.as_bytes())?;
-        self.note(ledger, &file, text, Some(parent), Some(what), comparison, Vec::new())
+    /// Writes the version that the walk has come to into a file of its own and notes it in the ledger under that name; its text.
+    fn keep(&mut self, walk: &Walk, parent: &str, step: &str) -> Result<String, CliError> {
+        self.versions.push(walk.comparison()?);
+        self.shell.write(&self.file(), walk.text.as_bytes())?;
+        self.shell.write(self.output, walk.text.as_bytes())?;
+        self.note(&walk.text, Some(sha256_hex(parent.as_bytes())), Some(step), Vec::new())?;
+        Ok(walk.text.clone())
     }
 
-    fn library(&self, text: &str) -> Result<ModelLibrary, CliError> {
-        Ok(ModelLibrary::new(Model::parse(text, &self.arguments.input.files.model)?, &self.loaded.observations.gear))
+    /// The file of the last version.
+    fn file(&self) -> PathBuf {
+        if self.versions.len() > 1 { version_name(self.output, self.versions.len() - 1) } else { self.input.files.model.clone() }
     }
 
-    /// The text with its free parameters at their best, and the held-out impacts with it.
-    fn fitted(&self, text: &str) -> Result<(String, Vec<Linearised>), CliError> {
-        let library = self.library(text)?;
-        let fit = fit_current(&library, &self.loaded.observations)?;
-        let values: Vec<(String, f64)> = library.current().parameters().iter().map(|p| p.name.clone()).zip(fit.values.iter().copied()).collect();
-        let observations = &self.loaded.observations;
-        let held_out = linearise_held_out(library.current(), &fit, observations, &observations.side(true))?;
-        Ok((with_values(text, &values, &self.arguments.input.files.model)?, held_out))
-    }
-
-    fn compared(&self, text: &str) -> Result<Comparison, CliError> {
-        let library = self.library(text)?;
-        Ok(compare(library.current(), &self.loaded.observations, &self.arguments.input.model_name(), self.arguments.input.seed)?)
-    }
-
-    fn note(
-        &self,
-        ledger: &mut Ledger,
-        file: &Path,
-        text: &str,
-        parent: Option<String>,
-        step: Option<&str>,
-        comparison: &Comparison,
-        refused: Vec<Refusal>,
-    ) -> Result<(), CliError> {
-        let effects = self.library(text)?.effect_names();
-        let version = Version { model: file, model_text: text, effects, data_hash: &self.loaded.data_hash, parent, step: step.map(ToOwned::to_owned), refused };
-        record(ledger, version, comparison);
-        write_ledger(self.shell, self.ledger_path, ledger)
+    fn note(&mut self, text: &str, parent: Option<String>, step: Option<&str>, refused: Vec<Refusal>) -> Result<(), CliError> {
+        let Some(comparison) = self.versions.last() else { return Ok(()) };
+        let effects = Model::parse(text, &self.input.files.model)?.effects().iter().map(|e| e.name.clone()).collect();
+        let data_hash = &self.loaded.data_hash;
+        let version = Version { model: &self.file(), model_text: text, effects, data_hash, parent, step: step.map(ToOwned::to_owned), refused };
+        record(self.ledger, version, comparison);
+        write_ledger(self.shell, self.ledger_path, self.ledger)
     }
 }

@@ -8,6 +8,7 @@
 //! ([`structure`], [`by_group`], `screen`, [`local_spot`]), non-linear refits ranked by evidence (`rank`), sparse expressions when no named effect
 //! will do (`expression`). `docs/diagnosis.md` gives its measured error rates.
 
+pub mod auto;
 pub mod by_group;
 mod case;
 pub mod comparison;

@@ -21,36 +21,48 @@ const LATE_FRAMES: f64 = 0.6;
 /// Pictures in which the racket stands still for one frame although the other camera sees it move: the recorder stored an earlier
 /// picture once more (a picture that was coded anew need not be equal byte by byte). By index and camera.
 pub fn stood_still(frames: &[Option<RacketFrame>]) -> Vec<[bool; 2]> {
-    // Median motion of the bands in one camera's picture from one frame to another.
-    let motion_of = |least: usize, from: usize, to: usize, camera: usize| {
-        let (a, b) = (frames.get(from)?.as_ref()?, frames.get(to)?.as_ref()?);
-        let both = a.points[camera].iter().zip(&b.points[camera]).filter_map(|(a, b)| Some(((*b)?.uv - (*a)?.uv).norm()));
-        let mut moved: Vec<f64> = both.collect();
-        moved.sort_by(f64::total_cmp);
-        (moved.len() >= least).then(|| moved[moved.len() / 2])
+    // Which bands a camera sees in two frames.
+    let both = |from: usize, to: usize, camera: usize| -> Option<[bool; 5]> {
+        let (a, b) = (frames.get(from)?.as_ref()?.points[camera], frames.get(to)?.as_ref()?.points[camera]);
+        Some(std::array::from_fn(|m| a[m].is_some() && b[m].is_some()))
     };
-    let motion = |from, to, camera| motion_of(2, from, to, camera);
+    // Motion of these bands in one camera's picture from one frame to another: the lower median, the upper one and the largest.
+    let motion_of = |least: usize, from: usize, to: usize, camera: usize, bands: &[bool; 5]| {
+        let (a, b) = (frames.get(from)?.as_ref()?.points[camera], frames.get(to)?.as_ref()?.points[camera]);
+        let mut moved: Vec<f64> = (0..5).filter(|m| bands[*m]).filter_map(|m| Some((b[m]?.uv - a[m]?.uv).norm())).collect();
+        moved.sort_by(f64::total_cmp);
+        (moved.len() >= least).then(|| [moved[(moved.len() - 1) / 2], moved[moved.len() / 2], moved[moved.len() - 1]])
+    };
+    let motion = |from, to, camera| Some(motion_of(2, from, to, camera, &[true; 5])?[1]);
+    // Where one band moves on the picture is no repeat, however many stand.
+    let stands = |[_, median, largest]: [f64; 3]| median < STILL_PX.0 && largest < STILL_PX.1;
     // The last frames before one, of which some may be missing, with how many frames earlier they are.
     let earlier = |i: usize| (1..=MOST_MISSING).filter_map(move |frames| Some((frames, i.checked_sub(frames)?)));
-    // px per frame up to a frame.
-    let pace = |i: usize, camera: usize| earlier(i).find_map(|(frames, a)| Some(motion(a, i, camera)? / frames as f64));
+    // px per frame up to a frame, of these bands: of a racket that turns about two of them these always stand.
+    let pace = |i: usize, camera: usize, bands: &[bool; 5]| {
+        let least = bands.iter().filter(|b| **b).count().clamp(1, 2);
+        earlier(i).find_map(|(frames, a)| Some(motion_of(least, a, i, camera, bands)?[0] / frames as f64))
+    };
     // The two pictures of such a frame do not fit together, so that either camera's bands may be left out in it.
     let sees_it_move = |i: usize, camera: usize| {
         let around = |(frames, a): (usize, usize)| (0..2).find_map(|more| Some(motion(a, i + more, camera)? / (frames + more) as f64));
         earlier(i).find_map(around).is_some_and(|pace| pace > STILL_PX.1)
     };
     let still = |i: usize, camera: usize| {
-        i > 0
-            && motion(i - 1, i, camera).is_some_and(|m| m < STILL_PX.0)
+        let Some(bands) = i.checked_sub(1).and_then(|before| both(before, i, camera)) else { return false };
+        let moves = |pace: Option<f64>| pace.is_some_and(|m| m > STILL_PX.1);
+        motion_of(2, i - 1, i, camera, &bands).is_some_and(stands)
             && sees_it_move(i, 1 - camera)
-            && (motion(i, i + 1, camera).is_some_and(|m| m > STILL_PX.1) || pace(i - 1, camera).is_some_and(|m| m > STILL_PX.1))
+            && (moves(motion_of(1, i, i + 1, camera, &bands).map(|m| m[0])) || moves(pace(i - 1, camera, &bands)))
     };
     // A racket that moves fast before and after does not stop for one frame, whatever the other camera sees of it. One band is enough: in
     // a frame whose pictures do not fit together most are left out.
     let stopped = |i: usize, camera: usize| {
-        let fast = |from: usize, to: usize| motion(from, to, camera).is_some_and(|m| m > STOPPED_PX);
-        let after = fast(i, i + 1) || motion_of(1, i, i + 1, camera).is_some_and(|m| m > STOPPED_PX);
-        i > 1 && motion_of(1, i - 1, i, camera).is_some_and(|m| m < STILL_PX.0) && pace(i - 1, camera).is_some_and(|m| m > STOPPED_PX) && after
+        let Some(bands) = i.checked_sub(1).and_then(|before| both(before, i, camera)) else { return false };
+        let fast = |pace: Option<f64>| pace.is_some_and(|m| m > STOPPED_PX);
+        motion_of(1, i - 1, i, camera, &bands).is_some_and(stands)
+            && fast(pace(i - 1, camera, &bands))
+            && fast(motion_of(1, i, i + 1, camera, &bands).map(|m| m[0]))
     };
     // Where the picture before is missing, it may be that one which stands here: the bands are a frame's way behind the line from the last
     // picture to the next, and the other camera's are not.
@@ -121,6 +133,23 @@ mod tests {
             Some(RacketFrame { pose, points, foretold: false })
         };
         shown.iter().map(frame).collect()
+    }
+
+    /// A racket seen edge-on that turns about two of its bands: where only those are seen, it seems to stand.
+    #[test]
+    fn truth_bands_that_always_stand_tell_of_no_repeat() {
+        let shown: Vec<[Option<f64>; 2]> = (0..10).map(|k| [Some(f64::from(k)); 2]).collect();
+        let mut frames = seen(&shown);
+        for (k, points) in frames.iter_mut().flatten().map(|f| &mut f.points[0]).enumerate() {
+            for m in [3, 4] {
+                let place = Vector2::new(50.0 + 0.1 * k as f64, 20.0 * m as f64);
+                points[m] = Some(ImagePoint { uv: place, sd: Vector2::repeat(0.05) });
+            }
+            if k == 5 || k == 6 {
+                points[..3].fill(None);
+            }
+        }
+        assert!(stood_still(&frames).iter().all(|s| *s == [false, false]), "{:?}", stood_still(&frames));
     }
 
     #[test]

@@ -93,11 +93,11 @@ fn signal(kind: Kind, impacts: usize, name: &str, strength: f64, own_form: bool,
     for m in made.table.rows.iter_mut().flat_map(|r| r.inputs.iter_mut().chain(r.outputs.iter_mut())).flatten() {
         m.sd = m.sd.map(|sd| sd / FAINT);
     }
-    let observations =
+    let mut observations =
         Observations::new(&made.table, std::slice::from_ref(&made.racket), std::slice::from_ref(&made.ball), &TableOptions::default()).expect("usable");
+    observations.keeps_outliers = true;
     let library = ModelLibrary::new(Model::parse(first_model, Path::new("model.toml")).expect("a model"), &observations.gear);
-    let options = FitOptions { robust: false, ..FitOptions::default() };
-    let left = fit(library.current(), &observations, &observations.side(false), &options, None).expect("a fit");
+    let left = fit(library.current(), &observations, &observations.side(false), &FitOptions::default(), None).expect("a fit");
     let (sum, squares) = left.impacts.iter().map(|l| l.z.norm_squared()).fold((0.0, 0.0), |(s, q), v| (s + v, q + v * v));
     ((left.chi2 + left.prior_residual().norm_squared()).sqrt(), sum * sum / squares)
 }

@@ -31,7 +31,8 @@ const TIED: f64 = 0.9;
 
 pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let input = &arguments.input;
-    let loaded = input.load("fit")?;
+    let mut loaded = input.load("fit")?;
+    loaded.observations.keeps_outliers = arguments.no_robust;
     let current = loaded.library.current();
     if current.parameters().is_empty() {
         return Err(
@@ -39,7 +40,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
         );
     }
     let seen = loaded.observations.side(false);
-    let options = FitOptions { robust: !arguments.no_robust, ..FitOptions::default() };
+    let options = FitOptions::default();
     let likely = fit_with_likely_offsets(current, &loaded.observations, &seen, &options)?;
     let fitted = &likely.fit;
     let structure = structure_test(fitted, &loaded.observations, &seen, Groups::Test, input.seed);

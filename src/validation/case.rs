@@ -12,6 +12,7 @@ use super::linearise::Linearised;
 use super::local_spot::SPOT_LEVEL;
 use super::observation::{Observation, Observations};
 use super::one_sided::one_sided;
+use super::outliers_together::outliers_together;
 use super::present::Present;
 use super::rank::{Reference, flexible_nuisance};
 use super::screen::{LIBRARY_LEVEL, Screening, screen_beyond};
@@ -76,13 +77,14 @@ impl<'a> Case<'a> {
         self.in_library() || self.smooth() || self.one_place()
     }
 
-    /// Whether a model that no test faults fails all the same: by residuals too large for noise, by outliers that lie on one side, or on
-    /// groups held out (of the latter two a note is made).
+    /// Whether a model that no test faults fails all the same: by residuals too large for noise, by outliers that lie on one side or
+    /// together, or on groups held out (of all but the first a note is made).
     pub fn fails_without_structure(&self, notes: &mut Vec<String>) -> bool {
         let missed = missed_groups(self.observations, &self.held, &self.held_out, &self.base.impacts, self.structure.noise_scale.sqrt());
-        let one_sided = one_sided(&outliers(&self.seen, &self.base.impacts, &self.held, &self.held_out), self.observations);
-        let fails = missed.is_some() || one_sided.is_some() || is_more_than_noise(self.observations, &self.structure);
-        notes.extend(missed.into_iter().chain(one_sided));
+        let outliers = outliers(&self.seen, &self.base.impacts, &self.held, &self.held_out);
+        let odd = one_sided(&outliers, self.observations).or_else(|| outliers_together(&outliers, self.observations));
+        let fails = missed.is_some() || odd.is_some() || is_more_than_noise(self.observations, &self.structure);
+        notes.extend(missed.into_iter().chain(odd));
         fails
     }
 

@@ -8,6 +8,7 @@ use super::heldout::{error_of, linearise_held_out, taken_for_chance, taken_for_s
 use super::linearise::{Linearised, OUTLIER_LISTED};
 use super::observation::{Observation, Observations};
 use super::one_sided::one_sided;
+use super::outliers_together::outliers_together;
 use super::polynomial::{PolynomialFit, polynomial_fits};
 use super::refits::LARGEST_NOISE_SCALE;
 use super::smooth::{FaceCell, SmoothCurve, face_map, smooth};
@@ -249,15 +250,15 @@ pub fn compare(forward: &dyn Forward, observations: &Observations, model: &str, 
     let too_noisy = is_more_than_noise(observations, &structure);
     let group = missed_groups(observations, &held, &held_refitted, &refitted.impacts, floor);
     let outliers = outliers(&seen, &refitted.impacts, &held, &held_refitted);
-    let one_sided = one_sided(&outliers, observations);
-    let fails = structured && disbelieved.is_none() || too_noisy || group.is_some() || one_sided.is_some() || error_of(&held_refitted) > CLEARLY * floor;
+    let odd = one_sided(&outliers, observations).or_else(|| outliers_together(&outliers, observations));
+    let fails = structured && disbelieved.is_none() || too_noisy || group.is_some() || odd.is_some() || error_of(&held_refitted) > CLEARLY * floor;
     let present: Vec<usize> = (0..OUTPUTS.len()).filter(|k| impacts.iter().any(|i| i.outputs.iter().any(|p| p.output == *k))).collect();
     let mut notes = observations.notes.clone();
     note_noise(floor, !fails, &mut notes);
     note_group_noise(&structure, &mut notes);
     note_groups(&structure, &mut notes);
     notes.extend(group);
-    notes.extend(one_sided);
+    notes.extend(odd);
     notes.extend(stated.unlikely.as_ref().map(|(offset, _)| format!("as stated, the model asks for {offset}: residuals are shown without any offset")));
     notes.extend(disbelieved.filter(|_| !fails));
     Ok(Comparison {

@@ -12,7 +12,7 @@ mod plateau;
 pub use likely_offsets::{LikelyFit, UnlikelyOffset, fit_with_likely_offsets};
 
 use super::error::ValidationError;
-use super::forward::{Forward, Inputs, Prediction, Prior};
+use super::forward::{Forward, Inputs, Prediction, Prior, Tails};
 use super::linearise::{Linearised, Setting, Spread, linearise};
 use super::observation::{Observation, Observations};
 use super::predicted::{PIECE, difference};
@@ -38,8 +38,6 @@ const SHARES: (f64, f64) = (0.02, 0.5);
 pub struct FitOptions {
     /// Prior deviation of a session's offset, as a share of the single-impact deviation.
     pub offset_share: f64,
-    /// Whether outlying cells lose weight.
-    pub robust: bool,
     /// Whether the free parameters move at all (`compare` judges the model as it stands).
     pub move_parameters: bool,
     /// Where the free parameters start; `None`: at the model's own values.
@@ -48,7 +46,7 @@ pub struct FitOptions {
 
 impl Default for FitOptions {
     fn default() -> Self {
-        FitOptions { offset_share: 0.5, robust: true, move_parameters: true, start_values: None }
+        FitOptions { offset_share: 0.5, move_parameters: true, start_values: None }
     }
 }
 
@@ -79,6 +77,8 @@ pub struct Fit {
     /// Prior precision and mean of every column.
     pub prior_precision: DVector<f64>,
     pub prior_mean: DVector<f64>,
+    /// Deviation of every column's prior.
+    pub prior_sd: DVector<f64>,
     /// Current values of every column.
     pub column_values: DVector<f64>,
     /// A'A + P.
@@ -247,7 +247,7 @@ fn fit_holding(
     let mut settle = if start.is_some() { 2 } else { 3 };
     while rounds < MOST_ROUNDS {
         rounds += 1;
-        if options.robust && rounds <= settle {
+        if !observations.keeps_outliers && rounds <= settle {
             spread = Spread::of(&state.impacts);
             let lend = keep.or(forward.costly().then_some(state.impacts.as_slice()));
             state = work.evaluate(&state.column_values, &begin_of(&state), lend, &spread, 0)?;
@@ -301,6 +301,7 @@ fn fit_holding(
         design,
         prior_precision: work.prior_precision(&state.column_values),
         prior_mean: work.prior_mean(),
+        prior_sd: DVector::from_iterator(work.priors.len(), work.priors.iter().map(|p| p.sd)),
         columns: work.columns,
         column_values: state.column_values,
         information,
@@ -330,13 +331,13 @@ impl<'a> Work<'a> {
     fn new(forward: &'a dyn Forward, observations: &'a Observations, impacts: &'a [&'a Observation], options: &FitOptions) -> Self {
         let mut columns = Vec::new();
         let mut priors = Vec::new();
-        let about_zero = |sd: f64| Prior { mean: 0.0, sd, keeps_near: true };
+        let about_zero = |sd: f64| Prior { mean: 0.0, sd, tails: Tails::Normal };
         if options.move_parameters {
             for (i, p) in forward.parameters().iter().enumerate() {
                 columns.push(Column::Parameter(i));
                 // Without a prior: as wide as the allowed range, so that what the impacts do not tell stays where it is.
                 let width = (p.max - p.min).abs().clamp(1e-12, 1e12);
-                priors.push(p.prior.unwrap_or(Prior { mean: p.value, sd: width, keeps_near: true }));
+                priors.push(p.prior.unwrap_or(Prior { mean: p.value, sd: width, tails: Tails::Normal }));
             }
         }
         for session in 0..observations.sessions.len() {

@@ -27,22 +27,43 @@ pub struct FreeParameter {
 pub struct Prior {
     pub mean: f64,
     pub sd: f64,
-    /// Normal: a value far away pays by the square, as evidence for an effect must. Otherwise it pays by the logarithm: near the mean the same keeps
-    /// in place what the impacts do not tell, and far from it hardly anything draws back what they do tell.
-    pub keeps_near: bool,
+    pub tails: Tails,
 }
+
+/// How much a value far from the prior's mean pays. Near the mean all keep in place what the impacts do not tell.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Tails {
+    /// By the square.
+    Normal,
+    /// Student's t of `STUDENT` degrees of freedom: a strength of many typical sizes is rare, but no miracle.
+    Student,
+    /// By the logarithm: hardly anything draws back what the impacts do tell.
+    Wide,
+}
+
+/// Degrees of freedom of [`Tails::Student`].
+const STUDENT: f64 = 4.0;
 
 impl Prior {
     /// Minus twice the log density at a value, without the constant.
     pub fn cost(&self, value: f64) -> f64 {
         let away = ((value - self.mean) / self.sd).powi(2);
-        if self.keeps_near { away } else { away.ln_1p() }
+        match self.tails {
+            Tails::Normal => away,
+            Tails::Student => (STUDENT + 1.0) * (away / STUDENT).ln_1p(),
+            Tails::Wide => away.ln_1p(),
+        }
     }
 
     /// What draws a value back, per distance from the mean: half the slope of the cost.
     pub fn precision(&self, value: f64) -> f64 {
-        let away = if self.keeps_near { 0.0 } else { (value - self.mean).powi(2) };
-        1.0 / (self.sd * self.sd + away)
+        let away = ((value - self.mean) / self.sd).powi(2);
+        let share = match self.tails {
+            Tails::Normal => 1.0,
+            Tails::Student => (STUDENT + 1.0) / (STUDENT + away),
+            Tails::Wide => 1.0 / (1.0 + away),
+        };
+        share / (self.sd * self.sd)
     }
 }
 

@@ -30,6 +30,7 @@ pub mod model_library;
 pub mod noise;
 pub mod observation;
 mod one_sided;
+mod outliers_together;
 pub mod place;
 pub mod polynomial;
 pub mod predicted;

@@ -1,7 +1,7 @@
 //! A model file's model, as the statistics see it: [`Forward`] over its free parameters, [`Library`] over the catalogue.
 
 use super::error::ValidationError;
-use super::forward::{Asked, EffectOutline, Forward, FreeParameter, Library, Outputs, OwnEffect, Prediction, Prior, Strength};
+use super::forward::{Asked, EffectOutline, Forward, FreeParameter, Library, Outputs, OwnEffect, Prediction, Prior, Strength, Tails};
 use super::observation::Gear;
 use super::screen::STRENGTH_PRIOR;
 use crate::impact::{Base, EffectKind, ImpactInput, ImpactOutput, Model, ModelError, Parameter, PreparedModel, Role, catalogue};
@@ -36,13 +36,18 @@ impl ModelForward {
         let mut free = Vec::new();
         let mut places = Vec::new();
         for (n, name) in names.iter().enumerate() {
-            let keeps_near = n >= own;
             let Ok(place) = model.index_of(name) else { continue };
+            // Several strengths together imitate other effects, with tails at sizes that no racket has.
+            let tails = match n < own {
+                true => Tails::Wide,
+                false if is_only_strength(&model, place) => Tails::Student,
+                false => Tails::Normal,
+            };
             let p = &model.parameters()[place];
             let prior = match p.role {
                 Role::Base => None,
-                Role::Strength { absent, .. } => Some(Prior { mean: absent, sd: STRENGTH_PRIOR * p.typical, keeps_near }),
-                Role::Shape => Some(Prior { mean: p.value, sd: SHAPE_PRIOR * p.typical, keeps_near }),
+                Role::Strength { absent, .. } => Some(Prior { mean: absent, sd: STRENGTH_PRIOR * p.typical, tails }),
+                Role::Shape => Some(Prior { mean: p.value, sd: SHAPE_PRIOR * p.typical, tails }),
             };
             free.push(FreeParameter { name: p.name.clone(), value: p.value, min: p.min, max: p.max, typical: p.typical, prior });
             places.push(place);
@@ -178,6 +183,14 @@ impl ModelLibrary {
     }
 }
 
+/// Whether the parameter at this place is a strength, the only one of its effect.
+fn is_only_strength(model: &Model, place: usize) -> bool {
+    let effect = |name: &str| name.split_once('.').map(|(effect, _)| effect.to_owned());
+    let is_strength = |p: &&Parameter| matches!(p.role, Role::Strength { .. });
+    let asked = &model.parameters()[place];
+    is_strength(&asked) && model.parameters().iter().filter(is_strength).filter(|p| effect(&p.name) == effect(&asked.name)).count() == 1
+}
+
 impl Library for ModelLibrary {
     fn current(&self) -> &dyn Forward {
         &self.current
@@ -197,7 +210,7 @@ impl Library for ModelLibrary {
         for (p, v) in current.free.iter_mut().zip(values) {
             p.value = *v;
             // What is in the model goes where the impacts say.
-            p.prior = p.prior.map(|prior| Prior { keeps_near: false, ..prior });
+            p.prior = p.prior.map(|prior| Prior { tails: Tails::Wide, ..prior });
         }
         let mut outlines = self.outlines.clone();
         for o in outlines.iter_mut().filter(|o| effects.contains(&o.name.as_str())) {
@@ -227,7 +240,7 @@ impl Library for ModelLibrary {
         let first = forward.free.len() - expressions.iter().map(|e| e.parameters.len()).sum::<usize>();
         for (p, (_, typical)) in forward.free[first..].iter_mut().zip(expressions.iter().flat_map(|e| &e.parameters)) {
             p.typical = *typical;
-            p.prior = Some(Prior { mean: 0.0, sd: STRENGTH_PRIOR * typical, keeps_near: true });
+            p.prior = Some(Prior { mean: 0.0, sd: STRENGTH_PRIOR * typical, tails: Tails::Normal });
         }
         Ok(Box::new(forward))
     }

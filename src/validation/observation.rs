@@ -98,6 +98,8 @@ pub struct Observations {
     pub unusable: Vec<(String, String)>,
     /// The column by whose groups the impacts are held out, if by any.
     pub group: Option<String>,
+    /// Whether outlying numbers keep their full weight.
+    pub keeps_outliers: bool,
     /// What had to be assumed, in words.
     pub notes: Vec<String>,
 }
@@ -161,6 +163,7 @@ impl Observations {
             output_noise,
             unusable,
             group: options.group.clone(),
+            keeps_outliers: false,
             notes: Vec::new(),
         };
         let mut pairs: BTreeMap<(usize, usize), usize> = BTreeMap::new();

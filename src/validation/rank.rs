@@ -1,6 +1,6 @@
 //! Refits of the full non-linear model with one or two effects, ranked by evidence.
 //!
-//! Laplace evidence at noise scale c: log likelihood, normal priors of 1.5 typical sizes on the strengths (half-normal
+//! Laplace evidence at noise scale c: log likelihood, priors of 1.5 typical sizes on the strengths (one half of it
 //! where only one side is physical), half the log determinant (docs/diagnosis.md, "In formulas", evidence; MacKay 1992).
 //!
 //! A formula of the catalogue is never quite nature's. When the best model still leaves structure behind, differences of
@@ -116,9 +116,9 @@ pub fn log_evidence_over(base: &Fit, fit: &Fit, c: f64, one_sided: usize) -> f64
     let prior: f64 = fit
         .columns
         .iter()
-        .zip(fit.prior_precision.iter())
-        .filter(|(column, p)| matches!(column, Column::Parameter(i) if *i >= shared) && **p > 0.0)
-        .map(|(_, p)| 0.5 * (p / c).ln())
+        .zip(fit.prior_sd.iter())
+        .filter(|(column, _)| matches!(column, Column::Parameter(i) if *i >= shared))
+        .map(|(_, sd)| -0.5 * (sd * sd * c).ln())
         .sum();
     -0.5 * (minus_two_log(fit, c) - minus_two_log(base, c)) - 0.5 * (log_det_information(fit, c) - log_det_information(base, c))
         + prior
@@ -150,7 +150,8 @@ fn with_absent_strengths(fit: &Fit, strengths: &[(usize, bool)], c: f64) -> f64 
             let log_det: f64 = root.l().diagonal().iter().map(|v| 2.0 * v.ln()).sum();
             let posterior = -0.5 * (away.dot(&root.solve(&away)) + log_det);
             // The factors of 2π cancel; a half-normal prior is twice as dense.
-            let prior: f64 = which.iter().map(|(at, half)| 0.5 * (fit.prior_precision[*at] / c).ln() + if *half { std::f64::consts::LN_2 } else { 0.0 }).sum();
+            let prior: f64 =
+                which.iter().map(|(at, half)| -0.5 * (fit.prior_sd[*at].powi(2) * c).ln() + if *half { std::f64::consts::LN_2 } else { 0.0 }).sum();
             posterior - prior + odds.ln()
         })
         .collect();

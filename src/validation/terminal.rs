@@ -86,7 +86,7 @@ fn outliers_text(t: &mut String, outliers: &[super::comparison::Outlier], adequa
         if adequate {
             "outlying numbers (they keep little weight, in chi²/n too)"
         } else {
-            "numbers far from what this model makes of their impact (they keep little weight, in chi²/n too; while it fails they may show what it lacks, and need not be wrong)"
+            "numbers far from what this model makes of their impact (while it fails they may show what it lacks, and need not be wrong)"
         },
         list.join(", "),
         if more > 0 { format!(" and {more} more") } else { String::new() }

@@ -466,7 +466,10 @@ fn cli_compare_diagnose_add_fit_compare_and_the_error_falls() {
 
 /// A table whose outputs are a model's own, with the noise it states: not a test of physics, but of whether the statistics see what is there.
 fn of_its_own_world(kind: Kind, impacts: usize, seed: u64, nature: &Model) -> (SyntheticTable, EquipmentSet) {
-    let mut made = table(kind, impacts, &[], seed, NoiseOptions::default());
+    by_nature(table(kind, impacts, &[], seed, NoiseOptions::default()), seed, nature)
+}
+
+fn by_nature(mut made: SyntheticTable, seed: u64, nature: &Model) -> (SyntheticTable, EquipmentSet) {
     let set = EquipmentSet { rackets: vec![made.racket.clone()], balls: vec![made.ball.clone()] };
     let outcomes = predict_table(nature, &set, &made.table).unwrap();
     let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
@@ -519,4 +522,39 @@ fn truth_a_pair_is_named_by_its_whole_evidence() {
     let (made, _) = of_its_own_world(Kind::Court, 300, 9, &nature);
     let d = diagnosis_of(&made);
     assert_eq!(d.recommended, ["lateral-strings", "stringbed-edge"], "{:?}", d.words);
+}
+
+/// A friction that rises with the temperature, on strings so rough that few balls slide: their numbers stick out of the others', and with little weight
+/// they would hide what they alone tell.
+#[test]
+fn truth_friction_that_few_balls_meet_is_not_taken_for_wrong_numbers() {
+    let warm = |seed: u64| {
+        let mut made = table(Kind::Lab, 200, &[], seed, NoiseOptions::default());
+        for (i, row) in made.table.rows.iter_mut().enumerate() {
+            row.groups.insert("temperature".into(), format!("{:.2}", 12.0 + 20.0 * (0.618_033_988_7 * i as f64).fract()));
+        }
+        made
+    };
+    let own = "\n[effects.warm-strings]\nexpression = \"friction * (1 + 0.03 * (column.temperature - 22))\"\nreplaces = \"friction\"\n";
+    let rough = |mu: &str| FIRST_MODEL.replace("friction = { value = 0.50", &format!("friction = {{ value = {mu}"));
+    let nature = |text: &str| Model::parse(text, Path::new("nature.toml")).unwrap();
+    for (mu, seed) in [("0.50", 1), ("0.50", 3), ("0.55", 2)] {
+        let d = diagnosis_of(&by_nature(warm(seed), seed, &nature(&format!("{}{own}", rough(mu)))).0);
+        assert_eq!(d.verdict, Verdict::Unexplained, "{mu}, table {seed}: {:?}", d.words);
+        let formula = d.suggested_expression.unwrap();
+        assert!(formula.replaces == "friction" && formula.expression.contains("column.temperature"), "{mu}, table {seed}: {formula:?}");
+        assert!(d.notes[0].contains("full weight") && d.outliers.len() >= 5, "{mu}, table {seed}: {:?}", d.notes);
+    }
+    // Too few to tell by what; that they lie together they tell.
+    let d = diagnosis_of(&by_nature(warm(4), 4, &nature(&format!("{}{own}", rough("0.55")))).0);
+    assert_eq!(d.verdict, Verdict::Unexplained, "{:?}", d.words);
+    assert!(d.notes.iter().any(|n| n.contains("where the ball slides the most")), "{:?}", d.notes);
+    // Wrong numbers are what they seem.
+    let (mut made, _) = by_nature(warm(1), 1, &nature(&rough("0.50")));
+    for (i, row) in made.table.rows.iter_mut().enumerate().filter(|(i, _)| i.is_multiple_of(15)) {
+        let m = row.outputs.iter_mut().flatten().nth(i / 15 % 6).unwrap();
+        m.value += m.sd.unwrap() * if i.is_multiple_of(2) { 8.0 } else { -8.0 };
+    }
+    let d = diagnosis_of(&made);
+    assert!(d.verdict == Verdict::Adequate && d.outliers.len() >= 10, "{:?} {:?}", d.words, d.outliers);
 }

@@ -12,6 +12,7 @@ use crate::tracking::ball::ball_model::{BallFace, BallPicture, MARGIN_PX, ModelF
 use crate::tracking::ball::ball_track::{BallFrame, outline_radius_px};
 use crate::tracking::ball::contact_length::{SHORTEST_CONTACT_S, frames_of_contact};
 use crate::tracking::ball::flight_sample::FlightSample;
+use crate::tracking::ball::shot_ball::expected_ball;
 use crate::tracking::ball::stray_ball;
 use crate::tracking::pictures::camera_shake::camera_shake;
 use crate::tracking::racket::racket_pose::View;
@@ -121,10 +122,17 @@ fn sights(
     turning: &[(Vector3<f64>, bool); 2],
     sample: &FlightSample,
 ) -> Result<Vec<Sight>, TrackingError> {
+    let numbers: Vec<f64> = (0..source.len()).map(|i| source.number(i) as f64).collect();
     let both = |buffer: &mut FrameBuffer, index: usize| -> Result<Vec<Sight>, TrackingError> {
         let mut out = Vec::with_capacity(2);
         // A ball that the strings press is no sphere.
-        let Some(ball) = shot.ball[index].as_ref().filter(|b| b.flattening.is_none()) else { return Ok(out) };
+        let Some(mut ball) = shot.ball[index].filter(|b| b.flattening.is_none()) else { return Ok(out) };
+        // Where one camera had followed another thing the two rays met elsewhere, and a ball there is of another size.
+        if !ball.stereo
+            && let Some((place, _)) = expected_ball(&shot.ball, &numbers, index)
+        {
+            ball.position = place;
+        }
         let t = (source.number(index) as f64 - contact) / setup.frame_rate_hz;
         let stretch = if t < 0.0 {
             0
@@ -140,7 +148,7 @@ fn sights(
             let Some(point) = ball.points[camera.index()] else { continue };
             let Some(radius_px) = outline_radius_px(view, camera, &ball.position, setup.ball.radius_m()) else { continue };
             if let Some((pixels, side, origin)) = crop(source, index, camera, &point.uv, radius_px, setup.rig.image_size, buffer)? {
-                let camera_from_global = local_axes(setup, view, camera, ball);
+                let camera_from_global = local_axes(setup, view, camera, &ball);
                 let ball_from_camera = Rotation3::from_scaled_axis(omega * t).inverse().matrix() * camera_from_global.transpose();
                 let behind = shot.still[camera.index()].as_ref().and_then(|b| window(b, &origin, side));
                 let centre = point.uv;

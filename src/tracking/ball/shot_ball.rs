@@ -339,7 +339,7 @@ impl<S: FrameSource> Shot<'_, S> {
 
 /// Where a ball that was not seen by both cameras should be: on the straight line between its neighbours in time that
 /// were, or beyond the last two (then `false`), over at most [`FILLED`] frames.
-fn expected_ball(seen: &[Option<BallFrame>], numbers: &[f64], index: usize) -> Option<(Point3<f64>, bool)> {
+pub(in crate::tracking) fn expected_ball(seen: &[Option<BallFrame>], numbers: &[f64], index: usize) -> Option<(Point3<f64>, bool)> {
     let known = |i: &usize| seen[*i].is_some_and(|b| b.stereo) && (numbers[*i] - numbers[index]).abs() <= FILLED;
     let before: Vec<usize> = (0..index).rev().filter(known).take(2).collect();
     let after: Vec<usize> = (index + 1..seen.len()).filter(known).take(2).collect();

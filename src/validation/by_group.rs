@@ -21,7 +21,7 @@ use std::collections::{BTreeMap, BTreeSet};
 pub const GROUP_LEVEL: f64 = 0.0003;
 /// Groups smaller than this are not looked at, nor columns with more than so many.
 const FEWEST_IN_GROUP: usize = 8;
-const MOST_GROUPS: usize = 40;
+pub(super) const MOST_GROUPS: usize = 40;
 /// A column of more different numbers is cut into so many ranges, unless it goes with an input or the order (correlation above the second).
 const RANGES: usize = 4;
 const OWN: f64 = 0.4;
@@ -122,7 +122,7 @@ pub struct GroupTest {
 }
 
 /// The columns that say of what kind an impact is: its racket, its ball, and the table's own; with the text of each impact.
-fn columns<'a>(observations: &'a Observations, impacts: &[&'a Observation]) -> Vec<(&'a str, Vec<Option<&'a str>>)> {
+pub(super) fn columns<'a>(observations: &'a Observations, impacts: &[&'a Observation]) -> Vec<(&'a str, Vec<Option<&'a str>>)> {
     let texts = |of: &dyn Fn(&'a Observation) -> Option<&'a str>| impacts.iter().map(|o| of(o)).collect();
     let gear = &observations.gear;
     let mut all = vec![("racket", texts(&|o| Some(gear[o.gear].racket.name.as_str()))), ("ball", texts(&|o| Some(gear[o.gear].ball.name.as_str())))];

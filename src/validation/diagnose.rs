@@ -84,12 +84,8 @@ fn with_outliers_kept(
     let mut second = diagnose(library, &Observations { keeps_outliers: true, ..observations.clone() }, options)?;
     let after = match second.verdict {
         Verdict::Adequate => None,
-        Verdict::EffectMissing => second.candidates.iter().find(|c| second.recommended.first() == Some(&c.effect)).map(|c| c.heldout_error_after),
+        Verdict::EffectMissing => second.with_recommended().map(|(error, _)| error),
         Verdict::Unexplained => second.suggested_expression.as_ref().map(|e| e.heldout_error_after),
-    };
-    let after = match &second.together {
-        Some(t) if t.effects == second.recommended => Some(t.heldout_error_after),
-        _ => after,
     };
     let excess = |error: f64| (error.powi(2) - second.noise_floor.powi(2)).max(0.0);
     let before = excess(second.heldout_error);

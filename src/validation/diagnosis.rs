@@ -181,6 +181,13 @@ pub struct Diagnosis {
 }
 
 impl Diagnosis {
+    /// The error on held-out impacts with what is recommended, and how probable that is.
+    pub fn with_recommended(&self) -> Option<(f64, f64)> {
+        let together = self.together.as_ref().filter(|t| t.effects == self.recommended).map(|t| (t.heldout_error_after, t.probability));
+        let first = || self.candidates.iter().find(|c| self.recommended.first() == Some(&c.effect)).map(|c| (c.heldout_error_after, c.probability));
+        together.or_else(first)
+    }
+
     /// Whether the model is called adequate although structure is left in its residuals: too little to show in the error of held-out
     /// impacts.
     pub fn keeps_structure(&self) -> bool {

@@ -1,132 +1,121 @@
 //! Impacts with outlying numbers that lie together: wrong numbers fall on any impact, what acts on a part of the impacts alone (friction, of which
 //! only balls that slide tell) falls on its own. Few as they are they pass for wrong numbers, keep little weight, and no other test sees them.
 
+use super::by_group::{MOST_GROUPS, columns};
 use super::comparison::Outlier;
 use super::observation::{Observation, Observations};
 use super::structure::ContactInputs;
+use statrs::distribution::{DiscreteCDF, Hypergeometric};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Fewest impacts with outlying numbers that say anything, and the chance that they lie together as they do (everything looked at counted).
 const FEWEST: usize = 5;
 const LEVEL: f64 = 1e-4;
 
-/// A number by which impacts are put in order: its values, and the words for the impacts at its high and low end.
-type Order = (Vec<f64>, String, String);
-
 /// Says where, if they do.
 pub fn outliers_together(outliers: &[Outlier], observations: &Observations) -> Option<String> {
     let ids: BTreeSet<&str> = outliers.iter().map(|o| o.id.as_str()).collect();
-    let impacts = &observations.impacts;
-    let odd: Vec<bool> = impacts.iter().map(|o| ids.contains(o.id.as_str())).collect();
+    let odd: Vec<bool> = observations.impacts.iter().map(|o| ids.contains(o.id.as_str())).collect();
     let all = odd.iter().filter(|o| **o).count();
-    if all < FEWEST || all == impacts.len() {
+    if all < FEWEST {
         return None;
     }
-    let tail = Tail::of(impacts.len());
-    let mut looked_at = 0;
-    let mut least = (1.0, String::new());
-    let mut look = |together: usize, among: usize, words: &dyn Fn() -> String| {
-        looked_at += 1;
-        let p = tail.at_least(together, all, among);
-        if p < least.0 {
-            least = (p, format!("{together} of {all} impacts with outlying numbers are among the {among} {}", words()));
+    let mut look = Look { impacts: odd.len(), all, looked_at: 0, least: 1.0, words: String::new() };
+    let contacts: Vec<ContactInputs> = observations.impacts.iter().map(|o| ContactInputs::of(&o.inputs, &observations.gear[o.gear])).collect();
+    for (of, high, low) in ORDERS {
+        let values: Vec<f64> = observations.impacts.iter().zip(&contacts).map(|(o, c)| of(o, c)).collect();
+        look.along(&values, &odd, high, low);
+    }
+    let impacts: Vec<&Observation> = observations.impacts.iter().collect();
+    for (column, texts) in columns(observations, &impacts) {
+        let numbers: Option<Vec<f64>> = texts.iter().map(|t| (*t)?.trim().parse().ok().filter(|v: &f64| v.is_finite())).collect();
+        match numbers {
+            Some(numbers) => look.along(&numbers, &odd, &format!("of the highest `{column}`"), &format!("of the lowest `{column}`")),
+            None => look.by_group(column, &texts, &odd),
         }
-    };
-    for (values, high, low) in orders(observations) {
-        for (sign, end) in [(-1.0, &high), (1.0, &low)] {
-            let mut sorted: Vec<(f64, bool)> = values.iter().zip(&odd).filter(|(v, _)| v.is_finite()).map(|(v, odd)| (sign * v, *odd)).collect();
-            sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
-            let mut together = 0;
-            for (i, (value, is_odd)) in sorted.iter().enumerate() {
-                together += usize::from(*is_odd);
-                // Equal values are not parted.
-                if sorted.get(i + 1).is_some_and(|next| next.0 == *value || !is_odd && !next.1) || together == 0 {
-                    continue;
+    }
+    (look.least * look.looked_at as f64 <= LEVEL)
+        .then(|| format!("{}: something acts there that the model lacks, or those impacts are of another kind; wrong numbers would fall on any", look.words))
+}
+
+type Quantity = fn(&Observation, &ContactInputs) -> f64;
+
+/// What acts on a part of the impacts may go by, and words for the impacts where it is large and small.
+const ORDERS: [(Quantity, &str, &str); 8] = [
+    (
+        |_, c| c.slip_m_s[0].hypot(c.slip_m_s[1]) / c.approach_m_s.max(1.0),
+        "where the ball slides the most for its approach",
+        "where the ball slides the least for its approach",
+    ),
+    (|_, c| c.approach_m_s, "of the fastest approach", "of the slowest approach"),
+    (|o, _| o.inputs[3].hypot(o.inputs[4]).hypot(o.inputs[5]), "with the most spin before impact", "with the least spin before impact"),
+    (|o, _| o.inputs[12], "nearest to the handle", "nearest to the tip"),
+    (|o, _| o.inputs[13], "nearest to marker 3", "nearest to marker 2"),
+    (|o, _| o.inputs[12].hypot(o.inputs[13]), "farthest from the middle of the face", "nearest to the middle of the face"),
+    (|o, _| o.inputs[14], "of the largest grip torque", "of the smallest grip torque"),
+    (|o, _| o.order, "recorded last", "recorded first"),
+];
+
+/// The least likely of what was looked at.
+struct Look {
+    impacts: usize,
+    /// Impacts with outlying numbers.
+    all: usize,
+    looked_at: usize,
+    least: f64,
+    words: String,
+}
+
+impl Look {
+    /// Every cut through the impacts in order of a number.
+    fn along(&mut self, values: &[f64], odd: &[bool], high: &str, low: &str) {
+        let mut sorted: Vec<(f64, bool)> = values.iter().copied().zip(odd.iter().copied()).collect();
+        sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
+        for end in [low, high] {
+            let (mut passed, mut together) = (0, 0);
+            // Equal values are not parted.
+            for equal in sorted.chunk_by(|a, b| a.0 == b.0) {
+                passed += equal.len();
+                let more = equal.iter().filter(|v| v.1).count();
+                together += more;
+                if more > 0 && passed < sorted.len() {
+                    self.at(together, passed, || end.to_owned());
                 }
-                look(together, i + 1, &|| end.clone());
             }
+            sorted.reverse();
         }
     }
-    for (column, labels) in labels(observations) {
-        let distinct: BTreeSet<&str> = labels.iter().copied().collect();
-        for label in distinct.into_iter().filter(|_| labels.len() > 1) {
-            let inside = labels.iter().zip(&odd).filter(|(l, _)| **l == label);
-            look(inside.clone().filter(|(_, odd)| **odd).count(), inside.count(), &|| format!("where `{column}` is \"{label}\""));
+
+    /// Every group of a column of words that has not too many.
+    fn by_group(&mut self, column: &str, texts: &[Option<&str>], odd: &[bool]) {
+        let mut groups: BTreeMap<&str, (usize, usize)> = BTreeMap::new();
+        for (text, odd) in texts.iter().zip(odd).filter_map(|(text, odd)| Some(((*text)?, *odd))) {
+            let (together, among) = groups.entry(text).or_default();
+            *together += usize::from(odd);
+            *among += 1;
+        }
+        if (2..=MOST_GROUPS).contains(&groups.len()) {
+            groups.into_iter().for_each(|(group, (together, among))| self.at(together, among, || format!("where `{column}` is \"{group}\"")));
         }
     }
-    (least.0 * f64::from(looked_at) < LEVEL)
-        .then(|| format!("{}: something acts there that the model lacks, or those impacts are of another kind; wrong numbers would fall on any", least.1))
-}
 
-/// What acts on a part of the impacts may go by.
-fn orders(observations: &Observations) -> Vec<Order> {
-    let impacts = &observations.impacts;
-    let by = |of: &dyn Fn(&Observation, &ContactInputs) -> f64, high: &str, low: &str| -> Order {
-        let values = impacts.iter().map(|o| of(o, &ContactInputs::of(&o.inputs, &observations.gear[o.gear])));
-        (values.collect(), high.to_owned(), low.to_owned())
-    };
-    let slide = |c: &ContactInputs| c.slip_m_s[0].hypot(c.slip_m_s[1]) / c.approach_m_s.max(1.0);
-    let mut all = vec![
-        by(&|_, c| slide(c), "where the ball slides the most for its approach", "where the ball slides the least for its approach"),
-        by(&|_, c| c.approach_m_s, "of the fastest approach", "of the slowest approach"),
-        by(&|o, _| o.inputs[3].hypot(o.inputs[4]).hypot(o.inputs[5]), "with the most spin before impact", "with the least spin before impact"),
-        by(&|o, _| o.inputs[12], "nearest to the handle", "nearest to the tip"),
-        by(&|o, _| o.inputs[13], "nearest to marker 3", "nearest to marker 2"),
-        by(&|o, _| o.inputs[12].hypot(o.inputs[13]), "farthest from the middle of the face", "nearest to the middle of the face"),
-        by(&|o, _| o.inputs[14], "of the largest grip torque", "of the smallest grip torque"),
-        by(&|o, _| o.order, "recorded last", "recorded first"),
-    ];
-    all.extend(own(observations).into_iter().filter_map(|(column, texts)| {
-        let number = |t: &&str| t.trim().parse::<f64>().unwrap_or(f64::NAN);
-        let values: Vec<f64> = texts.iter().map(number).collect();
-        let words = |end: &str| format!("of the {end} `{column}`");
-        values.iter().all(|v| v.is_finite()).then(|| (values, words("highest"), words("lowest")))
-    }));
-    all.retain(|(values, ..)| values.iter().any(|v| *v != values[0]));
-    all
-}
-
-/// Columns of words: racket, ball, and those of the user's own that hold no numbers.
-fn labels(observations: &Observations) -> Vec<(&str, Vec<&str>)> {
-    let gear = &observations.gear;
-    let of = |name: &dyn Fn(&Observation) -> usize| observations.impacts.iter().map(name).collect::<Vec<_>>();
-    let place = of(&|o| o.gear);
-    let mut all = vec![
-        ("racket", place.iter().map(|g| gear[*g].racket.name.as_str()).collect::<Vec<_>>()),
-        ("ball", place.iter().map(|g| gear[*g].ball.name.as_str()).collect()),
-    ];
-    all.extend(own(observations).into_iter().filter(|(_, texts)| texts.iter().any(|t| t.trim().parse::<f64>().is_err())));
-    all.retain(|(_, texts)| texts.iter().any(|t| *t != texts[0]));
-    all
-}
-
-/// Columns of the user's own, impact by impact; empty where a row has none.
-fn own(observations: &Observations) -> BTreeMap<&str, Vec<&str>> {
-    let keys: BTreeSet<&str> = observations.impacts.iter().flat_map(|o| o.groups.keys()).map(String::as_str).collect();
-    keys.into_iter().map(|key| (key, observations.impacts.iter().map(|o| o.groups.get(key).map_or("", String::as_str)).collect())).collect()
-}
-
-/// Logarithms of the factorials up to the number of impacts.
-struct Tail(Vec<f64>);
-
-impl Tail {
-    fn of(impacts: usize) -> Self {
-        let mut sum = 0.0;
-        Tail(
-            (0..=impacts)
-                .map(|k| {
-                    sum += (k.max(1) as f64).ln();
-                    sum
-                })
-                .collect(),
-        )
+    fn at(&mut self, together: usize, among: usize, words: impl FnOnce() -> String) {
+        self.looked_at += 1;
+        // No more than chance puts there.
+        if together * self.impacts <= self.all * among {
+            return;
+        }
+        let p = self.chance(together, among);
+        if p < self.least {
+            self.least = p;
+            self.words = format!("{together} of {} impacts with outlying numbers are among the {among} {}", self.all, words());
+        }
     }
 
-    /// P(at least `together` of `odd` impacts drawn at random lie among `among` of all): the upper tail of the hypergeometric distribution.
-    fn at_least(&self, together: usize, odd: usize, among: usize) -> f64 {
-        let all = self.0.len() - 1;
-        let choose = |n: usize, k: usize| self.0[n] - self.0[k] - self.0[n - k];
-        (together..=odd.min(among)).filter(|k| odd - k <= all - among).map(|k| (choose(among, k) + choose(all - among, odd - k) - choose(all, odd)).exp()).sum()
+    /// That at least `together` of `all` impacts drawn at random lie among so many.
+    fn chance(&self, together: usize, among: usize) -> f64 {
+        let drawn = Hypergeometric::new(self.impacts as u64, among as u64, self.all as u64);
+        drawn.map_or(1.0, |drawn| together.checked_sub(1).map_or(1.0, |fewer| drawn.sf(fewer as u64)))
     }
 }
 
@@ -134,12 +123,37 @@ impl Tail {
 mod tests {
     use super::*;
 
+    fn look(impacts: usize, all: usize) -> Look {
+        Look { impacts, all, looked_at: 0, least: 1.0, words: String::new() }
+    }
+
     #[test]
-    fn truth_the_tail_of_draws_without_putting_back() {
+    fn truth_the_chance_of_draws_without_putting_back() {
         // Of 10 impacts 4 are odd: all among 5 of them, C(5,4)/C(10,4); at least none, always.
-        let tail = Tail::of(10);
-        assert!((tail.at_least(4, 4, 5) - 5.0 / 210.0).abs() < 1e-12);
-        assert!((tail.at_least(0, 4, 5) - 1.0).abs() < 1e-12);
-        assert!((tail.at_least(2, 4, 3) - (3.0 * 21.0 + 7.0) / 210.0).abs() < 1e-12);
+        let drawn = look(10, 4);
+        assert!((drawn.chance(4, 5) - 5.0 / 210.0).abs() < 1e-12);
+        assert!((drawn.chance(0, 5) - 1.0).abs() < 1e-12);
+        assert!((drawn.chance(2, 3) - (3.0 * 21.0 + 7.0) / 210.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn truth_equal_values_are_not_parted_and_either_end_is_looked_at() {
+        let odd: Vec<bool> = (0..40).map(|i| i >= 35).collect();
+        let mut low_and_high = look(40, 5);
+        low_and_high.along(&(0..40).map(f64::from).collect::<Vec<_>>(), &odd, "high", "low");
+        assert!(low_and_high.words.ends_with("5 impacts with outlying numbers are among the 5 high"), "{}", low_and_high.words);
+        let mut equal = look(40, 5);
+        equal.along(&(0..40).map(|i| f64::from(i / 20)).collect::<Vec<_>>(), &odd, "high", "low");
+        assert!(equal.words.contains("among the 20 high"), "{}", equal.words);
+    }
+
+    /// A column of remarks, no two alike, is no column of groups.
+    #[test]
+    fn truth_only_few_groups_are_looked_at() {
+        let texts: Vec<String> = (0..60).map(|i| format!("remark {i}")).collect();
+        let texts: Vec<Option<&str>> = texts.iter().map(|t| Some(t.as_str())).collect();
+        let mut remarks = look(60, 5);
+        remarks.by_group("remark", &texts, &[true; 60]);
+        assert_eq!(remarks.looked_at, 0);
     }
 }

@@ -43,13 +43,7 @@ pub fn verdict_words(d: &Diagnosis) -> Vec<String> {
         Verdict::EffectMissing => {
             let names = d.recommended.join(" and ");
             words.push(format!("EFFECT MISSING: {names}."));
-            let after = d
-                .together
-                .as_ref()
-                .filter(|t| t.effects == d.recommended)
-                .map(|t| (t.heldout_error_after, t.probability))
-                .or_else(|| d.candidates.iter().find(|c| d.recommended.first() == Some(&c.effect)).map(|c| (c.heldout_error_after, c.probability)));
-            if let Some((error, probability)) = after {
+            if let Some((error, probability)) = d.with_recommended() {
                 words.push(format!(
                     "Probability {}. With {} the error on held-out impacts {} from {:.2} to {error:.2} (noise floor {:.2}); {tests}.",
                     probability_text(probability),

@@ -105,7 +105,7 @@ impl Reach {
 
 /// The racket's poses within reach that explain about as much tape as the likeliest does, likeliest first. One, where four markers decide it; of
 /// three the figure may hold another triangle that differs by millimetres only, which the bands themselves tell from it. Candidates come strongest
-/// first.
+/// first, those along lines last.
 pub fn search(view: &View, figure: &RacketFigure, candidates: &[Vec<BandCandidate>; 2], reach: Option<&Reach>) -> Vec<RacketPose> {
     let strongest = candidates.each_ref().map(|c| c.iter().take(STRONGEST).copied().collect::<Vec<_>>());
     let clear = |found: &Followed| found.seen >= CLEAR_POINTS;

@@ -32,7 +32,7 @@ const LIGHT_ROUNDS: usize = 2;
 pub(in crate::tracking) const START_REACH_PX: i32 = 2;
 /// The same of one measured before.
 const MEASURED_REACH_PX: i32 = 1;
-/// The candidate to which the bands of a racket just found are compared, strongest first.
+/// The candidate to which the bands of a racket just found are compared, strongest first and without those along lines.
 const STRONG: usize = 9;
 /// A racket is clear when its bands have more than this share of that candidate's contrast: 0.9 to 3.1 on practice and rendered
 /// sessions, figures of noise 0.03 to 0.3.

@@ -30,28 +30,34 @@ fn dark_px(px_per_m: f64, white_half_m: f64) -> (f64, f64) {
     (0.75 * white_half_m * px_per_m + 0.8, 2.0 * white_half_m * px_per_m + 1.5)
 }
 
+/// Directions in which a line may run, over half a turn: near enough that the places asked lie on it.
+const LINE_DIRECTIONS: usize = 16;
+/// A line shows this share of a place's contrast on both sides of it, at half of the far end of the black and there: beside a band is the tube's
+/// side, before and after it the black.
+const LINE_SHARE: f64 = 0.5;
+
 /// Rows and columns beyond a place that are looked at for it, px.
 pub fn reach_px(px_per_m: f64, white_half_m: f64) -> f64 {
     dark_px(px_per_m, white_half_m).1.ceil() + 2.0
 }
 
-/// Candidates in some columns, strongest first and at most so many. `px_per_m` is the scale of the picture at the racket; `white_half_m` the expected
-/// half length of the white tape.
+/// Candidates in some columns, strongest first and at most so many. Where most of them would lie along lines, longer than any band, those come after
+/// all others: a white line of the court has hundreds, all stronger than tape. `px_per_m` is the scale of the picture at the racket; `white_half_m`
+/// the expected half length of the white tape.
 pub fn candidates(image: &GreyView, columns: Range<usize>, px_per_m: f64, white_half_m: f64, most: usize) -> Vec<BandCandidate> {
     let (w, h) = (image.width, image.rows);
     let (near, far) = dark_px(px_per_m, white_half_m);
     let steps = ((far - near).round() as usize).clamp(2, 6);
-    let mut offsets = Vec::with_capacity(DIRECTIONS);
-    for k in 0..DIRECTIONS {
+    let along = |k: usize| -> Vec<(isize, isize)> {
         let angle = std::f64::consts::PI * k as f64 / DIRECTIONS as f64;
-        let along: Vec<isize> = (0..=steps)
-            .map(|i| {
-                let d = near + (far - near) * i as f64 / steps as f64;
-                (d * angle.sin()).round() as isize * w as isize + (d * angle.cos()).round() as isize
-            })
-            .collect();
-        offsets.push(along);
-    }
+        let at = |i: usize| {
+            let d = near + (far - near) * i as f64 / steps as f64;
+            ((d * angle.cos()).round() as isize, (d * angle.sin()).round() as isize)
+        };
+        (0..=steps).map(at).collect()
+    };
+    let places: Vec<Vec<(isize, isize)>> = (0..DIRECTIONS).map(along).collect();
+    let offsets: Vec<Vec<isize>> = places.iter().map(|along| along.iter().map(|(x, y)| y * w as isize + x).collect()).collect();
     let reach = far.ceil() as usize + 1;
     let margin = reach + 1;
     let columns = columns.start.max(margin)..columns.end.min(w.saturating_sub(margin));
@@ -60,9 +66,73 @@ pub fn candidates(image: &GreyView, columns: Range<usize>, px_per_m: f64, white_
     }
     let mut found = pulp::Arch::new().dispatch(Look { image, columns, reach, margin, offsets: &offsets }).unwrap_or_default();
     found.sort_by(|a, b| b.0.cmp(&a.0).then((a.2, a.1).cmp(&(b.2, b.1))));
-    found.truncate(most);
+    let line = Line { image, far, places: &places };
+    let found = line.last_where_it_crowds(found, most);
     let first_row = Vector2::new(0.0, image.first_row as f64);
     found.into_iter().map(|(s, _, _, at)| BandCandidate { uv: at + first_row, contrast: f64::from(s) / 9.0 }).collect()
+}
+
+/// Tells a line from a band.
+struct Line<'a> {
+    image: &'a GreyView<'a>,
+    /// Pixels from a place to the far end of the black.
+    far: f64,
+    /// Where the dark is looked for, by direction.
+    places: &'a [Vec<(isize, isize)>],
+}
+
+impl Line<'_> {
+    /// The first `most` of these places, strongest first; where more than half of those lie along lines, these after all others.
+    fn last_where_it_crowds(&self, mut places: Vec<Highest>, most: usize) -> Vec<Highest> {
+        let on_line = |(score, x, y, _): &Highest| self.holds(*score, *x, *y);
+        if places.len() > most && 2 * places[..most].iter().filter(|p| on_line(p)).count() > most {
+            let mut others = 0;
+            let looked_at = places.iter().map(|place| (on_line(place), *place)).take_while(|(along, _)| {
+                others += usize::from(!along);
+                others <= most
+            });
+            let (along, apart): (Vec<_>, Vec<_>) = looked_at.partition(|(along, _)| *along);
+            places = apart.into_iter().chain(along).map(|(_, place)| place).collect();
+        }
+        places.truncate(most);
+        places
+    }
+
+    /// Whether a place of this score goes on as such on two opposite sides. What lies beyond the border is taken to go on.
+    fn holds(&self, score: u16, x: usize, y: usize) -> bool {
+        let least = (LINE_SHARE * f64::from(score)) as u16;
+        let Some(here) = self.sum(x as isize, y as isize) else { return false };
+        // What is not as bright needs no look at what is dark around it.
+        let goes_on = |x: isize, y: isize| self.sum(x, y).is_none_or(|sum| sum + least >= here && self.score(sum, x, y).is_none_or(|s| s >= least));
+        (0..LINE_DIRECTIONS).any(|k| {
+            let (sin, cos) = (std::f64::consts::PI * k as f64 / LINE_DIRECTIONS as f64).sin_cos();
+            [0.5, -0.5, 1.0, -1.0].iter().all(|d| {
+                let d = d * self.far;
+                goes_on(x as isize + (d * cos).round() as isize, y as isize + (d * sin).round() as isize)
+            })
+        })
+    }
+
+    /// 3x3 sum around a place; `None` beyond the border.
+    fn sum(&self, x: isize, y: isize) -> Option<u16> {
+        let (x, y) = (usize::try_from(x - 1).ok()?, usize::try_from(y - 1).ok()?);
+        (y..y + 3).map(|row| Some(self.image.row(self.image.first_row + row)?.get(x..x + 3)?.iter().map(|v| u16::from(*v)).sum::<u16>())).sum()
+    }
+
+    /// How much brighter a place is than the brighter of two darks on opposite sides, as [`Row::places`] has it; `None` where the border is too near.
+    fn score(&self, sum: u16, x: isize, y: isize) -> Option<u16> {
+        let mut dark = u16::MAX;
+        for along in self.places {
+            let mut sides = [u16::MAX; 2];
+            for (dx, dy) in along {
+                for (side, sign) in sides.iter_mut().zip([1, -1]) {
+                    *side = (*side).min(self.sum(x + sign * dx, y + sign * dy)?);
+                }
+            }
+            dark = dark.min(sides[0].max(sides[1]));
+        }
+        Some(sum.saturating_sub(dark))
+    }
 }
 
 /// A place that is the highest of its surroundings: its score, column and row, and the scores' centroid.
@@ -355,5 +425,26 @@ mod tests {
         assert_eq!((all.len(), some.len()), (2, 1), "{all:?} {some:?}");
         // Anywhere on the band: all of it is as bright.
         assert!((some[0].uv - Vector2::new(150.0, 80.4)).norm() < 2.0 && all.iter().any(|c| c.uv == some[0].uv && c.contrast == some[0].contrast));
+    }
+
+    #[test]
+    fn truth_bands_come_before_places_along_a_line_that_is_stronger() {
+        let bands = [(60.3, 50.0), (150.0, 40.4)];
+        let grey = |x: usize, y: usize| -> u8 {
+            let near = bands.iter().any(|(u, v): &(f64, f64)| (x as f64 - u).abs() < 2.5 && (y as f64 - v).abs() < 3.0);
+            let uneven = ((x * 7919 + y * 104_729) % 17) as u8;
+            // One runs slantwise below them from border to border, one upright between them.
+            let line = (y as f64 - 80.0 - 0.1 * x as f64).abs() < 2.0 || (x.abs_diff(100) < 2 && (15..90).contains(&y));
+            match (line, near) {
+                (true, _) => 220 + uneven,
+                (_, true) => 120,
+                _ => 20 + uneven % 3,
+            }
+        };
+        let image = crate::footage::GreyImage { width: 220, height: 120, pixels: (0..220 * 120).map(|i| grey(i % 220, i / 220)).collect() };
+        let found = candidates(&GreyView::of(&image), 0..usize::MAX, 240.0, 0.0125, 12);
+        assert_eq!(found.len(), 12, "the line has its places after them");
+        let among_the_first = |(u, v): &(f64, f64)| found[..6].iter().any(|c| (c.uv - Vector2::new(*u, *v)).norm() < 2.5);
+        assert!(bands.iter().all(among_the_first), "{found:?}");
     }
 }

@@ -61,12 +61,14 @@ pub fn track_shot(source: &impl FrameSource, setup: &ShotSetup, cancel: &AtomicB
     let contact_frame = space_points::first_contact(source, &racket, &ball, setup.ball.radius_m());
     let tracks = named(source, &racket, &ball);
     let shake_px = camera_shake(&tracks, &frames_of_contact(contact_frame, setup.frame_rate_hz));
-    let mut points = space_points::space_points(source, setup, &view, &figure, &racket, &ball, contact_frame);
+    let (mut points, told) = rayon::join(
+        || space_points::space_points(source, setup, &view, &figure, &racket, &ball, contact_frame),
+        || shot.saturated_ball(&ball).into_iter().chain(shot.gamma_encoded()).collect::<Vec<_>>(),
+    );
     space_points::widen_by_shake(&view, &mut points, shake_px);
     notes.extend(unseen(&tracks));
     notes.extend(shake_words(shake_px));
-    notes.extend(shot.saturated_ball(&ball));
-    notes.extend(shot.gamma_encoded());
+    notes.extend(told);
     let mut broken = shot.broken.into_inner().unwrap_or_default();
     broken.append(&mut watched.broken.into_inner().unwrap_or_default());
     let unreadable = broken.into_values().collect();

@@ -347,7 +347,7 @@ impl<S: FrameSource> Shot<'_, S> {
             let normal = racket.pose.global_from_racket.rotation * Vector3::z();
             Ok(Touch::of(scene, &images, &usual, (*index, times_s[*index]), (place, foretold.is_some()), normal))
         };
-        let touches: Result<Vec<Option<Touch>>, TrackingError> = during.par_iter().map_init(Default::default, touch).collect();
+        let touches: Result<Vec<Option<Touch>>, TrackingError> = during.par_iter().with_max_len(1).map_init(Default::default, touch).collect();
         let touches: Vec<Touch> = touches?.into_iter().flatten().collect();
         let Some((press, cost)) = Press::of(&touches) else { return Ok(None) };
         // Half a unit is what a sector of a right outline adds.

@@ -36,6 +36,9 @@ const FLIES: usize = 8;
 /// A thing is followed for so long, s, before the racket is asked whether it is a part of it.
 const TRIAL_S: f64 = 0.012;
 
+/// Most frames that one core measures again before another may take the rest.
+const AT_ONCE: usize = 8;
+
 /// What is known where the ball is looked for: how it looks, where the racket is, and what stands still.
 #[derive(Clone, Copy)]
 pub struct Stage<'a> {
@@ -288,7 +291,7 @@ impl<S: FrameSource> Shot<'_, S> {
             });
             Ok((found, changes))
         };
-        let all: Result<Vec<_>, TrackingError> = (0..rough.len()).into_par_iter().map_init(Default::default, again).collect();
+        let all: Result<Vec<_>, TrackingError> = (0..rough.len()).into_par_iter().with_max_len(AT_ONCE).map_init(Default::default, again).collect();
         let (mut ball, changes): (Vec<_>, Vec<_>) = all?.into_iter().unzip();
         for (index, camera, least) in ball_presence::absent(&changes) {
             let still_there = self.change_from_elsewhere(scene, &ball, index, camera)?.is_some_and(|c| c >= least);

@@ -2,7 +2,7 @@
 
 use super::Shell;
 use super::error::CliError;
-use super::impacts_input::{ImpactsInput, LedgerFile, Version, record, write_ledger};
+use super::impacts_input::{ImpactsInput, LedgerFile, Version, record};
 use crate::impact::Model;
 use crate::limited_file::{LARGEST_TEXT, read_text};
 use crate::provenance::sha256_hex;
@@ -32,8 +32,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let json = serde_json::to_string_pretty(&comparison).map_err(CliError::output)?;
     shell.write(&folder.join("compare.json"), json.as_bytes())?;
     shell.say(comparison_text(&comparison).trim_end());
-    let ledger_file = LedgerFile::of(&input.files.model, shell);
-    let mut ledger = ledger_file.read()?;
+    let mut file = LedgerFile::read(&input.files.model, shell)?;
     let effects = loaded.library.effect_names();
     let version = Version {
         model: &input.files.model,
@@ -44,8 +43,8 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
         step: None,
         refused: Vec::new(),
     };
-    let hash = record(&mut ledger, version, &comparison);
-    let staircase = ledger.path_to(&hash, &loaded.data_hash);
+    let hash = if arguments.no_ledger { record(&mut file.ledger, version, &comparison) } else { file.note(shell, version, &comparison)? };
+    let staircase = file.ledger.path_to(&hash, &loaded.data_hash);
     if staircase.len() > 1 {
         shell.say(ledger_text(&staircase).trim_end());
     }
@@ -60,9 +59,6 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     });
     let page = crate::report::comparison_report(&input.report_title(), &comparison, loaded.equipment.rackets.first(), &staircase, before.as_ref());
     shell.write(&folder.join("report.html"), page.as_bytes())?;
-    if !arguments.no_ledger {
-        write_ledger(shell, &ledger_file.path, &ledger)?;
-    }
     shell.say(format_args!("written: {}, report.html", folder.join("compare.json").display()));
     shell.print_json(&comparison)?;
     loaded.unless_rows_failed()

@@ -171,7 +171,7 @@ fn make_room(session: &Path, shell: &Shell) -> Result<(), CliError> {
 fn chain(folder: &Path, shell: &Shell) -> Result<Outcome, CliError> {
     let session = Session::open(&folder.join("session"))?;
     let reasons = |failed: Vec<Failure>| failed.iter().map(|f| format!("{}: {}", f.step, f.reason)).collect::<Vec<_>>();
-    let mut failed = match footage(&session, folder, shell)? {
+    let mut failed = match footage(&session, folder, &[], shell)? {
         Footage::Measured(failed) => reasons(failed),
         Footage::Ended(failed) => return Err(CliError::input(reasons(failed).join("\n"))),
     };
@@ -239,7 +239,7 @@ fn note_once(failed: &mut Vec<String>, rows: String) {
 
 /// The models from the first to the one `diagnose --auto` arrived at.
 fn staircase(first: &Path, last: &Path, impacts: &Path, shell: &Shell) -> Result<Vec<LedgerEntry>, CliError> {
-    let ledger = LedgerFile::of(first, shell).read()?;
+    let ledger = LedgerFile::read(first, shell)?.ledger;
     let text = std::fs::read(last).map_err(|e| CliError::input(format!("{}: {e}", last.display())))?;
     let data = sha256_file(impacts).map_err(CliError::input)?;
     Ok(ledger.path_to(&sha256_hex(&text), &data).into_iter().cloned().collect())

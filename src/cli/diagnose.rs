@@ -2,7 +2,7 @@
 
 use super::Shell;
 use super::error::CliError;
-use super::impacts_input::{ImpactsInput, LedgerFile, Loaded, Version, record, write_ledger};
+use super::impacts_input::{ImpactsInput, LedgerFile, Loaded, Version};
 use crate::impact::Model;
 use crate::impact::model_file::with_values;
 use crate::provenance::sha256_hex;
@@ -11,7 +11,7 @@ use crate::validation::comparison::{Comparison, compare};
 use crate::validation::diagnose::{DiagnoseOptions, diagnose};
 use crate::validation::fit::{FitOptions, fit_with_likely_offsets};
 use crate::validation::forward::Library;
-use crate::validation::ledger::{Ledger, Refusal};
+use crate::validation::ledger::Refusal;
 use crate::validation::model_library::ModelLibrary;
 use crate::validation::terminal::{diagnosis_text, ledger_text};
 use std::path::{Path, PathBuf};
@@ -55,18 +55,17 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let comparison = compare(loaded.library.current(), &loaded.observations, &input.model_name(), input.seed)?;
     let mut versions = Vec::new();
     let mut last = (input.files.model.clone(), loaded.model_text.clone());
-    let ledger_file = LedgerFile::of(&input.files.model, shell);
-    let mut ledger = ledger_file.read()?;
+    let mut file = LedgerFile::read(&input.files.model, shell)?;
     if arguments.auto {
         let output = arguments.output.clone().unwrap_or_else(|| auto_name(&input.files.model));
         let walk = Walk::new(&loaded.model_text, &input.files.model, &diagnosis, &loaded.observations, &options, arguments.most_effects)?;
-        let story = Story { input, shell, loaded: &loaded, ledger: &mut ledger, ledger_path: &ledger_file.path, output: &output, versions };
+        let story = Story { input, shell, loaded: &loaded, file: &mut file, output: &output, versions };
         let text;
         (text, versions) = story.tell(walk, &comparison)?;
         last = (output, text);
     }
     let hash = sha256_hex(last.1.as_bytes());
-    let staircase = ledger.path_to(&hash, &loaded.data_hash);
+    let staircase = file.ledger.path_to(&hash, &loaded.data_hash);
     // The pictures show what the words speak of: the residuals with the free parameters at their best.
     let shown = at_its_best(&loaded, input, comparison)?;
     let page = crate::report::diagnosis_report(&input.report_title(), &diagnosis, Some(&shown), &versions, loaded.equipment.rackets.first(), &staircase);
@@ -103,8 +102,7 @@ struct Story<'a> {
     input: &'a ImpactsInput,
     shell: &'a Shell,
     loaded: &'a Loaded,
-    ledger: &'a mut Ledger,
-    ledger_path: &'a Path,
+    file: &'a mut LedgerFile,
     output: &'a Path,
     /// The first model, then those on the way.
     versions: Vec<Comparison>,
@@ -139,14 +137,14 @@ impl Story<'_> {
             text = self.keep(&walk, &text, "added a formula")?;
         }
         shell.write(self.output, text.as_bytes())?;
-        let staircase = self.ledger.path_to(&sha256_hex(text.as_bytes()), &self.loaded.data_hash);
+        let staircase = self.file.ledger.path_to(&sha256_hex(text.as_bytes()), &self.loaded.data_hash);
         shell.say(format_args!("\n{}", ledger_text(&staircase).trim_end()));
-        shell.say(format_args!("verdict now: {}; model: {} (every version: {})", walk.diagnosis.verdict, self.output.display(), self.ledger_path.display()));
+        shell.say(format_args!("verdict now: {}; model: {} (every version: {})", walk.diagnosis.verdict, self.output.display(), self.file.path.display()));
         if self.versions.len() > 2 {
             shell.say(format_args!(
                 "to go back or to branch, go on from an earlier version: {} to {}",
                 version_name(self.output, 1).display(),
-                self.file().display()
+                self.model_file().display()
             ));
         }
         Ok((text, self.versions))
@@ -155,14 +153,14 @@ impl Story<'_> {
     /// Writes the version that the walk has come to into a file of its own and notes it in the ledger under that name; its text.
     fn keep(&mut self, walk: &Walk, parent: &str, step: &str) -> Result<String, CliError> {
         self.versions.push(walk.comparison()?);
-        self.shell.write(&self.file(), walk.text.as_bytes())?;
+        self.shell.write(&self.model_file(), walk.text.as_bytes())?;
         self.shell.write(self.output, walk.text.as_bytes())?;
         self.note(&walk.text, Some(sha256_hex(parent.as_bytes())), Some(step), Vec::new())?;
         Ok(walk.text.clone())
     }
 
     /// The file of the last version.
-    fn file(&self) -> PathBuf {
+    fn model_file(&self) -> PathBuf {
         if self.versions.len() > 1 { version_name(self.output, self.versions.len() - 1) } else { self.input.files.model.clone() }
     }
 
@@ -170,8 +168,7 @@ impl Story<'_> {
         let Some(comparison) = self.versions.last() else { return Ok(()) };
         let effects = Model::parse(text, &self.input.files.model)?.effects().iter().map(|e| e.name.clone()).collect();
         let data_hash = &self.loaded.data_hash;
-        let version = Version { model: &self.file(), model_text: text, effects, data_hash, parent, step: step.map(ToOwned::to_owned), refused };
-        record(self.ledger, version, comparison);
-        write_ledger(self.shell, self.ledger_path, self.ledger)
+        let version = Version { model: &self.model_file(), model_text: text, effects, data_hash, parent, step: step.map(ToOwned::to_owned), refused };
+        self.file.note(self.shell, version, comparison).map(|_| ())
     }
 }

@@ -118,22 +118,35 @@ fn file_name(path: &Path) -> String {
 
 const LEDGER_FILE: &str = "model-ledger.json";
 
-/// The ledger of all models in a folder, and where it is written.
+/// The ledger of all models in a folder: as it was read, with what was noted since.
 pub struct LedgerFile {
     /// Beside the model, or where `--out` says.
     pub path: PathBuf,
-    beside_model: PathBuf,
+    pub ledger: Ledger,
 }
 
 impl LedgerFile {
-    pub fn of(model: &Path, shell: &Shell) -> Self {
+    /// A ledger begun in another folder goes on from the one beside the model: earlier versions stay a model's history.
+    pub fn read(model: &Path, shell: &Shell) -> Result<Self, CliError> {
         let beside_model = model.with_file_name(LEDGER_FILE);
-        LedgerFile { path: shell.ledger_folder().map_or_else(|| beside_model.clone(), |folder| folder.join(LEDGER_FILE)), beside_model }
+        let path = shell.ledger_folder().map_or_else(|| beside_model.clone(), |folder| folder.join(LEDGER_FILE));
+        let ledger = read_ledger(if path.exists() { &path } else { &beside_model })?;
+        Ok(LedgerFile { path, ledger })
     }
 
-    /// A ledger begun in another folder goes on from the one beside the model: earlier versions stay a model's history.
-    pub fn read(&self) -> Result<Ledger, CliError> {
-        read_ledger(if self.path.exists() { &self.path } else { &self.beside_model })
+    /// Notes a version and writes the file, with what other commands noted there meanwhile; the version's hash.
+    pub fn note(&mut self, shell: &Shell, version: Version, comparison: &Comparison) -> Result<String, CliError> {
+        // One command at a time; a folder that cannot be locked (or is not there yet) has no other that writes to it.
+        let folder = self.path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let _alone = std::fs::File::open(folder).and_then(|folder| folder.lock().map(|()| folder));
+        self.ledger.take_in(read_ledger(&self.path)?);
+        let hash = record(&mut self.ledger, version, comparison);
+        let text = serde_json::to_string_pretty(&self.ledger).map_err(CliError::output)?;
+        // A model kept where the user may only read has no ledger; what the command is for is done all the same.
+        if let Err(e) = shell.write(&self.path, text.as_bytes()) {
+            shell.say(format_args!("no ledger kept: {}", e.message));
+        }
+        Ok(hash)
     }
 }
 
@@ -145,15 +158,6 @@ fn read_ledger(path: &Path) -> Result<Ledger, CliError> {
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(Ledger::default()),
         Err(e) => Err(CliError::input(format!("{}: cannot be read ({e})", path.display()))),
     }
-}
-
-pub fn write_ledger(shell: &Shell, path: &Path, ledger: &Ledger) -> Result<(), CliError> {
-    let text = serde_json::to_string_pretty(ledger).map_err(CliError::output)?;
-    // A model kept where the user may only read has no ledger; what the command is for is done all the same.
-    if let Err(e) = shell.write(path, text.as_bytes()) {
-        shell.say(format_args!("no ledger kept: {}", e.message));
-    }
-    Ok(())
 }
 
 /// A version's line in the ledger. Its parent, unless given, is the latest earlier version on the same data with the

@@ -32,7 +32,7 @@ pub struct Arguments {
     pub point: Vec<Vector2<f64>>,
 }
 
-fn parse_point(text: &str) -> Result<Vector2<f64>, String> {
+pub(super) fn parse_point(text: &str) -> Result<Vector2<f64>, String> {
     let parts: Vec<f64> =
         text.split(',').map(|p| p.trim().parse::<f64>()).collect::<Result<_, _>>().map_err(|e| format!("{text:?}: {e}; give X,Y in metres"))?;
     match parts[..] {
@@ -42,7 +42,7 @@ fn parse_point(text: &str) -> Result<Vector2<f64>, String> {
 }
 
 /// Two points of one name would be one key of shot.json.
-fn told_apart(points: &[Vector2<f64>]) -> Result<(), CliError> {
+pub(super) fn told_apart(points: &[Vector2<f64>]) -> Result<(), CliError> {
     for (k, p) in points.iter().enumerate() {
         if let Some(q) = points[..k].iter().find(|q| point_name(q) == point_name(p)) {
             return Err(CliError::input(format!(

@@ -2,12 +2,14 @@
 
 use super::error::{CliError, Kind, existing};
 use super::set_aside::{listed, set_aside, set_session_aside};
+use super::shots::{parse_point, told_apart};
 use super::{Shell, undashed};
 use crate::calibration::StereoRig;
 use crate::limited_file::{LARGEST_TABLE, read_text};
 use crate::report::{read_session_results, session_report};
 use crate::session::Session;
 use crate::validation::observation::FEWEST_IMPACTS;
+use nalgebra::Vector2;
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
@@ -33,6 +35,9 @@ pub struct Arguments {
     /// Model file (default: the rigid base, written to the results as model.toml)
     #[arg(long, value_name = "F")]
     pub model: Option<PathBuf>,
+    /// Also give the velocity of this point of every face, as `shots --point` does (may be given more than once)
+    #[arg(long, value_name = "X,Y", value_parser = parse_point, allow_hyphen_values = true)]
+    pub point: Vec<Vector2<f64>>,
 }
 
 /// What became of one session, for `--json`.
@@ -90,6 +95,7 @@ impl Failure {
 pub fn run(mut arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     arguments.sessions = arguments.sessions.into_iter().map(undashed).collect();
     arguments.model = arguments.model.map(undashed);
+    told_apart(&arguments.point)?;
     if let Some(model) = &arguments.model {
         crate::impact::Model::read(existing(model, "model file")?)?;
     }
@@ -121,7 +127,7 @@ pub fn run(mut arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
             }
         };
         shell.say(format_args!("== {} ({})", session.name, session.root.display()));
-        let outcome = one_session(&session, &results, arguments.model.as_deref(), shell)?;
+        let outcome = one_session(&session, &results, &arguments, shell)?;
         write_report(&session, &results, &outcome, shell)?;
         outcomes.push(outcome);
     }
@@ -180,10 +186,11 @@ pub(super) enum Footage {
     Ended(Vec<Failure>),
 }
 
-/// Calibrates, tracks and measures. A step that fails for some shots leaves the others to the next step; one that fails
+/// Calibrates, tracks and measures, points of the faces as well. A step that fails for some shots leaves the others to the next step; one that fails
 /// altogether ends the session.
-pub(super) fn footage(session: &Session, results: &Path, shell: &Shell) -> Result<Footage, CliError> {
+pub(super) fn footage(session: &Session, results: &Path, points: &[Vector2<f64>], shell: &Shell) -> Result<Footage, CliError> {
     let mut failed = Vec::new();
+    let points: Vec<String> = points.iter().map(|p| format!("--point={},{}", p.x, p.y)).collect();
     for step in ["calibrate", "track", "shots"] {
         shell.check_cancelled()?;
         if step == "calibrate" && is_imported(results) {
@@ -193,7 +200,9 @@ pub(super) fn footage(session: &Session, results: &Path, shell: &Shell) -> Resul
         if step == "calibrate" && cfg!(not(feature = "vision")) && results.join("calibration.json").exists() {
             continue; // a program without OpenCV works from a calibration made elsewhere
         }
-        match shell.run_step(&[OsStr::new(step), session.root.as_os_str()], results) {
+        let points = points.iter().map(OsStr::new).filter(|_| step == "shots");
+        let line: Vec<&OsStr> = [OsStr::new(step), session.root.as_os_str()].into_iter().chain(points).collect();
+        match shell.run_step(&line, results) {
             Ok(()) => {}
             Err(e) if e.kind == Kind::Interrupted => return Err(e),
             Err(e) => {
@@ -237,16 +246,16 @@ pub(super) fn table_words<'a>(session: &'a Session, impacts: &'a Path, model: &'
     all.flat_map(|(flag, file)| [OsStr::new(flag), file.as_os_str()]).collect()
 }
 
-fn one_session(session: &Session, results: &Path, model: Option<&Path>, shell: &Shell) -> Result<Outcome, CliError> {
+fn one_session(session: &Session, results: &Path, arguments: &Arguments, shell: &Shell) -> Result<Outcome, CliError> {
     let mut outcome = Outcome { session: session.root.clone(), results: results.to_path_buf(), shots_measured: 0, diagnosis: None, failed: Vec::new() };
-    outcome.failed = match footage(session, results, shell)? {
+    outcome.failed = match footage(session, results, &arguments.point, shell)? {
         Footage::Measured(failed) => failed,
         Footage::Ended(failed) => return Ok(Outcome { failed, ..outcome }),
     };
     let impacts = results.join("impacts.csv");
     outcome.shots_measured = crate::impact_table::ImpactTable::read(&impacts)?.rows.len();
-    let model = match model {
-        Some(path) => path.to_path_buf(),
+    let model = match &arguments.model {
+        Some(path) => path.clone(),
         None => rigid_model(results, shell)?,
     };
     let words = table_words(session, &impacts, &model);

@@ -73,6 +73,12 @@ impl Ledger {
         }
     }
 
+    /// Adds what stands in another copy of the ledger alone; of a version in both, the measurement here stays.
+    pub fn take_in(&mut self, other: Ledger) {
+        let new = other.entries.into_iter().filter(|e| self.find(&e.model_hash, &e.data_hash).is_none()).collect::<Vec<_>>();
+        self.entries.extend(new);
+    }
+
     /// The entry of a model file's text on a table.
     pub fn find(&self, model_hash: &str, data_hash: &str) -> Option<&LedgerEntry> {
         self.entries.iter().find(|e| e.model_hash == model_hash && e.data_hash == data_hash)

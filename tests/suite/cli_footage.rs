@@ -252,8 +252,11 @@ fn cli_results_of_an_earlier_run_are_set_aside_when_shots_fail() {
     let (_keep, session, ids) = sample(1);
     let (place, results) = (text(&session), session.join("results"));
     let shot = results.join("shots").join(&ids[0]);
-    let validated = sweetspot(&["validate", &place]);
+    let validated = sweetspot(&["validate", &place, "--point", "-0.05,0.03"]);
     assert_eq!(validated.status.code(), Some(0), "{}", said(&validated));
+    // A point of the face that is asked for is measured as `shots` does.
+    let measured = std::fs::read_to_string(shot.join("shot.json")).unwrap();
+    assert!(measured.contains("point_-50_30_mm"), "{measured}");
     for camera in ["left", "right"] {
         for entry in std::fs::read_dir(session.join("shots").join(&ids[0]).join(camera)).unwrap() {
             std::fs::write(entry.unwrap().path(), "no picture").unwrap();

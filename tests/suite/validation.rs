@@ -450,6 +450,17 @@ fn cli_compare_diagnose_add_fit_compare_and_the_error_falls() {
     let (fitted, worse) = (&ledger["entries"][1], &ledger["entries"][2]);
     assert!(worse["heldout_error"].as_f64() > fitted["heldout_error"].as_f64());
     assert_ne!(worse["parent"], fitted["model_hash"]);
+    // Of commands that run at the same time none loses another's line.
+    let versions = ["a.toml", "b.toml", "c.toml"];
+    for (i, name) in versions.iter().enumerate() {
+        std::fs::write(at.join(name), format!("base = \"rigid\"\n[parameters]\nrestitution = 0.{i}5\nfriction = 0.1\n")).unwrap();
+    }
+    std::thread::scope(|scope| {
+        let compared = versions.map(|name| scope.spawn(|| command("compare", name, &["--out", "together"])));
+        assert!(compared.into_iter().all(|c| c.join().unwrap().0 == 0));
+    });
+    let ledger = std::fs::read_to_string(at.join("together/model-ledger.json")).unwrap();
+    assert!(versions.iter().chain(&["model.toml", "model-3.toml"]).all(|name| ledger.contains(&format!("\"{name}\""))), "{ledger}");
     // Among many open reports the tab tells its own, wherever the command was run.
     let report = std::fs::read_to_string(at.join("report.html")).unwrap();
     let title = format!("<title>model-3.toml against {}/impacts.csv – sweetspot compare</title>", at.file_name().unwrap().to_string_lossy());

@@ -406,12 +406,17 @@ fn find_whole(scene: &RacketScene, image: &GreyView, band: &BandView, (reach_px,
     if contrast >= least_contrast {
         let fit = |start| band::fit(image, band, scene.shape, start, BandPart::Whole, None).filter(|f| f.white - f.black > least_contrast);
         let near = |f: &BandFit| (f.uv - band.centre).norm() < SMALL_SHIFT_PX;
-        let found = fit((t, s));
-        if !weak || (t, s) == (0.0, 0.0) || found.as_ref().is_some_and(near) {
-            return found;
+        let from_peak = fit((t, s));
+        if (t, s) == (0.0, 0.0) || from_peak.as_ref().map_or(!weak, near) {
+            return from_peak;
         }
         // A pixel beside it a small band may have more contrast, and no way down to it; where the tube glitters at its edge the way leads there.
-        return fit((0.0, 0.0)).filter(near).or(found);
+        let from_place = fit((0.0, 0.0));
+        if weak && from_place.as_ref().is_some_and(near) {
+            return from_place;
+        }
+        // What is not the band tells its place less sharply.
+        return [from_peak, from_place].into_iter().flatten().min_by(|a, b| a.covariance.trace().total_cmp(&b.covariance.trace()));
     }
     if !weak {
         return None;
@@ -614,7 +619,7 @@ mod tests {
         let pose = Isometry3::from_parts(Translation3::new(0.0, 1.0, 0.0), UnitQuaternion::from_euler_angles(0.3, 1.3, -0.5));
         let (mut asked, mut right) = (0, 0);
         for (marker, edge, peak) in (0..3).flat_map(|m| [-1.0, 1.0].into_iter().flat_map(move |e| [120.0, 180.0, 230.0].map(|p| (m, e, p)))) {
-            let band = BandView::at(&view, &figure, &pose, CameraId::Right, marker).unwrap();
+            let band = BandView::at(&view, &figure, &pose, CameraId::Right, marker).expect("seen");
             let image = glittering(&band, scene.shape, edge, peak);
             for off in [[0.0, 0.0], [0.3, 0.2], [-0.3, 0.2], [0.2, -0.4]] {
                 let expected = BandView { centre: band.centre + Vector2::from(off), ..band };

@@ -72,7 +72,7 @@ pub fn track_shot(source: &impl FrameSource, setup: &ShotSetup, cancel: &AtomicB
     let mut broken = shot.broken.into_inner().unwrap_or_default();
     broken.append(&mut watched.broken.into_inner().unwrap_or_default());
     let unreadable = broken.into_values().collect();
-    Ok(ShotTracks { figure, tracks, racket, ball, points, contact_frame, notes, unreadable, still, blur_px: shot.blur_px })
+    Ok(ShotTracks { figure, tracks, racket, ball, points, contact_frame, notes, unreadable, still, blur_px: shot.blur_px, clear_racket: start.clear })
 }
 
 /// Targets that no picture shows.

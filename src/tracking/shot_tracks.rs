@@ -20,6 +20,10 @@ pub enum TrackingError {
     )]
     NoRacket { searched: usize, left: usize, right: usize },
     #[error(
+        "no racket found: what looks most like it is another thing ({found}); check that five white bands between black ones are on the frame and well lit, that racket.toml matches and that the calibration belongs to this recording"
+    )]
+    NotARacket { found: String },
+    #[error(
         "frame {frame} of the {} camera: the picture is {width}x{height} px, the calibration is for {calibrated_width}x{calibrated_height} px; calibrate with pictures of the same size",
         .camera.name()
     )]
@@ -62,6 +66,8 @@ pub struct ShotTracks {
     pub(super) still: [Option<GreyImage>; 2],
     /// Blur of either camera's pictures as the tape shows it, px.
     pub(super) blur_px: [f64; 2],
+    /// Whether the racket was told clearly from everything else where it was found first.
+    pub(super) clear_racket: bool,
 }
 
 /// What a shot is tracked with.

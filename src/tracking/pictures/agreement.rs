@@ -83,6 +83,11 @@ impl Agreement {
         self.alone > CONTRADICTED || self.doubtful() && self.both < FEWEST_CONFIRMED
     }
 
+    /// Whether a racket that was not told clearly from everything else is none.
+    pub fn speaks_against_the_racket(&self) -> bool {
+        self.contradicts() || self.doubtful() && !self.tape_alone()
+    }
+
     /// Whether the two cameras confirm each other without any doubt.
     pub fn confirms(&self) -> bool {
         !self.doubtful() && self.both >= FEWEST_CONFIRMED

@@ -121,6 +121,9 @@ pub fn track_in_step(clip: &Clip, setup: &ShotSetup, mode: SyncMode, cancel: &At
         }
     }
     let first = first?;
+    if !first.tracked.clear_racket && first.agreement.speaks_against_the_racket() {
+        return Err(TrackingError::NotARacket { found: first.agreement.words() });
+    }
     if first.agreement.contradicts() {
         return Err(TrackingError::Contradiction { found: first.agreement.words() });
     }

@@ -114,7 +114,7 @@ impl<S: FrameSource> Shot<'_, S> {
         let forth = self.source.number(index) as f64 > lost.last_seen.0;
         let next: Vec<usize> =
             (1..=GOES_ON).map_while(|k| if forth { Some(index + k).filter(|i| *i < self.source.len()) } else { index.checked_sub(k) }).collect();
-        let start = RacketStart { index, frame, least_contrast: *least_contrast };
+        let start = RacketStart { index, frame, least_contrast: *least_contrast, clear: false };
         let seen = self.follow_racket_through(&start, None, next.iter().copied(), false)?.0.len();
         Ok((seen + 1 >= next.len()).then_some(start.frame))
     }

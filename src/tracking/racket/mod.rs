@@ -1,5 +1,6 @@
 //! The racket: the markers' rigid figure, its pose from the bands of both pictures, and how it is found, followed, lost and found again.
 
+pub(in crate::tracking) mod band_near;
 pub(in crate::tracking) mod face;
 pub(in crate::tracking) mod foretold_pose;
 pub(in crate::tracking) mod lost_racket;

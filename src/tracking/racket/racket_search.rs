@@ -38,6 +38,10 @@ const FOLLOWED: [usize; 2] = [12, 12];
 /// Among so many of the likeliest hypotheses they are chosen: one racket makes some tens of them.
 const ORDERED: usize = 1000;
 
+/// Triples of markers that may be on what looks like tape. Where there are more, chance makes them, and only figures of all five markers count: of
+/// a picture without the racket half a million were followed up, for a second.
+const MOST_TRIPLES: usize = 50_000;
+
 /// Candidates per picture, strongest first, that are tried before all of them: on a decent recording the tape is among
 /// them, and chance triples grow with the sixth power of their number.
 const STRONGEST: usize = 24;
@@ -105,7 +109,7 @@ impl Reach {
 
 /// The racket's poses within reach that explain about as much tape as the likeliest does, likeliest first. One, where four markers decide it; of
 /// three the figure may hold another triangle that differs by millimetres only, which the bands themselves tell from it. Candidates come strongest
-/// first, those along lines last.
+/// first, those along lines last where they crowd.
 pub fn search(view: &View, figure: &RacketFigure, candidates: &[Vec<BandCandidate>; 2], reach: Option<&Reach>) -> Vec<RacketPose> {
     let strongest = candidates.each_ref().map(|c| c.iter().take(STRONGEST).copied().collect::<Vec<_>>());
     let clear = |found: &Followed| found.seen >= CLEAR_POINTS;
@@ -140,7 +144,11 @@ fn search_among(view: &View, figure: &RacketFigure, candidates: &[Vec<BandCandid
     let points = SpacePoints::of(figure, places, reach);
     let seen = Seen { patches: VisiblePatches::of(view, figure), near: CameraId::BOTH.map(|c| Neighbours::of(view.rig.image_size, &candidates[c.index()])) };
     // Markers 2-3 or 1-4, ... : each pair of markers may be the one that is seen well.
-    let mut hypotheses: Vec<Hypothesis> = PAIRS.into_par_iter().flat_map_iter(|pair| hypotheses(figure, &points, &seen, reach, pair)).collect();
+    let pairs = PAIRS.into_par_iter();
+    let whole = pairs.clone().map(|pair| points.triples(pair).take(MOST_TRIPLES + 1).count()).sum::<usize>() > MOST_TRIPLES;
+    let possible = |pair| points.triples(pair).filter(|triple| !whole || points.hold_the_others(triple));
+    let mut hypotheses: Vec<Hypothesis> =
+        pairs.flat_map_iter(|pair| possible(pair).filter_map(|triple| hypothesis(figure, &points, &seen, reach, &triple))).collect();
     let mut tried: Vec<Isometry3<f64>> = Vec::new();
     let mut take = |most: usize, likelier: &dyn Fn(&Hypothesis, &Hypothesis) -> Ordering| {
         // Of a hundred thousand only the likeliest are put in order.
@@ -175,34 +183,22 @@ struct Hypothesis {
     contrast: f64,
 }
 
-/// The poses that put three markers, two of them given, on space points.
-fn hypotheses(figure: &RacketFigure, points: &SpacePoints, seen: &Seen, reach: Option<&Reach>, (i, j): (usize, usize)) -> Vec<Hypothesis> {
-    let mut out = Vec::new();
-    for k in j + 1..5 {
-        let Some(local) = Triangle::of([i, j, k].map(|m| &figure.points[m])) else { continue };
-        for a in bits(points.of_marker(i).iter().copied()) {
-            let third = points.apart(a, i, k);
-            for b in bits(points.apart(a, i, j).iter().zip(points.of_marker(j)).map(|(b, may)| b & may)) {
-                let both = third.iter().zip(points.apart(b, j, k)).zip(points.of_marker(k)).map(|((c, d), may)| c & d & may);
-                for c in bits(both) {
-                    let Some(global) = Triangle::of([a, b, c].map(|p| &points.places[p])) else { continue };
-                    let pose = local.onto(&global);
-                    if reach.is_some_and(|r| !r.turns_to(&pose.rotation)) {
-                        continue;
-                    }
-                    let (mut agree, mut miss, mut contrast) = (0, 0.0, 0.0);
-                    for (_, _, miss_px, band) in seen.around(&pose, GATE_PX) {
-                        (agree, miss, contrast) = (agree + 1, miss + miss_px, contrast + band.contrast);
-                    }
-                    if agree >= LEAST_POINTS {
-                        out.push(Hypothesis { pose, seen: agree, miss_px: miss / agree as f64, contrast });
-                    }
-                }
-            }
-        }
+/// The pose that puts three markers on space points.
+fn hypothesis(figure: &RacketFigure, points: &SpacePoints, seen: &Seen, reach: Option<&Reach>, triple: &[Placed; 3]) -> Option<Hypothesis> {
+    let local = Triangle::of(triple.map(|(marker, _)| &figure.points[marker]))?;
+    let pose = local.onto(&Triangle::of(triple.map(|(_, point)| &points.places[point]))?);
+    if reach.is_some_and(|r| !r.turns_to(&pose.rotation)) {
+        return None;
     }
-    out
+    let (mut agree, mut miss, mut contrast) = (0, 0.0, 0.0);
+    for (_, _, miss_px, band) in seen.around(&pose, GATE_PX) {
+        (agree, miss, contrast) = (agree + 1, miss + miss_px, contrast + band.contrast);
+    }
+    (agree >= LEAST_POINTS).then(|| Hypothesis { pose, seen: agree, miss_px: miss / agree as f64, contrast })
 }
+
+/// A marker on a space point, by their numbers.
+type Placed = (usize, usize);
 
 /// Space points, and which of them are as far apart as two markers are.
 struct SpacePoints {
@@ -247,10 +243,35 @@ impl SpacePoints {
         &self.may_be[marker * self.words..][..self.words]
     }
 
-    /// The points as far from this one as marker `j` is from marker `i`, which comes before it.
+    /// The points as far from this one as marker `j` is from marker `i`.
     fn apart(&self, point: usize, i: usize, j: usize) -> &[u64] {
+        let (i, j) = (i.min(j), i.max(j));
         let pair = i * (7 - i) / 2 + j - 1;
         &self.apart[(point * PAIRS.len() + pair) * self.words..][..self.words]
+    }
+
+    /// Two markers and each of those after them on points as far apart as they are.
+    fn triples(&self, (i, j): (usize, usize)) -> impl Iterator<Item = [Placed; 3]> {
+        let of_third = move |k: usize| {
+            let with_first = move |a: usize| {
+                let with_second = move |b: usize| {
+                    let both = self.apart(a, i, k).iter().zip(self.apart(b, j, k)).zip(self.of_marker(k));
+                    bits(both.map(|((c, d), may)| c & d & may)).map(move |c| [(i, a), (j, b), (k, c)])
+                };
+                bits(self.apart(a, i, j).iter().zip(self.of_marker(j)).map(|(b, may)| b & may)).flat_map(with_second)
+            };
+            bits(self.of_marker(i).iter().copied()).flat_map(with_first)
+        };
+        (j + 1..5).flat_map(of_third)
+    }
+
+    /// Whether each of the other two markers may be on some point as far from these three as it is.
+    fn hold_the_others(&self, triple: &[Placed; 3]) -> bool {
+        let mut others = (0..5).filter(|marker| triple.iter().all(|(other, _)| other != marker));
+        others.all(|marker| {
+            let [a, b, c] = triple.map(|(other, point)| self.apart(point, other, marker));
+            a.iter().zip(b).zip(c).zip(self.of_marker(marker)).any(|(((a, b), c), may)| a & b & c & may != 0)
+        })
     }
 }
 
@@ -381,6 +402,7 @@ mod tests {
     use crate::tracking::racket::racket_figure::tests::figure;
     use crate::tracking::racket::racket_pose::tests::rig;
     use nalgebra::{Translation3, Unit};
+    use rand::{Rng, SeedableRng};
 
     /// Bands of a racket in both pictures.
     fn bands(view: &View, figure: &RacketFigure, pose: &Isometry3<f64>, contrast: f64) -> [Vec<BandCandidate>; 2] {
@@ -434,5 +456,27 @@ mod tests {
                 assert!(found.contains(&(5 * group + j)) && found.iter().all(|k| k / 5 == group), "{i} {j}: {found:?}");
             }
         }
+    }
+
+    /// So many places around a racket that chance puts three of its markers on them a hundred thousand times.
+    #[test]
+    fn truth_a_racket_among_more_figures_than_are_followed_up_is_found_by_all_its_markers() {
+        let (rig, figure) = (rig(), figure());
+        let view = View::new(&rig);
+        let pose = Isometry3::from_parts(Translation3::new(0.0, 0.9, -0.1), UnitQuaternion::from_euler_angles(0.3, 0.4, -0.5));
+        let mut seen = bands(&view, &figure, &pose, 60.0);
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(5);
+        // In a ball around it, so that both pictures show them.
+        for _ in 0..65 {
+            let place = pose * (Point3::from(figure.points[0]) + Vector3::from_fn(|_, _| rng.random_range(-0.2..0.2)));
+            for (seen, camera) in seen.iter_mut().zip(CameraId::BOTH) {
+                seen.push(BandCandidate { uv: view.project(camera, &place).expect("seen"), contrast: 50.0 });
+            }
+        }
+        let points = SpacePoints::of(&figure, space_candidates(&view, &seen), None);
+        let triples: usize = PAIRS.iter().map(|pair| points.triples(*pair).count()).sum();
+        assert!(triples > 2 * MOST_TRIPLES, "{triples}");
+        let found = search(&view, &figure, &seen, None)[0].global_from_racket;
+        assert!((found.translation.vector - pose.translation.vector).norm() < 0.01, "{found} {pose}");
     }
 }

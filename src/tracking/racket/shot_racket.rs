@@ -4,12 +4,13 @@ use crate::calibration::CameraId;
 use crate::footage::{FrameBuffer, FrameSource, GreyView, Rows};
 use crate::tracking::pictures::recording::{Fingerprint, Fingerprints};
 use crate::tracking::pictures::shot_frames::{PATIENCE, Shot, spread};
+use crate::tracking::racket::band_near::LEAST_CONTRAST;
 use crate::tracking::racket::lost_racket::LostRacket;
 use crate::tracking::racket::racket_figure::RacketFigure;
 use crate::tracking::racket::racket_foretold::Expected;
 use crate::tracking::racket::racket_motion::RacketMotion;
 use crate::tracking::racket::racket_search;
-use crate::tracking::racket::racket_track::{self, KnownBands, LEAST_CONTRAST, RacketFrame};
+use crate::tracking::racket::racket_track::{self, KnownBands, RacketFrame};
 use crate::tracking::shot_tracks::TrackingError;
 use crate::tracking::tape::band::{BandView, USUAL_BLUR_PX};
 use crate::tracking::tape::band_search::{self, BandCandidate, MOST};
@@ -32,7 +33,7 @@ const LIGHT_ROUNDS: usize = 2;
 pub(in crate::tracking) const START_REACH_PX: i32 = 2;
 /// The same of one measured before.
 const MEASURED_REACH_PX: i32 = 1;
-/// The candidate to which the bands of a racket just found are compared, strongest first and without those along lines.
+/// The candidate to which the bands of a racket just found are compared, strongest first (those along lines after the others where they crowd).
 const STRONG: usize = 9;
 /// A racket is clear when its bands have more than this share of that candidate's contrast: 0.9 to 3.1 on practice and rendered
 /// sessions, figures of noise 0.03 to 0.3.
@@ -74,6 +75,8 @@ pub struct RacketStart {
     pub(in crate::tracking) index: usize,
     pub(in crate::tracking) frame: RacketFrame,
     pub(in crate::tracking) least_contrast: [f64; 2],
+    /// Told from everything else in the pictures; otherwise it is what looked most like a racket.
+    pub(in crate::tracking) clear: bool,
 }
 
 impl RacketStart {
@@ -89,6 +92,10 @@ impl RacketStart {
 
     fn is_clear(&self, strength: f64) -> bool {
         strength > CLEAR_STRENGTH && self.frame.count() >= CLEAR_BANDS
+    }
+
+    fn told_clearly(self) -> Self {
+        RacketStart { clear: true, ..self }
     }
 }
 
@@ -107,6 +114,7 @@ impl<S: FrameSource> Shot<'_, S> {
     /// The racket in some frame, with its light and figure.
     pub(in crate::tracking) fn start(&mut self, first: Option<[Vec<BandCandidate>; 2]>) -> Result<RacketStart, TrackingError> {
         let start = self.acquire_racket(first)?;
+        let clear = start.clear;
         let start = self.light_tape(start)?;
         let start = self.focus_tape(start)?;
         let start = self.measure_tape(start)?;
@@ -114,7 +122,7 @@ impl<S: FrameSource> Shot<'_, S> {
         let start = self.turn_throat(start)?;
         let start = self.shape_throat(start)?;
         // Bands thought too wide show another light.
-        self.light_tape(start)
+        Ok(RacketStart { clear, ..self.light_tape(start)? })
     }
 
     /// Finds the racket in some frame: the middle first (of which candidates may be known), then halves, quarters, ... until one is clear;
@@ -139,7 +147,7 @@ impl<S: FrameSource> Shot<'_, S> {
             let Some(start) = starts?.into_iter().flatten().min_by(|a, b| a.frame.miss_px().total_cmp(&b.frame.miss_px())) else { continue };
             let strength = start.strength(&candidates);
             if start.is_clear(strength) {
-                return Ok(start);
+                return Ok(start.told_clearly());
             }
             found.push((strength, start));
             if found.len() == DOUBTFUL_STARTS {
@@ -174,8 +182,8 @@ impl<S: FrameSource> Shot<'_, S> {
             });
             for pose in racket_search::search_all(self.view, &self.figure, &moving) {
                 let start = self.confirm(*index, &pose.global_from_racket)?.filter(|s| s.is_clear(s.strength(&moving)));
-                if start.is_some() {
-                    return Ok(start);
+                if let Some(start) = start {
+                    return Ok(Some(start.told_clearly()));
                 }
             }
         }
@@ -224,7 +232,7 @@ impl<S: FrameSource> Shot<'_, S> {
             contrasts.sort_by(f64::total_cmp);
             least_contrast[camera.index()] = LEAST_CONTRAST * contrasts.get(contrasts.len() / 2)?;
         }
-        Some(RacketStart { index, frame, least_contrast })
+        Some(RacketStart { index, frame, least_contrast, clear: false })
     }
 
     /// The start with the light as its bands show it: the first time every band tells its own brightness, then what the light leaves over.
@@ -488,7 +496,7 @@ impl<S: FrameSource> Shot<'_, S> {
                         motion = found_at(index, &frame);
                     }
                     if look_for && !between.is_empty() && (afresh || !frame.foretold) {
-                        let found = RacketStart { index, frame: frame.clone(), least_contrast: start.least_contrast };
+                        let found = RacketStart { index, frame: frame.clone(), ..*start };
                         let back = goes_on.then(|| motion.turned_back());
                         for (index, frame) in self.follow_racket_through(&found, back, between.iter().rev().copied(), false)?.0 {
                             match out.iter_mut().rev().find(|(there, _)| *there == index) {

@@ -73,7 +73,11 @@ pub fn global_axes(rig: &StereoRig, left: &GreyImage, right: &GreyImage, frame: 
     let fit = |sphere: usize, camera: usize, shape: Option<&SphereShape>| {
         let spot = &spots[camera][triple[sphere][camera]];
         fit_sphere(images[camera], spot, shape).ok_or_else(|| {
-            axes_error(format!("the sphere at ({:.0}, {:.0}) of the {} picture cannot be fitted", spot.centre.x, spot.centre.y, CameraId::BOTH[camera].name()))
+            let (at, name) = (&spot.centre, CameraId::BOTH[camera].name());
+            axes_error(format!(
+                "the sphere at ({:.0}, {:.0}) of the {name} picture cannot be fitted: its outline is not told from what is behind it; take the frame's pictures again with light from the cameras' side or before a ground of another grey",
+                at.x, at.y
+            ))
         })
     };
     let both = |sphere: usize| {

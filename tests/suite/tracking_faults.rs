@@ -151,7 +151,8 @@ fn real_pictures_out_of_focus_tell_their_blur_and_ball_and_spin_stay_right() {
 
 /// Takes the tape of these markers off.
 fn paint_out(r: &Recording, markers: &[Target]) {
-    for (camera, frame) in CameraId::BOTH.into_iter().flat_map(|c| r.frames().into_iter().map(move |f| (c, f))) {
+    let pictures = CameraId::BOTH.into_iter().flat_map(|c| r.frames().into_iter().map(move |f| (c, f)));
+    for (camera, frame) in pictures.filter(|(c, f)| r.file(*c, *f).exists()) {
         r.paint(camera, frame, |p| {
             for (u, v) in markers.iter().map(|m| r.place(camera, frame, *m)) {
                 let behind = p.get_pixel(((u + 14.0) as u32).min(p.width() - 1), v as u32).to_owned();

@@ -83,9 +83,9 @@ impl Agreement {
         self.alone > CONTRADICTED || self.doubtful() && self.both < FEWEST_CONFIRMED
     }
 
-    /// Whether a racket that was not told clearly from everything else is none.
+    /// Whether a racket that was not told clearly from everything else is none. Tape that one camera alone sees where the figure says is tape.
     pub fn speaks_against_the_racket(&self) -> bool {
-        self.contradicts() || self.doubtful() && !self.tape_alone()
+        self.tape_px.is_some_and(|px| px > DOUBTFUL_TAPE_PX) && (self.contradicts() || !self.tape_alone())
     }
 
     /// Whether the two cameras confirm each other without any doubt.
@@ -117,7 +117,10 @@ mod tests {
         assert!(Agreement { tape_px: Some(0.4), ..good }.tape_alone() && !Agreement { tape_px: Some(0.4), ball_px: Some(0.5), ..good }.tape_alone());
         assert!(Agreement { both: 9, tape_px: Some(0.5), ..good }.contradicts() && !Agreement { both: 9, ..good }.contradicts());
         let one_sided = Agreement { both: 3, alone: 0.97, ..good };
-        assert!(one_sided.contradicts());
+        assert!(one_sided.contradicts() && !one_sided.speaks_against_the_racket());
+        let letters = Agreement { tape_px: Some(0.9), alone: 0.6, ..good };
+        assert!(letters.speaks_against_the_racket() && Agreement { both: 9, alone: 0.2, ..letters }.speaks_against_the_racket());
+        assert!(!Agreement { alone: 0.2, ..letters }.speaks_against_the_racket(), "racket.toml may put markers elsewhere");
         assert_eq!(
             one_sided.words(),
             "ball 0.02 px off its place in both views, tape 0.10 px off its place in both views, 97 % of the markers confirmed by one camera only"

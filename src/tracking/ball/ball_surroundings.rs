@@ -32,6 +32,9 @@ const NARROW_BLUR_PX: f64 = 0.8;
 const LEAST_WEIGHT: f32 = 1e-6;
 /// Variance of a median picture's pixel, grey levels squared.
 const MEDIAN_VARIANCE: f32 = 1.0;
+/// What is white nearly to the limit is cut off there: how bright it would be beside the ball, where less of it is seen, nobody knows.
+const NEARLY_WHITE: f32 = 250.0;
+const CUT_OFF_VARIANCE: f32 = 100.0 * 100.0;
 
 impl Surroundings {
     /// `centre` is counted from the window's first pixel.
@@ -84,7 +87,8 @@ impl Surroundings {
             let (off, off_spread) = moments(off, off_square);
             (m[pixel] + off, off_spread + MEDIAN_VARIANCE)
         });
-        Some(known.filter(|k| k.1 < spread).unwrap_or((mean + self.level, spread)))
+        let (behind, variance) = known.filter(|k| k.1 < spread).unwrap_or((mean + self.level, spread));
+        Some((behind, if behind > NEARLY_WHITE { variance + CUT_OFF_VARIANCE } else { variance }))
     }
 }
 

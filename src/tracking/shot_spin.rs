@@ -7,7 +7,7 @@ use crate::tracking::ball::flight_sample::FlightSample;
 use crate::tracking::shot_tracks::{ShotSetup, ShotTracks, TrackingError};
 use crate::tracking::spin::{BLUR_PX, BallSpin, BallView, FoundSpin, GreyPatch, SpinEstimate, SpinRefusal, SpinSettings};
 use crate::tracking::tape::tape_blur::out_of_focus;
-use crate::tracking::track_file::{SpacePoint, Target, Tracks};
+use crate::tracking::track_file::{SpacePoint, Target};
 use nalgebra::{Point3, Vector2};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -62,42 +62,46 @@ struct FoundSpins {
 impl FoundSpins {
     /// Looks for the spins; for slow ones in pictures of a longer time as well, as long as the flight was seen.
     fn find(source: &impl FrameSource, setup: &ShotSetup, shot: &ShotTracks) -> Result<Self, TrackingError> {
-        let balls = || shot.points.iter().filter(|p| p.target == Target::Ball).map(|p| (p.frame, p.t));
+        let sample_of = |fastest: [Option<f64>; 2]| {
+            let balls = shot.points.iter().filter(|p| p.target == Target::Ball).map(|p| (p.frame, p.t));
+            FlightSample::of(balls, setup.frame_rate_hz, fastest)
+        };
         let radius_m = setup.ball.radius_m();
-        let mut sample = FlightSample::of(balls(), setup.frame_rate_hz, [None; 2]);
         let blur_px = shot.blur_px.map(|tape| out_of_focus(BLUR_PX, tape));
-        let settings_of = |sample: &FlightSample| sample.rates_hz().map(|rate| SpinSettings { blur_px, ..SpinSettings::new(rate) });
-        let mut settings = settings_of(&sample);
-        let first = crops(source, setup, &shot.tracks, &shot.points, &sample)?;
-        let find = |side: usize| FoundSpin::find(&views(&first[side]), setup.rig, radius_m, &settings[side]);
-        let (before, after) = rayon::join(|| find(0), || find(1));
-        let mut found = [before, after];
-        let longer = FlightSample::of(balls(), setup.frame_rate_hz, found.each_ref().map(FoundSpin::fastest));
-        let is_longer = [0, 1].map(|side| longer.rates_hz()[side] < sample.rates_hz()[side]);
-        if is_longer.contains(&true) {
-            let (crops, settings_there) = (crops(source, setup, &shot.tracks, &shot.points, &longer)?, settings_of(&longer));
-            let look = |side: usize| is_longer[side].then(|| found[side].look_longer(&views(&crops[side]), setup.rig, radius_m, &settings_there[side]));
-            let (before, after) = rayon::join(|| look(0), || look(1));
-            for (side, again) in [before, after].into_iter().enumerate() {
-                if let Some(again) = again.filter(|again| matches!(again.rough, SpinEstimate::Vector { .. })) {
-                    (found[side], settings[side]) = (again, settings_there[side]);
-                    sample.take_side(side, &longer);
+        let usual = sample_of([None; 2]);
+        let look = |side: usize| -> Result<(FlightSample, SpinSettings, FoundSpin), TrackingError> {
+            let settings_of = |sample: &FlightSample| SpinSettings { blur_px, ..SpinSettings::new(sample.rates_hz()[side]) };
+            let settings = settings_of(&usual);
+            let found = FoundSpin::find(&views(&crops(source, setup, shot, &usual, side)?), setup.rig, radius_m, &settings);
+            let mut fastest = [None; 2];
+            fastest[side] = found.fastest();
+            let longer = sample_of(fastest);
+            if longer.rates_hz()[side] < usual.rates_hz()[side] {
+                let settings = settings_of(&longer);
+                let again = found.look_longer(&views(&crops(source, setup, shot, &longer, side)?), setup.rig, radius_m, &settings);
+                if matches!(again.rough, SpinEstimate::Vector { .. }) {
+                    return Ok((longer, settings, again));
                 }
             }
-        }
-        Ok(FoundSpins { sample, settings, found })
+            Ok((usual, settings, found))
+        };
+        let (before, after) = rayon::join(|| look(0), || look(1));
+        let (mut sample, settings_before, before) = before?;
+        let (sample_after, settings_after, after) = after?;
+        sample.take_side(1, &sample_after);
+        Ok(FoundSpins { sample, settings: [settings_before, settings_after], found: [before, after] })
     }
 
     /// Looks again where nothing was found, with the centres as they are now.
     fn find_again(&mut self, source: &impl FrameSource, setup: &ShotSetup, shot: &ShotTracks) -> Result<(), TrackingError> {
-        let crops = crops(source, setup, &shot.tracks, &shot.points, &self.sample)?;
-        let again = |((found, crops), settings): ((&mut FoundSpin, &Vec<Crop>), &SpinSettings)| {
+        let FoundSpins { sample, settings, found } = self;
+        let again = |(side, found): (usize, &mut FoundSpin)| -> Result<(), TrackingError> {
             if !matches!(found.rough, SpinEstimate::Vector { .. }) {
-                *found = FoundSpin::find(&views(crops), setup.rig, setup.ball.radius_m(), settings);
+                *found = FoundSpin::find(&views(&crops(source, setup, shot, sample, side)?), setup.rig, setup.ball.radius_m(), &settings[side]);
             }
+            Ok(())
         };
-        self.found.par_iter_mut().zip(&crops).zip(&self.settings).for_each(again);
-        Ok(())
+        found.par_iter_mut().enumerate().try_for_each(again)
     }
 
     /// Whether both spins are known.
@@ -113,10 +117,12 @@ impl FoundSpins {
 
     /// Measures the spins, with the centres as they are now.
     fn measure(&self, source: &impl FrameSource, setup: &ShotSetup, shot: &ShotTracks) -> Result<BallSpin, TrackingError> {
-        let crops = crops(source, setup, &shot.tracks, &shot.points, &self.sample)?;
-        let measure = |side: usize| self.found[side].measure(&views(&crops[side]), setup.rig, setup.ball.radius_m(), &self.settings[side]);
+        let measure = |side: usize| -> Result<SpinEstimate, TrackingError> {
+            let crops = crops(source, setup, shot, &self.sample, side)?;
+            Ok(self.found[side].measure(&views(&crops), setup.rig, setup.ball.radius_m(), &self.settings[side]))
+        };
         let (before, after) = rayon::join(|| measure(0), || measure(1));
-        Ok(BallSpin { before, after })
+        Ok(BallSpin { before: before?, after: after? })
     }
 }
 
@@ -124,18 +130,17 @@ fn views(crops: &[Crop]) -> Vec<BallView<'_>> {
     crops.iter().map(Crop::view).collect()
 }
 
-/// The ball in free flight before and after the contact.
-fn crops(source: &impl FrameSource, setup: &ShotSetup, tracks: &Tracks, points: &[SpacePoint], sample: &FlightSample) -> Result<[Vec<Crop>; 2], TrackingError> {
+/// The ball in free flight before (0) or after (1) the contact.
+fn crops(source: &impl FrameSource, setup: &ShotSetup, shot: &ShotTracks, sample: &FlightSample, side: usize) -> Result<Vec<Crop>, TrackingError> {
     let radius = setup.ball.radius_m();
-    let mut sides: [Vec<Crop>; 2] = [Vec::new(), Vec::new()];
+    let mut crops: Vec<Crop> = Vec::new();
     let mut buffer = FrameBuffer::default();
-    let balls: BTreeMap<u64, &SpacePoint> = points.iter().filter(|p| p.target == Target::Ball).map(|p| (p.frame, p)).collect();
+    let balls: BTreeMap<u64, &SpacePoint> = shot.points.iter().filter(|p| p.target == Target::Ball).map(|p| (p.frame, p)).collect();
     for index in 0..source.len() {
         let number = source.number(index);
-        let Some(point) = balls.get(&number) else { continue };
-        let Some(side) = sample.side(number, point.t) else { continue };
+        let Some(point) = balls.get(&number).filter(|point| sample.side(number, point.t) == Some(side)) else { continue };
         for camera in CameraId::BOTH {
-            let Some(seen) = tracks.get(number, camera, Target::Ball) else { continue };
+            let Some(seen) = shot.tracks.get(number, camera, Target::Ball) else { continue };
             let in_camera = setup.rig.camera_from_global(camera) * point.position;
             if in_camera.z <= radius {
                 continue;
@@ -152,7 +157,7 @@ fn crops(source: &impl FrameSource, setup: &ShotSetup, tracks: &Tracks, points: 
             let (left, top, width) = ((seen.uv.x - half).floor() as i64, (seen.uv.y - half).floor() as i64, (2.0 * half).ceil() as usize + 1);
             // Pixels outside the picture count as saturated: the estimator leaves those out.
             let pixels = (0..width * width).map(|i| view.get(left + (i % width) as i64, top + (i / width) as i64).unwrap_or(u8::MAX)).collect();
-            sides[side].push(Crop {
+            crops.push(Crop {
                 camera,
                 time_s: point.t,
                 pixels,
@@ -166,7 +171,7 @@ fn crops(source: &impl FrameSource, setup: &ShotSetup, tracks: &Tracks, points: 
             });
         }
     }
-    Ok(sides)
+    Ok(crops)
 }
 
 impl Crop {

@@ -60,10 +60,12 @@ pub fn track_shot(source: &impl FrameSource, setup: &ShotSetup, cancel: &AtomicB
     stray_ball::drop_strays(source, &mut ball, contact_frame, setup.frame_rate_hz, stray_ball::OUTLINE_PX);
     let contact_frame = space_points::first_contact(source, &racket, &ball, setup.ball.radius_m());
     let tracks = named(source, &racket, &ball);
-    let shake_px = camera_shake(&tracks, &frames_of_contact(contact_frame, setup.frame_rate_hz));
-    let (mut points, told) = rayon::join(
+    let (mut points, (told, shake_px)) = rayon::join(
         || space_points::space_points(source, setup, &view, &figure, &racket, &ball, contact_frame),
-        || shot.saturated_ball(&ball).into_iter().chain(shot.gamma_encoded()).collect::<Vec<_>>(),
+        || {
+            let told: Vec<String> = shot.saturated_ball(&ball).into_iter().chain(shot.gamma_encoded()).collect();
+            (told, camera_shake(&tracks, &frames_of_contact(contact_frame, setup.frame_rate_hz)))
+        },
     );
     space_points::widen_by_shake(&view, &mut points, shake_px);
     notes.extend(unseen(&tracks));

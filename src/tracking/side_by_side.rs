@@ -2,16 +2,18 @@
 //!
 //! Finding the racket and learning its light and figure is the work of one core; meanwhile the other takes the median pictures and looks
 //! for the ball. Then four pieces are left, each of them one way of one of the two; whoever is free takes the next, the racket's first,
-//! because they are the longest. What is found does not depend on who did what.
+//! because they are the longest. Whoever has nothing to do until the racket is followed to its ends goes on with the ball meanwhile. What is
+//! found does not depend on who did what.
 
 use crate::footage::{FrameSource, GreyImage};
-use crate::tracking::ball::ball_follower::BallFollower;
 use crate::tracking::ball::ball_track::BallScene;
-use crate::tracking::ball::shot_ball::FirstLook;
+use crate::tracking::ball::shot_ball::{FirstLook, Tried};
 use crate::tracking::pictures::background::background;
 use crate::tracking::pictures::shot_frames::Shot;
 use crate::tracking::racket::shot_racket::{OneWay, RacketStart};
 use crate::tracking::shot_tracks::TrackingError;
+use std::collections::BTreeSet;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, OnceLock};
 
 /// What the pictures show before any of them is known to be stale.
@@ -25,11 +27,17 @@ pub struct SideBySide<'s> {
 }
 
 /// One way of following one of the two: toward the clip's end or not.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Piece {
     Racket(bool),
+    /// As far as it is tried.
     Ball(bool),
+    /// Farther, while nothing else waits.
+    BallFarther(bool),
 }
+
+/// The ball is followed so many frames before it is asked again whether something waits.
+const FARTHER: usize = 4;
 
 /// A piece's result, once it is there.
 type Slot<T> = Mutex<Option<Result<T, TrackingError>>>;
@@ -49,13 +57,13 @@ fn taken<T>(slots: [Slot<T>; 2]) -> Result<Option<[T; 2]>, TrackingError> {
 /// of the racket.
 pub fn side_by_side<'a, 'c, 's, S: FrameSource>(shot: &'a mut Shot<'c, S>, watched: &Shot<S>, scene: &'s BallScene) -> Result<SideBySide<'s>, TrackingError> {
     let (started, looked) = (OnceLock::<(&'a Shot<'c, S>, RacketStart)>::new(), OnceLock::<FirstLook<'s>>::new());
-    let (rackets, balls): ([Slot<OneWay>; 2], [Slot<BallFollower<'s>>; 2]) = Default::default();
-    let waiting: Mutex<Vec<Piece>> = Mutex::default();
-    let next = || {
-        let mut waiting = waiting.lock().ok()?;
-        let at = waiting.iter().position(|piece| matches!(piece, Piece::Racket(_))).unwrap_or(0);
-        (at < waiting.len()).then(|| waiting.remove(at))
-    };
+    let (rackets, balls): ([Slot<OneWay>; 2], [Slot<Tried<'s>>; 2]) = Default::default();
+    let waiting: Mutex<BTreeSet<Piece>> = Mutex::default();
+    let next = || waiting.lock().ok()?.pop_first();
+    let add = |piece: Piece| waiting.lock().map(|mut waiting| waiting.insert(piece)).unwrap_or_default();
+    let racket_ways_left = AtomicUsize::new(2);
+    let racket_goes_on = || racket_ways_left.load(Ordering::Relaxed) > 0;
+    let else_waits = || waiting.lock().is_ok_and(|waiting| waiting.first().is_some_and(|first| !matches!(first, Piece::BallFarther(_))));
     let work = || {
         while let Some(piece) = next() {
             match piece {
@@ -63,37 +71,54 @@ pub fn side_by_side<'a, 'c, 's, S: FrameSource>(shot: &'a mut Shot<'c, S>, watch
                     if let Some((shot, start)) = started.get() {
                         put(&rackets[usize::from(forth)], shot.follow_racket(start, forth));
                     }
+                    racket_ways_left.fetch_sub(1, Ordering::Relaxed);
                 }
                 Piece::Ball(forth) => {
                     if let Some(look) = looked.get()
                         && let Some(flight) = look.flights.first()
                     {
                         put(&balls[usize::from(forth)], watched.tried_out(scene, look.first, &flight.balls, forth));
+                        add(Piece::BallFarther(forth));
+                    }
+                }
+                Piece::BallFarther(forth) => {
+                    let slot = &balls[usize::from(forth)];
+                    let Some(Ok(mut tried)) = slot.lock().ok().and_then(|mut slot| slot.take_if(|tried| tried.is_ok())) else { continue };
+                    let mut goes_on = Ok(true);
+                    while matches!(goes_on, Ok(true)) && racket_goes_on() && !else_waits() {
+                        goes_on = watched.follow_on(&mut tried.follower, FARTHER);
+                    }
+                    let again = matches!(goes_on, Ok(true)) && racket_goes_on();
+                    put(slot, goes_on.map(|_| tried));
+                    if again {
+                        add(piece);
                     }
                 }
             }
         }
     };
-    let add = |pieces: [Piece; 2]| {
-        if let Ok(mut waiting) = waiting.lock() {
-            waiting.extend(pieces);
+    let share = |pieces: [Piece; 2]| {
+        for piece in pieces {
+            add(piece);
         }
         rayon::join(work, work);
     };
     let racket = || -> Result<(), TrackingError> {
         let learning = shot;
-        let candidates = learning.first_candidates()?;
-        let start = learning.start(candidates)?;
+        let start = learning.first_candidates().and_then(|candidates| learning.start(candidates));
+        if start.is_err() {
+            racket_ways_left.store(0, Ordering::Relaxed);
+        }
         let learnt: &Shot<S> = learning;
-        let _ = started.set((learnt, start));
-        add([Piece::Racket(false), Piece::Racket(true)]);
+        let _ = started.set((learnt, start?));
+        share([Piece::Racket(false), Piece::Racket(true)]);
         Ok(())
     };
     let ball = || -> Result<[Option<GreyImage>; 2], TrackingError> {
         let (left, right) = rayon::join(|| background(watched.source, 0), || background(watched.source, 1));
         let still = [left?, right?];
         let _ = looked.set(watched.first_look(scene, &still)?);
-        add([Piece::Ball(false), Piece::Ball(true)]);
+        share([Piece::Ball(false), Piece::Ball(true)]);
         Ok(still)
     };
     let (racket, still) = rayon::join(racket, ball);

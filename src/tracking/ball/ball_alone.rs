@@ -16,7 +16,7 @@ use crate::tracking::ball::part_of_racket::IN_THE_HEAD_M;
 use crate::tracking::ball::ray_flight::{Origin, RayFlight, RayPoint};
 use crate::tracking::ball::shot_ball::Stage;
 use crate::tracking::pictures::background::background_of;
-use crate::tracking::pictures::shot_frames::Shot;
+use crate::tracking::pictures::shot_frames::{AT_ONCE, Shot};
 use crate::tracking::racket::racket_track::RacketFrame;
 use crate::tracking::shot_tracks::TrackingError;
 use nalgebra::Point3;
@@ -283,7 +283,7 @@ impl<S: FrameSource> Shot<'_, S> {
                     .collect()
             }))
         };
-        let all: Result<Vec<[Vec<RayPoint>; 2]>, TrackingError> = indices.par_iter().map_init(Default::default, of_frame).collect();
+        let all: Result<Vec<[Vec<RayPoint>; 2]>, TrackingError> = indices.par_iter().with_max_len(1).map_init(Default::default, of_frame).collect();
         let mut out = [Vec::new(), Vec::new()];
         for frame in all? {
             out.iter_mut().zip(frame).for_each(|(out, points)| out.extend(points));
@@ -315,7 +315,7 @@ impl<S: FrameSource> Shot<'_, S> {
             let long = members.len() >= FEWEST && members.len() as f64 >= LEAST_SHARE * frames as f64;
             (long && !self.keeps_its_place(&members, racket)).then_some(members)
         };
-        let mut all: Vec<Vec<RayPoint>> = pairs.par_iter().filter_map(grown).collect();
+        let mut all: Vec<Vec<RayPoint>> = pairs.par_iter().with_max_len(AT_ONCE).filter_map(grown).collect();
         let mut out: Vec<Vec<RayPoint>> = Vec::new();
         all.sort_by_key(|members| std::cmp::Reverse(members.len()));
         for members in all {
@@ -388,7 +388,7 @@ impl<S: FrameSource> Shot<'_, S> {
                 Ok(out)
             })
         };
-        let meant: Result<Vec<Vec<Meant>>, TrackingError> = clear.par_iter().map(on_ray).collect();
+        let meant: Result<Vec<Vec<Meant>>, TrackingError> = clear.par_iter().with_max_len(1).map(on_ray).collect();
         let Some(radius_px) = faint.radius_px(other, &origin.place) else { return Ok(None) };
         let px_per_m = radius_px / faint.radius_m * self.parallax(&origin.place);
         if !(px_per_m > 0.0) {

@@ -37,6 +37,13 @@ pub struct HalfFlight {
     means: [MeanDisc; 2],
 }
 
+impl HalfFlight {
+    /// In which frames the ball was seen, and where.
+    fn seen(&self) -> impl Iterator<Item = (usize, BallFrame)> {
+        self.frames.iter().map(|(index, ball, _)| (*index, *ball))
+    }
+}
+
 /// Who follows a ball one way, and how far it is.
 pub struct BallFollower<'s> {
     scene: &'s BallScene<'s>,
@@ -46,7 +53,7 @@ pub struct BallFollower<'s> {
     /// One of so many frames is looked at; times are counted in looks.
     every: usize,
     way: BallWay,
-    pub(in crate::tracking) half: HalfFlight,
+    half: HalfFlight,
     buffers: [FrameBuffer; 2],
     looked_at: usize,
     /// Looks since it was last seen.
@@ -54,6 +61,13 @@ pub struct BallFollower<'s> {
     /// When both cameras and either one saw it last.
     seen_by_both: f64,
     seen_by: [f64; 2],
+}
+
+impl BallFollower<'_> {
+    /// In which frames it has seen the ball so far, and where.
+    pub fn seen(&self) -> impl Iterator<Item = (usize, BallFrame)> {
+        self.half.seen()
+    }
 }
 
 /// Takes the nearest of the frames ahead: the first (`forth`) or the last.
@@ -64,13 +78,6 @@ pub fn nearest(ahead: &mut Range<usize>, forth: bool) -> Option<usize> {
 /// Takes so many of the frames ahead, the last of them being the one asked for.
 fn nth_nearest(ahead: &mut Range<usize>, forth: bool, n: usize) -> Option<usize> {
     if forth { ahead.nth(n - 1) } else { ahead.nth_back(n - 1) }
-}
-
-/// Both ways of a flight beside each other.
-pub fn both(ways: &mut [BallFollower; 2], follow: impl Fn(&mut BallFollower) -> Result<(), TrackingError> + Sync) -> Result<(), TrackingError> {
-    let [back, forth] = ways;
-    let (back, forth) = rayon::join(|| follow(back), || follow(forth));
-    back.and(forth)
 }
 
 impl<S: FrameSource> Shot<'_, S> {
@@ -108,20 +115,26 @@ impl<S: FrameSource> Shot<'_, S> {
         }
     }
 
+    /// Both ways of a flight beside each other, to their ends.
+    pub(in crate::tracking) fn both_to_the_end(&self, [back, forth]: [BallFollower; 2]) -> Result<[HalfFlight; 2], TrackingError> {
+        let (back, forth) = rayon::join(|| self.follow_to_the_end(back), || self.follow_to_the_end(forth));
+        Ok([back?, forth?])
+    }
+
     /// The ball through all frames ahead, until it is lost.
     pub(in crate::tracking) fn follow_to_the_end(&self, mut follower: BallFollower) -> Result<HalfFlight, TrackingError> {
         self.follow_on(&mut follower, usize::MAX)?;
         Ok(follower.half)
     }
 
-    /// The ball so many looks farther, or until it is lost.
-    pub(in crate::tracking) fn follow_on(&self, follower: &mut BallFollower, looks: usize) -> Result<(), TrackingError> {
+    /// The ball so many looks farther, or until it is lost; then `false`.
+    pub(in crate::tracking) fn follow_on(&self, follower: &mut BallFollower, looks: usize) -> Result<bool, TrackingError> {
         for _ in 0..looks {
             if !self.look_ahead(follower)? {
-                break;
+                return Ok(false);
             }
         }
-        Ok(())
+        Ok(true)
     }
 
     /// Looks for the ball in the next frame; `false` when it is followed no farther.
@@ -179,25 +192,25 @@ impl<S: FrameSource> Shot<'_, S> {
 
     /// By frame, what was seen of a flight in the frames it was found in, `first` and those [`Self::apart`] after it, and along the ways it was followed
     /// from there.
-    pub(in crate::tracking) fn followed<'h>(
+    pub(in crate::tracking) fn followed(
         &self,
         first: usize,
         flight: &[BallFrame],
-        halves: impl IntoIterator<Item = &'h HalfFlight>,
+        seen: impl IntoIterator<Item = (usize, BallFrame)>,
     ) -> Vec<Option<BallFrame>> {
         let mut frames = vec![None; self.source.len()];
         for (k, ball) in flight.iter().enumerate() {
             frames[first + k * self.apart()] = Some(*ball);
         }
-        for (index, ball, _) in halves.into_iter().flat_map(|half| &half.frames) {
-            frames[*index] = Some(*ball);
+        for (index, ball) in seen {
+            frames[index] = Some(ball);
         }
         frames
     }
 
     /// A flight of which the ways it was followed have come to their ends.
     pub(in crate::tracking) fn whole_flight<const WAYS: usize>(&self, first: usize, flight: &[BallFrame], halves: [HalfFlight; WAYS]) -> Flight {
-        let frames = self.followed(first, flight, &halves);
+        let frames = self.followed(first, flight, halves.iter().flat_map(HalfFlight::seen));
         let mut kept = vec![None; frames.len()];
         let mut means: [MeanDisc; 2] = Default::default();
         for half in halves {

@@ -9,6 +9,7 @@ use crate::tracking::ball::ball_light::{BallLight, LightSums, LitPixel};
 use crate::tracking::ball::ball_model::{BallFace, BallModel, BallPicture, CLEAR, Shown};
 use crate::tracking::ball::ball_surroundings::Surroundings;
 use crate::tracking::ball::ball_texture::{BallTexture, TextureSums, cells_of};
+use crate::tracking::pictures::shot_frames::AT_ONCE;
 use nalgebra::{Matrix3, Vector2, Vector3};
 use rayon::prelude::*;
 
@@ -214,7 +215,7 @@ impl Learnt {
     pub fn sharpen(&mut self, lessons: &mut [Lesson]) {
         let now: &Learnt = self;
         let pull = |lesson: &Lesson| lesson.picture.blur_pull(&lesson.face, &now.model(lesson.picture), &lesson.shown);
-        let pulls: Vec<Option<(f64, f64)>> = lessons.par_iter().map(pull).collect();
+        let pulls: Vec<Option<(f64, f64)>> = lessons.par_iter().with_max_len(AT_ONCE).map(pull).collect();
         for camera in CameraId::BOTH {
             let own = lessons.iter().zip(&pulls).filter(|(l, _)| l.picture.camera == camera);
             let (pull, weight) = own.filter_map(|(_, p)| *p).fold((0.0, 0.0), |(a, b), p| (a + p.0, b + p.1));
@@ -224,7 +225,7 @@ impl Learnt {
             }
         }
         let blur_px = self.blur_px;
-        lessons.par_iter_mut().for_each(|lesson| lesson.look_again(blur_px[lesson.picture.camera.index()]));
+        lessons.par_iter_mut().with_max_len(AT_ONCE).for_each(|lesson| lesson.look_again(blur_px[lesson.picture.camera.index()]));
     }
 
     /// Goes round once; `textured` says which stretches have a cover to learn.
@@ -232,6 +233,7 @@ impl Learnt {
         let now: &Learnt = self;
         let seen: Vec<Sums> = lessons
             .par_chunks_mut(BATCH)
+            .with_max_len(1)
             .map(|batch| {
                 let mut sums = Sums::default();
                 batch.iter_mut().for_each(|l| l.look(now, textured[l.picture.stretch.min(1)], &mut sums));

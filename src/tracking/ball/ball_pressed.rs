@@ -13,7 +13,7 @@ use crate::tracking::ball::ball_shading::SECTORS;
 use crate::tracking::ball::ball_through::ThroughContact;
 use crate::tracking::ball::ball_track::{BallFrame, BallScene};
 use crate::tracking::ball::contact_length::{LONGEST_CONTACT_S, SHORTEST_CONTACT_S};
-use crate::tracking::pictures::shot_frames::Shot;
+use crate::tracking::pictures::shot_frames::{AT_ONCE, Shot};
 use crate::tracking::racket::racket_track::RacketFrame;
 use crate::tracking::shot_tracks::TrackingError;
 use crate::tracking::space_points::first_contact;
@@ -363,23 +363,24 @@ impl<S: FrameSource> Shot<'_, S> {
             let found = found.filter(|b| if way.is_some() { t.near_its_place(b) } else { near_circle(ball[t.index].as_ref(), b) });
             Some((t.index, found?))
         };
-        Ok(Some((press, touches.iter().filter_map(pressed).collect())))
+        Ok(Some((press, touches.par_iter().with_max_len(1).filter_map(pressed).collect())))
     }
 
     /// How bright every sector's ball is in free flight near the contact, by camera: the median, because lines pass.
     fn usual_levels(&self, scene: &BallScene, ball: &[Option<BallFrame>], times_s: &[f64]) -> Result<Option<[[f32; SECTORS]; 2]>, TrackingError> {
         let near = FREE_FRAMES / 1000.0;
         let free = |t: f64| (-near..0.0).contains(&t) || (LONGEST_CONTACT_S..LONGEST_CONTACT_S + near).contains(&t);
-        let mut seen: [Vec<[f32; SECTORS]>; 2] = Default::default();
-        let mut buffers: [FrameBuffer; 2] = Default::default();
-        for (index, b) in ball.iter().enumerate().filter_map(|(i, b)| Some((i, b.as_ref()?))).filter(|(i, _)| free(times_s[*i])) {
-            let images = self.read_rows(index, self.ball_rows(scene, &b.position, 1), &mut buffers)?;
-            for camera in CameraId::BOTH {
+        let frames: Vec<(usize, &BallFrame)> = ball.iter().enumerate().filter_map(|(i, b)| Some((i, b.as_ref()?))).filter(|(i, _)| free(times_s[*i])).collect();
+        let of_frame = |buffers: &mut [FrameBuffer; 2], (index, b): &(usize, &BallFrame)| -> Result<[Option<[f32; SECTORS]>; 2], TrackingError> {
+            let images = self.read_rows(*index, self.ball_rows(scene, &b.position, 1), buffers)?;
+            Ok(CameraId::BOTH.map(|camera| {
                 let c = camera.index();
-                let (Some(image), Some(point), Some(radius_px)) = (&images[c], b.points[c], scene.radius_px(camera, &b.position)) else { continue };
-                seen[c].extend(levels(image, &point.uv, radius_px, &scene.limb[c]));
-            }
-        }
+                levels(images[c].as_ref()?, &b.points[c]?.uv, scene.radius_px(camera, &b.position)?, &scene.limb[c])
+            }))
+        };
+        let all: Result<Vec<_>, TrackingError> = frames.par_iter().with_max_len(AT_ONCE).map_init(Default::default, of_frame).collect();
+        let all = all?;
+        let seen: [Vec<[f32; SECTORS]>; 2] = [0, 1].map(|c| all.iter().filter_map(|levels| levels[c]).collect());
         let median = |seen: &[[f32; SECTORS]], k: usize| {
             let mut levels: Vec<f32> = seen.iter().map(|l| l[k]).collect();
             let mid = levels.len() / 2;

@@ -15,6 +15,7 @@ use crate::tracking::ball::flight_sample::FlightSample;
 use crate::tracking::ball::shot_ball::expected_ball;
 use crate::tracking::ball::stray_ball;
 use crate::tracking::pictures::camera_shake::camera_shake;
+use crate::tracking::pictures::shot_frames::AT_ONCE;
 use crate::tracking::racket::racket_pose::View;
 use crate::tracking::shot_tracks::{ShotSetup, ShotTracks, TrackingError};
 use crate::tracking::space_points;
@@ -159,7 +160,7 @@ fn sights(
         }
         Ok(out)
     };
-    let sights: Result<Vec<Vec<Sight>>, TrackingError> = (0..source.len()).into_par_iter().map_init(FrameBuffer::default, both).collect();
+    let sights: Result<Vec<Vec<Sight>>, TrackingError> = (0..source.len()).into_par_iter().with_max_len(AT_ONCE).map_init(FrameBuffer::default, both).collect();
     Ok(sights?.into_iter().flatten().collect())
 }
 
@@ -229,7 +230,7 @@ fn parts(sights: &mut [Sight]) -> [Vec<&mut BallPicture>; PARTS] {
 /// Learns the ball from both cameras' pictures and fits every centre, in turns.
 fn measure(sights: &mut [Sight], textured: &[bool; 2], blur_px: [f64; 2]) {
     let mut parts = parts(sights).into_iter();
-    let lessons_of = |pictures: Vec<_>| -> Vec<Lesson> { pictures.into_par_iter().map(|p| Lesson::new(p, blur_px)).collect() };
+    let lessons_of = |pictures: Vec<_>| -> Vec<Lesson> { pictures.into_par_iter().with_max_len(AT_ONCE).map(|p| Lesson::new(p, blur_px)).collect() };
     let mut lessons = lessons_of(parts.next().unwrap_or_default());
     if lessons.len() < FEWEST {
         return;
@@ -247,7 +248,7 @@ fn measure(sights: &mut [Sight], textured: &[bool; 2], blur_px: [f64; 2]) {
         }
         // In the end every picture is measured, not only those that teach.
         if pass + 1 < ROUNDS.len() {
-            lessons.par_iter_mut().for_each(|lesson| {
+            lessons.par_iter_mut().with_max_len(AT_ONCE).for_each(|lesson| {
                 let model = learnt.model(lesson.picture);
                 if let Some(f) = lesson.picture.fit(&lesson.face, &model, &lesson.shown)
                     && (f.centre - lesson.picture.centre).norm() < FARTHEST_PX
@@ -260,7 +261,7 @@ fn measure(sights: &mut [Sight], textured: &[bool; 2], blur_px: [f64; 2]) {
         }
     }
     drop(lessons);
-    sights.par_iter_mut().for_each(|sight| {
+    sights.par_iter_mut().with_max_len(AT_ONCE).for_each(|sight| {
         let model = learnt.model(&sight.picture);
         sight.fit = sight.picture.fit_tilted(&BallFace::new(&sight.picture), &model);
     });

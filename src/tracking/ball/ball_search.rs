@@ -148,7 +148,9 @@ impl Scratch {
     fn vote(&mut self, image: &GreyView, radius_px: f64, pixels: &Region, centres: &Region, only_moving: bool) -> Votes {
         let w = centres.width();
         if self.raw.len() < w * centres.height() {
-            self.raw = vec![0; w * centres.height()];
+            // Written at once: votes come here and there, and each page read before it is written costs twice.
+            self.raw.clear();
+            self.raw.resize(w * centres.height(), 0);
         }
         let moving = only_moving.then_some(self.moving.as_slice());
         let seen = pulp::Arch::new().dispatch(Voting { raw: &mut self.raw, image, radius: radius_px as f32, pixels, centres, moving });

@@ -3,14 +3,14 @@
 use crate::calibration::CameraId;
 use crate::footage::{FrameBuffer, FrameSource, GreyImage, GreyView, Rows};
 use crate::tracking::ball::ball_choice::{self, Sighting};
-use crate::tracking::ball::ball_follower::{BallFollower, Flight, both};
+use crate::tracking::ball::ball_follower::{BallFollower, Flight};
 use crate::tracking::ball::ball_gaps::{STARTS, stands_at};
 use crate::tracking::ball::ball_pieces::{self, straight_pieces};
 use crate::tracking::ball::ball_presence;
 use crate::tracking::ball::ball_shading::{BallShading, LimbProfile};
 use crate::tracking::ball::ball_track::{BallFrame, BallScene};
 use crate::tracking::ball::free_flight::FreeFlight;
-use crate::tracking::pictures::shot_frames::{Shot, spread};
+use crate::tracking::pictures::shot_frames::{AT_ONCE, Shot, spread};
 use crate::tracking::racket::racket_track::RacketFrame;
 use crate::tracking::shot_tracks::TrackingError;
 use crate::tracking::tape::tape_blur::out_of_focus;
@@ -36,9 +36,6 @@ const FLIES: usize = 8;
 /// A thing is followed for so long, s, before the racket is asked whether it is a part of it.
 const TRIAL_S: f64 = 0.012;
 
-/// Most frames that one core measures again before another may take the rest.
-const AT_ONCE: usize = 8;
-
 /// What is known where the ball is looked for: how it looks, where the racket is, and what stands still.
 #[derive(Clone, Copy)]
 pub struct Stage<'a> {
@@ -52,8 +49,16 @@ pub struct FirstLook<'s> {
     pub first: usize,
     /// Free flights through it and the next two.
     pub flights: Vec<FreeFlight>,
-    /// Who follow the first of them both ways, as far as it is tried.
-    pub tried: Option<[BallFollower<'s>; 2]>,
+    /// The first of them tried both ways.
+    pub tried: Option<[Tried<'s>; 2]>,
+}
+
+/// A flight tried one way.
+pub struct Tried<'s> {
+    /// In which frames of the trial the ball was seen, and where.
+    pub seen: Vec<(usize, BallFrame)>,
+    /// Who follows it through all frames, and may have gone on already.
+    pub follower: BallFollower<'s>,
 }
 
 impl<S: FrameSource> Shot<'_, S> {
@@ -91,19 +96,21 @@ impl<S: FrameSource> Shot<'_, S> {
         Ok(FirstLook { first: first.unwrap_or_default(), flights, tried: None })
     }
 
-    /// Who follows a flight one way, when the racket is asked whether what it follows is a part of it: as often as the flight was seen, in frames as
-    /// far apart, shows that.
+    /// What of a flight is seen one way before the racket is asked whether that is a part of it: as often as the flight was seen, in frames as
+    /// far apart, shows it.
     pub(in crate::tracking) fn tried_out<'s>(
         &self,
         scene: &'s BallScene,
         first: usize,
         flight: &[BallFrame; 3],
         forth: bool,
-    ) -> Result<BallFollower<'s>, TrackingError> {
+    ) -> Result<Tried<'s>, TrackingError> {
         let every = self.apart();
         let mut follower = self.follower(scene, first, flight, forth, every);
         self.follow_on(&mut follower, (TRIAL_S * self.setup.frame_rate_hz) as usize / every)?;
-        Ok(follower)
+        let seen = follower.seen().collect();
+        // What passed the trial in some frames is followed through all.
+        Ok(Tried { seen, follower: if every > 1 { self.follower(scene, first, flight, forth, 1) } else { follower } })
     }
 
     /// Whether what was tried out moves as no ball does; the frames of the trial are counted as if there were no others.
@@ -143,7 +150,7 @@ impl<S: FrameSource> Shot<'_, S> {
                     if claimed.iter().chain(&told).any(|t| stands_at(t, first + self.apart(), &flight[1], self.apart())) {
                         continue;
                     }
-                    let mut ways = match tried_ahead.take() {
+                    let ways = match tried_ahead.take() {
                         Some(ways) => ways,
                         None => {
                             let tried_out = |forth: bool| self.tried_out(scene, first, &flight, forth);
@@ -152,7 +159,7 @@ impl<S: FrameSource> Shot<'_, S> {
                         }
                     };
                     // What goes with the racket shows it soon.
-                    let tried = self.followed(first, &flight, ways.iter().map(|way| &way.half));
+                    let tried = self.followed(first, &flight, ways.iter().flat_map(|way| way.seen.iter().copied()));
                     if self.is_part_of_the_racket(&tried, racket) {
                         told.push(tried);
                         continue;
@@ -162,12 +169,7 @@ impl<S: FrameSource> Shot<'_, S> {
                         told.push(tried);
                         continue;
                     }
-                    // What passed the trial in some frames is followed through all.
-                    if self.apart() > 1 {
-                        ways = [false, true].map(|forth| self.follower(scene, first, &flight, forth, 1));
-                    }
-                    both(&mut ways, |follower| self.follow_on(follower, n))?;
-                    let track = self.whole_flight(first, &flight, ways.map(|way| way.half));
+                    let track = self.whole_flight(first, &flight, self.both_to_the_end(ways.map(|way| way.follower))?);
                     if self.is_part_of_the_racket(&track.frames, racket) {
                         told.push(track.frames);
                         continue;

@@ -9,6 +9,7 @@ use crate::calibration::CameraId;
 use crate::footage::FrameSource;
 use crate::tracking::ball::ball_track::BallFrame;
 use crate::tracking::ball::contact_length::LONGEST_CONTACT_S;
+use crate::tracking::pictures::shot_frames::AT_ONCE;
 use crate::tracking::track_file::ImagePoint;
 use nalgebra::{Matrix3, Matrix3x2, Vector2, Vector3};
 use rayon::prelude::*;
@@ -72,7 +73,8 @@ pub fn drop_strays(source: &impl FrameSource, ball: &mut [Option<BallFrame>], co
             // Worst first: a stray spoils what its neighbours are compared with.
             for _ in 0..flight.len() / 4 {
                 let points: Vec<(f64, ImagePoint)> = flight.iter().map(|f| (f.1, f.2)).collect();
-                let strays: Vec<(usize, f64)> = (0..points.len()).into_par_iter().filter_map(|k| Some((k, strayed(&points, k, least_px, bend_px)?))).collect();
+                let strays: Vec<(usize, f64)> =
+                    (0..points.len()).into_par_iter().with_max_len(AT_ONCE).filter_map(|k| Some((k, strayed(&points, k, least_px, bend_px)?))).collect();
                 let Some((worst, _)) = strays.into_iter().max_by(|a, b| a.1.total_cmp(&b.1)).filter(|s| s.1 > LIMIT) else { break };
                 let (index, ..) = flight.remove(worst);
                 BallFrame::forget(&mut ball[index], camera.index());

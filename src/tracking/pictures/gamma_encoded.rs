@@ -8,6 +8,7 @@
 use crate::calibration::CameraId;
 use crate::footage::{FrameSource, GreyView, Rows};
 use crate::tracking::pictures::shot_frames::Shot;
+use std::sync::LazyLock;
 
 /// Limits of the ranges of grey whose noise is compared. Below them a black level cuts the noise off, above them white does.
 const RANGES: [f64; 10] = [12.0, 17.0, 24.0, 34.0, 48.0, 68.0, 96.0, 135.0, 190.0, 236.0];
@@ -16,7 +17,7 @@ const STEP: usize = 2;
 /// Share of a range's pixels that count, those that differ least: what moves is among the others.
 const STILL: f64 = 0.75;
 /// Fewest pixels of a range, and fewest ranges.
-const FEWEST: usize = 300;
+const FEWEST: u32 = 300;
 const FEWEST_RANGES: usize = 3;
 /// Variance of whole numbers' rounding keeps a range without noise from having a logarithm of nothing.
 const ROUNDING: f64 = 1.0 / 12.0;
@@ -26,40 +27,56 @@ const SCATTER: (f64, f64) = (0.02, 3.0);
 /// with γ = 0.45 all are below -0.7).
 const TOLD: (f64, f64) = (-0.6, 3.0);
 
-/// Squared differences between two pictures, by range of their mean grey.
-#[derive(Default)]
+/// Differences between two pictures, by range of their mean grey.
 struct NoiseByGrey {
-    ranges: [Vec<u32>; RANGES.len() - 1],
-    greys: [f64; RANGES.len() - 1],
+    /// How many pixels differ by so many grey levels.
+    ranges: [[u32; 256]; RANGES.len() - 1],
+    /// Sum over the pixels of both greys.
+    greys: [u64; RANGES.len() - 1],
 }
 
+/// The range of a pixel by the sum of its greys in both pictures; `None` outside all of them.
+static RANGE_OF: LazyLock<[Option<usize>; 511]> = LazyLock::new(|| {
+    std::array::from_fn(|sum| RANGES.partition_point(|limit| *limit <= 0.5 * sum as f64).checked_sub(1).filter(|range| *range < RANGES.len() - 1))
+});
+
 impl NoiseByGrey {
+    fn none() -> Self {
+        NoiseByGrey { ranges: [[0; 256]; RANGES.len() - 1], greys: [0; RANGES.len() - 1] }
+    }
+
     fn add(&mut self, a: &GreyView, b: &GreyView) {
+        let range_of = &*RANGE_OF;
         for y in (0..a.height).step_by(STEP) {
             let (Some(a), Some(b)) = (a.row(y), b.row(y)) else { continue };
             for (a, b) in a.iter().zip(b).step_by(STEP) {
-                let grey = 0.5 * (f64::from(*a) + f64::from(*b));
-                let range = RANGES.partition_point(|limit| *limit <= grey);
-                if (1..RANGES.len()).contains(&range) {
-                    self.ranges[range - 1].push(u32::from(a.abs_diff(*b)).pow(2));
-                    self.greys[range - 1] += grey;
+                let sum = usize::from(*a) + usize::from(*b);
+                if let Some(range) = range_of[sum] {
+                    self.ranges[range][usize::from(a.abs_diff(*b))] += 1;
+                    self.greys[range] += sum as u64;
                 }
             }
         }
     }
 
     /// The power of grey with which the variance goes, and one over its variance.
-    fn power(mut self) -> Option<(f64, f64)> {
+    fn power(self) -> Option<(f64, f64)> {
         let mut points: Vec<(f64, f64, f64)> = Vec::new();
-        for (squares, grey) in self.ranges.iter_mut().zip(self.greys) {
-            if squares.len() < FEWEST {
+        for (counts, greys) in self.ranges.iter().zip(self.greys) {
+            let pixels = counts.iter().sum::<u32>();
+            if pixels < FEWEST {
                 continue;
             }
-            let still = (STILL * squares.len() as f64) as usize;
-            squares.select_nth_unstable(still);
-            let variance = squares[..still].iter().map(|d| f64::from(*d)).sum::<f64>() / (2.0 * still as f64) + ROUNDING;
-            let n = squares.len() as f64;
-            points.push(((grey / n).ln(), variance.ln(), 1.0 / (SCATTER.0 + SCATTER.1 / n.min(10_000.0))));
+            let n = f64::from(pixels);
+            let still = (STILL * n) as u32;
+            // The smallest differences, until there are so many.
+            let (mut left, mut squares) = (still, 0.0);
+            for (difference, count) in counts.iter().enumerate() {
+                squares += f64::from((*count).min(left)) * (difference * difference) as f64;
+                left = left.saturating_sub(*count);
+            }
+            let variance = squares / (2.0 * f64::from(still)) + ROUNDING;
+            points.push(((0.5 * greys as f64 / n).ln(), variance.ln(), 1.0 / (SCATTER.0 + SCATTER.1 / n.min(10_000.0))));
         }
         if points.len() < FEWEST_RANGES {
             return None;
@@ -87,7 +104,7 @@ impl<S: FrameSource> Shot<'_, S> {
 
     /// Of two neighbouring pictures, before most of what moves comes.
     fn noise_by_grey(&self, camera: CameraId) -> NoiseByGrey {
-        let mut noise = NoiseByGrey::default();
+        let mut noise = NoiseByGrey::none();
         let index = self.source.len() / 4;
         self.with_buffers(|[one, other]| {
             let a = self.read_one(index, camera.index(), Rows::ALL, one).ok().flatten();
@@ -122,7 +139,7 @@ mod tests {
             GreyImage { width: 256, height: 256, pixels: pixels.collect() }
         };
         let (a, b) = (picture(0), picture(3));
-        let mut noise = NoiseByGrey::default();
+        let mut noise = NoiseByGrey::none();
         noise.add(&GreyView::of(&a), &GreyView::of(&b));
         noise.power()
     }

@@ -8,6 +8,7 @@ use crate::calibration::CameraId;
 use crate::footage::{Clip, FrameSource};
 use crate::tracking::pictures::agreement::Agreement;
 use crate::tracking::pictures::lost_picture::{lost_pictures, lost_words};
+use crate::tracking::pictures::shot_frames::AT_ONCE;
 use crate::tracking::racket::racket_pose::View;
 use crate::tracking::shot_tracker::track_shot;
 use crate::tracking::shot_tracks::{ShotSetup, ShotTracks, TrackingError};
@@ -65,10 +66,9 @@ pub struct InStep {
 /// Tracks a clip and checks that its cameras are in step.
 pub fn track_in_step(clip: &Clip, setup: &ShotSetup, mode: SyncMode, cancel: &AtomicBool, progress: &(dyn Fn(usize) + Sync)) -> Result<InStep, TrackingError> {
     let view = View::new(setup.rig);
-    let as_paired = |clip: &Clip, tracked: ShotTracks| Paired {
-        agreement: Agreement::of(clip, &view, &tracked),
-        offset: offset(clip, setup, &tracked).filter(|o| o.sd < TOLD_SD),
-        tracked,
+    let as_paired = |clip: &Clip, tracked: ShotTracks| {
+        let (agreement, offset) = rayon::join(|| Agreement::of(clip, &view, &tracked), || offset(clip, setup, &tracked));
+        Paired { agreement, offset: offset.filter(|o| o.sd < TOLD_SD), tracked }
     };
     let first = match track_shot(clip, setup, cancel, progress) {
         Ok(tracked) => Ok(as_paired(clip, tracked)),
@@ -247,7 +247,7 @@ pub fn offset(source: &impl FrameSource, setup: &ShotSetup, tracked: &ShotTracks
             })
         })
     };
-    let all: Vec<_> = (0..source.len()).into_par_iter().map(seen).collect();
+    let all: Vec<_> = (0..source.len()).into_par_iter().with_max_len(AT_ONCE).map(seen).collect();
     let of_frame = |i: usize| {
         let mut rows: Vec<(usize, f64, f64, f64)> = Vec::new();
         let n = source.number(i);
@@ -268,7 +268,7 @@ pub fn offset(source: &impl FrameSource, setup: &ShotSetup, tracked: &ShotTracks
         }
         rows
     };
-    let rows: Vec<_> = (1..source.len().saturating_sub(1)).into_par_iter().flat_map_iter(of_frame).collect();
+    let rows: Vec<_> = (1..source.len().saturating_sub(1)).into_par_iter().with_max_len(AT_ONCE).flat_map_iter(of_frame).collect();
     solve(&rows)
 }
 

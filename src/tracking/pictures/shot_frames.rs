@@ -15,6 +15,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Frames over which a lost racket or ball is still expected where it was going.
 pub const PATIENCE: usize = 6;
+/// Of many frames to be worked on one core takes no more than this before another may take the rest: halves and quarters of all leave one waiting
+/// for the other.
+pub const AT_ONCE: usize = 8;
 
 pub struct Shot<'a, S: FrameSource> {
     pub source: &'a S,

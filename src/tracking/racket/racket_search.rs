@@ -144,7 +144,7 @@ fn search_among(view: &View, figure: &RacketFigure, candidates: &[Vec<BandCandid
     let points = SpacePoints::of(figure, places, reach);
     let seen = Seen { patches: VisiblePatches::of(view, figure), near: CameraId::BOTH.map(|c| Neighbours::of(view.rig.image_size, &candidates[c.index()])) };
     // Markers 2-3 or 1-4, ... : each pair of markers may be the one that is seen well.
-    let pairs = PAIRS.into_par_iter();
+    let pairs = PAIRS.into_par_iter().with_max_len(1);
     let whole = pairs.clone().map(|pair| points.triples(pair).take(MOST_TRIPLES + 1).count()).sum::<usize>() > MOST_TRIPLES;
     let possible = |pair| points.triples(pair).filter(|triple| !whole || points.hold_the_others(triple));
     let mut hypotheses: Vec<Hypothesis> =
@@ -167,7 +167,7 @@ fn search_among(view: &View, figure: &RacketFigure, candidates: &[Vec<BandCandid
     };
     take(FOLLOWED[0], &|a, b| b.seen.cmp(&a.seen).then(a.miss_px.total_cmp(&b.miss_px)));
     take(FOLLOWED[1], &|a, b| b.contrast.total_cmp(&a.contrast));
-    let followed: Vec<_> = tried.par_iter().map(|pose| follow(view, figure, &seen, pose)).collect();
+    let followed: Vec<_> = tried.par_iter().with_max_len(1).map(|pose| follow(view, figure, &seen, pose)).collect();
     let mut found: Vec<Followed> = followed.into_iter().flatten().collect();
     // The first of equals stays first.
     found.sort_by(|a, b| b.score.total_cmp(&a.score));

@@ -304,7 +304,7 @@ impl<S: FrameSource> Shot<'_, S> {
             let mut evidence = none.clone();
             self.look_again(index, frame, |images| evidence.add(&self.scene(), images, frame)).map(|()| evidence)
         };
-        let parts: Result<Vec<ThroatEvidence>, TrackingError> = (0..looked_at).into_par_iter().map(of_frame).collect();
+        let parts: Result<Vec<ThroatEvidence>, TrackingError> = (0..looked_at).into_par_iter().with_max_len(1).map(of_frame).collect();
         let mut evidence = none.clone();
         parts?.iter().for_each(|part| evidence.join(part));
         Ok(evidence.angle(&self.figure).map(|(angle, _)| self.figure.with_throat(angle)))
@@ -328,7 +328,7 @@ impl<S: FrameSource> Shot<'_, S> {
             };
             self.look_again(*index, frame, look).map(|()| (width, bend, blur))
         };
-        let parts: Result<Vec<_>, TrackingError> = frames.par_iter().map(of_frame).collect();
+        let parts: Result<Vec<_>, TrackingError> = frames.par_iter().with_max_len(1).map(of_frame).collect();
         let (mut width, mut bend, mut blur) = (WidthEvidence::none(), BendEvidence::none(), BlurEvidence::near(self.blur_px));
         for (w, b, sharp) in &parts? {
             width.join(w);
@@ -371,7 +371,7 @@ impl<S: FrameSource> Shot<'_, S> {
         let mut all = vec![None; n];
         all[start.index] = Some(start.frame.clone());
         let mut prints = vec![[None, None]; n];
-        prints[start.index] = self.with_buffers(|buffers| Ok::<_, TrackingError>(self.read(start.index, buffers)?.map(|v| v.map(|v| Fingerprint::of(&v)))))?;
+        prints[start.index] = self.look_again(start.index, &start.frame, |images| images.map(|v| v.map(|v| Fingerprint::of(&v))))?;
         for (frames, seen) in ways {
             for (index, frame) in frames {
                 all[index] = Some(frame);

@@ -66,7 +66,7 @@ pub(super) fn contest(coarse: &Registrar, candidates: &[Candidate], span_s: f64)
     fits.sort_by(|a, b| cost(a).total_cmp(&cost(b)));
     // Those that are near go on until they have arrived, or have met.
     let limit = cost(&fits[0]) + 2.5 * LEAST_LEAD * explained(&fits[0]);
-    fits.par_iter_mut().filter(|f| cost(f) <= limit).for_each(|f| *f = coarse.refine(f.omega, &Effort { steps: 6, ..COARSE }));
+    fits.par_iter_mut().with_max_len(1).filter(|f| cost(f) <= limit).for_each(|f| *f = coarse.refine(f.omega, &Effort { steps: 6, ..COARSE }));
     fits.sort_by(|a, b| cost(a).total_cmp(&cost(b)));
     let best = fits.first()?;
     let at_best = coarse.cost_at(&best.omega, noise, &COARSE);
@@ -107,7 +107,7 @@ pub(super) fn contest(coarse: &Registrar, candidates: &[Candidate], span_s: f64)
             let omega = Vector3::new(r * c, r * s, z) / span_s.max(1e-6);
             ((coarse.cost_at(&omega, noise, &COARSE) - at_best) / gain, omega)
         };
-        let slides: Vec<_> = (0..PROBES).into_par_iter().map(turned).collect();
+        let slides: Vec<_> = (0..PROBES).into_par_iter().with_max_len(1).map(turned).collect();
         let slides = slides.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
         strongest = slides.map(|(lead, omega)| (lead - 2.0 * LEAST_LEAD, lead, omega)).or(strongest);
     }

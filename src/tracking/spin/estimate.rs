@@ -333,7 +333,7 @@ fn held(infos: &[ViewInfo], best: &Registration, omega: Vector3<f64>, covariance
 /// along itself the cost is nearly flat, and the cells' own corners make dents in it, in one of which every registration
 /// stays; on other cells the dents lie elsewhere. `near`: where else in the same valley to begin.
 fn over_cells(registrar: &Registrar, on_first: &Vector3<f64>, start: &Vector3<f64>, near: &[Vector3<f64>]) -> (Vector3<f64>, Matrix3<f64>) {
-    let on_others = (0..OTHER_CELLS).into_par_iter().map(|i| {
+    let on_others = (0..OTHER_CELLS).into_par_iter().with_max_len(1).map(|i| {
         // Attitudes far from one another and from the cube's own symmetries.
         let k = i as f64;
         let cells = Rotation3::new(Vector3::new((1.7 * k + 0.3).sin(), (2.9 * k + 1.0).cos(), (0.77 * k).sin()) * 1.3);

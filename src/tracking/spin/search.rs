@@ -35,8 +35,9 @@ const KEPT: usize = 40;
 const SOME: usize = 2;
 /// Those that are improved before they are ranked for good.
 const RANKED: usize = 10;
-/// Fewest places of a lattice that another thread is worth.
+/// Places of a lattice that a thread takes at a time, and of the last one, whose pixels all are asked.
 const AT_ONCE: usize = 64;
+const FEW_AT_ONCE: usize = 4;
 
 pub(super) struct Search<'a> {
     views: &'a [ViewInfo],
@@ -166,7 +167,7 @@ impl<'a> Search<'a> {
     fn apart(&self, frames: &BTreeSet<usize>) -> Vec<Apart> {
         let one = |camera: usize, frames: usize| Apart::new(&self.cameras[camera], camera, frames);
         let all: Vec<(usize, usize)> = frames.iter().flat_map(|f| (0..self.cameras.len()).map(move |c| (c, *f))).collect();
-        all.into_par_iter().map(|(camera, frames)| one(camera, frames)).filter(|a| a.weight > 0.0).collect()
+        all.into_par_iter().with_max_len(1).map(|(camera, frames)| one(camera, frames)).filter(|a| a.weight > 0.0).collect()
     }
 
     /// Mean squared difference over all places that are seen twice, with some that are taken for unlike.
@@ -230,7 +231,7 @@ impl<'a> Search<'a> {
                 let own = self.cost(&rate(&p.at, step), &tables);
                 (own, Place { so_far: p.so_far + own, ..p })
             };
-            let mut costs: Vec<(f32, Place)> = places.into_par_iter().with_min_len(AT_ONCE).map(cost).collect();
+            let mut costs: Vec<(f32, Place)> = places.into_par_iter().with_min_len(AT_ONCE).with_max_len(AT_ONCE).map(cost).collect();
             costs.sort_by(|a, b| a.0.total_cmp(&b.0));
             if beam == Beam::AllLevels
                 && let Some(others) = costs.get_mut(kept / 2..)
@@ -261,7 +262,7 @@ impl<'a> Search<'a> {
             places = finer.into_iter().map(|(at, so_far)| Place { at, so_far }).filter(|p| rate(&p.at, step).norm() <= limit_rad_s).collect();
         }
         let mut ranked: Vec<(Vector3<f64>, f32)> =
-            places.par_iter().map(|p| rate(&p.at, step)).map(|omega| (omega, self.spread(&omega, &self.pixels))).collect();
+            places.par_iter().with_max_len(FEW_AT_ONCE).map(|p| rate(&p.at, step)).map(|omega| (omega, self.spread(&omega, &self.pixels))).collect();
         ranked.sort_by(|a, b| a.1.total_cmp(&b.1));
         let distinct = |found: Vec<(Vector3<f64>, f32)>, apart: f64, most: usize| {
             let mut kept: Vec<(Vector3<f64>, f32)> = Vec::new();
@@ -272,7 +273,7 @@ impl<'a> Search<'a> {
             }
             kept
         };
-        let mut ranked: Vec<_> = distinct(ranked, 1.5 * step, RANKED).into_par_iter().map(|c| self.descend(c.0, 0.5 * step)).collect();
+        let mut ranked: Vec<_> = distinct(ranked, 1.5 * step, RANKED).into_par_iter().with_max_len(1).map(|c| self.descend(c.0, 0.5 * step)).collect();
         ranked.sort_by(|a, b| a.1.total_cmp(&b.1));
         let apart = STEP_RAD / (self.longest as f64 * self.frame_s);
         distinct(ranked, apart, RANKED).into_iter().map(|c| Candidate { omega: c.0 }).collect()

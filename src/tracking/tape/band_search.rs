@@ -66,28 +66,36 @@ pub fn candidates(image: &GreyView, columns: Range<usize>, px_per_m: f64, white_
     }
     let mut found = pulp::Arch::new().dispatch(Look { image, columns, reach, margin, offsets: &offsets }).unwrap_or_default();
     found.sort_by(|a, b| b.0.cmp(&a.0).then((a.2, a.1).cmp(&(b.2, b.1))));
-    let line = Line { image, far, places: &places };
-    let found = line.last_where_it_crowds(found, most);
+    let found = Lines::new(image, far, &places).last_where_they_crowd(found, most);
     let first_row = Vector2::new(0.0, image.first_row as f64);
     found.into_iter().map(|(s, _, _, at)| BandCandidate { uv: at + first_row, contrast: f64::from(s) / 9.0 }).collect()
 }
 
-/// Tells a line from a band.
-struct Line<'a> {
+/// Tells lines from bands.
+struct Lines<'a> {
     image: &'a GreyView<'a>,
-    /// Pixels from a place to the far end of the black.
-    far: f64,
+    /// Steps from a place to those asked, by direction of the line.
+    steps: [[(isize, isize); 4]; LINE_DIRECTIONS],
     /// Where the dark is looked for, by direction.
     places: &'a [Vec<(isize, isize)>],
+    sums: Sums,
 }
 
-impl Line<'_> {
+impl<'a> Lines<'a> {
+    /// `far`: pixels from a place to the far end of the black.
+    fn new(image: &'a GreyView<'a>, far: f64, places: &'a [Vec<(isize, isize)>]) -> Self {
+        let steps = std::array::from_fn(|k| {
+            let (sin, cos) = (std::f64::consts::PI * k as f64 / LINE_DIRECTIONS as f64).sin_cos();
+            [0.5, -0.5, 1.0, -1.0].map(|d| ((d * far * cos).round() as isize, (d * far * sin).round() as isize))
+        });
+        Lines { image, steps, places, sums: Sums::new(2 * far.ceil() as usize) }
+    }
+
     /// The first `most` of these places, strongest first; where more than half of those lie along lines, these after all others.
-    fn last_where_it_crowds(&self, mut places: Vec<Highest>, most: usize) -> Vec<Highest> {
-        let on_line = |(score, x, y, _): &Highest| self.holds(*score, *x, *y);
-        if places.len() > most && 2 * places[..most].iter().filter(|p| on_line(p)).count() > most {
+    fn last_where_they_crowd(mut self, mut places: Vec<Highest>, most: usize) -> Vec<Highest> {
+        if places.len() > most && self.hold_most(&places[..most]) {
             let mut others = 0;
-            let looked_at = places.iter().map(|place| (on_line(place), *place)).take_while(|(along, _)| {
+            let looked_at = places.iter().map(|place| (self.hold(place), *place)).take_while(|(along, _)| {
                 others += usize::from(!along);
                 others <= most
             });
@@ -98,40 +106,90 @@ impl Line<'_> {
         places
     }
 
-    /// Whether a place of this score goes on as such on two opposite sides. What lies beyond the border is taken to go on.
-    fn holds(&self, score: u16, x: usize, y: usize) -> bool {
-        let least = (LINE_SHARE * f64::from(score)) as u16;
-        let Some(here) = self.sum(x as isize, y as isize) else { return false };
+    /// Whether more than half of these places lie along lines.
+    fn hold_most(&mut self, places: &[Highest]) -> bool {
+        let (mut along, mut apart) = (0, 0);
+        for place in places {
+            *if self.hold(place) { &mut along } else { &mut apart } += 1;
+            if 2 * along > places.len() || 2 * apart >= places.len() {
+                break;
+            }
+        }
+        2 * along > places.len()
+    }
+
+    /// Whether a place goes on as such on two opposite sides. What lies beyond the border is taken to go on.
+    fn hold(&mut self, (score, x, y, _): &Highest) -> bool {
+        let least = (LINE_SHARE * f64::from(*score)) as u16;
+        self.sums.look(self.image, [*x, *y]);
+        let Some(here) = self.sums.at((0, 0)) else { return false };
         // What is not as bright needs no look at what is dark around it.
-        let goes_on = |x: isize, y: isize| self.sum(x, y).is_none_or(|sum| sum + least >= here && self.score(sum, x, y).is_none_or(|s| s >= least));
-        (0..LINE_DIRECTIONS).any(|k| {
-            let (sin, cos) = (std::f64::consts::PI * k as f64 / LINE_DIRECTIONS as f64).sin_cos();
-            [0.5, -0.5, 1.0, -1.0].iter().all(|d| {
-                let d = d * self.far;
-                goes_on(x as isize + (d * cos).round() as isize, y as isize + (d * sin).round() as isize)
-            })
-        })
+        let goes_on = |step: &(isize, isize)| self.sums.at(*step).is_none_or(|sum| sum + least >= here && self.stands_out(*step, sum.checked_sub(least)));
+        self.steps.iter().any(|steps| steps.iter().all(goes_on))
     }
 
-    /// 3x3 sum around a place; `None` beyond the border.
-    fn sum(&self, x: isize, y: isize) -> Option<u16> {
-        let (x, y) = (usize::try_from(x - 1).ok()?, usize::try_from(y - 1).ok()?);
-        (y..y + 3).map(|row| Some(self.image.row(self.image.first_row + row)?.get(x..x + 3)?.iter().map(|v| u16::from(*v)).sum::<u16>())).sum()
-    }
-
-    /// How much brighter a place is than the brighter of two darks on opposite sides, as [`Row::places`] has it; `None` where the border is too near.
-    fn score(&self, sum: u16, x: isize, y: isize) -> Option<u16> {
-        let mut dark = u16::MAX;
+    /// Whether on two opposite sides of a place something is as dark as this, as [`Row::places`] has it; also where the border is too near to tell.
+    fn stands_out(&self, (x, y): (isize, isize), dark: Option<u16>) -> bool {
         for along in self.places {
             let mut sides = [u16::MAX; 2];
             for (dx, dy) in along {
                 for (side, sign) in sides.iter_mut().zip([1, -1]) {
-                    *side = (*side).min(self.sum(x + sign * dx, y + sign * dy)?);
+                    let Some(sum) = self.sums.at((x + sign * dx, y + sign * dy)) else { return true };
+                    *side = (*side).min(sum);
                 }
             }
-            dark = dark.min(sides[0].max(sides[1]));
+            if dark.is_some_and(|dark| sides[0].max(sides[1]) <= dark) {
+                return true;
+            }
         }
-        Some(sum.saturating_sub(dark))
+        false
+    }
+}
+
+/// 3x3 sums around a place; memory is used again.
+struct Sums {
+    reach: usize,
+    /// Row by row, [`Self::BEYOND`] where the picture ends.
+    sums: Vec<u16>,
+    columns: Vec<u16>,
+}
+
+impl Sums {
+    const BEYOND: u16 = u16::MAX;
+
+    /// `reach` rows and columns to every side.
+    fn new(reach: usize) -> Self {
+        Sums { reach, sums: Vec::new(), columns: Vec::new() }
+    }
+
+    /// Takes the sums around a place.
+    fn look(&mut self, image: &GreyView, [x, y]: [usize; 2]) {
+        let (reach, side) = (self.reach, 2 * self.reach + 1);
+        self.sums.clear();
+        self.sums.resize(side * side, Self::BEYOND);
+        // Columns of which all three are in the picture.
+        let (left, right) = (x.saturating_sub(reach).max(1), (x + reach + 1).min(image.width.saturating_sub(1)));
+        if left >= right {
+            return;
+        }
+        for (k, out) in self.sums.chunks_exact_mut(side).enumerate() {
+            let Some(above) = (y + k).checked_sub(reach + 1) else { continue };
+            let row = |j: usize| image.row(image.first_row + above + j)?.get(left - 1..right + 1);
+            let (Some(a), Some(b), Some(c)) = (row(0), row(1), row(2)) else { continue };
+            self.columns.clear();
+            self.columns.extend(a.iter().zip(b).zip(c).map(|((a, b), c)| u16::from(*a) + u16::from(*b) + u16::from(*c)));
+            for (out, three) in out[left + reach - x..].iter_mut().zip(self.columns.windows(3)) {
+                *out = three[0] + three[1] + three[2];
+            }
+        }
+    }
+
+    /// The sum so far from the place; `None` beyond the border.
+    #[inline]
+    fn at(&self, (dx, dy): (isize, isize)) -> Option<u16> {
+        let reach = self.reach as isize;
+        let sum = self.sums[((dy + reach) * (2 * reach + 1) + dx + reach) as usize];
+        (sum != Self::BEYOND).then_some(sum)
     }
 }
 

@@ -121,11 +121,17 @@ impl<'a> Lines<'a> {
     /// Whether a place goes on as such on two opposite sides. What lies beyond the border is taken to go on.
     fn hold(&mut self, (score, x, y, _): &Highest) -> bool {
         let least = (LINE_SHARE * f64::from(*score)) as u16;
-        self.sums.look(self.image, [*x, *y]);
-        let Some(here) = self.sums.at((0, 0)) else { return false };
+        let sum = |(dx, dy): &(isize, isize)| sum_at(self.image, *x as isize + dx, *y as isize + dy);
+        let Some(here) = sum(&(0, 0)) else { return false };
         // What is not as bright needs no look at what is dark around it.
-        let goes_on = |step: &(isize, isize)| self.sums.at(*step).is_none_or(|sum| sum + least >= here && self.stands_out(*step, sum.checked_sub(least)));
-        self.steps.iter().any(|steps| steps.iter().all(goes_on))
+        let as_bright = |steps: &&[(isize, isize); 4]| steps.iter().all(|step| sum(step).is_none_or(|sum| sum + least >= here));
+        let mut bright = self.steps.iter().filter(as_bright).peekable();
+        if bright.peek().is_none() {
+            return false;
+        }
+        self.sums.look(self.image, [*x, *y]);
+        let goes_on = |step: &(isize, isize)| self.sums.at(*step).is_none_or(|sum| self.stands_out(*step, sum.checked_sub(least)));
+        bright.any(|steps| steps.iter().all(goes_on))
     }
 
     /// Whether on two opposite sides of a place something is as dark as this, as [`Row::places`] has it; also where the border is too near to tell.
@@ -144,6 +150,17 @@ impl<'a> Lines<'a> {
         }
         false
     }
+}
+
+/// 3x3 sum around a place; `None` beyond the border.
+#[inline]
+fn sum_at(image: &GreyView, x: isize, y: isize) -> Option<u16> {
+    let (x, y) = (usize::try_from(x - 1).ok()?, usize::try_from(y - 1).ok()?);
+    let mut sum = 0;
+    for row in y..y + 3 {
+        sum += image.row(image.first_row + row)?.get(x..x + 3)?.iter().map(|v| u16::from(*v)).sum::<u16>();
+    }
+    Some(sum)
 }
 
 /// 3x3 sums around a place; memory is used again.
@@ -467,6 +484,24 @@ mod tests {
             assert_eq!(*score, if alone > LEAST { alone } else { 0 }, "{x}");
         }
         assert!(together.iter().any(|s| *s > 0) && together.contains(&0));
+    }
+
+    #[test]
+    fn agrees_sums_around_a_place_are_those_of_every_place_and_end_where_the_picture_does() {
+        let (w, h, reach) = (23, 17, 6);
+        let image = crate::footage::GreyImage { width: w, height: h, pixels: (0..w * h).map(|i| (i * 7919 % 251) as u8).collect() };
+        let view = GreyView::of(&image);
+        let mut sums = Sums::new(reach as usize);
+        let mut beyond = 0;
+        for (x, y) in (0..h).flat_map(|y| (0..w).map(move |x| (x, y))) {
+            sums.look(&view, [x, y]);
+            for (dx, dy) in (-reach..=reach).flat_map(|dy| (-reach..=reach).map(move |dx| (dx, dy))) {
+                let alone = sum_at(&view, x as isize + dx, y as isize + dy);
+                assert_eq!(sums.at((dx, dy)), alone, "{x} {y} {dx} {dy}");
+                beyond += usize::from(alone.is_none());
+            }
+        }
+        assert!(beyond > 0 && sum_at(&view, 1, 1).is_some() && sum_at(&view, 0, 1).is_none());
     }
 
     #[test]

@@ -10,9 +10,10 @@ use crate::tracking::pictures::recording;
 use crate::tracking::pictures::shot_frames::Shot;
 use crate::tracking::pictures::stood_still::stood_still;
 use crate::tracking::racket::face;
+use crate::tracking::racket::marker_deviations;
 use crate::tracking::racket::racket_figure::RacketFigure;
 use crate::tracking::racket::racket_pose::View;
-use crate::tracking::racket::racket_track::{self, RacketFrame};
+use crate::tracking::racket::racket_scene::RacketFrame;
 use crate::tracking::shot_tracks::{ShotSetup, ShotTracks, TrackingError};
 use crate::tracking::side_by_side::{SideBySide, side_by_side};
 use crate::tracking::space_points;
@@ -50,7 +51,7 @@ pub fn track_shot(source: &impl FrameSource, setup: &ShotSetup, cancel: &AtomicB
         shot.figure = figure;
     }
     let figure = shot.figure.clone();
-    racket_track::settle_deviations(&view, &figure, &mut racket);
+    marker_deviations::settle(&view, &figure, &mut racket);
     notes.extend(recording::dark_or_bright(source, &means));
     // With stale pictures left out the ball is another.
     let any_stale = shot.stale.iter().flatten().any(|stale| *stale);

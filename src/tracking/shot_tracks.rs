@@ -5,7 +5,7 @@ use crate::equipment::{Ball, Racket};
 use crate::footage::{FootageError, GreyImage};
 use crate::tracking::ball::ball_track::BallFrame;
 use crate::tracking::racket::racket_figure::RacketFigure;
-use crate::tracking::racket::racket_track::RacketFrame;
+use crate::tracking::racket::racket_scene::RacketFrame;
 use crate::tracking::track_file::{SpacePoint, Tracks};
 
 /// Why a shot cannot be tracked.

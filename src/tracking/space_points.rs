@@ -7,7 +7,7 @@ use crate::tracking::ball::ball_way::StraightLine;
 use crate::tracking::racket::face;
 use crate::tracking::racket::racket_figure::RacketFigure;
 use crate::tracking::racket::racket_pose::View;
-use crate::tracking::racket::racket_track::RacketFrame;
+use crate::tracking::racket::racket_scene::RacketFrame;
 use crate::tracking::shot_tracks::{ShotSetup, ShotTracks};
 use crate::tracking::track_file::{SpacePoint, Target};
 use nalgebra::{Matrix2, Matrix2x3, Matrix3, Point3, Vector3};

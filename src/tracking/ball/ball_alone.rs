@@ -17,7 +17,7 @@ use crate::tracking::ball::ray_flight::{Origin, RayFlight, RayPoint};
 use crate::tracking::ball::shot_ball::Stage;
 use crate::tracking::pictures::background::background_of;
 use crate::tracking::pictures::shot_frames::{AT_ONCE, Shot};
-use crate::tracking::racket::racket_track::RacketFrame;
+use crate::tracking::racket::racket_scene::RacketFrame;
 use crate::tracking::shot_tracks::TrackingError;
 use nalgebra::Point3;
 use rayon::prelude::*;

@@ -14,7 +14,7 @@ use crate::tracking::ball::ball_way::BallWay;
 use crate::tracking::ball::free_flight::FreeFlight;
 use crate::tracking::ball::shot_ball::Stage;
 use crate::tracking::pictures::shot_frames::{PATIENCE, Shot};
-use crate::tracking::racket::racket_track::RacketFrame;
+use crate::tracking::racket::racket_scene::RacketFrame;
 use crate::tracking::shot_tracks::TrackingError;
 use nalgebra::{Point3, Vector2};
 use rayon::prelude::*;

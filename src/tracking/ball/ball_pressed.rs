@@ -14,7 +14,7 @@ use crate::tracking::ball::ball_through::ThroughContact;
 use crate::tracking::ball::ball_track::{BallFrame, BallScene};
 use crate::tracking::ball::contact_length::{LONGEST_CONTACT_S, SHORTEST_CONTACT_S};
 use crate::tracking::pictures::shot_frames::{AT_ONCE, Shot};
-use crate::tracking::racket::racket_track::RacketFrame;
+use crate::tracking::racket::racket_scene::RacketFrame;
 use crate::tracking::shot_tracks::TrackingError;
 use crate::tracking::space_points::first_contact;
 use crate::tracking::track_file::ImagePoint;

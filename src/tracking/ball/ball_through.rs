@@ -10,7 +10,7 @@ use crate::tracking::ball::ball_pieces::foretold;
 use crate::tracking::ball::ball_track::{BallFrame, BallScene};
 use crate::tracking::ball::contact_length::{LONGEST_CONTACT_S, SHORTEST_CONTACT_S};
 use crate::tracking::pictures::shot_frames::Shot;
-use crate::tracking::racket::racket_track::RacketFrame;
+use crate::tracking::racket::racket_scene::RacketFrame;
 use nalgebra::{Point3, Vector3};
 use std::f64::consts::PI;
 

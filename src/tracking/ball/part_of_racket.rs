@@ -5,7 +5,7 @@ use crate::footage::FrameSource;
 use crate::tracking::ball::ball_track::{BallFrame, FASTEST_M_S};
 use crate::tracking::ball::ray_flight::RayPoint;
 use crate::tracking::pictures::shot_frames::Shot;
-use crate::tracking::racket::racket_track::RacketFrame;
+use crate::tracking::racket::racket_scene::RacketFrame;
 use nalgebra::{Point2, Point3};
 
 /// From the strings' centre, m: less is in the head.

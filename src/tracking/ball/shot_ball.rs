@@ -11,7 +11,7 @@ use crate::tracking::ball::ball_shading::{BallShading, LimbProfile};
 use crate::tracking::ball::ball_track::{BallFrame, BallScene};
 use crate::tracking::ball::free_flight::FreeFlight;
 use crate::tracking::pictures::shot_frames::{AT_ONCE, Shot, spread};
-use crate::tracking::racket::racket_track::RacketFrame;
+use crate::tracking::racket::racket_scene::RacketFrame;
 use crate::tracking::shot_tracks::TrackingError;
 use crate::tracking::tape::tape_blur::out_of_focus;
 use nalgebra::{Point3, Vector2};

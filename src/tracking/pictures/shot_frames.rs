@@ -5,7 +5,7 @@ use crate::footage::{FrameBuffer, FrameSource, GreyView, Rows};
 use crate::tracking::pictures::recording::Fingerprint;
 use crate::tracking::racket::racket_figure::RacketFigure;
 use crate::tracking::racket::racket_pose::View;
-use crate::tracking::racket::racket_track::RacketScene;
+use crate::tracking::racket::racket_scene::RacketScene;
 use crate::tracking::shot_tracks::{ShotSetup, TrackingError};
 use crate::tracking::tape::band::BandShape;
 use nalgebra::Point3;

@@ -1,6 +1,6 @@
 //! Pictures that a recorder stored once more, told by the racket: it stands still for a frame in one camera while it moves in the other.
 
-use crate::tracking::racket::racket_track::RacketFrame;
+use crate::tracking::racket::racket_scene::RacketFrame;
 use crate::tracking::track_file::ImagePoint;
 
 /// A racket that moves by less than the first in one camera's picture, and by more than the second in the other's and before or

@@ -2,7 +2,7 @@
 
 use crate::calibration::CameraId;
 use crate::footage::GreyView;
-use crate::tracking::racket::racket_track::RacketScene;
+use crate::tracking::racket::racket_scene::RacketScene;
 use crate::tracking::tape::band::{self, BandFit, BandPart, BandView, SPECK_HALF_PX};
 use nalgebra::{Isometry3, Vector2};
 

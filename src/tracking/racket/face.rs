@@ -7,7 +7,7 @@
 use crate::tracking::ball::ball_track::BallFrame;
 use crate::tracking::racket::racket_figure::RacketFigure;
 use crate::tracking::racket::racket_pose::{View, fit_pose_in};
-use crate::tracking::racket::racket_track::{ALL_BANDS, RacketFrame};
+use crate::tracking::racket::racket_scene::{ALL_BANDS, RacketFrame};
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector2, Vector3};
 
 /// Partner of each marker under the half turn.

@@ -3,7 +3,9 @@
 pub(in crate::tracking) mod band_near;
 pub(in crate::tracking) mod face;
 pub(in crate::tracking) mod foretold_pose;
+pub(in crate::tracking) mod known_bands;
 pub(in crate::tracking) mod lost_racket;
+pub(in crate::tracking) mod marker_deviations;
 pub(in crate::tracking) mod racket_figure;
 pub(in crate::tracking) mod racket_foretold;
 pub(in crate::tracking) mod racket_motion;
@@ -11,6 +13,7 @@ pub(in crate::tracking) mod racket_near;
 pub(in crate::tracking) mod racket_one_view;
 pub(in crate::tracking) mod racket_other_view;
 pub(in crate::tracking) mod racket_pose;
+pub(in crate::tracking) mod racket_scene;
 pub(in crate::tracking) mod racket_search;
 pub(in crate::tracking) mod racket_track;
 pub(in crate::tracking) mod rigid_points;

@@ -4,11 +4,11 @@
 use crate::calibration::CameraId;
 use crate::footage::GreyView;
 use crate::tracking::racket::foretold_pose::Foretold;
+use crate::tracking::racket::known_bands::KnownBands;
 use crate::tracking::racket::racket_other_view::in_other_view;
 use crate::tracking::racket::racket_pose::{RacketPose, fit_pose_near, seen_at};
-use crate::tracking::racket::racket_track::{
-    ALL_BANDS, KnownBands, RacketFrame, RacketScene, add_bands, measure, measure_following, observations_of, points_of, worst_miss,
-};
+use crate::tracking::racket::racket_scene::{ALL_BANDS, RacketFrame, RacketScene};
+use crate::tracking::racket::racket_track::{add_bands, measure, measure_following, observations_of, points_of, worst_miss};
 use crate::tracking::tape::band::BandFit;
 use nalgebra::{SMatrix, Vector2};
 

@@ -3,7 +3,7 @@
 
 use crate::tracking::racket::foretold_pose::{Foretold, moved, turn_and_shift};
 use crate::tracking::racket::racket_pose::RacketPose;
-use crate::tracking::racket::racket_track::RacketFrame;
+use crate::tracking::racket::racket_scene::RacketFrame;
 use nalgebra::{Isometry3, Matrix6, Vector6};
 
 /// How fast a swung racket's velocity changes, rad/s² and m/s².

@@ -4,7 +4,8 @@
 use crate::calibration::CameraId;
 use crate::footage::GreyView;
 use crate::tracking::racket::band_near::least_of;
-use crate::tracking::racket::racket_track::{RacketFrame, RacketScene, measure};
+use crate::tracking::racket::racket_scene::{RacketFrame, RacketScene};
+use crate::tracking::racket::racket_track::measure;
 use crate::tracking::tape::band::BandView;
 use nalgebra::{Isometry3, Translation3};
 

@@ -5,12 +5,14 @@ use crate::footage::{FrameBuffer, FrameSource, GreyView, Rows};
 use crate::tracking::pictures::recording::{Fingerprint, Fingerprints};
 use crate::tracking::pictures::shot_frames::{PATIENCE, Shot, spread};
 use crate::tracking::racket::band_near::LEAST_CONTRAST;
+use crate::tracking::racket::known_bands::{self, KnownBands};
 use crate::tracking::racket::lost_racket::LostRacket;
 use crate::tracking::racket::racket_figure::RacketFigure;
 use crate::tracking::racket::racket_foretold::Expected;
 use crate::tracking::racket::racket_motion::RacketMotion;
+use crate::tracking::racket::racket_scene::RacketFrame;
 use crate::tracking::racket::racket_search;
-use crate::tracking::racket::racket_track::{self, KnownBands, RacketFrame};
+use crate::tracking::racket::racket_track;
 use crate::tracking::shot_tracks::TrackingError;
 use crate::tracking::tape::band::{BandView, USUAL_BLUR_PX};
 use crate::tracking::tape::band_search::{self, BandCandidate, MOST};
@@ -450,7 +452,7 @@ impl<S: FrameSource> Shot<'_, S> {
                 && let Some(bands) = scene.expected(&predicted)
             {
                 let images = self.read_rows(index, bands.rows(&scene, known), &mut buffers)?;
-                found = racket_track::confirm(&scene, &images, &predicted, &bands, &start.least_contrast, known);
+                found = known_bands::confirm(&scene, &images, &predicted, &bands, &start.least_contrast, known);
                 if found.is_some() {
                     prints.push((index, images.map(|v| v.map(|v| Fingerprint::of(&v)))));
                 }

@@ -3,7 +3,7 @@
 
 use crate::calibration::CameraId;
 use crate::footage::GreyView;
-use crate::tracking::racket::racket_track::{RacketFrame, RacketScene};
+use crate::tracking::racket::racket_scene::{RacketFrame, RacketScene};
 use crate::tracking::tape::band::{self, BandPart, BandShape, BandView};
 use rayon::prelude::*;
 

@@ -1,7 +1,7 @@
 //! How long the white tape is along its tube. No file tells: tape is sold in several widths and cut by hand.
 
 use crate::footage::GreyView;
-use crate::tracking::racket::racket_track::{RacketFrame, RacketScene};
+use crate::tracking::racket::racket_scene::{RacketFrame, RacketScene};
 use crate::tracking::tape::band::{BandShape, BandView};
 use crate::tracking::tape::band_trial::{self, Trial};
 

@@ -6,7 +6,7 @@
 use crate::calibration::CameraId;
 use crate::footage::GreyView;
 use crate::tracking::ball::ball_light::{BallLight, LitPixel};
-use crate::tracking::racket::racket_track::{RacketFrame, RacketScene};
+use crate::tracking::racket::racket_scene::{RacketFrame, RacketScene};
 use crate::tracking::tape::band::{self, BandPart, BandShape, BandView};
 use nalgebra::{Matrix3, Vector3};
 use std::sync::OnceLock;

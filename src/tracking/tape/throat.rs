@@ -6,7 +6,7 @@
 
 use crate::footage::GreyView;
 use crate::tracking::racket::racket_figure::RacketFigure;
-use crate::tracking::racket::racket_track::{RacketFrame, RacketScene};
+use crate::tracking::racket::racket_scene::{RacketFrame, RacketScene};
 use crate::tracking::tape::band_trial;
 use std::ops::Range;
 

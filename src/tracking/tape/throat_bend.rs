@@ -4,7 +4,7 @@
 //! 0.3 m radius, and more where the black stands out better than the white does. Bends are tried as directions are ([`crate::tracking::tape::throat`]).
 
 use crate::footage::GreyView;
-use crate::tracking::racket::racket_track::{RacketFrame, RacketScene};
+use crate::tracking::racket::racket_scene::{RacketFrame, RacketScene};
 use crate::tracking::tape::band_trial::{self, Trial};
 
 /// Bends tried, 1/m, outward.

@@ -6,7 +6,7 @@
 //! every band seem wider or narrower alike; so the head's bands, whose width is known, are asked as well and the ratio counts.
 
 use crate::footage::GreyView;
-use crate::tracking::racket::racket_track::{RacketFrame, RacketScene};
+use crate::tracking::racket::racket_scene::{RacketFrame, RacketScene};
 use crate::tracking::tape::band::BandView;
 use crate::tracking::tape::band_trial::{self, Trial};
 

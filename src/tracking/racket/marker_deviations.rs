@@ -1,0 +1,97 @@
+//! Deviations of the markers' image points as a whole clip shows them.
+
+use crate::tracking::pictures::shot_frames::AT_ONCE;
+use crate::tracking::racket::racket_figure::RacketFigure;
+use crate::tracking::racket::racket_pose::{MarkerObservation, View, fit_pose_in};
+use crate::tracking::racket::racket_scene::RacketFrame;
+use rayon::prelude::*;
+
+/// Misses of the pose, in deviations, beyond which a single point is doubtful.
+const DOUBTFUL: f64 = 3.0;
+/// Bands' errors against their misses of the common pose, which contain the figure's errors as well: 0.86 to 1.05 on rendered sessions, 0.80 to
+/// 0.94 on others' (against the true patches).
+const OF_MISSES: f64 = 0.95;
+/// A marker known worse than this is not measured, px.
+const MOST_SD_PX: f64 = 0.9;
+/// Deviations shrink to no less than this share: what stays the same over a clip are few numbers (20 coordinates of ten bands, of which a
+/// pose takes six), and they may be small by chance.
+const LEAST_SHRUNK: f64 = 0.5;
+
+/// Deviations as the whole clip shows them. What a band's own picture cannot tell (tape not quite where the file says, a tube of
+/// another shape, light along the tube) shows as misses of the common pose, marker by marker and camera by camera: those deviations
+/// grow until the misses are what they state. A single point that still misses by more than [`DOUBTFUL`]
+/// deviations (another thing touches the band) grows by itself. Where all bands together then miss by less than they state, all
+/// shrink to what they miss by. Every pose is then fitted again.
+pub fn settle(view: &View, figure: &RacketFigure, frames: &mut [Option<RacketFrame>]) {
+    let misses = |frame: &RacketFrame| -> Vec<(usize, usize, f64)> {
+        let miss = |o: &MarkerObservation| {
+            let (patch, _) = figure.patch_in_global(o.marker, &frame.pose.global_from_racket, view.eye(o.camera));
+            let r = o.point.uv - view.project(o.camera, &patch)?;
+            Some((o.camera.index(), o.marker, 0.5 * ((r.x / o.point.sd.x).powi(2) + (r.y / o.point.sd.y).powi(2))))
+        };
+        frame.observations().iter().filter_map(miss).collect()
+    };
+    let refit = |frame: &mut RacketFrame| {
+        if !frame.foretold
+            && let Ok(pose) = fit_pose_in(view, figure, &frame.observations(), Some(&frame.pose.global_from_racket))
+        {
+            frame.pose = pose;
+        }
+    };
+    // By camera and marker: sum of the squared misses and their number.
+    let collect = |frames: &[Option<RacketFrame>]| {
+        let mut sums = [[(0.0, 0.0); 5]; 2];
+        let of_frame = |frame: &RacketFrame| {
+            // A fit takes its share of the scatter: that of the observations beyond the pose's six numbers is left.
+            let left = frame.pose.dof as f64 / (frame.pose.dof + 6) as f64;
+            (left, misses(frame))
+        };
+        let of_frames: Vec<_> =
+            frames.par_iter().with_max_len(AT_ONCE).flatten().filter(|f| f.stereo() && !f.foretold && f.pose.dof >= 4).map(of_frame).collect();
+        for (left, misses) in of_frames {
+            for (camera, marker, z2) in misses {
+                let sum = &mut sums[camera][marker];
+                *sum = (sum.0 + z2.min(DOUBTFUL * DOUBTFUL) / left, sum.1 + 1.0);
+            }
+        }
+        sums
+    };
+    for _ in 0..2 {
+        let sums = collect(frames);
+        frames.par_iter_mut().with_max_len(AT_ONCE).flatten().for_each(|frame| {
+            for (points, sums) in frame.points.iter_mut().zip(&sums) {
+                for (point, sum) in points.iter_mut().zip(sums) {
+                    if let Some(p) = point.as_mut().filter(|_| sum.1 >= 5.0) {
+                        p.sd *= (sum.0 / sum.1).sqrt().max(1.0);
+                    }
+                }
+            }
+            refit(frame);
+        });
+    }
+    let (sum, count) = collect(frames).iter().flatten().filter(|b| b.1 >= 5.0).fold((0.0, 0.0), |(s, n), b| (s + b.0 / b.1, n + 1.0));
+    if count > 0.0 && sum < count {
+        let by = (sum / count).sqrt().max(LEAST_SHRUNK);
+        frames.par_iter_mut().with_max_len(AT_ONCE).flatten().for_each(|frame| {
+            frame.points.iter_mut().flatten().flatten().for_each(|p| p.sd *= by);
+            // All alike: the pose stays where it is.
+            frame.pose.covariance *= by * by;
+            frame.pose.chi2 /= by * by;
+        });
+    }
+    frames.par_iter_mut().with_max_len(AT_ONCE).flatten().for_each(|frame| {
+        for _ in 0..2 {
+            let worst = misses(frame).into_iter().max_by(|a, b| a.2.total_cmp(&b.2));
+            let Some((camera, marker, z2)) = worst.filter(|w| w.2 > DOUBTFUL * DOUBTFUL) else { break };
+            if let Some(p) = &mut frame.points[camera][marker] {
+                p.sd *= z2.sqrt();
+            }
+            // What the other bands put so far elsewhere is not the marker.
+            frame.points[camera][marker] = frame.points[camera][marker].filter(|p| p.sd.max() < MOST_SD_PX);
+            refit(frame);
+        }
+        frame.points.iter_mut().flatten().flatten().for_each(|p| p.sd *= OF_MISSES);
+        frame.pose.covariance *= OF_MISSES * OF_MISSES;
+        frame.pose.chi2 /= OF_MISSES * OF_MISSES;
+    });
+}

@@ -4,7 +4,7 @@ use super::by_group::{GROUP_LEVEL, Groups};
 use super::error::ValidationError;
 use super::fit::{Column, Fit, FitOptions, fit, fit_with_likely_offsets};
 use super::forward::Forward;
-use super::heldout::{error_of, linearise_held_out, taken_for_chance, taken_for_shared};
+use super::heldout::{CLEARLY, error_of, is_clearly_above_noise, linearise_held_out, taken_for_chance, taken_for_shared};
 use super::linearise::{Linearised, OUTLIER_LISTED};
 use super::observation::{Observation, Observations};
 use super::one_sided::one_sided;
@@ -20,10 +20,7 @@ use serde::{Deserialize, Serialize};
 /// Level of the structure test alone, as `compare` uses it: that of `diagnose`, so that a model in which the latter finds
 /// nothing more is not called inadequate here.
 pub const COMPARE_LEVEL: f64 = super::structure::STRUCTURE_LEVEL;
-/// Times the noise floor beyond which the error on held-out impacts alone says that the model fails: with few impacts the
-/// structure test has hardly any power against something large.
-const CLEARLY: f64 = 1.5;
-/// The same for groups held out whole, and the deviations it must be from chance.
+/// Times the noise floor beyond which the error on groups held out whole says that the model fails, and the deviations it must be from chance.
 const HELD_CLEARLY: f64 = 1.2;
 const HELD_DEVIATIONS: f64 = 6.0;
 /// Edge of a face map's cell, m.
@@ -251,7 +248,11 @@ pub fn compare(forward: &dyn Forward, observations: &Observations, model: &str, 
     let group = missed_groups(observations, &held, &held_refitted, &refitted.impacts, floor);
     let outliers = outliers(&seen, &refitted.impacts, &held, &held_refitted);
     let odd = one_sided(&outliers, observations).or_else(|| outliers_together(&outliers, observations));
-    let fails = structured && disbelieved.is_none() || too_noisy || group.is_some() || odd.is_some() || error_of(&held_refitted) > CLEARLY * floor;
+    let fails = structured && disbelieved.is_none()
+        || too_noisy
+        || group.is_some()
+        || odd.is_some()
+        || is_clearly_above_noise(observations, &held_refitted, &refitted, &structure);
     let present: Vec<usize> = (0..OUTPUTS.len()).filter(|k| impacts.iter().any(|i| i.outputs.iter().any(|p| p.output == *k))).collect();
     let mut notes = observations.notes.clone();
     note_noise(floor, !fails, &mut notes);

@@ -11,6 +11,9 @@ use super::linearise::Linearised;
 use super::observation::{Observation, Observations};
 use super::structure::{StructureTest, p_text};
 
+/// Times the noise beyond which the error on held-out impacts alone says that the model fails: with few impacts the structure test has hardly any
+/// power against something large.
+pub const CLEARLY: f64 = 1.5;
 /// Passes for the true inputs: they settle to a thousandth of their deviation in three.
 const PASSES: usize = 3;
 
@@ -38,6 +41,13 @@ fn is_noise_alone(impacts: &[Linearised], fit: &Fit, floor: f64, floor_freedom: 
     let count: usize = impacts.iter().map(|l| l.z.len()).sum();
     let expected = floor * (1.0 + fit.own_uncertainty()).sqrt();
     count > 0 && error_of(impacts) <= expected * (1.0 + 2.0 * (0.5 / count as f64 + 0.5 / floor_freedom.max(1.0)).sqrt())
+}
+
+/// Whether that error lies so far above the noise (by more than half, and beyond chance; of footage above the stated noise, which shots may
+/// share) that the model fails though no structure shows.
+pub fn is_clearly_above_noise(observations: &Observations, impacts: &[Linearised], fit: &Fit, structure: &StructureTest) -> bool {
+    let scale = if observations.is_footage() { structure.noise_scale.max(1.0) } else { structure.noise_scale };
+    error_of(impacts) > CLEARLY * scale.sqrt() && !is_noise_alone(impacts, fit, scale.sqrt(), structure.residual_freedom)
 }
 
 /// Fall of the held-out impacts' chi-square, in units of the noise `c`, that something must bring: its own price, and twice what
@@ -73,10 +83,9 @@ pub fn taken_for_chance(structure: &StructureTest, fit: &Fit, held_out: &[Linear
 pub fn taken_for_shared(observations: &Observations, structure: &StructureTest, fit: &Fit, held_out: &[Linearised]) -> Option<String> {
     is_shared_error(observations, structure, fit, held_out).then(|| {
         format!(
-            "some structure is left ({}), but it adds less than a tenth to the error of the fit and nothing to that of held-out impacts ({:.3}, floor {:.3}): not believed of shots that share a calibration",
+            "some structure is left ({}), but beside what the table states it adds less than a tenth to the error of the fit and nothing to that of held-out impacts ({:.3}): not believed of shots that share a calibration",
             p_text(structure.p_value),
-            error_of(held_out),
-            structure.noise_scale.sqrt()
+            error_of(held_out)
         )
     })
 }
@@ -86,11 +95,13 @@ pub fn taken_for_shared(observations: &Observations, structure: &StructureTest, 
 const SMALL: f64 = 0.21;
 
 /// Whether structure in the impacts of `fit` is no more than shots of footage, which share more errors than their table states, may
-/// have: it adds less than a tenth to their error and nothing to that of the held-out ones.
+/// have: it adds less than a tenth to their error and nothing to that of the held-out ones. What a table states of a shot holds what all
+/// have in common, so that structure below the stated noise may be that, however little the shots scatter about it.
 fn is_shared_error(observations: &Observations, structure: &StructureTest, fit: &Fit, held_out: &[Linearised]) -> bool {
+    let stated = structure.noise_scale.max(1.0);
     observations.is_footage()
-        && structure.excess < SMALL * fit.count() as f64
-        && is_noise_alone(held_out, fit, structure.noise_scale.sqrt(), structure.residual_freedom)
+        && structure.statistic / stated - (structure.rank as f64) < SMALL * fit.count() as f64
+        && is_noise_alone(held_out, fit, stated.sqrt(), structure.residual_freedom)
 }
 
 /// The held-out error of a fit.

@@ -10,6 +10,7 @@ use super::forward::Library;
 use super::heldout::{error_of, linearise_held_out};
 use super::linearise::Linearised;
 use super::local_spot::SPOT_LEVEL;
+use super::lone_term::TERM_LEVEL;
 use super::observation::{Observation, Observations};
 use super::one_sided::one_sided;
 use super::outliers_together::outliers_together;
@@ -19,7 +20,7 @@ use super::screen::{LIBRARY_LEVEL, Screening, screen_beyond};
 use super::structure::{STRUCTURE_LEVEL, StructureTest, structure_test};
 
 /// The tests together (that of the groups only where there are any): how often nothing-missing is called missing, at most.
-const FALSE_ALARM_RATE: f64 = LIBRARY_LEVEL + STRUCTURE_LEVEL + SPOT_LEVEL;
+const FALSE_ALARM_RATE: f64 = LIBRARY_LEVEL + STRUCTURE_LEVEL + SPOT_LEVEL + TERM_LEVEL;
 
 /// When nothing is missing, all candidates together are no more likely than that.
 const ALL_CANDIDATES: f64 = 0.5;
@@ -52,7 +53,10 @@ impl<'a> Case<'a> {
         let c_screen = structure.noise_scale_for_screening();
         let nuisance = flexible_nuisance(library.current(), &base, observations, &seen, &present.strengths, &structure.by_group)?;
         let screening = screen_beyond(library, &base, &seen, c_screen, &nuisance, None)?;
-        let spot = local_spot(&Reference { library, observations, impacts: &seen, base: &base, groups: &structure.by_group, c: c_screen, seed }, &nuisance);
+        let spot = local_spot(
+            &Reference { library, observations, impacts: &seen, base: &base, groups: &structure.by_group, lone_term: structure.lone_term, c: c_screen, seed },
+            &nuisance,
+        );
         let held_out = linearise_held_out(library.current(), &base, observations, &held)?;
         let (error, spot_p_value) = (error_of(&held_out), spot.map_or(1.0, |s| s.p_value));
         Ok(Case { library, observations, seen, held, base, structure, screening, spot_p_value, present, held_out, error, seed })
@@ -95,6 +99,7 @@ impl<'a> Case<'a> {
             impacts: &self.seen,
             base: &self.base,
             groups: &self.structure.by_group,
+            lone_term: self.structure.lone_term,
             c,
             seed: self.seed,
         }

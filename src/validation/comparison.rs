@@ -6,6 +6,7 @@ use super::fit::{Column, Fit, FitOptions, fit, fit_with_likely_offsets};
 use super::forward::Forward;
 use super::heldout::{CLEARLY, error_of, is_clearly_above_noise, linearise_held_out, taken_for_chance, taken_for_shared};
 use super::linearise::{Linearised, OUTLIER_LISTED};
+use super::lone_term::TERM_LEVEL;
 use super::observation::{Observation, Observations};
 use super::one_sided::one_sided;
 use super::outliers_together::outliers_together;
@@ -264,7 +265,7 @@ pub fn compare(forward: &dyn Forward, observations: &Observations, model: &str, 
     notes.extend(disbelieved.filter(|_| !fails));
     Ok(Comparison {
         verdict: if fails { Adequacy::Inadequate } else { Adequacy::Adequate },
-        false_alarm_rate: COMPARE_LEVEL + if structure.columns_of_groups > 0 { GROUP_LEVEL } else { 0.0 },
+        false_alarm_rate: COMPARE_LEVEL + TERM_LEVEL + if structure.columns_of_groups > 0 { GROUP_LEVEL } else { 0.0 },
         model: model.to_owned(),
         n_impacts: observations.impacts.len(),
         n_held_out: held.len(),
@@ -366,8 +367,9 @@ pub fn note_group_noise(structure: &StructureTest, notes: &mut Vec<String>) {
     }
 }
 
-/// Says where the model fails otherwise than elsewhere.
+/// Says where the model fails otherwise than elsewhere, and by what single term.
 pub fn note_groups(structure: &StructureTest, notes: &mut Vec<String>) {
+    notes.extend(structure.lone_term.map(|term| format!("one simple term stands out ({}): {}", p_text(term.p_value), term.words())));
     for g in &structure.by_group {
         notes.push(format!(
             "the model does not fail alike in all groups of `{}` ({}): {}; what differs between them (a racket's mass, its stringing, a camera, units) is where to look, and one table for each will tell; where the column \

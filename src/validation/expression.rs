@@ -357,7 +357,7 @@ pub fn find_expression(
         chosen.push(term);
         best = next;
     }
-    let structure = structure_test(&best.fit, reference.observations, reference.impacts, Groups::Known(reference.groups), reference.seed);
+    let structure = structure_test(&best.fit, reference.observations, reference.impacts, Groups::Known(reference.groups, reference.lone_term), reference.seed);
     reference.c = reference.c.min(structure.noise_scale);
     let c = reference.c;
     let log_evidence = log_evidence_over(reference.base, &best.fit, c, 0);

@@ -22,6 +22,8 @@ pub struct FeatureInputs {
     torque: f64,
     order: f64,
     swing: f64,
+    /// The racket's other rates, x and z.
+    rates: [f64; 2],
     side: f64,
 }
 
@@ -40,13 +42,14 @@ impl FeatureInputs {
             torque: x[14] / 10.0,
             order: o.order,
             swing: x[10] / 30.0,
+            rates: [x[9] / 30.0, x[11] / 30.0],
             side: contact.side,
         }
     }
 
     /// The same before a racket whose rate is nothing but noise.
     pub fn without_swing(self) -> Self {
-        FeatureInputs { swing: 0.0, ..self }
+        FeatureInputs { swing: 0.0, rates: [0.0; 2], ..self }
     }
 
     /// The same where only one side of the racket is hit.
@@ -57,6 +60,11 @@ impl FeatureInputs {
     /// Approach speed beyond this one over 25 m/s, times the place along the racket and across the face.
     pub fn speed_times_place(&self, from_m_s: f64) -> [f64; 2] {
         self.place.map(|p| (self.u - from_m_s / 25.0) * p)
+    }
+
+    /// Slip velocity over approach speed, x and y.
+    pub fn slip(&self) -> [f64; 2] {
+        self.g
     }
 
     /// Squared slip plus `least` (m²/s²), over the squared approach speed.
@@ -79,7 +87,7 @@ const fn f(text: &'static str, words: &'static str, value: fn(&FeatureInputs) ->
 }
 
 /// All features, simple ones first: of two that do equally well the earlier one is taken.
-pub static FEATURES: [Feature; 56] = [
+pub static FEATURES: [Feature; 60] = [
     f("1", "everywhere alike", |_| 1.0),
     f("(approach_speed / 25)", "with the approach speed", |i| i.u),
     f("(approach_speed / 25)^2", "with the square of the approach speed", |i| i.u * i.u),
@@ -120,6 +128,8 @@ pub static FEATURES: [Feature; 56] = [
     f("(spin_across * ball_radius / 25)^1.5", "with the 1.5th power of the incoming spin across the face", |i| (i.s[0].hypot(i.s[1]) * i.u).powf(1.5)),
     f("(ball_in_wx * ball_radius / approach_speed)", "with the spin about the racket's long axis", |i| i.s[0]),
     f("(ball_in_wy * ball_radius / approach_speed)", "with the spin about the axis across the face", |i| i.s[1]),
+    f("(ball_in_wx * ball_radius / 25)", "with the spin about the racket's long axis", |i| i.s[0] * i.u),
+    f("(ball_in_wy * ball_radius / 25)", "with the spin about the axis across the face", |i| i.s[1] * i.u),
     f("(ball_in_wz * ball_radius / approach_speed)", "with the spin about the normal", |i| i.s[2]),
     f("(ball_in_wz * ball_radius / 25)", "with the spin about the normal", |i| i.s[2] * i.u),
     f("(ball_in_wz * ball_radius / approach_speed)^2", "with the squared spin about the normal", |i| i.s[2].powi(2)),
@@ -130,6 +140,8 @@ pub static FEATURES: [Feature; 56] = [
     f("(order / 100)", "with the order of the impacts", |i| i.order / 100.0),
     f("exp(-order / 50)", "toward the first impacts, over some fifty of them", |i| (-i.order / 50.0).exp()),
     f("(racket_in_wy / 30)", "with the racket's swing rate", |i| i.swing),
+    f("(racket_in_wx / 30)", "with the racket's twist rate", |i| i.rates[0]),
+    f("(racket_in_wz / 30)", "with the racket's rate in its own plane", |i| i.rates[1]),
     f("(approach_speed / 25) * obliqueness", "with the slip speed", |i| i.u * i.g[0].hypot(i.g[1])),
     f("(approach_speed / 25) * (impact_x / half_length)^2", "with speed, toward tip and throat", |i| i.u * i.place[0].powi(2)),
     f("(approach_speed / 25) * (impact_y / half_width)^2", "with speed, toward both sides", |i| i.u * i.place[1].powi(2)),

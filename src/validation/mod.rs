@@ -26,6 +26,7 @@ mod judgement;
 pub mod ledger;
 pub mod linearise;
 pub mod local_spot;
+pub mod lone_term;
 pub mod model_library;
 pub mod noise;
 pub mod observation;

@@ -49,7 +49,7 @@ impl Present {
     fn absent(&self, library: &dyn Library, observations: &Observations, impacts: &[&Observation], seed: u64) -> Result<StructureTest, ValidationError> {
         let without = Without::new(library.current(), &self.strengths);
         let fitted = fit(&without, observations, impacts, &FitOptions::default(), None)?;
-        Ok(structure_test(&fitted, observations, impacts, Groups::Known(&[]), seed))
+        Ok(structure_test(&fitted, observations, impacts, Groups::Known(&[], None), seed))
     }
 }
 

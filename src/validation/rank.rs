@@ -17,6 +17,7 @@ use super::fit::{Column, Fit, FitOptions, Start, fit};
 use super::forward::{EffectOutline, Forward, Library, Strength};
 use super::heldout::linearise_held_out;
 use super::linearise::Linearised;
+use super::lone_term::LoneTerm;
 use super::observation::{Observation, Observations};
 use super::predicted::difference;
 use super::project::Nuisance;
@@ -84,6 +85,8 @@ pub struct Reference<'a> {
     pub base: &'a Fit,
     /// Columns whose groups the base fails by.
     pub groups: &'a [GroupMisfit],
+    /// The single term it fails by.
+    pub lone_term: Option<LoneTerm>,
     /// Noise scale c.
     pub c: f64,
     pub seed: u64,
@@ -202,7 +205,7 @@ impl Reference<'_> {
     pub fn refit(&self, effects: &[&str], strengths: &[f64]) -> Result<Refit, ValidationError> {
         let (forward, fitted) = self.fit_with(effects, strengths)?;
         let places = self.strengths_in(forward.as_ref(), effects);
-        let structure = structure_test(&fitted, self.observations, self.impacts, Groups::Known(self.groups), self.seed);
+        let structure = structure_test(&fitted, self.observations, self.impacts, Groups::Known(self.groups, self.lone_term), self.seed);
         let held_out = linearise_held_out(forward.as_ref(), &fitted, self.observations, &self.observations.side(true))?;
         let mut refit = Refit {
             effects: effects.iter().map(|s| (*s).to_owned()).collect(),

@@ -518,6 +518,7 @@ mod tests {
             noise_by_group: Vec::new(),
             columns_of_groups: 0,
             by_group: Vec::new(),
+            lone_term: None,
             residual_chi2: 900.0,
             residual_freedom: 900.0,
             excess: 200.0,

@@ -12,6 +12,7 @@
 use super::by_group::{GroupMisfit, GroupTest, Groups, beside, group_test};
 use super::fit::{Column, Fit};
 use super::forward::Inputs;
+use super::lone_term::{LoneTerm, lone_term};
 use super::observation::{Gear, Observation, Observations};
 use super::project::{Projected, project};
 use crate::impact_table::OUTPUTS;
@@ -69,6 +70,9 @@ pub struct StructureTest {
     pub columns_of_groups: usize,
     #[serde(default)]
     pub by_group: Vec<GroupMisfit>,
+    /// One simple term that explains what all smooth corrections together do not show ([`super::lone_term`]).
+    #[serde(default)]
+    pub lone_term: Option<LoneTerm>,
     pub seed: u64,
 }
 
@@ -364,11 +368,43 @@ pub fn generic_signatures(fit: &Fit, observations: &Observations, impacts: &[&Ob
 pub fn structure_test(fit: &Fit, observations: &Observations, impacts: &[&Observation], groups: Groups, seed: u64) -> StructureTest {
     let mut signatures = generic_signatures(fit, observations, impacts);
     let GroupTest { tested: columns_of_groups, failing } = group_test(fit, observations, impacts, &signatures, groups, seed);
-    for (_, blocks) in &failing {
-        signatures = signatures.iter().zip(blocks).map(|(own, more)| beside(own, more)).collect();
+    let mut by_group = Vec::new();
+    for (misfit, blocks) in failing {
+        signatures = signatures.iter().zip(&blocks).map(|(own, more)| beside(own, more)).collect();
+        by_group.push(misfit);
     }
-    let by_group: Vec<GroupMisfit> = failing.into_iter().map(|(misfit, _)| misfit).collect();
-    let projected = project(fit, &signatures);
+    let with = |signatures: &[DMatrix<f64>], lone: Option<LoneTerm>| match lone {
+        Some(term) => signatures.iter().zip(term.signature(fit, observations, impacts)).map(|(own, more)| beside(own, &more)).collect(),
+        None => signatures.to_vec(),
+    };
+    let known = match groups {
+        Groups::Known(_, lone) => lone,
+        Groups::Test => None,
+    };
+    let mut test = StructureTest { lone_term: known, columns_of_groups, ..of_signatures(fit, &with(&signatures, known), seed) };
+    if is_exact(fit) {
+        return test;
+    }
+    if let Groups::Test = groups {
+        test.p_value = by_group.iter().map(|g: &GroupMisfit| g.p_value).fold(test.p_value, f64::min);
+        if test.p_value >= STRUCTURE_LEVEL
+            && let Some(lone) = lone_term(fit, observations, impacts)
+        {
+            let with_it = of_signatures(fit, &with(&signatures, Some(lone)), seed);
+            test = StructureTest { p_value: lone.p_value, lone_term: Some(lone), columns_of_groups, ..with_it };
+        }
+    }
+    StructureTest { by_group, ..test }
+}
+
+/// What a table misses by no more than rounding has no structure.
+fn is_exact(fit: &Fit) -> bool {
+    fit.chi2 + fit.prior_residual().norm_squared() < EXACT * fit.count() as f64
+}
+
+/// The test of given corrections.
+fn of_signatures(fit: &Fit, signatures: &[DMatrix<f64>], seed: u64) -> StructureTest {
+    let projected = project(fit, signatures);
     let directions = independent_directions(&projected);
     let q = directions.ncols();
     let parts = &projected.contributions * &directions;
@@ -379,13 +415,22 @@ pub fn structure_test(fit: &Fit, observations: &Observations, impacts: &[&Observ
     let residual_freedom = (dof - q as f64).max(1.0);
     let residual_chi2 = (chi2 - statistic).max(0.0);
     let (noise_scale, noise_by_group) = noise_by_group(fit, &projected, &directions, &parts.row_sum().transpose(), residual_chi2 / residual_freedom);
-    // What a table misses by no more than rounding has no structure.
-    let exact = chi2 < EXACT * fit.count() as f64;
-    let tested = by_group.iter().filter(|_| matches!(groups, Groups::Test)).map(|g| g.p_value);
-    let p_value = if exact { 1.0 } else { tested.fold(wild_p_value(&parts, statistic, seed), f64::min) };
-    let by_group = if exact { Vec::new() } else { by_group };
+    let p_value = if is_exact(fit) { 1.0 } else { wild_p_value(&parts, statistic, seed) };
     let excess = (statistic / noise_scale - q as f64).max(0.0);
-    StructureTest { statistic, rank: q, p_value, noise_scale, noise_by_group, residual_chi2, residual_freedom, excess, columns_of_groups, by_group, seed }
+    StructureTest {
+        statistic,
+        rank: q,
+        p_value,
+        noise_scale,
+        noise_by_group,
+        residual_chi2,
+        residual_freedom,
+        excess,
+        columns_of_groups: 0,
+        by_group: Vec::new(),
+        lone_term: None,
+        seed,
+    }
 }
 
 /// Directions in the space of the terms, terms × rank, along which the projected scores are independent with variance one.

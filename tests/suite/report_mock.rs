@@ -122,6 +122,7 @@ fn structure(p_value: f64) -> StructureTest {
         noise_by_group: Vec::new(),
         columns_of_groups: 0,
         by_group: Vec::new(),
+        lone_term: None,
         residual_chi2: 2040.0,
         residual_freedom: 2000.0,
         excess: 300.0,

@@ -1,0 +1,170 @@
+//! Does one simple term explain what all smooth corrections together do not show?
+//!
+//! The structure test looks at a hundred directions at once, those that a mechanism of the game could have; what goes with something
+//! else, say the sign of the spin, is none of them, and passes for noise however clear it is. So where that test finds nothing, every channel is tried with
+//! every feature that a formula can be made of ([`super::expression_terms`]), one at a time: score U over the root of its impacts' own
+//! squares (so that outliers and wrongly stated noise do not raise an alarm), as Student's t, corrected for the number tried. A term that
+//! stands out joins the smooth corrections.
+
+use super::expression_terms::{FEATURES, FeatureInputs};
+use super::fit::Fit;
+use super::observation::{Observation, Observations};
+use super::structure::{channels, effective, racket_turns};
+use nalgebra::{DMatrix, DVector};
+use serde::{Deserialize, Serialize};
+use statrs::distribution::{ContinuousCDF, StudentsT};
+
+/// Level of the test, corrected for the number of terms.
+pub const TERM_LEVEL: f64 = 0.001;
+/// Least share of a term that the fit's own parameters and offsets must leave.
+const LEAST_LEFT: f64 = 0.01;
+/// Impacts that must carry a term, in effect.
+const FEWEST: f64 = 8.0;
+
+/// Channels: columns of [`channels`], some times the slip (or a component of it) relative to the approach, as a tangential restitution has it.
+const CHANNELS: [(usize, Option<Slip>, &str); 18] = [
+    (0, None, "the impulse along the normal"),
+    (1, None, "the impulse along the slip"),
+    (2, None, "the impulse across the slip"),
+    (3, None, "the impulse along the racket"),
+    (4, None, "the impulse across the face"),
+    (1, Some(Slip::Size), "the tangential restitution"),
+    (3, Some(Slip::Along), "the tangential restitution along the racket"),
+    (4, Some(Slip::Across), "the tangential restitution across the face"),
+    (5, None, "the torque on the ball about the normal"),
+    (6, None, "the torque on the ball by the slip"),
+    (7, None, "the torque on the ball about the racket's long axis"),
+    (8, None, "the torque on the ball about the axis across the face"),
+    (9, None, "the push on the racket"),
+    (10, None, "the impulse on the racket along its axis"),
+    (11, None, "the impulse on the racket across the face"),
+    (12, None, "the torque on the racket about its long axis"),
+    (13, None, "the torque on the racket about the axis across the face"),
+    (14, None, "the torque on the racket about the normal"),
+];
+
+#[derive(Clone, Copy)]
+enum Slip {
+    Size,
+    Along,
+    Across,
+}
+
+/// A term that stands out.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+pub struct LoneTerm {
+    channel: usize,
+    feature: usize,
+    /// Corrected for the number of terms tried.
+    pub p_value: f64,
+}
+
+impl LoneTerm {
+    /// "the impulse along the normal goes with the spin about the racket's long axis".
+    pub fn words(&self) -> String {
+        let (Some((_, _, what)), Some(feature)) = (CHANNELS.get(self.channel), FEATURES.get(self.feature)) else { return String::new() };
+        format!("{what} changes {}", feature.words)
+    }
+
+    /// Its whitened signature.
+    pub fn signature(&self, fit: &Fit, observations: &Observations, impacts: &[&Observation]) -> Vec<DMatrix<f64>> {
+        let features = features(fit, observations, impacts);
+        let of = |(i, response): (usize, Vec<DVector<f64>>)| {
+            let column = response
+                .get(self.channel)
+                .map_or_else(|| DVector::zeros(fit.impacts[i].z.len()), |r| r * features.get((i, self.feature)).copied().unwrap_or(0.0));
+            DMatrix::from_columns(&[column])
+        };
+        responses(fit, observations, impacts).into_iter().enumerate().map(of).collect()
+    }
+}
+
+/// Features of all impacts, one row each, standardised; one that does not vary, or is hardly more than noise, is all zero.
+fn features(fit: &Fit, observations: &Observations, impacts: &[&Observation]) -> DMatrix<f64> {
+    let n = impacts.len();
+    let rates = DVector::from_iterator(n, fit.impacts.iter().map(|l| l.true_inputs.iter().skip(9).take(3).map(|w| w * w).sum::<f64>().sqrt()));
+    let turns = n > 1 && racket_turns(observations, rates.variance().sqrt());
+    let mut values = DMatrix::zeros(n, FEATURES.len());
+    for (i, (o, l)) in impacts.iter().zip(&fit.impacts).enumerate() {
+        let inputs = FeatureInputs::of(o, &l.true_inputs, &observations.gear[o.gear]);
+        let inputs = if turns { inputs } else { inputs.without_swing() };
+        FEATURES.iter().enumerate().for_each(|(f, feature)| values[(i, f)] = (feature.value)(&inputs));
+    }
+    for mut column in values.column_iter_mut() {
+        let (mean, sd) = (column.mean(), column.variance().sqrt());
+        let varies = sd > 1e-6 * (1e-3 + mean.abs());
+        column.iter_mut().for_each(|v| *v = if varies && v.is_finite() { (*v - mean) / sd } else { 0.0 });
+    }
+    values
+}
+
+/// Whitened responses of each impact to a unit of each channel.
+fn responses(fit: &Fit, observations: &Observations, impacts: &[&Observation]) -> Vec<Vec<DVector<f64>>> {
+    let of = |(o, l): (&&Observation, &super::linearise::Linearised)| {
+        let gear = &observations.gear[o.gear];
+        let all = channels(&l.true_inputs, gear);
+        let slip = FeatureInputs::of(o, &l.true_inputs, gear).slip();
+        let times = |slip_of: Option<Slip>| match slip_of {
+            None => 1.0,
+            Some(Slip::Size) => slip[0].hypot(slip[1]),
+            Some(Slip::Along) => slip[0],
+            Some(Slip::Across) => slip[1],
+        };
+        CHANNELS
+            .map(|(column, slip_of, _)| &l.whitener * DVector::from_iterator(l.measured.len(), l.measured.iter().map(|&k| all[(k, column)] * times(slip_of))))
+            .to_vec()
+    };
+    impacts.iter().zip(&fit.impacts).map(of).collect()
+}
+
+/// The term that stands out most, if one does.
+pub fn lone_term(fit: &Fit, observations: &Observations, impacts: &[&Observation]) -> Option<LoneTerm> {
+    let features = features(fit, observations, impacts);
+    let responses = responses(fit, observations, impacts);
+    let roots = fit.prior_precision.map(f64::sqrt);
+    let prior = fit.prior_residual();
+    // A'z of each impact: what a parameter's share of a term takes from its score.
+    let told: Vec<DVector<f64>> = fit.design.iter().zip(&fit.impacts).map(|(a, l)| a.tr_mul(&l.z)).collect();
+    let mut tried = 0usize;
+    let mut most: Option<(f64, f64, usize, usize)> = None;
+    for channel in 0..CHANNELS.len() {
+        let mut cross = DMatrix::zeros(fit.columns.len(), FEATURES.len());
+        let sizes: Vec<f64> = responses.iter().map(|r| r[channel].norm_squared()).collect();
+        let scores: Vec<f64> = responses.iter().zip(&fit.impacts).map(|(r, l)| r[channel].dot(&l.z)).collect();
+        for (i, (r, a)) in responses.iter().zip(&fit.design).enumerate() {
+            cross += a.tr_mul(&r[channel]) * features.row(i);
+        }
+        let absorbed = &fit.covariance * &cross;
+        for feature in 0..FEATURES.len() {
+            let value = features.column(feature);
+            let raw: f64 = value.iter().zip(&sizes).map(|(f, s)| f * f * s).sum();
+            let left = raw - cross.column(feature).dot(&absorbed.column(feature));
+            let carried = effective(value.iter().zip(&sizes).map(|(f, s)| f * f * s));
+            if !(raw > 0.0) || left < LEAST_LEFT * raw || carried < FEWEST {
+                continue;
+            }
+            tried += 1;
+            let taken = absorbed.column(feature);
+            let of_impacts = (0..impacts.len()).map(|i| value[i] * scores[i] - taken.dot(&told[i]));
+            let of_prior = (0..roots.len()).map(|j| -taken[j] * roots[j] * prior[j]);
+            let (sum, squares) = of_impacts.chain(of_prior).fold((0.0, 0.0), |(s, q), u| (s + u, q + u * u));
+            if !(squares > 0.0) {
+                continue;
+            }
+            // The sum over the root of its own squares never exceeds the root of their number.
+            let ratio = (sum * sum / squares / carried).min(1.0 - 1e-12);
+            let t = (ratio * (carried - 1.0) / (1.0 - ratio)).sqrt();
+            if most.is_none_or(|m| tail(t, carried) < tail(m.0, m.1)) {
+                most = Some((t, carried, channel, feature));
+            }
+        }
+    }
+    let (t, carried, channel, feature) = most?;
+    let p_value = (tail(t, carried) * tried as f64).min(1.0);
+    (p_value < TERM_LEVEL).then_some(LoneTerm { channel, feature, p_value })
+}
+
+/// P(|t| > `t`) with the freedom of so many impacts.
+fn tail(t: f64, impacts: f64) -> f64 {
+    StudentsT::new(0.0, 1.0, impacts - 1.0).map_or(1.0, |d| 2.0 * d.sf(t))
+}

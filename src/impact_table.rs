@@ -86,8 +86,8 @@ pub fn unit(column: &str) -> &'static str {
 /// another unit, or a slip of the pen.
 fn largest(column: &str) -> f64 {
     match unit(column) {
-        "m" => 2.0,
-        "s" => 10.0,
+        "m" => 0.6,
+        "s" => 0.2,
         "N m" => 1e3,
         "rad/s" if column.starts_with("racket") => 2e3,
         "rad/s" => 1e4,
@@ -231,14 +231,22 @@ fn column(name: &str) -> Column {
     }
 }
 
-/// The column that an unknown name is but for capitals or a unit behind it, where the header has no such column.
+/// The column that an unknown name is but for capitals, a unit behind it, other signs between its words or one letter more or less, where the header
+/// has no such column.
 fn meant(name: &str, header: &[String]) -> Option<&'static str> {
     if is_own_column(name) {
         return None;
     }
     let bare = name.split(['[', '(', ' ']).next().unwrap_or_default().trim_end_matches('_').to_lowercase();
     let own = ["id", "racket", "ball", "sequence"].into_iter().chain(INPUTS).chain(OUTPUTS);
-    own.into_iter().find(|own| *own == bare && !header.iter().any(|h| h == own))
+    let letters = |name: &str| name.chars().filter(char::is_ascii_alphanumeric).collect::<String>();
+    // Short names (`ball`) are one letter away from much.
+    let slip = |own: &str| own.contains('_') && bare.len() < 2 * own.len() && (letters(own) == letters(&bare) || one_letter_more_or_less(own, &bare));
+    own.into_iter().find(|own| (*own == bare || slip(own)) && !header.iter().any(|h| h == own))
+}
+
+fn one_letter_more_or_less(a: &str, b: &str) -> bool {
+    a.len().abs_diff(b.len()) == 1 && strsim::levenshtein(a, b) == 1
 }
 
 /// Whether the table gives this column a meaning of its own, so that no grouping column may bear the name.

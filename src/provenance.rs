@@ -1,5 +1,6 @@
 //! What made a result: version and input hashes, so that the same inputs give the same bytes and can be found again.
 
+use crate::limited_file::{LARGEST_TABLE, LimitedFile};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::io::{self, Read, Seek, SeekFrom, Write};
@@ -49,7 +50,7 @@ pub fn sha256_file(path: &Path) -> io::Result<String> {
 }
 
 fn hash_of(path: &Path) -> io::Result<String> {
-    let mut file = std::fs::File::open(path)?;
+    let mut file = LimitedFile::open(path, LARGEST_TABLE)?;
     let mut hash = Sha256::new();
     let mut block = vec![0u8; 1 << 16];
     loop {

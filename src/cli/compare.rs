@@ -25,6 +25,7 @@ pub struct Arguments {
 
 pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let input = &arguments.input;
+    shell.keep(input.files.measured());
     let loaded = input.load("compare")?;
     let mut comparison = compare(loaded.library.current(), &loaded.observations, &input.model_name(), input.seed)?;
     comparison.provenance = Some(loaded.provenance.clone());

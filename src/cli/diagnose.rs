@@ -44,6 +44,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
         ))
         .hint("give -o a file"));
     }
+    shell.keep(input.files.measured());
     let loaded = input.load("diagnose")?;
     let options = DiagnoseOptions { seed: input.seed, model: input.model_name(), expressions: !arguments.no_expression };
     let mut diagnosis = diagnose(&loaded.library, &loaded.observations, &options)?;

@@ -31,6 +31,13 @@ pub struct ImpactFiles {
     pub model: PathBuf,
 }
 
+impl ImpactFiles {
+    /// The measured table and the gear, which no result may replace (a model may be fitted in place).
+    pub fn measured(&self) -> impl Iterator<Item = &PathBuf> {
+        std::iter::once(&self.impacts).chain(&self.racket).chain(&self.ball)
+    }
+}
+
 #[derive(Debug, Clone, clap::Args)]
 pub struct ImpactsInput {
     #[command(flatten)]

@@ -15,8 +15,8 @@ use error::CliError;
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
 
 /// High-speed stereo footage of ball impacts: calibrate, track, measure, predict, and find the physics a model is
 /// missing.
@@ -53,6 +53,8 @@ pub struct Shell {
     out_was_asked: bool,
     /// Whether stdout is for a result: the JSON of this command or of the one that runs it as a step, or the file that `-o /dev/stdout` asks for.
     stdout_is_taken: bool,
+    /// What the user measured and gave to this command: no result takes its place.
+    given: Mutex<Vec<PathBuf>>,
     cancelled: Arc<AtomicBool>,
 }
 
@@ -105,7 +107,7 @@ impl Shell {
     /// The same shell with its results where they are by default.
     pub fn with_default_results(&self) -> Shell {
         let args = ShellArgs { out: None, ..self.args.clone() };
-        Shell { args, out_was_asked: false, stdout_is_taken: self.stdout_is_taken, cancelled: self.cancelled.clone() }
+        Shell { args, out_was_asked: false, stdout_is_taken: self.stdout_is_taken, given: Mutex::default(), cancelled: self.cancelled.clone() }
     }
 
     /// Runs another command as if typed, with this shell's `--force` and cancel flag, its results going to `out`.
@@ -115,7 +117,16 @@ impl Shell {
         let words = std::iter::once(std::ffi::OsStr::new("sweetspot")).chain(arguments.iter().copied());
         let cli = Cli::try_parse_from(words).map_err(|e| CliError::input(format!("this program cannot run that step: {e}")))?;
         let args = ShellArgs { json: false, threads: None, force: self.args.force, out: Some(out.to_path_buf()) };
-        dispatch(cli.command, &Shell { args, out_was_asked: self.out_was_asked, stdout_is_taken: self.stdout_is_taken, cancelled: self.cancelled.clone() })
+        dispatch(
+            cli.command,
+            &Shell {
+                args,
+                out_was_asked: self.out_was_asked,
+                stdout_is_taken: self.stdout_is_taken,
+                given: Mutex::default(),
+                cancelled: self.cancelled.clone(),
+            },
+        )
     }
 
     /// A progress bar on stderr, hidden when stderr is not a terminal.
@@ -127,8 +138,25 @@ impl Shell {
         indicatif::ProgressBar::new(total).with_style(style).with_message(what)
     }
 
+    /// Names files that the user gave: [`Self::write`] refuses to replace them.
+    pub fn keep<'a>(&self, given: impl IntoIterator<Item = &'a PathBuf>) {
+        if let Ok(mut kept) = self.given.lock() {
+            kept.extend(given.into_iter().filter_map(|path| path.canonicalize().ok()));
+        }
+    }
+
+    fn refuse_given(&self, path: &Path) -> Result<(), CliError> {
+        let given = path.canonicalize().is_ok_and(|path| self.given.lock().is_ok_and(|kept| kept.contains(&path)));
+        if !given {
+            return Ok(());
+        }
+        let what = format!("{}: is what this command was given to read; its result would replace it", path.display());
+        Err(CliError::input(what).hint("name another file or folder for the result (-o, --out)"))
+    }
+
     /// Writes a result whole or not at all.
     pub fn write(&self, path: &Path, bytes: &[u8]) -> Result<(), CliError> {
+        self.refuse_given(path)?;
         crate::provenance::write_atomically(path, bytes).map_err(CliError::output)
     }
 
@@ -237,7 +265,8 @@ pub fn main() -> ExitCode {
     if to_stdout && cli.shell.json {
         return fail(&CliError::input("--json and a file that is stdout: both would stand there").hint("leave one of them out, or name another file"));
     }
-    let shell = Shell { stdout_is_taken: cli.shell.json || to_stdout, out_was_asked: cli.shell.out.is_some(), args: cli.shell, cancelled };
+    let shell =
+        Shell { stdout_is_taken: cli.shell.json || to_stdout, out_was_asked: cli.shell.out.is_some(), args: cli.shell, given: Mutex::default(), cancelled };
     match dispatch(cli.command, &shell) {
         Ok(()) => ExitCode::SUCCESS,
         Err(e) => fail(&e),

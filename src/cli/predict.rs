@@ -21,6 +21,7 @@ pub struct Arguments {
 
 pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let ImpactFiles { impacts, racket, ball, model } = &arguments.files;
+    shell.keep(arguments.files.measured());
     let table = ImpactTable::read(impacts)?;
     let set = EquipmentSet::read(racket, ball)?;
     let model = Model::read(model)?;

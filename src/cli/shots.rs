@@ -4,7 +4,7 @@ use super::Shell;
 use super::error::{CliError, Kind};
 use super::set_aside::{listed, set_aside, set_judgements_aside, set_session_aside};
 use super::tracked_session::TrackedSession;
-use crate::impact_table::ImpactTable;
+use crate::impact_table::{ImpactRow, ImpactTable};
 use crate::kinematics::{
     BalanceSeen, GroupStatistic, RiseInterval, SHOT_FILE, Shot, ShotInput, ShotRecord, ShotSpin, SpinComponent, SpinVector, measure_shot, mismatch_remark,
     point_name, rise_table, season_statistics, season_to_csv,
@@ -128,6 +128,12 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
             row
         };
         let table = ImpactTable { rows: shots.iter().map(row).collect() }.to_csv();
+        // A table with other impacts is another session's, or the user's own.
+        let own = |row: &ImpactRow| orders.contains_key(row.id.as_str());
+        if impacts.exists() && !ImpactTable::read(&impacts).is_ok_and(|earlier| earlier.rows.iter().all(own)) {
+            let kept = set_session_aside(results)?;
+            shell.say(format_args!("another table of impacts was there, with what was made of it; kept as {}", listed(&kept)));
+        }
         // What was made of a table with the shots that fail now is not of this one.
         if !failed.is_empty() && std::fs::read(&impacts).is_ok_and(|earlier| earlier != table.as_bytes()) {
             let kept = set_judgements_aside(results)?;

@@ -5,7 +5,7 @@ use super::error::CliError;
 use super::set_aside::{listed, remove_if_there, set_all_aside, set_aside};
 use super::tracked_session::{rig_to_measure_with, warn_of_old_calibration};
 use crate::calibration::{CameraId, StereoRig};
-use crate::footage::Clip;
+use crate::footage::{Clip, FrameBuffer, FrameSource, Rows};
 use crate::kinematics::{SHOT_FILE, ShotRecord};
 use crate::limited_file::{LARGEST_TABLE, LimitedFile};
 use crate::provenance::{Provenance, ends_with_line, sha256_file, sha256_hex};
@@ -202,6 +202,15 @@ impl<E: Into<TrackingError>> From<E> for Failure {
     }
 }
 
+/// What is wrong with the pictures of a shot that cannot be tracked, where some cannot be read.
+fn unreadable(clip: &Clip) -> Option<String> {
+    let mut buffer = FrameBuffer::default();
+    let pictures = (0..clip.len()).flat_map(|index| [(index, 0), (index, 1)]);
+    let whys: Vec<String> = pictures.filter_map(|(index, camera)| clip.read(index, camera, Rows::ALL, &mut buffer).err()).map(|e| e.to_string()).collect();
+    let first = whys.first()?;
+    Some(format!("{} of {} pictures cannot be read, the first: {first}", whys.len(), 2 * clip.len()))
+}
+
 /// Tracks one shot and writes what was found, unless an earlier run has done so from the same input.
 fn one(
     arguments: &Arguments,
@@ -234,7 +243,11 @@ fn one(
             if !matches!(e, TrackingError::Cancelled) {
                 set_earlier_aside(&shot.id, folder, said).map_err(Failure::All)?;
             }
-            return Err(e.into());
+            return Err(match unreadable(&clip) {
+                Some(pictures) => TrackingError::Unreadable { pictures, without: e.to_string() },
+                None => e,
+            }
+            .into());
         }
     };
     let spin = if arguments.no_spin { None } else { Some(measure_spin(&made.clip, &setup, &mut made.tracked)?) };

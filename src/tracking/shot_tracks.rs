@@ -13,6 +13,8 @@ use crate::tracking::track_file::{SpacePoint, Tracks};
 pub enum TrackingError {
     #[error("no frames in left/ and right/; put the recording there, numbered file names, both cameras")]
     NoFrames,
+    #[error("{pictures}; without them: {without}")]
+    Unreadable { pictures: String, without: String },
     #[error("the racket file has no [markers]; add m1 to m5 (middle of each tape band, m, from the stringbed centre)")]
     NoMarkers,
     #[error(

@@ -67,6 +67,11 @@ impl FeatureInputs {
         self.g
     }
 
+    /// Place over half length and half width.
+    pub fn place(&self) -> [f64; 2] {
+        self.place
+    }
+
     /// Squared slip plus `least` (m²/s²), over the squared approach speed.
     fn squared_slip_and(&self, least: f64) -> f64 {
         self.g[0].powi(2) + self.g[1].powi(2) + least / (25.0 * self.u).powi(2)

@@ -467,8 +467,11 @@ impl<'a> Refits<'a> {
                 let like = cosine(library, screening, &candidate.effect, other);
                 let close = (candidate.log_evidence_gain - evidence).abs() / overdispersion < LOG_ODDS && *evidence > 0.0;
                 // Of two that are likely together neither is the other's.
-                let likely = *probability > (-LOG_ODDS).exp() * candidate.probability && *probability > 0.01 && probability + candidate.probability < 1.01;
-                let as_good = candidate.share_removed > 0.3 && *share > ALIAS_SHARE * candidate.share_removed;
+                let within_odds = probability.min(candidate.probability) > (-LOG_ODDS).exp() * probability.max(candidate.probability);
+                let likely = within_odds && *probability > 0.01 && probability + candidate.probability < 1.01;
+                // One that takes far more, and is likelier, is no alias of what it beats.
+                let beaten = *evidence > candidate.log_evidence_gain && candidate.share_removed < ALIAS_SHARE * share;
+                let as_good = candidate.share_removed > 0.3 && *share > ALIAS_SHARE * candidate.share_removed && !beaten;
                 if close || likely || as_good || like.abs() > ALIAS_COSINE {
                     candidate.aliases.push(other.clone());
                     candidate.alias_cosines.insert(other.clone(), like);

@@ -80,8 +80,11 @@ impl StructureTest {
     /// The noise scale for judging single effects. When no structure shows, all residuals are noise, and all of them
     /// together tell its scale best: with few impacts c alone rests on what a hundred generic terms have left over.
     pub fn noise_scale_for_screening(&self) -> f64 {
-        let all = (self.statistic + self.residual_chi2) / (self.rank as f64 + self.residual_freedom);
-        if self.p_value > 0.05 { all.max(SMALLEST_SCALE) } else { self.noise_scale }
+        if self.p_value > 0.05 { self.noise_scale_of_all().max(SMALLEST_SCALE) } else { self.noise_scale }
+    }
+
+    fn noise_scale_of_all(&self) -> f64 {
+        (self.statistic + self.residual_chi2) / (self.rank as f64 + self.residual_freedom)
     }
 }
 
@@ -388,7 +391,7 @@ pub fn structure_test(fit: &Fit, observations: &Observations, impacts: &[&Observ
     if let Groups::Test = groups {
         test.p_value = by_group.iter().map(|g: &GroupMisfit| g.p_value).fold(test.p_value, f64::min);
         if test.p_value >= STRUCTURE_LEVEL
-            && let Some(lone) = lone_term(fit, observations, impacts)
+            && let Some(lone) = lone_term(fit, observations, impacts, test.noise_scale_of_all())
         {
             let with_it = of_signatures(fit, &with(&signatures, Some(lone)), seed);
             test = StructureTest { p_value: lone.p_value, lone_term: Some(lone), columns_of_groups, ..with_it };

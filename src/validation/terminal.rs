@@ -41,9 +41,9 @@ pub fn comparison_text(c: &Comparison) -> String {
         .zip(&c.parameters_as_stated)
         .map(|(f, s)| {
             if f.undetermined {
-                return format!("{} {:.4} (these impacts say nothing about it)", f.name, s.value);
+                return format!("{} {} (these impacts say nothing about it)", f.name, short(s.value));
             }
-            format!("{} {:.4} -> {:.4} ± {:.4}{}", f.name, s.value, f.value, f.sd, if f.at_limit { " (at its limit)" } else { "" })
+            format!("{} {} -> {} ± {}{}", f.name, short(s.value), short(f.value), short(f.sd), if f.at_limit { " (at its limit)" } else { "" })
         })
         .collect();
     if !fitted.is_empty() {

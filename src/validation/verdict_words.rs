@@ -88,7 +88,9 @@ pub fn verdict_words(d: &Diagnosis) -> Vec<String> {
             words.push(format!("Error on held-out impacts {:.2}, noise floor {:.2}; {tests}.", d.heldout_error, d.noise_floor));
             match &d.suggested_expression {
                 Some(e) => words.push(format!("What the residuals say: {} (held-out error with it {:.2}).", e.words, e.heldout_error_after)),
-                None => words.push("No short formula was found in the residuals either; see where it fails.".to_owned()),
+                None => {
+                    words.push(format!("No short formula was found in the residuals either{}.", if d.places.is_empty() { "" } else { "; see where it fails" }))
+                }
             }
         }
     }

@@ -524,6 +524,32 @@ fn by_nature(mut made: SyntheticTable, seed: u64, nature: &Model) -> (SyntheticT
     (made, set)
 }
 
+/// Restitution that goes with the sign of a spin is none of the smooth corrections; 200 impacts tell it at thirty deviations all the same.
+#[test]
+fn truth_what_no_smooth_correction_holds_is_found_as_one_term() {
+    for (replaces, expression, named) in [
+        ("restitution", "restitution * (1 - 0.3 * (ball_in_wx * ball_radius / 25))", "ball_in_wx"),
+        ("restitution", "restitution * (1 + 0.05 * (racket_in_wx / 3))", "racket_in_wx"),
+        ("tangential_restitution", "tangential_restitution + 0.15 * (impact_x / half_length)", "impact_x"),
+    ] {
+        let nature = format!("{FIRST_MODEL}\n[effects.odd]\nreplaces = {replaces:?}\nexpression = {expression:?}\n");
+        let nature = Model::parse(&nature, Path::new("nature.toml")).unwrap();
+        let (mut made, _) = of_its_own_world(Kind::Court, 200, 3, &nature);
+        // A racket that twists from shot to shot.
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(3);
+        let twist = INPUTS.iter().position(|c| *c == "racket_in_wx").unwrap();
+        for row in &mut made.table.rows {
+            let by: f64 = StandardNormal.sample(&mut rng);
+            row.inputs[twist] = row.inputs[twist].map(|m| Measured { value: m.value + 3.0 * by, ..m });
+        }
+        let (made, _) = by_nature(made, 3, &nature);
+        let d = diagnosis_of(&made);
+        assert!(d.verdict != Verdict::Adequate, "{expression}: {:?}", d.words);
+        let found = d.suggested_expression.unwrap_or_else(|| panic!("{expression}: {:?}", d.words));
+        assert!(found.expression.contains(named) && found.heldout_error_after < 1.1, "{expression}: {found:?}");
+    }
+}
+
 /// In the time-stepped base only the size of a sideways softness counts: the derivative at none is nought, and it passed for invisible.
 #[test]
 fn law_sideways_strings_are_found_in_the_viscoelastic_base() {

@@ -391,9 +391,19 @@ fn gaps(frames: &[Option<BallFrame>]) -> Vec<Range<usize>> {
     out
 }
 
+/// Frames in which the ball was `followed` in both cameras that do not see it when it is `measured` with its light: those of stretches that hold
+/// [`SHORTEST`] of them or more and none that stood the test. There one camera kept the ball and the other followed another thing, which put it at a
+/// wrong depth; what both see at a depth between two such frames has not stood it either.
+pub(in crate::tracking) fn refuted(followed: &[Option<BallFrame>], measured: &[Option<BallFrame>]) -> Vec<usize> {
+    let by_both = |frame: &Option<BallFrame>| frame.is_some_and(|b| b.stereo);
+    let stands: Vec<Option<BallFrame>> = followed.iter().zip(measured).map(|(f, m)| m.filter(|_| by_both(f) && by_both(m))).collect();
+    let of_gap = |gap: Range<usize>| gap.filter(|i| by_both(&followed[*i])).collect::<Vec<_>>();
+    gaps(&stands).into_iter().map(of_gap).filter(|refuted| refuted.len() >= SHORTEST).flatten().collect()
+}
+
 impl Flight {
     /// Puts into a frame what another way has there.
-    fn set(&mut self, index: usize, ball: Option<BallFrame>) {
+    pub(in crate::tracking) fn set(&mut self, index: usize, ball: Option<BallFrame>) {
         if ball.map(|b| b.position) != self.frames[index].map(|b| b.position) {
             (self.frames[index], self.kept[index]) = (ball, None);
         }
@@ -433,6 +443,21 @@ mod tests {
         frames[16..].fill(None);
         assert_eq!(gaps(&frames), [5..9, 16..20]);
         assert!(gaps(&vec![None; 20]).is_empty());
+    }
+
+    #[test]
+    fn truth_what_the_light_does_not_confirm_is_told_where_it_lasts() {
+        let mut followed = vec![ball(true); 30];
+        // One camera follows another thing up to frame 12, where it is now and then seen as well.
+        [1, 3, 6, 10].into_iter().for_each(|k| followed[k] = ball(false));
+        let mut measured = followed.clone();
+        measured[..13].fill(ball(false));
+        // Found at a depth between two wrong ones.
+        measured[10] = ball(true);
+        // Hidden for a moment.
+        (measured[20], measured[21], measured[22]) = (ball(false), None, ball(false));
+        assert_eq!(refuted(&followed, &measured), [0, 2, 4, 5, 7, 8, 9, 11, 12]);
+        assert!(refuted(&followed, &followed).is_empty());
     }
 
     #[test]

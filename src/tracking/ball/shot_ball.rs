@@ -4,7 +4,7 @@ use crate::calibration::CameraId;
 use crate::footage::{FrameBuffer, FrameSource, GreyImage, GreyView, Rows};
 use crate::tracking::ball::ball_choice::{self, Sighting};
 use crate::tracking::ball::ball_follower::{BallFollower, Flight};
-use crate::tracking::ball::ball_gaps::{STARTS, stands_at};
+use crate::tracking::ball::ball_gaps::{STARTS, refuted, stands_at};
 use crate::tracking::ball::ball_pieces::{self, straight_pieces};
 use crate::tracking::ball::ball_presence;
 use crate::tracking::ball::ball_shading::{BallShading, LimbProfile};
@@ -250,25 +250,46 @@ impl<S: FrameSource> Shot<'_, S> {
     /// Learns the light from the ball as first measured, then measures every frame again with it. Where the picture is as it is without
     /// a ball, there is none.
     fn remeasure_ball(&self, stage: &Stage, mut rough: Flight) -> Result<Vec<Option<BallFrame>>, TrackingError> {
-        let Stage { racket, still, .. } = *stage;
+        let racket = stage.racket;
         let mut scene = stage.ball.clone();
         let Some(near) = rough.frames.iter().flatten().find(|b| b.stereo).map(|b| b.position) else { return Ok(rough.frames) };
         scene.set_light(&rough.means, &near, &self.blur_px.map(|tape| out_of_focus(BALL_BLUR_PX, tape)));
-        self.fill_gaps(&Stage { ball: &scene, ..*stage }, &mut rough)?;
+        let lit = &Stage { ball: &scene, ..*stage };
+        let Some(mut ball) = self.fill_and_measure(lit, &mut rough)? else { return Ok(vec![None; rough.frames.len()]) };
+        // A turn along one camera's line of sight shows to the other alone: if that saw nothing of it before the light was known, the ball was followed
+        // through the strings at a depth of its own, where other outlines agree with it. With the light they do not, and the ball is looked for afresh.
+        let refuted = refuted(&rough.frames, &ball);
+        if !refuted.is_empty() {
+            for index in refuted {
+                rough.set(index, ball[index]);
+            }
+            let again = self.fill_and_measure(lit, &mut rough)?;
+            ball = again.filter(|again| self.frames_in_flight(again, racket) > self.frames_in_flight(&ball, racket)).unwrap_or(ball);
+        }
+        scene.faint = true;
+        self.forget_other_things(&Stage { ball: &scene, ..*stage }, &mut ball);
+        self.press_ball(&scene, racket, &mut ball)?;
+        Ok(ball)
+    }
+
+    /// Fills the gaps of what was followed and measures every frame again; `None` where that was a part of the racket.
+    fn fill_and_measure(&self, stage: &Stage, rough: &mut Flight) -> Result<Option<Vec<Option<BallFrame>>>, TrackingError> {
+        let Stage { racket, still, .. } = *stage;
+        self.fill_gaps(stage, rough)?;
         // A piece of something may fly as a ball does, and what it was a piece of may not.
         if self.is_part_of_the_racket(&rough.frames, racket) {
-            return Ok(vec![None; rough.frames.len()]);
+            return Ok(None);
         }
-        let Flight { frames: rough, kept, .. } = rough;
-        scene.faint = true;
+        let Flight { frames: rough, kept, .. } = &*rough;
+        let scene = BallScene { faint: true, ..stage.ball.clone() };
         let numbers: Vec<f64> = (0..rough.len()).map(|i| self.source.number(i) as f64).collect();
         let scene = &scene;
         let again = |buffers: &mut [FrameBuffer; 2], index: usize| {
             let expected = match &rough[index] {
                 Some(b) if b.stereo => Some((b.position, true)),
                 // What one camera saw is looked for again with the depth that both knew before or after.
-                Some(b) => Some((expected_ball(&rough, &numbers, index).map_or(b.position, |(p, _)| p), true)),
-                None => expected_ball(&rough, &numbers, index),
+                Some(b) => Some((expected_ball(rough, &numbers, index).map_or(b.position, |(p, _)| p), true)),
+                None => expected_ball(rough, &numbers, index),
             };
             let Some((p, within)) = expected else { return Ok((None, [None; 2])) };
             let close = match &kept[index] {
@@ -301,9 +322,7 @@ impl<S: FrameSource> Shot<'_, S> {
                 BallFrame::forget(&mut ball[index], camera);
             }
         }
-        self.forget_other_things(&Stage { ball: scene, ..*stage }, &mut ball);
-        self.press_ball(scene, racket, &mut ball)?;
-        Ok(ball)
+        Ok(Some(ball))
     }
 
     /// How much the ball changes a picture from what other frames show there while the ball is seen elsewhere: a ball that hardly moves in a

@@ -375,7 +375,7 @@ fn fails_tables_that_cannot_be_judged_say_why() {
     odd.rows[9].set("impact_x", Some(Measured { value: -35.0, sd: None }));
     let observed = observe(&odd, None).unwrap();
     assert_eq!(observed.unusable.iter().map(|(id, _)| id).collect::<Vec<_>>(), [&odd.rows[7].id, &odd.rows[9].id]);
-    assert!(observed.unusable[0].1.contains("`ball_out_vz` is 1e9 m/s") && observed.unusable[1].1.contains("up to 2 m"), "{:?}", observed.unusable);
+    assert!(observed.unusable[0].1.contains("`ball_out_vz` is 1e9 m/s") && observed.unusable[1].1.contains("up to 0.6 m"), "{:?}", observed.unusable);
     odd.rows.remove(9);
     odd.rows.remove(7);
     let without = observe(&odd, None).unwrap();

@@ -63,7 +63,7 @@ pub struct LoneTerm {
 }
 
 impl LoneTerm {
-    /// "the impulse along the normal goes with the spin about the racket's long axis".
+    /// "the impulse along the normal changes with the spin about the racket's long axis".
     pub fn words(&self) -> String {
         let (Some((_, _, what)), Some(feature)) = (CHANNELS.get(self.channel), FEATURES.get(self.feature)) else { return String::new() };
         format!("{what} changes {}", feature.words)

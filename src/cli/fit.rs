@@ -4,12 +4,11 @@ use super::Shell;
 use super::error::CliError;
 use super::impacts_input::ImpactsInput;
 use crate::impact::model_file::with_values;
-use crate::validation::by_group::Groups;
 use crate::validation::comparison::{parameter_values, session_offsets};
 use crate::validation::fit::{FitOptions, fit, fit_with_likely_offsets};
 use crate::validation::forward::Library;
 use crate::validation::heldout::held_out_error;
-use crate::validation::structure::structure_test;
+use crate::validation::structure::{BesideSmooth, structure_test};
 use crate::validation::terminal::short;
 use std::path::PathBuf;
 
@@ -44,7 +43,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let options = FitOptions::default();
     let likely = fit_with_likely_offsets(current, &loaded.observations, &seen, &options)?;
     let fitted = &likely.fit;
-    let structure = structure_test(fitted, &loaded.observations, &seen, Groups::Test, input.seed);
+    let structure = structure_test(fitted, &loaded.observations, &seen, BesideSmooth::All, input.seed);
     let parameters = parameter_values(current, fitted, structure.noise_scale);
     // As `compare` tells it of the new file: with offsets.
     let error = match &likely.unlikely {

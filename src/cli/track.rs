@@ -239,10 +239,9 @@ fn one(
     let mode = if arguments.sync == Sync::Auto { SyncMode::Auto } else { SyncMode::Report };
     let mut made = match track_in_step(&clip, &setup, mode, shell.cancel_flag(), &|n| bar.inc(n as u64)) {
         Ok(made) => made,
+        Err(TrackingError::Cancelled) => return Err(TrackingError::Cancelled.into()),
         Err(e) => {
-            if !matches!(e, TrackingError::Cancelled) {
-                set_earlier_aside(&shot.id, folder, said).map_err(Failure::All)?;
-            }
+            set_earlier_aside(&shot.id, folder, said).map_err(Failure::All)?;
             return Err(match unreadable(&clip) {
                 Some(pictures) => TrackingError::Unreadable { pictures, without: e.to_string() },
                 None => e,

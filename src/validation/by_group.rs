@@ -7,7 +7,6 @@
 
 use super::fit::Fit;
 use super::linearise::Linearised;
-use super::lone_term::LoneTerm;
 use super::observation::{Observation, Observations};
 use super::project::{Nuisance, project_out};
 use super::structure::{ContactInputs, channels, friction_slope, independent_directions, wild_p_value};
@@ -202,18 +201,16 @@ fn parted<'a>(observations: &'a Observations, impacts: &[&'a Observation]) -> Ve
     parted
 }
 
-/// What a structure test does beyond the smooth corrections.
-#[derive(Clone, Copy)]
-pub enum Groups<'a> {
-    /// Tests every column of groups, and every single term.
-    Test,
-    /// Gives the groups of these columns terms of their own, and takes this single term with them: an earlier fit failed by them.
-    Known(&'a [GroupMisfit], Option<LoneTerm>),
-}
-
-/// Tests the columns of groups, or takes those that are known to fail. `generic`: the whitened signatures of all smooth corrections.
-pub(super) fn group_test(fit: &Fit, observations: &Observations, impacts: &[&Observation], generic: &[DMatrix<f64>], groups: Groups, seed: u64) -> GroupTest {
-    if let Groups::Known([], _) = groups {
+/// Tests the columns of groups, or takes those that are `known` to fail. `generic`: the whitened signatures of all smooth corrections.
+pub(super) fn group_test(
+    fit: &Fit,
+    observations: &Observations,
+    impacts: &[&Observation],
+    generic: &[DMatrix<f64>],
+    known: Option<&[GroupMisfit]>,
+    seed: u64,
+) -> GroupTest {
+    if let Some([]) = known {
         return GroupTest { tested: 0, failing: Vec::new() };
     }
     let mut parted = parted(observations, impacts);
@@ -227,7 +224,7 @@ pub(super) fn group_test(fit: &Fit, observations: &Observations, impacts: &[&Obs
         friction.as_ref().map_or_else(|| own.clone(), |slope| beside(&own, &DMatrix::from_columns(&[slope[i].column(0)])))
     };
     let responses: Vec<DMatrix<f64>> = fit.impacts.iter().zip(impacts).enumerate().map(response).collect();
-    if let Groups::Known(known, _) = groups {
+    if let Some(known) = known {
         let columns = known.iter().filter_map(|k| Some((k.clone(), parted.iter().find(|((name, _), _)| *name == k.column)?)));
         return GroupTest { tested, failing: columns.map(|(misfit, column)| (misfit, signatures(&responses, column))).collect() };
     }
@@ -252,7 +249,7 @@ pub(super) fn group_test(fit: &Fit, observations: &Observations, impacts: &[&Obs
 /// Whitened signatures of what the groups of columns that are known to fail have of their own; no columns without such.
 pub(super) fn known_signatures(fit: &Fit, observations: &Observations, impacts: &[&Observation], known: &[GroupMisfit]) -> Vec<DMatrix<f64>> {
     let none: Vec<DMatrix<f64>> = fit.impacts.iter().map(|l| DMatrix::zeros(l.z.len(), 0)).collect();
-    let failing = group_test(fit, observations, impacts, &none, Groups::Known(known, None), 0).failing;
+    let failing = group_test(fit, observations, impacts, &none, Some(known), 0).failing;
     failing.iter().fold(none, |all, (_, blocks)| all.iter().zip(blocks).map(|(a, b)| beside(a, b)).collect())
 }
 

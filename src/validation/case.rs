@@ -1,6 +1,6 @@
 //! The current model on a table, before any effect is tried: its best fit, the tests of it, and the held-out impacts.
 
-use super::by_group::{GROUP_LEVEL, Groups};
+use super::by_group::GROUP_LEVEL;
 use super::comparison::{is_more_than_noise, missed_groups, note_groups, outliers, parameter_values, session_offsets, summarise};
 use super::diagnosis::{CandidateReport, Diagnosis, NotVisible, Verdict};
 use super::error::ValidationError;
@@ -17,7 +17,7 @@ use super::outliers_together::outliers_together;
 use super::present::Present;
 use super::rank::{Reference, flexible_nuisance};
 use super::screen::{LIBRARY_LEVEL, Screening, screen_beyond};
-use super::structure::{STRUCTURE_LEVEL, StructureTest, structure_test};
+use super::structure::{BesideSmooth, STRUCTURE_LEVEL, StructureTest, structure_test};
 
 /// The tests together (that of the groups only where there are any): how often nothing-missing is called missing, at most.
 const FALSE_ALARM_RATE: f64 = LIBRARY_LEVEL + STRUCTURE_LEVEL + SPOT_LEVEL + TERM_LEVEL;
@@ -47,7 +47,7 @@ impl<'a> Case<'a> {
     pub fn new(library: &'a dyn Library, observations: &'a Observations, seed: u64) -> Result<Self, ValidationError> {
         let (seen, held) = (observations.side(false), observations.side(true));
         let base = fit(library.current(), observations, &seen, &FitOptions::default(), None)?;
-        let structure = structure_test(&base, observations, &seen, Groups::Test, seed);
+        let structure = structure_test(&base, observations, &seen, BesideSmooth::All, seed);
         // Effects that are in the model already may have another form than the catalogue's; what that leaves is no new effect.
         let present = Present::of(library);
         let c_screen = structure.noise_scale_for_screening();

@@ -1,6 +1,6 @@
 //! The model against the measurement, impact by impact: everything a reader or a report needs to see it.
 
-use super::by_group::{GROUP_LEVEL, Groups};
+use super::by_group::GROUP_LEVEL;
 use super::error::ValidationError;
 use super::fit::{Column, Fit, FitOptions, fit, fit_with_likely_offsets};
 use super::forward::Forward;
@@ -13,7 +13,7 @@ use super::outliers_together::outliers_together;
 use super::polynomial::{PolynomialFit, polynomial_fits};
 use super::refits::LARGEST_NOISE_SCALE;
 use super::smooth::{FaceCell, SmoothCurve, face_map, smooth};
-use super::structure::{StructureTest, chi2_tail, p_text, structure_test};
+use super::structure::{BesideSmooth, StructureTest, chi2_tail, p_text, structure_test};
 use crate::impact_table::{INPUTS, OUTPUTS, RELATIVE, SHARED, unit};
 use crate::provenance::Provenance;
 use serde::{Deserialize, Serialize};
@@ -236,7 +236,7 @@ pub fn compare(forward: &dyn Forward, observations: &Observations, model: &str, 
     };
     let refitted = fit(forward, observations, &seen, &FitOptions::default(), None)?;
     let held_refitted = linearise_held_out(forward, &refitted, observations, &held)?;
-    let structure = structure_test(&refitted, observations, &seen, Groups::Test, seed);
+    let structure = structure_test(&refitted, observations, &seen, BesideSmooth::All, seed);
     let impacts = impact_points(observations, as_stated, &held_stated);
     let signs = NormalSigns::of(impacts.iter().map(|i| i.inputs.as_slice()));
     let floor = structure.noise_scale.sqrt();

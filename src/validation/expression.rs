@@ -5,10 +5,9 @@
 //! rounded to two digits and refitted around. A dead spot (a bump over the face) has a place and a width to find
 //! ([`super::local_spot`]), a step its moment ([`super::step_in_order`]). (docs/diagnosis.md, "The formula".)
 
-use super::by_group::Groups;
 use super::diagnosis::{Estimate, SuggestedExpression};
 use super::error::ValidationError;
-use super::expression_terms::{CHANNELS, FEATURES, FeatureInputs, TermChannel};
+use super::expression_terms::{CHANNELS, FEATURES, TermChannel, feature_inputs};
 use super::fit::{Fit, FitOptions, Start, fit};
 use super::forward::OwnEffect;
 use super::heldout::held_out_error;
@@ -18,7 +17,7 @@ use super::project::{Nuisance, project_out};
 use super::rank::{Reference, gain_over, log_evidence_over};
 use super::screen::Screening;
 use super::step_in_order::{StepInOrder, strongest_step};
-use super::structure::{ContactInputs, StructureTest, racket_turns, structure_test, swings_in_order};
+use super::structure::{ContactInputs, StructureTest, structure_test, swings_in_order};
 use crate::impact_table::{OwnColumn, OwnColumns};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -157,11 +156,6 @@ struct TableFeatures {
 impl TableFeatures {
     fn of(reference: &Reference) -> Self {
         let n = reference.impacts.len();
-        let rates = DVector::from_iterator(n, reference.base.impacts.iter().map(|l| l.true_inputs[10]));
-        let swings = racket_turns(reference.observations, rates.variance().sqrt());
-        // Where all hit one side, what goes with it is what does not.
-        let from_above = reference.base.impacts.iter().filter(|l| l.true_inputs[2] < l.true_inputs[8]).count();
-        let one_side = from_above == 0 || from_above == n;
         // Written with three digits, and meant so.
         let angles: Vec<f64> = swings_in_order(reference.impacts).iter().map(|a| format!("{a:.2e}").parse().unwrap_or(*a)).collect();
         let mut names: Vec<(String, String)> = FEATURES.iter().map(|f| (f.text.to_owned(), f.words.to_owned())).collect();
@@ -188,11 +182,9 @@ impl TableFeatures {
         let own: Vec<ColumnFeature> = columns.into_iter().filter_map(|column| ColumnFeature::of(reference, column)).take(MOST_COLUMN_FEATURES).collect();
         names.extend(own.iter().flat_map(ColumnFeature::names));
         let mut values = DMatrix::zeros(n, names.len());
-        for (i, (o, l)) in reference.impacts.iter().zip(&reference.base.impacts).enumerate() {
-            let inputs = FeatureInputs::of(o, &l.true_inputs, &reference.observations.gear[o.gear]);
-            let inputs = if swings { inputs } else { inputs.without_swing() };
-            let inputs = if one_side { inputs.without_side() } else { inputs };
-            let row = FEATURES.iter().map(|f| (f.value)(&inputs)).chain(inputs.speed_times_place(middle_m_s)).chain(angles.iter().map(|a| (a * o.order).cos()));
+        let inputs = feature_inputs(reference.base, reference.observations, reference.impacts);
+        for (i, (o, inputs)) in reference.impacts.iter().zip(&inputs).enumerate() {
+            let row = FEATURES.iter().map(|f| (f.value)(inputs)).chain(inputs.speed_times_place(middle_m_s)).chain(angles.iter().map(|a| (a * o.order).cos()));
             let row = row.chain(own.iter().flat_map(|column| column.values(&o.own)));
             row.enumerate().for_each(|(j, value)| values[(i, j)] = value);
         }
@@ -357,7 +349,7 @@ pub fn find_expression(
         chosen.push(term);
         best = next;
     }
-    let structure = structure_test(&best.fit, reference.observations, reference.impacts, Groups::Known(reference.groups, reference.lone_term), reference.seed);
+    let structure = structure_test(&best.fit, reference.observations, reference.impacts, reference.beside_smooth(), reference.seed);
     reference.c = reference.c.min(structure.noise_scale);
     let c = reference.c;
     let log_evidence = log_evidence_over(reference.base, &best.fit, c, 0);

@@ -3,9 +3,12 @@
 //! Every pair gives one term `channel + k · scale · feature`, written so that the model file reads it and that it has the
 //! channel's dimension. The numbers 25 (m/s), 10 (N m) and 30 (rad/s) are references that make features of order one.
 
+use super::fit::Fit;
 use super::forward::Inputs;
-use super::observation::{Gear, Observation};
-use super::structure::ContactInputs;
+use super::linearise::Linearised;
+use super::observation::{Gear, Observation, Observations};
+use super::structure::{ContactInputs, racket_turns};
+use nalgebra::DVector;
 
 /// Everything a feature is made of.
 pub struct FeatureInputs {
@@ -48,12 +51,12 @@ impl FeatureInputs {
     }
 
     /// The same before a racket whose rate is nothing but noise.
-    pub fn without_swing(self) -> Self {
+    fn without_swing(self) -> Self {
         FeatureInputs { swing: 0.0, rates: [0.0; 2], ..self }
     }
 
     /// The same where only one side of the racket is hit.
-    pub fn without_side(self) -> Self {
+    fn without_side(self) -> Self {
         FeatureInputs { side: 0.0, ..self }
     }
 
@@ -76,6 +79,21 @@ impl FeatureInputs {
     fn squared_slip_and(&self, least: f64) -> f64 {
         self.g[0].powi(2) + self.g[1].powi(2) + least / (25.0 * self.u).powi(2)
     }
+}
+
+/// The inputs of all impacts of a fit: without the racket's rates where they are nothing but noise, and without the side where all
+/// hit one (what goes with it is what does not).
+pub fn feature_inputs(fit: &Fit, observations: &Observations, impacts: &[&Observation]) -> Vec<FeatureInputs> {
+    let sd = |k: usize| DVector::from_iterator(impacts.len(), fit.impacts.iter().map(|l| l.true_inputs[k])).variance().sqrt();
+    let turns = racket_turns(observations, [9, 10, 11].map(sd).into_iter().fold(0.0, f64::max));
+    let from_above = fit.impacts.iter().filter(|l| l.true_inputs[2] < l.true_inputs[8]).count();
+    let one_side = from_above == 0 || from_above == impacts.len();
+    let inputs = |(o, l): (&&Observation, &Linearised)| {
+        let inputs = FeatureInputs::of(o, &l.true_inputs, &observations.gear[o.gear]);
+        let inputs = if turns { inputs } else { inputs.without_swing() };
+        if one_side { inputs.without_side() } else { inputs }
+    };
+    impacts.iter().zip(&fit.impacts).map(inputs).collect()
 }
 
 /// A dimensionless function of the inputs.

@@ -7,10 +7,10 @@
 //! tails than a normal one, however unlike they are (Efron 1969), so that neither outliers nor wrongly stated noise raise an alarm. Corrected for the
 //! number tried. A term that stands out joins the smooth corrections.
 
-use super::expression_terms::{FEATURES, FeatureInputs};
+use super::expression_terms::{FEATURES, FeatureInputs, feature_inputs};
 use super::fit::Fit;
 use super::observation::{Observation, Observations};
-use super::structure::{channels, effective, normal_tail, racket_turns};
+use super::structure::{channels, effective, normal_tail};
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
@@ -55,6 +55,7 @@ enum Times {
 
 /// A term that stands out.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+#[serde(into = "TermInWords", try_from = "TermInWords")]
 pub struct LoneTerm {
     channel: usize,
     feature: usize,
@@ -62,22 +63,43 @@ pub struct LoneTerm {
     pub p_value: f64,
 }
 
+/// A term as files have it: numbers of rows of this build's tables would tell their readers nothing.
+#[derive(Serialize, Deserialize)]
+struct TermInWords {
+    channel: String,
+    /// As a formula has it.
+    feature: String,
+    words: String,
+    p_value: f64,
+}
+
+impl From<LoneTerm> for TermInWords {
+    fn from(term: LoneTerm) -> Self {
+        let (channel, feature) = (CHANNELS[term.channel].2, FEATURES[term.feature].text);
+        TermInWords { channel: channel.to_owned(), feature: feature.to_owned(), words: term.words(), p_value: term.p_value }
+    }
+}
+
+impl TryFrom<TermInWords> for LoneTerm {
+    type Error = String;
+
+    fn try_from(term: TermInWords) -> Result<Self, String> {
+        let channel = CHANNELS.iter().position(|c| c.2 == term.channel).ok_or_else(|| format!("no channel is named {:?}", term.channel))?;
+        let feature = FEATURES.iter().position(|f| f.text == term.feature).ok_or_else(|| format!("no feature is written {:?}", term.feature))?;
+        Ok(LoneTerm { channel, feature, p_value: term.p_value })
+    }
+}
+
 impl LoneTerm {
     /// "the impulse along the normal changes with the spin about the racket's long axis".
     pub fn words(&self) -> String {
-        let (Some((_, _, what)), Some(feature)) = (CHANNELS.get(self.channel), FEATURES.get(self.feature)) else { return String::new() };
-        format!("{what} changes {}", feature.words)
+        format!("{} changes {}", CHANNELS[self.channel].2, FEATURES[self.feature].words)
     }
 
     /// Its whitened signature.
     pub fn signature(&self, fit: &Fit, observations: &Observations, impacts: &[&Observation]) -> Vec<DMatrix<f64>> {
         let features = features(fit, observations, impacts);
-        let of = |(i, response): (usize, Vec<DVector<f64>>)| {
-            let column = response
-                .get(self.channel)
-                .map_or_else(|| DVector::zeros(fit.impacts[i].z.len()), |r| r * features.get((i, self.feature)).copied().unwrap_or(0.0));
-            DMatrix::from_columns(&[column])
-        };
+        let of = |(i, response): (usize, Vec<DVector<f64>>)| DMatrix::from_columns(&[&response[self.channel] * features[(i, self.feature)]]);
         responses(fit, observations, impacts).into_iter().enumerate().map(of).collect()
     }
 }
@@ -85,14 +107,8 @@ impl LoneTerm {
 /// Features of all impacts, one row each, standardised; one that does not vary, or is hardly more than noise, is all zero.
 fn features(fit: &Fit, observations: &Observations, impacts: &[&Observation]) -> DMatrix<f64> {
     let n = impacts.len();
-    let rates = DVector::from_iterator(n, fit.impacts.iter().map(|l| l.true_inputs.iter().skip(9).take(3).map(|w| w * w).sum::<f64>().sqrt()));
-    let turns = n > 1 && racket_turns(observations, rates.variance().sqrt());
-    let mut values = DMatrix::zeros(n, FEATURES.len());
-    for (i, (o, l)) in impacts.iter().zip(&fit.impacts).enumerate() {
-        let inputs = FeatureInputs::of(o, &l.true_inputs, &observations.gear[o.gear]);
-        let inputs = if turns { inputs } else { inputs.without_swing() };
-        FEATURES.iter().enumerate().for_each(|(f, feature)| values[(i, f)] = (feature.value)(&inputs));
-    }
+    let inputs = feature_inputs(fit, observations, impacts);
+    let mut values = DMatrix::from_fn(n, FEATURES.len(), |i, f| (FEATURES[f].value)(&inputs[i]));
     for mut column in values.column_iter_mut() {
         let (mean, sd) = (column.mean(), column.variance().sqrt());
         let varies = sd > 1e-6 * (1e-3 + mean.abs());
@@ -165,4 +181,30 @@ pub fn lone_term(fit: &Fit, observations: &Observations, impacts: &[&Observation
     let (z, channel, feature) = most?;
     let p_value = (2.0 * normal_tail(z) * tried as f64).min(1.0);
     (p_value < TERM_LEVEL).then_some(LoneTerm { channel, feature, p_value })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_term_is_read_back_from_its_words() {
+        let term = LoneTerm { channel: 6, feature: 3, p_value: 1e-9 };
+        let json = serde_json::to_string(&term).unwrap();
+        assert!(json.contains("the tangential restitution along the racket") && json.contains("with the inverse of the approach speed"), "{json}");
+        let back: LoneTerm = serde_json::from_str(&json).unwrap();
+        assert_eq!((back.channel, back.feature), (6, 3));
+        let why = serde_json::from_str::<LoneTerm>(&json.replace("along the racket", "up")).unwrap_err().to_string();
+        assert!(why.contains("no channel is named"), "{why}");
+    }
+
+    /// Two terms of one name could not be told apart in a file.
+    #[test]
+    fn every_channel_and_feature_has_a_name_of_its_own() {
+        let mut names: Vec<&str> = CHANNELS.iter().map(|c| c.2).chain(FEATURES.iter().map(|f| f.text)).collect();
+        let all = names.len();
+        names.sort_unstable();
+        names.dedup();
+        assert_eq!(names.len(), all);
+    }
 }

@@ -1,13 +1,12 @@
 //! What the effects that a model already holds explain. One that imitates them, where they do nearly all, is their own form.
 
-use super::by_group::Groups;
 use super::error::ValidationError;
 use super::fit::{FitOptions, fit};
 use super::forward::{Forward, FreeParameter, Library, Prediction, Strength};
 use super::observation::{Observation, Observations};
 use super::rank::Reference;
 use super::refits::{ALONE_SHARE, cards_confuse, excess_at, share_removed};
-use super::structure::{StructureTest, structure_test};
+use super::structure::{BesideSmooth, StructureTest, structure_test};
 
 /// Effects of the catalogue in the current model, each with the places of its strengths among the free parameters.
 pub struct Present {
@@ -49,7 +48,7 @@ impl Present {
     fn absent(&self, library: &dyn Library, observations: &Observations, impacts: &[&Observation], seed: u64) -> Result<StructureTest, ValidationError> {
         let without = Without::new(library.current(), &self.strengths);
         let fitted = fit(&without, observations, impacts, &FitOptions::default(), None)?;
-        Ok(structure_test(&fitted, observations, impacts, Groups::Known(&[], None), seed))
+        Ok(structure_test(&fitted, observations, impacts, BesideSmooth::Known { groups: &[], lone_term: None }, seed))
     }
 }
 

@@ -11,7 +11,7 @@
 //! A second effect must not be the first one's wrong form: it counts only by what it explains after the first one's
 //! strength was allowed to vary smoothly with speed, place, obliqueness and spin.
 
-use super::by_group::{FREE, GroupMisfit, Groups, beside, known_signatures};
+use super::by_group::{FREE, GroupMisfit, beside, known_signatures};
 use super::error::ValidationError;
 use super::fit::{Column, Fit, FitOptions, Start, fit};
 use super::forward::{EffectOutline, Forward, Library, Strength};
@@ -22,7 +22,7 @@ use super::observation::{Observation, Observations};
 use super::predicted::difference;
 use super::project::Nuisance;
 use super::screen::{Screening, screen_beyond};
-use super::structure::{StructureTest, chi2_tail, form_features, structure_test};
+use super::structure::{BesideSmooth, StructureTest, chi2_tail, form_features, structure_test};
 use nalgebra::DMatrix;
 
 /// Directions in which a catalogue formula may differ from nature's (see the module's text).
@@ -163,6 +163,11 @@ fn with_absent_strengths(fit: &Fit, strengths: &[(usize, bool)], c: f64) -> f64 
 }
 
 impl Reference<'_> {
+    /// What the base fails by beside the smooth corrections.
+    pub fn beside_smooth(&self) -> BesideSmooth<'_> {
+        BesideSmooth::Known { groups: self.groups, lone_term: self.lone_term }
+    }
+
     fn outline(&self, name: &str) -> Option<&EffectOutline> {
         self.library.effects().iter().find(|o| o.name == name)
     }
@@ -205,7 +210,7 @@ impl Reference<'_> {
     pub fn refit(&self, effects: &[&str], strengths: &[f64]) -> Result<Refit, ValidationError> {
         let (forward, fitted) = self.fit_with(effects, strengths)?;
         let places = self.strengths_in(forward.as_ref(), effects);
-        let structure = structure_test(&fitted, self.observations, self.impacts, Groups::Known(self.groups, self.lone_term), self.seed);
+        let structure = structure_test(&fitted, self.observations, self.impacts, self.beside_smooth(), self.seed);
         let held_out = linearise_held_out(forward.as_ref(), &fitted, self.observations, &self.observations.side(true))?;
         let mut refit = Refit {
             effects: effects.iter().map(|s| (*s).to_owned()).collect(),

@@ -9,7 +9,7 @@
 //! Σ (1 − h), h the leverage) and averaged over the numbers measured: (chi² − T)/(dof − q) would be too small where the terms
 //! take most out of those outputs whose noise is understated the most, and the floor of the error with it.
 
-use super::by_group::{GroupMisfit, GroupTest, Groups, beside, group_test};
+use super::by_group::{GroupMisfit, GroupTest, beside, group_test};
 use super::fit::{Column, Fit};
 use super::forward::Inputs;
 use super::lone_term::{LoneTerm, lone_term};
@@ -367,10 +367,23 @@ pub fn generic_signatures(fit: &Fit, observations: &Observations, impacts: &[&Ob
         .collect()
 }
 
+/// What a structure test looks at beside the smooth corrections.
+#[derive(Clone, Copy)]
+pub enum BesideSmooth<'a> {
+    /// Every column of groups, and every single term.
+    All,
+    /// These columns, whose groups get terms of their own, and this single term: an earlier fit failed by them.
+    Known { groups: &'a [GroupMisfit], lone_term: Option<LoneTerm> },
+}
+
 /// The structure test of a fit.
-pub fn structure_test(fit: &Fit, observations: &Observations, impacts: &[&Observation], groups: Groups, seed: u64) -> StructureTest {
+pub fn structure_test(fit: &Fit, observations: &Observations, impacts: &[&Observation], beside_smooth: BesideSmooth, seed: u64) -> StructureTest {
+    let (known_groups, known_term) = match beside_smooth {
+        BesideSmooth::All => (None, None),
+        BesideSmooth::Known { groups, lone_term } => (Some(groups), lone_term),
+    };
     let mut signatures = generic_signatures(fit, observations, impacts);
-    let GroupTest { tested: columns_of_groups, failing } = group_test(fit, observations, impacts, &signatures, groups, seed);
+    let GroupTest { tested: columns_of_groups, failing } = group_test(fit, observations, impacts, &signatures, known_groups, seed);
     let mut by_group = Vec::new();
     for (misfit, blocks) in failing {
         signatures = signatures.iter().zip(&blocks).map(|(own, more)| beside(own, more)).collect();
@@ -380,15 +393,11 @@ pub fn structure_test(fit: &Fit, observations: &Observations, impacts: &[&Observ
         Some(term) => signatures.iter().zip(term.signature(fit, observations, impacts)).map(|(own, more)| beside(own, &more)).collect(),
         None => signatures.to_vec(),
     };
-    let known = match groups {
-        Groups::Known(_, lone) => lone,
-        Groups::Test => None,
-    };
-    let mut test = StructureTest { lone_term: known, columns_of_groups, ..of_signatures(fit, &with(&signatures, known), seed) };
+    let mut test = StructureTest { lone_term: known_term, columns_of_groups, ..of_signatures(fit, &with(&signatures, known_term), seed) };
     if is_exact(fit) {
         return test;
     }
-    if let Groups::Test = groups {
+    if let BesideSmooth::All = beside_smooth {
         test.p_value = by_group.iter().map(|g: &GroupMisfit| g.p_value).fold(test.p_value, f64::min);
         if test.p_value >= STRUCTURE_LEVEL
             && let Some(lone) = lone_term(fit, observations, impacts, test.noise_scale_of_all())

@@ -2,7 +2,7 @@
 
 use super::Outcome;
 use crate::cli::error::CliError;
-use crate::impact::study::older_models::{CROSS_TANGENTIAL, HeadOn, LAWS, Oblique, oblique, offset, on_free_racket, on_strings, on_wall};
+use crate::impact::study::older_models::{CROSS_TANGENTIAL, HeadOn, LAWS, Oblique, Offset, oblique, offset, on_free_racket, on_strings, on_wall};
 use crate::impact::viscoelastic::Moment;
 use crate::quantity::RPM;
 use crate::report::chart::{Chart, Line, Points, Rule, Symbol};
@@ -21,16 +21,44 @@ pub fn models() -> Result<Outcome, CliError> {
     let bounce = oblique(SPEED, &incidences)?;
     let offsets = [(20.0, 40.0), (30.0, 30.0), (40.0, 20.0), (50.0, 10.0)].iter().map(|(v, a)| offset(*v, *a)).collect::<Result<Vec<_>, _>>()?;
     let free = on_free_racket(SPEED)?;
+    let page = Report::new("Older models beside the default one")
+        .subtitle("Visco-elastic base with the laws of Leigh and Lui (1992), of Kelvin-Voigt (Dignall and Haake 2000, Pratt 2000), of Goodwill and Haake (2001, 2002); Haake's offset; Cross and Daish for oblique impacts")
+        .section(wall_section(&wall, &over_speed)?)
+        .section(strings_section(&strings, &free))
+        .section(oblique_section(&bounce))
+        .section(offset_section(&offsets))
+        .finish();
+    let json =
+        serde_json::json!({ "wall": wall, "wall_over_speed": over_speed, "strings": strings, "free_racket": free, "oblique": bounce, "offset": offsets });
+    Ok(("explore-models", json, page))
+}
 
-    let mut numbers = Table::new("Head-on at three speeds on a rigid wall").column("Law").numbers("Speed, m/s").numbers("Restitution").numbers("published");
-    numbers = numbers.numbers("Contact, ms").numbers("Peak force, N").numbers("Force at the end, N").numbers("Pulled for, ms");
+fn wall_section(wall: &[HeadOn], over_speed: &[Vec<HeadOn>]) -> Result<Section, CliError> {
+    let kelvin_voigt = wall.iter().find(|h| h.last_force_n < -1.0).or(wall.first()).map(|h| h.course.clone()).unwrap_or_default();
+    let figures = [
+        (
+            over_time("Force on the ball, 20 m/s", "force", "N", wall, &|m| m.force),
+            "Kelvin-Voigt's force jumps at first touch and pulls the ball at the end (thesis, figures 2.31 and 2.32); no surface can pull.".into(),
+        ),
+        (
+            course("Kelvin-Voigt: displacement, 20 m/s", "displacement", "mm", &kelvin_voigt, &|m| 1e3 * m.approach),
+            "That model's contact ends when the displacement is nil: after the force has changed its sign.".into(),
+        ),
+        (restitution(over_speed), "Constant springs and dampers know no speed: each law meets the published values only where it was fitted.".into()),
+    ];
+    Ok(Section::new("wall", "Head-on against a rigid wall").figures(Layout::Normal, &figures).table(beside_published()?))
+}
+
+fn beside_published() -> Result<Table, CliError> {
+    let mut table = Table::new("Head-on at three speeds on a rigid wall").column("Law").numbers("Speed, m/s").numbers("Restitution").numbers("published");
+    table = table.numbers("Contact, ms").numbers("Peak force, N").numbers("Force at the end, N").numbers("Pulled for, ms");
     for (v, published) in PUBLISHED {
         let stand = on_wall(v)?;
         for (_, _, law) in LAWS.iter().filter(|(_, _, law)| stand.iter().all(|h| h.law != *law)) {
-            numbers = numbers.row(&[law, &*format!("{v:.1}"), "squeezed flat", &*format!("{published:.3}"), "", "", "", ""]);
+            table = table.row(&[law, &*format!("{v:.1}"), "squeezed flat", &*format!("{published:.3}"), "", "", "", ""]);
         }
         for h in stand {
-            numbers = numbers.row(&[
+            table = table.row(&[
                 h.law.to_owned(),
                 format!("{v:.1}"),
                 format!("{:.3}", h.restitution),
@@ -42,15 +70,49 @@ pub fn models() -> Result<Outcome, CliError> {
             ]);
         }
     }
-    let mut table_free =
-        Table::new("20 m/s on a free racket, 0.225 m from its centre of mass").column("Law").numbers("Apparent restitution").numbers("Contact, ms");
-    for (law, apparent, time) in &free {
-        table_free = table_free.row(&[(*law).to_owned(), format!("{apparent:.3}"), format!("{:.2}", 1e3 * time)]);
+    Ok(table)
+}
+
+/// `free`: law, apparent restitution, contact time (s).
+fn strings_section(strings: &[HeadOn], free: &[(&str, f64, f64)]) -> Section {
+    let mut table = Table::new("20 m/s on a free racket, 0.225 m from its centre of mass").column("Law").numbers("Apparent restitution").numbers("Contact, ms");
+    for (law, apparent, time) in free {
+        table = table.row(&[(*law).to_owned(), format!("{apparent:.3}"), format!("{:.2}", 1e3 * time)]);
     }
-    let mut table_offset = Table::new("Haake's offset on a rigid surface").numbers("Speed, m/s").numbers("Angle to it, deg").numbers("Mean offset, mm");
-    table_offset = table_offset.numbers("Greatest, mm").numbers("Spin, rad/s").numbers("with a central force");
-    for o in &offsets {
-        table_offset = table_offset.row(&[
+    let figures = [
+        (
+            over_time("Force on a head-clamped bed, 20 m/s", "force", "N", strings, &|m| m.force),
+            "60 lb; the ball's law decides the shape less than on a wall.".into(),
+        ),
+        (
+            over_time("Deflection of the strings, 20 m/s", "deflection", "mm", strings, &|m| 1e3 * m.deflection),
+            "The ball leaves the strings before they are back in place.".into(),
+        ),
+    ];
+    Section::new("strings", "Head-on against strings").figures(Layout::Normal, &figures).table(table)
+}
+
+fn oblique_section(bounce: &[Oblique]) -> Section {
+    let speed = |o: &Oblique| [o.stepper_m_s, o.soft_strings_m_s, o.cross_m_s, o.daish_m_s];
+    let figures = [
+        (
+            bounces("Spin after the bounce, 20 m/s", "topspin", "rpm", bounce, &|o| [o.stepper, o.soft_strings, o.cross, o.daish].map(|w| w * RPM)),
+            String::new(),
+        ),
+        (bounces("Tangential speed after the bounce, 20 m/s", "tangential speed", "m/s", bounce, &speed), String::new()),
+    ];
+    Section::new("oblique", "Oblique impacts on a clamped bed").figures(Layout::Normal, &figures).note(&format!(
+        "Cross (2005) states two coefficients, here the stepper's own normal one and {CROSS_TANGENTIAL} along the strings, whatever the \
+         incidence; Daish's ball slides or rolls; the stepper slides, grips and lets go, with rigid strings or with strings of 60 kN/m sideways."
+    ))
+}
+
+fn offset_section(offsets: &[Offset]) -> Section {
+    let mut table = Table::new("Haake's offset on a rigid surface").numbers("Speed, m/s").numbers("Angle to it, deg").numbers("Mean offset, mm");
+    table = table.numbers("Greatest, mm").numbers("Spin, rad/s").numbers("with a central force");
+    let mut chart = Chart::new("Offset in front of the centre (Haake 2005)").x("time", "ms").y("offset", "mm");
+    for o in offsets {
+        table = table.row(&[
             format!("{:.0}", o.speed),
             format!("{:.0}", o.angle_deg),
             format!("{:.2}", 1e3 * o.mean_m),
@@ -58,78 +120,11 @@ pub fn models() -> Result<Outcome, CliError> {
             format!("{:.0}", o.spin),
             format!("{:.0}", o.central_spin),
         ]);
+        let line: Vec<(f64, f64)> = o.course.iter().map(|(t, d)| (1e3 * t, 1e3 * d)).collect();
+        chart = chart.add(Line::new(&line).name(&format!("{:.0} m/s, {:.0} deg", o.speed, o.angle_deg)));
     }
-    let kelvin_voigt = wall.iter().find(|h| h.last_force_n < -1.0).or(wall.first()).map(|h| h.course.clone()).unwrap_or_default();
-    let page = Report::new("Older models beside the default one")
-        .subtitle("Visco-elastic base with the laws of Leigh and Lui (1992), of Kelvin-Voigt (Dignall and Haake 2000, Pratt 2000), of Goodwill and Haake (2001, 2002); Haake's offset; Cross and Daish for oblique impacts")
-        .section(
-            Section::new("wall", "Head-on against a rigid wall")
-                .figures(
-                    Layout::Normal,
-                    &[
-                        (
-                            over_time("Force on the ball, 20 m/s", "force", "N", &wall, &|m| m.force),
-                            "Kelvin-Voigt's force jumps at first touch and pulls the ball at the end (thesis, figures 2.31 and 2.32); no surface can pull.".into(),
-                        ),
-                        (
-                            course("Kelvin-Voigt: displacement, 20 m/s", "displacement", "mm", &kelvin_voigt, &|m| 1e3 * m.approach),
-                            "That model's contact ends when the displacement is nil: after the force has changed its sign.".into(),
-                        ),
-                        (restitution(&over_speed), "Constant springs and dampers know no speed: each law meets the published values only where it was fitted.".into()),
-                    ],
-                )
-                .table(numbers),
-        )
-        .section(
-            Section::new("strings", "Head-on against strings")
-                .figures(
-                    Layout::Normal,
-                    &[
-                        (over_time("Force on a head-clamped bed, 20 m/s", "force", "N", &strings, &|m| m.force), "60 lb; the ball's law decides the shape less than on a wall.".into()),
-                        (over_time("Deflection of the strings, 20 m/s", "deflection", "mm", &strings, &|m| 1e3 * m.deflection), "The ball leaves the strings before they are back in place.".into()),
-                    ],
-                )
-                .table(table_free),
-        )
-        .section(
-            Section::new("oblique", "Oblique impacts on a clamped bed")
-                .figures(
-                    Layout::Normal,
-                    &[
-                        (bounces("Spin after the bounce, 20 m/s", "topspin", "rpm", &bounce, &|o| [o.stepper, o.soft_strings, o.cross, o.daish].map(|w| w * RPM)), String::new()),
-                        (
-                            bounces("Tangential speed after the bounce, 20 m/s", "tangential speed", "m/s", &bounce, &|o| {
-                                [o.stepper_m_s, o.soft_strings_m_s, o.cross_m_s, o.daish_m_s]
-                            }),
-                            String::new(),
-                        ),
-                    ],
-                )
-                .note(&format!(
-                    "Cross (2005) states two coefficients, here the stepper's own normal one and {CROSS_TANGENTIAL} along the strings, whatever the incidence;                      Daish's ball slides or rolls; the stepper slides, grips and lets go, with rigid strings or with strings of 60 kN/m sideways."
-                )),
-        )
-        .section(
-            Section::new("offset", "Where the normal force acts")
-                .figures(
-                    Layout::Normal,
-                    &[(
-                        offsets
-                            .iter()
-                            .fold(Chart::new("Offset in front of the centre (Haake 2005)").x("time", "ms").y("offset", "mm"), |chart, o| {
-                                let line: Vec<(f64, f64)> = o.course.iter().map(|(t, d)| (1e3 * t, 1e3 * d)).collect();
-                                chart.add(Line::new(&line).name(&format!("{:.0} m/s, {:.0} deg", o.speed, o.angle_deg)))
-                            })
-                            .to_svg(),
-                        "The front of a spinning ball's contact lands faster than its rear. Half a millimetre on average, as published; nil once the ball expands.".into(),
-                    )],
-                )
-                .table(table_offset),
-        )
-        .finish();
-    let json =
-        serde_json::json!({ "wall": wall, "wall_over_speed": over_speed, "strings": strings, "free_racket": free, "oblique": bounce, "offset": offsets });
-    Ok(("explore-models", json, page))
+    let words = "The front of a spinning ball's contact lands faster than its rear. Half a millimetre on average, as published; nil once the ball expands.";
+    Section::new("offset", "Where the normal force acts").figures(Layout::Normal, &[(chart.to_svg(), words.into())]).table(table)
 }
 
 fn line(course: &[Moment], get: &dyn Fn(&Moment) -> f64) -> Vec<(f64, f64)> {

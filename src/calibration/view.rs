@@ -27,6 +27,8 @@ pub enum ViewFault {
     Unreadable(String),
     #[error("the very picture of {0}")]
     SamePicture(String),
+    #[error("{}x{} px where most pictures are {}x{}; take all with one setting", .size[0], .size[1], .usual[0], .usual[1])]
+    AnotherSize { size: [usize; 2], usual: [usize; 2] },
     #[error("board not found")]
     NotFound,
     #[error("{}{}", if .seen < .all { format!("only {seen} of the board's {all} corners found") } else { format!("{seen} corners found, but not in the board's rows and columns (board_rows and board_columns of session.toml count inner corners)") }, if *.cut_by_border { ": it is cut by the picture's border" } else { "" })]

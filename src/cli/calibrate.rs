@@ -167,20 +167,18 @@ fn calibrate(session: &Session, arguments: &Arguments, provenance: &Provenance, 
         .collect::<Result<Vec<_>, CliError>>()?;
     progress.finish_and_clear();
 
-    // One size for all: the first readable picture's.
-    let image_size = found.iter().find_map(|(_, (size, _))| *size).ok_or_else(|| {
+    // One size for all: that of most readable pictures.
+    let image_size = usual_size(found.iter().filter_map(|(path, (size, _))| Some((*path, (*size)?))))?.ok_or_else(|| {
         let why: Vec<String> = found.iter().filter_map(|(_, (_, view))| view.as_ref().err().map(ToString::to_string)).take(3).collect();
         CliError::input(format!("no checkerboard picture can be read: {}", why.join("; "))).hint("copy the pictures again from the cameras")
     })?;
-    for (path, (size, _)) in &found {
-        if let Some(size) = size.filter(|s| *s != image_size) {
-            let name = path.display().to_string();
-            return Err(
-                CalibrationError::PictureSize { name, width: size[0], height: size[1], expected_width: image_size[0], expected_height: image_size[1] }.into()
-            );
-        }
-    }
-    let by_path: BTreeMap<&Path, _> = found.into_iter().map(|(path, (_, view))| (path, view)).collect();
+    let by_path: BTreeMap<&Path, _> = found
+        .into_iter()
+        .map(|(path, (size, view))| match size.filter(|size| *size != image_size) {
+            Some(size) => (path, Err(ViewFault::AnotherSize { size, usual: image_size })),
+            None => (path, view),
+        })
+        .collect();
     let view = |path: Option<&PathBuf>| path.and_then(|p| by_path.get(p.as_path()).cloned()).unwrap_or(Err(ViewFault::NoPicture));
     let pairs: Vec<PairViews> =
         numbers.iter().map(|n| PairViews { name: pair_name(*n, left.get(n).or(right.get(n))), left: view(left.get(n)), right: view(right.get(n)) }).collect();
@@ -200,6 +198,21 @@ fn calibrate(session: &Session, arguments: &Arguments, provenance: &Provenance, 
         rig.more.insert("methods".into(), serde_json::to_value(methods).map_err(CliError::output)?);
     }
     Ok(rig)
+}
+
+/// The size that most pictures have. A stray one is left out with its reason; where no size has more than half of them, which are the
+/// strays would be a guess.
+fn usual_size<'a>(pictures: impl Iterator<Item = (&'a Path, [usize; 2])> + Clone) -> Result<Option<[usize; 2]>, CalibrationError> {
+    let mut counts: BTreeMap<[usize; 2], usize> = BTreeMap::new();
+    pictures.clone().for_each(|(_, size)| *counts.entry(size).or_default() += 1);
+    let all: usize = counts.values().sum();
+    let Some((&usual, &most)) = counts.iter().max_by_key(|(_, count)| **count) else { return Ok(None) };
+    if 2 * most > all {
+        return Ok(Some(usual));
+    }
+    let first = pictures.clone().next().map_or(usual, |(_, size)| size);
+    let Some((path, [width, height])) = pictures.clone().find(|(_, size)| *size != first) else { return Ok(Some(usual)) };
+    Err(CalibrationError::PictureSize { name: path.display().to_string(), width, height, expected_width: first[0], expected_height: first[1] })
 }
 
 /// Pictures that are byte for byte an earlier one, and which: a copy is no evidence, and a right picture that is the left one shows no depth.

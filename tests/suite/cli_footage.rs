@@ -49,6 +49,33 @@ fn fails_unequal_calibration_pictures_are_named() {
     assert!(!session.join("results/calibration.json").exists());
 }
 
+/// Enlarges a picture in place.
+fn enlarge(path: &Path, times: f64) {
+    let picture = image::open(path).unwrap().into_luma8();
+    let [width, height] = [picture.width(), picture.height()].map(|side| (f64::from(side) * times) as u32);
+    image::imageops::resize(&picture, width, height, image::imageops::FilterType::Triangle).save(path).unwrap();
+}
+
+#[test]
+fn cli_a_calibration_picture_of_another_size_is_left_out_with_its_reason() {
+    let (_keep, session, _) = sample(0);
+    let place = text(&session);
+    // The very first one: which size is the usual one does not hang on the order.
+    enlarge(&picture(&session.join("calib/left"), 0), 1.5);
+    let output = sweetspot(&["calibrate", &place]);
+    assert!(output.status.code() == Some(0) && said(&output).contains("px where most pictures are"), "{}", said(&output));
+    let rig: serde_json::Value = serde_json::from_slice(&std::fs::read(session.join("results/calibration.json")).unwrap()).unwrap();
+    let pairs = rig["pairs"].as_array().unwrap();
+    assert!(pairs[0]["used"] == false && pairs.iter().filter(|p| p["used"] == true).count() >= 8, "{pairs:?}");
+
+    // One camera set otherwise than the other: neither size is the usual one.
+    for k in 0..pairs.len() {
+        enlarge(&picture(&session.join("calib/right"), k), 1.5);
+    }
+    enlarge(&picture(&session.join("calib/left"), 0), 1.0 / 1.5);
+    refused(&["calibrate", &place], &["both cameras must give pictures of one size"]);
+}
+
 #[test]
 fn cli_a_lost_form_of_the_calibration_is_written_again_from_its_numbers() {
     let (_keep, session, _) = sample(0);

@@ -44,11 +44,13 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
         write_forms(&out, &session, &rig, |path| !path.exists(), shell)?;
         return shell.print_json(&rig);
     }
-    let mut rig = match &arguments.import {
-        Some(file) => imported(&session, file)?,
+    let (mut rig, without_axes) = match &arguments.import {
+        Some(file) => imported(&session, file, shell)?,
         None => calibrate(&session, &arguments, &provenance, shell)?,
     };
-    advise_on_axes(&session, &mut rig);
+    if let Some(why) = without_axes.or_else(|| session.axes_missing.then(|| NO_FRAME_PICTURES.to_owned())) {
+        advise_on_axes(&why, &mut rig);
+    }
     rig.more.insert("provenance".into(), serde_json::to_value(provenance).map_err(CliError::output)?);
     shell.write(&json, rig.to_json().map_err(CliError::output)?.as_bytes())?;
     write_forms(&out, &session, &rig, |_| true, shell)?;
@@ -133,14 +135,18 @@ fn inputs(session: &Session, import: Option<&Path>) -> Result<Provenance, CliErr
     }
     if let Some(axes) = &session.axes {
         for camera in ["left", "right"] {
-            let hash = crate::provenance::sha256_file(&axes_picture(&axes.images, camera)?).map_err(CliError::input)?;
+            // What is wrong with a picture is told once the boards are done: they need none.
+            let Ok(hash) = axes_picture(&axes.images, camera).and_then(|path| crate::provenance::sha256_file(&path).map_err(CliError::input)) else { continue };
             provenance.inputs.insert(format!("axes/{camera}"), hash);
         }
     }
     Ok(provenance)
 }
 
-fn calibrate(session: &Session, arguments: &Arguments, provenance: &Provenance, shell: &Shell) -> Result<StereoRig, CliError> {
+/// The rig, and why the global axes are not the frame's where its pictures do not give them.
+type RigAndAxes = (StereoRig, Option<String>);
+
+fn calibrate(session: &Session, arguments: &Arguments, provenance: &Provenance, shell: &Shell) -> Result<RigAndAxes, CliError> {
     let board = Checkerboard { columns: session.board.columns, rows: session.board.rows, square_m: session.board.square_m };
     let (left, right) = (pictures(&session.board.images, "left")?, pictures(&session.board.images, "right")?);
     same_number(&session.board.images, &left, &right)?;
@@ -187,7 +193,7 @@ fn calibrate(session: &Session, arguments: &Arguments, provenance: &Provenance, 
     let mut rig = calibration.rig();
     rig.more.insert(crate::calibration::BOARDS_KEY.into(), serde_json::to_value(calibration.board_reports()).map_err(CliError::output)?);
     rig.more.extend(calibration.details().map_err(CliError::output)?);
-    lay_axes(session, &mut rig)?;
+    let without_axes = lay_axes(session, &mut rig, shell);
     calibration.add_quality(&mut rig).map_err(CliError::output)?;
     if arguments.compare_methods {
         let methods = calibration.compare_methods();
@@ -197,7 +203,7 @@ fn calibrate(session: &Session, arguments: &Arguments, provenance: &Provenance, 
         }
         rig.more.insert("methods".into(), serde_json::to_value(methods).map_err(CliError::output)?);
     }
-    Ok(rig)
+    Ok((rig, without_axes))
 }
 
 /// The size that most pictures have. A stray one is left out with its reason; where no size has more than half of them, which are the
@@ -234,36 +240,43 @@ fn copies<'a>(pictures: &[(&'static str, &'a PathBuf)], provenance: &Provenance)
     copies
 }
 
-/// The global axes from the three-sphere frame, where the session has pictures of it.
-fn lay_axes(session: &Session, rig: &mut StereoRig) -> Result<(), CliError> {
+const NO_FRAME_PICTURES: &str = "no pictures of the three-sphere frame where session.toml has them";
+
+/// The global axes from the three-sphere frame, where the session has pictures of it. Pictures that do not give them leave the axes the left
+/// camera's, as no pictures do (contract, section 2): what the boards gave is not lost. Says why.
+fn lay_axes(session: &Session, rig: &mut StereoRig, shell: &Shell) -> Option<String> {
+    let why = found_axes(session, rig).err()?.message;
+    shell.warn(format_args!("warning: no global axes: {why}"));
+    Some(why)
+}
+
+fn found_axes(session: &Session, rig: &mut StereoRig) -> Result<(), CliError> {
     if let Some(axes) = &session.axes {
         let images = [read_grey(&axes_picture(&axes.images, "left")?)?, read_grey(&axes_picture(&axes.images, "right")?)?];
         let frame = AxesFrame { arm_u_m: axes.arm_u_m, arm_w_m: axes.arm_w_m };
         let (global_from_left, report) =
             global_axes(rig, &images[0], &images[1], &frame).map_err(|e| CliError::input(format!("{}: {e}", axes.images.display())))?;
+        let report = serde_json::to_value(report).map_err(CliError::output)?;
         rig.global_from_left = global_from_left;
-        rig.more.insert("axes".into(), serde_json::to_value(report).map_err(CliError::output)?);
+        rig.more.insert("axes".into(), report);
     }
     Ok(())
 }
 
-/// Says in the calibration's advice that the frame's pictures are missing.
-fn advise_on_axes(session: &Session, rig: &mut StereoRig) {
-    let advice = "no pictures of the three-sphere frame where session.toml has them: the global axes are the left camera's, and nothing knows what is up";
-    if session.axes_missing
-        && let Some(list) = rig.more.entry("advice".to_owned()).or_insert_with(|| serde_json::json!([])).as_array_mut()
-    {
-        list.push(advice.into());
+/// Says in the calibration's advice why the global axes are not the frame's.
+fn advise_on_axes(why: &str, rig: &mut StereoRig) {
+    if let Some(list) = rig.more.entry("advice".to_owned()).or_insert_with(|| serde_json::json!([])).as_array_mut() {
+        list.push(format!("{why}: the global axes are the left camera's, and nothing knows what is up").into());
     }
 }
 
 /// Cameras of another program: without covariance, so that points carry the pixels' uncertainty only.
-fn imported(session: &Session, file: &Path) -> Result<StereoRig, CliError> {
+fn imported(session: &Session, file: &Path, shell: &Shell) -> Result<RigAndAxes, CliError> {
     let mut rig = StereoRig::read_opencv_yaml(existing(file, "calibration to import")?)?;
-    lay_axes(session, &mut rig)?;
+    let without_axes = lay_axes(session, &mut rig, shell);
     let advice = "cameras imported from another program: their own uncertainty is not known, and no interval holds it";
     rig.more.insert("advice".into(), serde_json::json!([advice]));
-    Ok(rig)
+    Ok((rig, without_axes))
 }
 
 /// The number as the file name shows it, leading zeros included.

@@ -77,6 +77,39 @@ fn cli_a_calibration_picture_of_another_size_is_left_out_with_its_reason() {
 }
 
 #[test]
+fn cli_an_axes_frame_that_is_not_seen_leaves_the_boards_calibration() {
+    let (_keep, session, _) = sample(0);
+    let (place, left) = (text(&session), session.join("axes/left.png"));
+    let rig = || -> serde_json::Value { serde_json::from_slice(&std::fs::read(session.join("results/calibration.json")).unwrap()).unwrap() };
+    let calibrate = || {
+        let output = sweetspot(&["calibrate", &place]);
+        assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+        String::from_utf8_lossy(&output.stderr).into_owned()
+    };
+    assert_eq!(calibrate(), "");
+    let framed = rig();
+    let advised = |rig: &serde_json::Value| rig["advice"].as_array().unwrap().iter().any(|a| a.as_str().unwrap().contains("nothing knows what is up"));
+    assert!(!advised(&framed));
+    let picture = image::open(&left).unwrap().into_luma8();
+    // Nothing to be seen, no picture, none at all.
+    let blind = image::GrayImage::from_pixel(picture.width(), picture.height(), image::Luma([90]));
+    blind.save(&left).unwrap();
+    let told = calibrate();
+    assert!(told.contains("warning: no global axes") && told.contains("arm_u_m"), "{told}");
+    let seen = rig();
+    assert!(advised(&seen) && seen["left"] == framed["left"] && seen["T"] == framed["T"] && seen["axes"].is_null());
+    assert_eq!(seen["global_from_left"]["R"][0], serde_json::json!([1.0, 0.0, 0.0]));
+    std::fs::write(&left, "no picture").unwrap();
+    assert!(calibrate().contains("not a picture by its content"));
+    std::fs::remove_file(&left).unwrap();
+    assert!(calibrate().contains("no picture named `left`"));
+    // Taken again, the frame counts.
+    picture.save(&left).unwrap();
+    assert_eq!(calibrate(), "");
+    assert_eq!(rig()["global_from_left"], framed["global_from_left"]);
+}
+
+#[test]
 fn cli_a_lost_form_of_the_calibration_is_written_again_from_its_numbers() {
     let (_keep, session, _) = sample(0);
     let results = session.join("results");

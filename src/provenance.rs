@@ -121,12 +121,17 @@ pub fn is_stdout(path: &Path) -> bool {
     lent(path) == Some(Lent::Stdout)
 }
 
+/// Who reads a stream no further (`| head`) has what they wanted; no disk is full.
+pub fn read_no_further(written: io::Result<()>) -> io::Result<()> {
+    written.or_else(|e| if e.kind() == io::ErrorKind::BrokenPipe { Ok(()) } else { Err(e) })
+}
+
 fn write_whole(path: &Path, bytes: &[u8], to_the_disk: bool) -> io::Result<()> {
     let named = |e: io::Error| io::Error::new(e.kind(), format!("{}: cannot be written ({e})", path.display()));
     // Opened a second time, a file behind such a name is written from its head on, over what it has.
     let whole = |mut stream: Box<dyn Write>| stream.write_all(bytes).and_then(|()| stream.flush()).map_err(named);
     match lent(path) {
-        Some(Lent::Stdout) => return whole(Box::new(io::stdout())),
+        Some(Lent::Stdout) => return read_no_further(whole(Box::new(io::stdout()))),
         Some(Lent::Stderr) => return whole(Box::new(io::stderr())),
         _ => {}
     }

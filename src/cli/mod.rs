@@ -74,7 +74,7 @@ impl Shell {
     pub fn print_json(&self, result: &impl serde::Serialize) -> Result<(), CliError> {
         if self.args.json {
             let text = serde_json::to_string_pretty(result).map_err(CliError::output)?;
-            writeln!(std::io::stdout(), "{text}").map_err(CliError::output)?;
+            crate::provenance::read_no_further(writeln!(std::io::stdout(), "{text}")).map_err(CliError::output)?;
         }
         Ok(())
     }

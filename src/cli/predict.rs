@@ -46,10 +46,13 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
         let lost = results.iter().zip(&derivatives).filter(|(r, _)| r.is_ok()).filter_map(|(_, d)| d.as_ref().err());
         failed.extend(lost.map(|e| format!("{e} (its derivatives)")));
     }
-    let json: Vec<serde_json::Value> = rows.iter().map(|(id, o)| as_json(id, *o)).collect();
     let spinless = without_spin(&table);
     let limited = limited_restitutions(&model, &set, &table)?;
-    shell.print_json(&serde_json::json!({ "predictions": json, "failed": failed, "spin_taken_as_zero": spinless, "restitution_limited": limited.iter().map(|(id, _)| id).collect::<Vec<_>>(), "file": path.to_string_lossy() }))?;
+    // A million impacts as JSON take gigabytes: they are made for who asks for them.
+    if shell.args.json {
+        let json: Vec<serde_json::Value> = rows.iter().map(|(id, o)| as_json(id, *o)).collect();
+        shell.print_json(&serde_json::json!({ "predictions": json, "failed": failed, "spin_taken_as_zero": spinless, "restitution_limited": limited.iter().map(|(id, _)| id).collect::<Vec<_>>(), "file": path.to_string_lossy() }))?;
+    }
     if !spinless.is_empty() {
         shell.say(format_args!("incoming spin not measured, taken as 0, in {} impacts: {}", spinless.len(), spinless.join(", ")));
     }

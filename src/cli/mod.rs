@@ -5,6 +5,7 @@
 
 pub mod error;
 mod impacts_input;
+mod plain_text;
 mod racket_photograph;
 mod set_aside;
 mod threads;
@@ -12,6 +13,7 @@ mod tracked_session;
 
 use clap::{Args, Parser};
 use error::CliError;
+use plain_text::plain;
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -61,13 +63,14 @@ pub struct Shell {
 impl Shell {
     /// A line for the person at the terminal: stdout, so that a result can be kept or searched; stderr where programs read stdout.
     pub fn say(&self, line: impl std::fmt::Display) {
+        let line = plain(&line.to_string());
         // Who reads no further (`| head`) does not stop the work.
         let _ = if self.stdout_is_taken { writeln!(std::io::stderr(), "{line}") } else { writeln!(std::io::stdout(), "{line}") };
     }
 
     /// A line that nobody should miss: stderr, also where what is said is kept in a file.
     pub fn warn(&self, line: impl std::fmt::Display) {
-        let _ = writeln!(std::io::stderr(), "{line}");
+        let _ = writeln!(std::io::stderr(), "{}", plain(&line.to_string()));
     }
 
     /// The result for programs (stdout), when `--json` was given.
@@ -275,9 +278,9 @@ pub fn main() -> ExitCode {
 
 fn fail(e: &CliError) -> ExitCode {
     let mut err = std::io::stderr();
-    let _ = writeln!(err, "error: {}", e.message.trim_end());
+    let _ = writeln!(err, "error: {}", plain(e.message.trim_end()));
     for hint in &e.hints {
-        let _ = writeln!(err, "  try: {hint}");
+        let _ = writeln!(err, "  try: {}", plain(hint));
     }
     ExitCode::from(e.exit_code())
 }

@@ -198,6 +198,21 @@ fn fails_broken_tables_are_named_with_their_line() {
 
 /// A ball whose lines could not be read has no spin: `predict` says what it takes instead, as `compare` does.
 #[test]
+fn cli_names_and_cells_of_files_are_told_without_what_steers_a_terminal() {
+    let bench = Bench::new();
+    for table in
+        ["id,ball\u{1b}[31m_in_vz,ball_in_vz\na,1,-2\n\u{1b}[2Jb,1,x\n", "id,\u{1b}]0;title\u{7}\n", &format!("id,ball_in_vz\na,{}\n", "9".repeat(3_000_000))]
+    {
+        bench.write("impacts.csv", table);
+        let arguments = bench.table("predict");
+        let output = sweetspot(&arguments.iter().map(String::as_str).collect::<Vec<_>>());
+        let told = said(&output);
+        assert!(output.status.code() == Some(2) && told.contains("impacts.csv") && told.len() < 10_000, "{} bytes: {told:.1000}", told.len());
+        assert!(!told.contains(|c: char| c.is_control() && c != '\n'), "{told:?}");
+    }
+}
+
+#[test]
 fn cli_predict_names_the_impacts_whose_spin_it_takes_as_zero() {
     let bench = Bench::new();
     let columns = "ball_in_vx,ball_in_vy,ball_in_vz,racket_in_vx,racket_in_vy,racket_in_vz,racket_in_wx,racket_in_wy,racket_in_wz,impact_x,impact_y";

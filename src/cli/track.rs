@@ -3,7 +3,7 @@
 use super::Shell;
 use super::error::CliError;
 use super::set_aside::{listed, remove_if_there, set_all_aside, set_aside};
-use super::tracked_session::{rig_to_measure_with, warn_of_old_calibration};
+use super::tracked_session::{refuse_no_folder, rig_to_measure_with, warn_of_old_calibration};
 use crate::calibration::{CameraId, StereoRig};
 use crate::footage::{Clip, FrameBuffer, FrameSource, Rows};
 use crate::kinematics::{SHOT_FILE, ShotRecord};
@@ -221,6 +221,7 @@ fn one(
     folder: &Path,
     (shell, bar, said): (&Shell, &ProgressBar, &mut Said),
 ) -> Result<ShotSummary, Failure> {
+    refuse_no_folder(folder)?;
     let provenance = LazyLock::new(|| provenance(session, shot, rig.1, &clip));
     if !shell.args.force {
         let record = TrackRecord::read(folder);
@@ -233,7 +234,7 @@ fn one(
             return Ok(summary);
         }
     }
-    let manual = look_at_earlier(&shot.id, folder, said).map_err(Failure::All)?;
+    let manual = look_at_earlier(&shot.id, folder, said)?;
     bar.inc_length(clip.pairs.len() as u64);
     let setup = ShotSetup { rig: rig.0, racket: &shot.racket, ball: &shot.ball, frame_rate_hz: session.frame_rate_hz };
     let mode = if arguments.sync == Sync::Auto { SyncMode::Auto } else { SyncMode::Report };
@@ -412,20 +413,20 @@ fn by_hand(id: &str, record: Option<TrackRecord>, folder: &Path) -> Option<ShotS
 
 /// How many points of the tracks that are there somebody has corrected by hand. A table that cannot be read may be somebody's work of an hour,
 /// saved by a program that writes tables otherwise: it is kept under another name. What a power failure left of one, nothing or zeros, is nobody's.
-fn look_at_earlier(id: &str, folder: &Path, said: &mut Said) -> Result<usize, CliError> {
+fn look_at_earlier(id: &str, folder: &Path, said: &mut Said) -> Result<usize, Failure> {
     let file = folder.join("tracks.csv");
     let mut bytes = Vec::new();
     match LimitedFile::open(&file, LARGEST_TABLE).and_then(|mut file| file.read_to_end(&mut bytes)) {
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(0),
         // It may hold points corrected by hand, and would be written over.
-        Err(e) => return Err(CliError::input(format!("{}: cannot be read ({e})", file.display())).hint("make it readable, or move it away")),
+        Err(source) => return Err(TrackingError::Earlier { path: file, source }.into()),
         Ok(_) if bytes.iter().all(|b| *b == 0) => return Ok(0),
         Ok(_) => {}
     }
     match Tracks::read(&file) {
         Ok(tracks) => Ok(points_by_hand(&tracks)),
         Err(why) => {
-            if let Some(kept) = set_aside(&file, "unreadable")? {
+            if let Some(kept) = set_aside(&file, "unreadable").map_err(Failure::All)? {
                 said.push(format!("{id}: {why}; it is kept as {}, and the shot is tracked anew", kept.display()));
             }
             Ok(0)

@@ -7,7 +7,7 @@ use crate::equipment::Racket;
 use crate::kinematics::{AirSeen, BalanceSeen, MeasureSettings, ShotMotion, TapeErrors, evenly, measure_motion};
 use crate::provenance::sha256_file;
 use crate::session::{Session, ShotFolder};
-use crate::tracking::{RacketFigure, Throat, TrackRecord, Tracks};
+use crate::tracking::{RacketFigure, Throat, TrackRecord, TrackingError, Tracks};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -39,6 +39,11 @@ pub fn warn_of_old_calibration(session: &Session, rig: &StereoRig, file: &Path, 
 
 fn hinted(e: CalibrationError) -> CliError {
     CliError::from(e).hint("run `sweetspot calibrate SESSION` first; with --force it writes the file anew")
+}
+
+/// Refuses what stands where a shot's folder of results belongs and is no folder: that shot has no place, the others have theirs.
+pub fn refuse_no_folder(place: &Path) -> Result<(), TrackingError> {
+    if std::fs::symlink_metadata(place).is_ok() && !place.is_dir() { Err(TrackingError::NoPlace { path: place.to_path_buf() }) } else { Ok(()) }
 }
 
 /// Shots per racket that are asked what all share.

@@ -7,6 +7,7 @@ use crate::tracking::ball::ball_track::BallFrame;
 use crate::tracking::racket::racket_figure::RacketFigure;
 use crate::tracking::racket::racket_scene::RacketFrame;
 use crate::tracking::track_file::{SpacePoint, Tracks};
+use std::path::PathBuf;
 
 /// Why a shot cannot be tracked.
 #[derive(Debug, thiserror::Error)]
@@ -42,6 +43,10 @@ pub enum TrackingError {
         "left/ and right/ are exchanged: {found}; exchange the two folders (or, if those of the boards are the ones exchanged, these, and run `sweetspot calibrate --force`)"
     )]
     Exchanged { found: String },
+    #[error("{path}: is no folder, and the shot's results belong into one of this name; move it away", path = .path.display())]
+    NoPlace { path: PathBuf },
+    #[error("{path}: cannot be read ({source}), and may hold points corrected by hand; make it readable, or move it away", path = .path.display())]
+    Earlier { path: PathBuf, source: std::io::Error },
     #[error("interrupted")]
     Cancelled,
     #[error(transparent)]

@@ -242,6 +242,26 @@ fn cli_broken_pictures_in_shots_are_named_and_the_others_go_on() {
     assert!(impacts.contains(&ids[0]) && impacts.contains(&ids[1]) && !impacts.contains(&ids[2]), "{impacts}");
 }
 
+/// Whatever stands in the place of one shot's results is that shot's fault alone.
+#[test]
+fn cli_a_shot_whose_results_have_no_place_fails_and_the_others_go_on() {
+    let (_keep, session, ids) = sample(3);
+    let (place, results) = (text(&session), session.join("results/shots"));
+    std::fs::create_dir_all(results.join(&ids[1]).join("tracks.csv")).unwrap();
+    std::fs::write(results.join(&ids[0]), "no folder").unwrap();
+    assert_eq!(sweetspot(&["calibrate", &place]).status.code(), Some(0));
+    for command in ["track", "shots"] {
+        let output = sweetspot(&[command, &place]);
+        let told = said(&output);
+        assert_eq!(output.status.code(), Some(1), "{told}");
+        assert!(told.contains(&format!("{}: is no folder", text(&results.join(&ids[0])))), "{told}");
+    }
+    let told = said(&sweetspot(&["track", &place]));
+    assert!(told.contains("tracks.csv: cannot be read") && told.contains("make it readable, or move it away"), "{told}");
+    assert!(results.join(&ids[2]).join("shot.json").exists());
+    assert_eq!(std::fs::read_to_string(results.join(&ids[0])).unwrap(), "no folder");
+}
+
 /// Shots that are tracked at the same time, the first of them refused at once: what is said, and written, is as if they had come one by one.
 #[test]
 fn cli_shots_tracked_at_a_time_are_told_in_the_sessions_order() {

@@ -360,6 +360,12 @@ impl ImpactTable {
         Self::from_reader(file, path)
     }
 
+    /// [`Self::read`] of a table that the user named, which may be a pipe.
+    pub fn read_given(path: &Path) -> Result<Self, TableError> {
+        let file = LimitedFile::open_given(path, LARGEST_TABLE).map_err(|e| TableError::Unreadable { path: path.into(), source: e.into() })?;
+        Self::from_reader(file, path)
+    }
+
     /// Reads from any reader; `path` is for messages.
     pub fn from_reader(reader: impl std::io::Read, path: &Path) -> Result<Self, TableError> {
         let unreadable = |source: csv::Error| match source.kind() {

@@ -17,9 +17,37 @@ pub struct LimitedFile {
 }
 
 impl LimitedFile {
+    /// Opens a file, or what the system lends under a name (`/dev/stdin`, `<(...)`).
+    ///
+    /// A pipe that stands in a folder is refused: opening it waits, for ever where nobody writes to it.
     pub fn open(path: &Path, most: u64) -> io::Result<Self> {
+        if is_pipe(path) && !lends_streams(path) {
+            return Err(io::Error::new(io::ErrorKind::InvalidInput, "a pipe, not a file; put the file itself there"));
+        }
+        LimitedFile::open_given(path, most)
+    }
+
+    /// Opens what the user named on the command line, a pipe too: they know who writes to it.
+    pub fn open_given(path: &Path, most: u64) -> io::Result<Self> {
         Ok(LimitedFile { file: BufReader::new(File::open(path)?), most, left: most })
     }
+}
+
+#[cfg(unix)]
+fn is_pipe(path: &Path) -> bool {
+    use std::os::unix::fs::FileTypeExt;
+    std::fs::metadata(path).is_ok_and(|m| m.file_type().is_fifo())
+}
+
+#[cfg(not(unix))]
+fn is_pipe(_: &Path) -> bool {
+    false
+}
+
+/// Whether a name is one of those under which the system lends a process its open streams.
+fn lends_streams(path: &Path) -> bool {
+    let folder = path.parent().and_then(|folder| folder.canonicalize().ok());
+    folder.is_some_and(|folder| folder == Path::new("/dev") || folder == Path::new("/dev/fd") || folder.starts_with("/proc"))
 }
 
 impl Read for LimitedFile {
@@ -105,6 +133,18 @@ mod tests {
                 by_bytes.push(one[0]);
             }
             assert_eq!(by_bytes, read.as_bytes(), "{text:?} byte by byte");
+        }
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn fails_a_pipe_in_a_files_place_is_not_waited_for() {
+        let folder = tempfile::tempdir().expect("folder");
+        let (pipe, link) = (folder.path().join("session.toml"), folder.path().join("racket.toml"));
+        assert!(std::process::Command::new("mkfifo").arg(&pipe).status().expect("run").success());
+        std::os::unix::fs::symlink(&pipe, &link).expect("linked");
+        for path in [&pipe, &link] {
+            assert!(read_text(path, 100).is_err_and(|e| e.to_string().contains("a pipe, not a file")));
         }
     }
 

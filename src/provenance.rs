@@ -85,7 +85,8 @@ pub fn ends_with_line(path: &Path) -> bool {
         let mut byte = [0];
         file.seek(SeekFrom::End(-1)).and_then(|_| file.read_exact(&mut byte)).is_ok_and(|()| byte == *b"\n")
     };
-    std::fs::File::open(path).is_ok_and(last)
+    // A pipe would be waited for.
+    path.is_file() && std::fs::File::open(path).is_ok_and(last)
 }
 
 /// Whether a file system answers that it has no way to wait for the disk: the file is written all the same.

@@ -78,7 +78,7 @@ impl ImpactsInput {
         let files = &self.files;
         let unreadable = |e: std::io::Error| TableError::Unreadable { path: files.impacts.clone(), source: e.into() };
         let mut bytes = Vec::new();
-        LimitedFile::open(&files.impacts, LARGEST_TABLE).and_then(|mut file| file.read_to_end(&mut bytes)).map_err(unreadable)?;
+        LimitedFile::open_given(&files.impacts, LARGEST_TABLE).and_then(|mut file| file.read_to_end(&mut bytes)).map_err(unreadable)?;
         let mut table = ImpactTable::from_reader(bytes.as_slice(), &files.impacts)?;
         let equipment = EquipmentSet::read(&files.racket, &files.ball)?;
         let model_text =

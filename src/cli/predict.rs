@@ -22,7 +22,7 @@ pub struct Arguments {
 pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let ImpactFiles { impacts, racket, ball, model } = &arguments.files;
     shell.keep(arguments.files.measured());
-    let table = ImpactTable::read(impacts)?;
+    let table = ImpactTable::read_given(impacts)?;
     let set = EquipmentSet::read(racket, ball)?;
     let model = Model::read(model)?;
     let results = predict_table(&model, &set, &table)?;

@@ -319,6 +319,34 @@ fn cli_a_pipe_named_as_output_is_written_to_and_stays_a_pipe() {
     assert!(reader.join().unwrap().contains("[effects.hand-mass]"));
 }
 
+/// What a session's folder holds is never waited for; a pipe named on the command line is read.
+#[cfg(unix)]
+#[test]
+fn cli_a_pipe_in_a_sessions_folder_is_refused_and_one_that_is_given_is_read() {
+    let bench = Bench::new();
+    let pipe = |name: &str| {
+        let path = bench.path(name);
+        let _ = std::fs::remove_file(&path);
+        assert!(Command::new("mkfifo").arg(&path).status().unwrap().success());
+        path
+    };
+    let place = text(bench.folder.path());
+    let impacts = std::fs::read_to_string(bench.path("impacts.csv")).unwrap();
+    pipe("impacts.csv");
+    let writer = std::thread::spawn({
+        let path = bench.path("impacts.csv");
+        move || std::fs::write(path, impacts).unwrap()
+    });
+    let arguments = bench.table("predict");
+    let output = sweetspot(&arguments.iter().map(String::as_str).collect::<Vec<_>>());
+    writer.join().unwrap();
+    assert!(said(&output).contains("impacts predicted") || said(&output).contains("impact a"), "{}", said(&output));
+    for name in ["ball.toml", "racket.toml", "session.toml"] {
+        pipe(name);
+        refused(&["track", &place], &[name, "a pipe, not a file"]);
+    }
+}
+
 /// A folder named in another encoding than the terminal's is written to, and told, as any other.
 #[cfg(target_os = "linux")]
 #[test]
@@ -354,10 +382,10 @@ fn cli_a_path_that_is_not_unicode_is_shown_in_json() {
 #[test]
 fn cli_a_signal_ignored_at_the_start_stays_ignored() {
     let folder = tempfile::tempdir().unwrap();
-    let pipe = folder.path().join("model.toml");
+    let pipe = folder.path().join("impacts.csv");
     assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
     for (signal, bit) in [("HUP", 1), ("INT", 2)] {
-        let script = format!("trap '' {signal}; exec \"$0\" add hand-mass --model \"$1\" -o \"$1.new\"");
+        let script = format!("trap '' {signal}; exec \"$0\" predict --impacts \"$1\" --racket r.toml --ball b.toml --model m.toml");
         let mut child = Command::new("sh").args(["-c", &script, env!("CARGO_BIN_EXE_sweetspot")]).arg(&pipe).spawn().unwrap();
         let process = PathBuf::from(format!("/proc/{}", child.id()));
         // It waits once it sleeps in the opening of the pipe, after the handlers were set.

@@ -130,7 +130,7 @@ pub enum TableError {
 /// file must not ask for all the memory there is.
 const MOST_ROWS: usize = 1_000_000;
 const MOST_GROUPING_CELLS: usize = 10_000_000;
-const LONGEST_NAME: usize = 256;
+pub const LONGEST_NAME: usize = 256;
 /// Of a header in a message, letters.
 const MOST_SHOWN: usize = 400;
 

@@ -4,7 +4,7 @@
 //! Units are SI. Nothing here opens an image.
 
 use crate::equipment::{Ball, EquipmentError, Named, Racket, read_all};
-use crate::impact_table::is_own_column;
+use crate::impact_table::{LONGEST_NAME, is_own_column};
 use crate::limited_file::{LARGEST_TEXT, read_text};
 use serde::Deserialize;
 use std::ffi::OsString;
@@ -22,6 +22,12 @@ pub enum SessionError {
     UnreadableShot { path: PathBuf, source: std::io::Error },
     #[error("{path}: the folder's name is not UTF-8, in which results are named; rename it", path = .path.display())]
     ShotName { path: PathBuf },
+    #[error("{path}: the folder's name {id:?} begins or ends with a space, which a table does not keep; rename it", path = .path.display())]
+    SpacedShot { path: PathBuf, id: String },
+    #[error("{path}: {key:?} begins or ends with a space, which a table does not keep; write it without", path = .path.display())]
+    SpacedKey { path: PathBuf, key: String },
+    #[error("{path}: a grouping column's name has {length} bytes (it begins {begins:?}); allowed: {LONGEST_NAME}", path = .path.display())]
+    LongKey { path: PathBuf, begins: String, length: usize },
     #[error("{path}: shot {id:?} cannot be used: {reason}", path = .path.display())]
     BrokenShot { path: PathBuf, id: String, reason: String },
     #[error("{path}: {message}", path = .path.display())]
@@ -237,6 +243,9 @@ impl Session {
 
     fn read_shot(&mut self, id: &str, order: usize) -> Result<ShotFolder, SessionError> {
         let path = self.root.join("shots").join(id);
+        if is_spaced(id) {
+            return Err(SessionError::SpacedShot { path, id: id.to_owned() });
+        }
         let file = path.join("shot.toml");
         // Only what is not there is left out: a link that leads nowhere, or a folder that may not be looked into, is a fault.
         let absent = std::fs::symlink_metadata(&file).is_err_and(|e| e.kind() == std::io::ErrorKind::NotFound);
@@ -257,6 +266,13 @@ impl Session {
         if let Some((key, value)) = own.groups.iter().find(|(_, v)| v.is_table() || v.is_array()) {
             let seen = value.to_string();
             return Err(SessionError::Grouping { path: file, key: key.clone(), seen });
+        }
+        // What the table's own reader would refuse, or take for another name, is refused before it is written.
+        if let Some(key) = own.groups.keys().find(|k| is_spaced(k)) {
+            return Err(SessionError::SpacedKey { path: file, key: key.clone() });
+        }
+        if let Some(key) = own.groups.keys().find(|k| k.len() > LONGEST_NAME) {
+            return Err(SessionError::LongKey { path: file, begins: key.chars().take(40).collect(), length: key.len() });
         }
         if let Some(key) = own.groups.keys().find(|k| is_own_column(k)) {
             return Err(SessionError::Taken { path: file, key: key.clone() });
@@ -294,6 +310,11 @@ impl Session {
         };
         ids.iter().map(|id| self.shots.iter().find(|s| &s.id == id).ok_or_else(|| missing(id))).collect()
     }
+}
+
+/// Whether a table's reader, which takes the spaces around a cell away, would read another name.
+fn is_spaced(name: &str) -> bool {
+    name.trim_matches(|c: char| c.is_whitespace() || c == '\u{feff}') != name || name.is_empty()
 }
 
 /// What ids sort by: their text with numbers compared by size; the id itself last, so that no two are alike.
@@ -376,6 +397,28 @@ mod tests {
         let asked = session.select(&["s2".to_owned()]).expect_err("broken").to_string();
         assert!(asked.contains(no_file.as_str()) && !asked.contains("is not there"), "{asked}");
         assert!(session.select(&["s9".to_owned()]).expect_err("unknown").to_string().contains("is not there"));
+    }
+
+    #[test]
+    fn fails_names_that_the_impacts_table_would_not_keep() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let root = folder.path();
+        let sample = Path::new(env!("CARGO_MANIFEST_DIR")).join("footage-samples/session");
+        for file in ["session.toml", "racket.toml", "ball.toml"] {
+            std::fs::copy(sample.join(file), root.join(file)).expect("copied");
+        }
+        let long = "n".repeat(300);
+        let keys = [("a", "\" player\" = 1"), ("b", "\"\" = 1"), ("c", "\"grip size\" = 3"), (" ", ""), ("s1 ", ""), ("d", &format!("{long} = 1"))];
+        for (id, text) in keys {
+            let place = root.join("shots").join(id);
+            std::fs::create_dir_all(&place).expect("made");
+            std::fs::write(place.join("shot.toml"), text).expect("written");
+        }
+        let session = Session::open(root).expect("a session");
+        assert_eq!(session.shots.iter().map(|s| s.id.as_str()).collect::<Vec<_>>(), ["c"]);
+        let why = |id: &str| session.broken_shots.iter().find(|(broken, _)| broken == id).map_or("", |(_, why)| why);
+        assert!(why("a").contains("\" player\" begins or ends with a space") && why("b").contains("\"\""), "{:?}", session.broken_shots);
+        assert!(why(" ").contains("rename it") && why("s1 ").contains("rename it") && why("d").contains("300 bytes"), "{:?}", session.broken_shots);
     }
 
     #[test]

@@ -95,11 +95,17 @@ fn largest(column: &str) -> f64 {
     }
 }
 
-/// Why cells cannot be those of an impact: the first value that none can have.
+/// Why cells cannot be those of an impact: the first value, or deviation, that none can have.
 pub fn impossible<'a>(mut cells: impl Iterator<Item = (&'a &'static str, &'a Option<Measured>)>) -> Option<String> {
-    let (name, value) = cells.find_map(|(name, m)| Some((*name, m.as_ref()?.value)).filter(|(name, value)| value.abs() > largest(name)))?;
-    let (most, unit) = (largest(name), unit(name));
-    Some(format!("`{name}` is {value:e} {unit}, allowed: up to {most} {unit} either way; give it in SI units, or correct the number"))
+    cells.find_map(|(name, measured)| {
+        let (most, unit, Measured { value, sd }) = (largest(name), unit(name), (*measured)?);
+        if value.abs() > most {
+            return Some(format!("`{name}` is {value:e} {unit}, allowed: up to {most} {unit} either way; give it in SI units, or correct the number"));
+        }
+        // A deviation as large as all that is possible says nothing, and its square may be no number.
+        let sd = sd.filter(|sd| *sd > most)?;
+        Some(format!("`{name}_sd` is {sd:e} {unit}, allowed: up to {most} {unit}; leave the cell empty where the deviation is not known"))
+    })
 }
 
 #[derive(Debug, thiserror::Error)]
@@ -456,6 +462,14 @@ mod tests {
         let latin = b"id,player\na,J\xf6rg\n";
         let message = ImpactTable::from_reader(&latin[..], Path::new("t.csv")).expect_err("not UTF-8").to_string();
         assert!(message.contains("save it as CSV in UTF-8"), "{message}");
+    }
+
+    #[test]
+    fn fails_a_deviation_that_says_nothing() {
+        let told = |text: &str| impossible(INPUTS.iter().zip(&read(text).expect("a table").rows[0].inputs));
+        assert_eq!(told("id,ball_in_vz,ball_in_vz_sd\na,-20,0.5\n"), None);
+        assert!(told("id,ball_in_vz,ball_in_vz_sd\na,-20,1e308\n").is_some_and(|why| why.contains("`ball_in_vz_sd` is 1e308 m/s, allowed: up to 500")));
+        assert!(told("id,ball_in_vz\na,-2000\n").is_some_and(|why| why.contains("`ball_in_vz` is -2e3 m/s")));
     }
 
     #[test]

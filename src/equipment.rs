@@ -35,6 +35,10 @@ pub const BALANCE_M: (f64, f64) = (0.05, 1.5);
 pub const SWINGWEIGHT_KGM2: (f64, f64) = (1e-4, 0.5);
 pub const TWISTWEIGHT_KGM2: (f64, f64) = (1e-5, 0.1);
 
+/// Mass of a ball over its volume: from balls of foam and large ones full of air (80 of table tennis, 90 of basketball) to solid ones (1100 of golf, 1700 of
+/// billiards), with room on both sides.
+const BALL_DENSITY_KG_M3: (f64, f64) = (20.0, 2500.0);
+
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Head {
@@ -241,6 +245,16 @@ impl Ball {
         in_range(path, "mass_kg", ball.mass_kg, 0.001, 1.0)?;
         in_range(path, "diameter_m", ball.diameter_m, 0.005, 0.5)?;
         in_range(path, "inertia_factor", ball.inertia_factor, 0.05, 2.0 / 3.0 + 1e-3)?;
+        // A slip of the decimal point in one of the two.
+        let volume_m3 = std::f64::consts::PI / 6.0 * ball.diameter_m.powi(3);
+        let (least, most) = (BALL_DENSITY_KG_M3.0 * volume_m3, BALL_DENSITY_KG_M3.1 * volume_m3);
+        if !(least..=most).contains(&ball.mass_kg) {
+            let allowed = format!(
+                "{least:.2e} to {most:.2e} for a ball of diameter_m = {} ({} to {} kg per m³; a tennis ball has 380: 0.0577 kg and 0.066 m); check both",
+                ball.diameter_m, BALL_DENSITY_KG_M3.0, BALL_DENSITY_KG_M3.1
+            );
+            return Err(EquipmentError::Value { path: path.into(), key: "mass_kg".into(), seen: ball.mass_kg, allowed });
+        }
         Ok(ball)
     }
 
@@ -305,6 +319,24 @@ fn in_range(path: &Path, key: &str, seen: f64, lo: f64, hi: f64) -> Result<(), E
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn fails_a_ball_with_its_decimal_point_astray() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("ball.toml");
+        let ball = |mass: f64, diameter: f64| {
+            std::fs::write(&path, format!("name = \"b\"\nmass_kg = {mass}\ndiameter_m = {diameter}\ninertia_factor = 0.5\n")).expect("written");
+            Ball::read(&path)
+        };
+        // Tennis, foam, table tennis, squash, golf, billiards, basketball.
+        for (mass, diameter) in [(0.0577, 0.066), (0.025, 0.09), (0.0027, 0.04), (0.024, 0.04), (0.0459, 0.0427), (0.17, 0.0572), (0.62, 0.24)] {
+            assert!(ball(mass, diameter).is_ok(), "{mass} kg, {diameter} m");
+        }
+        for (mass, diameter) in [(0.577, 0.066), (0.00257, 0.066), (0.0577, 0.0066), (0.0577, 0.33)] {
+            let message = ball(mass, diameter).expect_err("no ball").to_string();
+            assert!(message.contains("`mass_kg` = ") && message.contains("diameter_m = "), "{message}");
+        }
+    }
 
     #[test]
     fn fails_two_rackets_of_one_name_that_differ() {

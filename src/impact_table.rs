@@ -5,9 +5,11 @@
 
 mod column_words;
 mod own_columns;
+mod remarks;
 
 pub use column_words::{ColumnWords, RELATIVE, column_subject, column_words};
 pub use own_columns::{MOST_OWN_COLUMNS, OwnColumn, OwnColumns, lacking};
+pub use remarks::remarks;
 
 use crate::limited_file::{LARGEST_TABLE, LimitedFile, TableFile};
 use std::collections::{BTreeMap, BTreeSet};

@@ -4,7 +4,7 @@ use super::Shell;
 use super::error::CliError;
 use crate::equipment_set::EquipmentSet;
 use crate::impact::{Base, Model};
-use crate::impact_table::{ImpactTable, TableError};
+use crate::impact_table::{ImpactTable, TableError, remarks};
 use crate::limited_file::{LARGEST_TABLE, LARGEST_TEXT, LimitedFile, read_text};
 use crate::provenance::{Provenance, VERSION, sha256_hex};
 use crate::validation::comparison::{Comparison, ParameterValue};
@@ -93,6 +93,7 @@ impl ImpactsInput {
         }
         let options = TableOptions { group: self.group.clone(), own_columns: model.own_columns().into_iter().map(str::to_owned).collect() };
         let mut observations = Observations::new(&table, &equipment.rackets, &equipment.balls, &options)?;
+        observations.notes.splice(0..0, remarks(&table));
         if timed {
             observations.notes.push("`contact_time` is left out: base \"rigid\" is an impulse and has none".to_owned());
         }

@@ -6,7 +6,7 @@ use super::impacts_input::ImpactFiles;
 use crate::equipment_set::EquipmentSet;
 use crate::impact::batch::{RowError, RowSensitivity, differentiate_table, gained_energies, limited_restitutions, predict_table, without_spin};
 use crate::impact::{ImpactOutput, Model};
-use crate::impact_table::{INPUTS, ImpactTable, OUTPUTS};
+use crate::impact_table::{INPUTS, ImpactTable, OUTPUTS, remarks};
 
 /// The model's outcome of every impact, to predictions.csv
 #[derive(Debug, clap::Args)]
@@ -52,6 +52,9 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     if shell.args.json {
         let json: Vec<serde_json::Value> = rows.iter().map(|(id, o)| as_json(id, *o)).collect();
         shell.print_json(&serde_json::json!({ "predictions": json, "failed": failed, "spin_taken_as_zero": spinless, "restitution_limited": limited.iter().map(|(id, _)| id).collect::<Vec<_>>(), "file": path.to_string_lossy() }))?;
+    }
+    for remark in remarks(&table) {
+        shell.say(remark);
     }
     if !spinless.is_empty() {
         shell.say(format_args!("incoming spin not measured, taken as 0, in {} impacts: {}", spinless.len(), spinless.join(", ")));

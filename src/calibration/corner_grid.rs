@@ -8,7 +8,7 @@ use super::board::Checkerboard;
 use super::homography::homography;
 use super::saddle_points::{Plane, SaddlePoint};
 use crate::footage::GreyImage;
-use nalgebra::{Point3, Vector2, Vector3};
+use nalgebra::{Matrix2, Point3, Vector2, Vector3};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// What a search for the board ended with.
@@ -42,6 +42,15 @@ const STRENGTH_RATIO: f64 = 12.0;
 const OFF_PLACE: f64 = 0.3;
 /// Share of the corners from which on the missing ones are looked for one by one.
 const NEARLY_ALL: f64 = 0.75;
+/// Corners of a part from which on a strongly tilted board is looked for: such boards gave 18 of 54 and more.
+const FEWEST_OF_A_PART: usize = 9;
+/// Points looked at then, strongest first: a board's are among the strong.
+const STRETCHED_POINTS: usize = 600;
+/// Starting points of each direction.
+const STRETCHED_STARTS: usize = 60;
+/// How much the picture is stretched then (the tilt of 66 degrees between 55 and 76), and in how many directions.
+const STRETCH: f64 = 2.5;
+const STRETCH_TURNS: usize = 8;
 
 /// Corners from which on a whole rectangle is a board: clutter makes smaller ones.
 const FEWEST_OF_A_BOARD: usize = 16;
@@ -54,28 +63,71 @@ pub fn find_grid(image: &GreyImage, board: &Checkerboard) -> GridSearch {
     let mut most = 0;
     let mut another = None;
     let mut plane = Some(Plane::of(image));
+    let (mut levels, mut uneven) = (Vec::new(), None);
     for _ in 0..LEVELS {
         let Some(level) = plane else { break };
         let points = level.saddle_points();
-        match search(&points, board, image) {
-            complete @ GridSearch::Complete(_) => return complete,
+        match search(&points, STARTS, board, image) {
+            GridSearch::Complete(corners) if is_plane(board, &corners) => return GridSearch::Complete(corners),
+            GridSearch::Complete(corners) => {
+                uneven.get_or_insert(corners);
+                most = board.corner_count();
+            }
             GridSearch::Another { columns, rows } if columns * rows > most => (another, most) = (Some((columns, rows)), columns * rows),
             GridSearch::Another { .. } => {}
             GridSearch::Partial { corners, .. } if corners <= most => {}
             partial @ GridSearch::Partial { corners, .. } => (best, another, most) = (partial, None, corners),
         }
         plane = level.halved();
+        levels.push(points);
+    }
+    if most >= FEWEST_OF_A_PART
+        && let Some(corners) = levels.iter().find_map(|points| foreshortened(points, board, image))
+    {
+        return GridSearch::Complete(corners);
+    }
+    // A lens may bend a grid so far.
+    if let Some(corners) = uneven {
+        return GridSearch::Complete(corners);
     }
     another.map_or(best, |(columns, rows)| GridSearch::Another { columns, rows })
 }
 
+/// A board tilted about its diagonal by more than 55 degrees shows its squares as narrow rhombs: the edges that a saddle of the smoothed picture tells, always
+/// at right angles, lie 15 degrees and more from theirs, and no neighbour is found. Stretched across the rhombs they are squares again. Tried in
+/// several directions, as nobody knows the tilt yet; the points are the same, so it costs little.
+fn foreshortened(points: &[SaddlePoint], board: &Checkerboard, image: &GreyImage) -> Option<Vec<Vector2<f64>>> {
+    (0..STRETCH_TURNS).find_map(|k| {
+        let (s, c) = (k as f64 * std::f64::consts::PI / STRETCH_TURNS as f64).sin_cos();
+        let across = Vector2::new(c, s);
+        let along = across * across.transpose();
+        let (map, back) = (Matrix2::identity() + along * (STRETCH - 1.0), Matrix2::identity() - along * (1.0 - 1.0 / STRETCH));
+        let stretched: Vec<SaddlePoint> = points.iter().take(STRETCHED_POINTS).map(|p| p.drawn(&map, &back)).collect();
+        match search(&stretched, STRETCHED_STARTS, board, image) {
+            GridSearch::Complete(corners) => Some(corners.into_iter().map(|p| back * p).collect()).filter(|corners: &Vec<_>| is_plane(board, corners)),
+            _ => None,
+        }
+    })
+}
+
+/// Whether no corner is far from where a plane grid has it.
+fn is_plane(board: &Checkerboard, corners: &[Vector2<f64>]) -> bool {
+    let allowed = OFF_PLACE * board.smallest_spacing_px(corners);
+    homography(&board.corners(), corners).is_some_and(|h| {
+        board.corners().iter().zip(corners).all(|(b, p)| {
+            let x = h * Vector3::new(b.x, b.y, 1.0);
+            (Vector2::new(x.x / x.z, x.y / x.z) - p).norm() <= allowed
+        })
+    })
+}
+
 const NOTHING: GridSearch = GridSearch::Partial { corners: 0, cut_by_border: false, whole_part: None };
 
-fn search(points: &[SaddlePoint], board: &Checkerboard, image: &GreyImage) -> GridSearch {
+fn search(points: &[SaddlePoint], starts: usize, board: &Checkerboard, image: &GreyImage) -> GridSearch {
     let mut best: Option<Grid> = None;
     let mut most = 3; // fewer than four corners are no grid
     let mut tried = BTreeSet::new();
-    for start in 0..points.len().min(STARTS) {
+    for start in 0..points.len().min(starts) {
         if tried.contains(&start) {
             continue;
         }
@@ -93,7 +145,7 @@ fn search(points: &[SaddlePoint], board: &Checkerboard, image: &GreyImage) -> Gr
         best = Some(grid);
     }
     let Some(grid) = best else { return NOTHING };
-    let (whole_part, cut_by_border) = (grid.whole_part(board.square_m), grid.cut_by_border(image));
+    let (whole_part, cut_by_border) = (grid.whole_part(board.square_m), !grid.spans(board) && grid.cut_by_border(image));
     match &whole_part {
         // A whole rectangle, nothing beside it and the picture going on around it.
         Some((whole, _)) if most >= FEWEST_OF_A_BOARD && whole.corner_count() == most && !cut_by_border => {
@@ -278,6 +330,16 @@ impl<'a> Grid<'a> {
             .collect()
     }
 
+    /// Whether it is as long and as wide as the board, so that what it lacks is inside the picture.
+    fn spans(&self, board: &Checkerboard) -> bool {
+        let length = |of: fn(&(i32, i32)) -> i32| {
+            let (least, most) = self.cells.keys().map(of).fold((i32::MAX, i32::MIN), |(least, most), k| (least.min(k), most.max(k)));
+            (most - least + 1).max(0) as usize
+        };
+        let (i, j) = (length(|c| c.0), length(|c| c.1));
+        i >= board.columns && j >= board.rows || i >= board.rows && j >= board.columns
+    }
+
     /// Whether a next corner would lie outside the picture.
     fn cut_by_border(&self, image: &GreyImage) -> bool {
         self.cells.keys().any(|&at| {
@@ -344,6 +406,37 @@ mod tests {
             let off = off(&found).min(off(&board.turned(&found, 1)));
             assert!(off < 0.5, "turn {k}: {off}");
         }
+    }
+
+    #[test]
+    fn truth_a_board_tilted_about_its_diagonal_is_found_whole() {
+        let board = Checkerboard { columns: 9, rows: 6, square_m: 0.06 };
+        // Seen under 59 to 73 degrees: rhombs whose sides meet at 54 to 33 degrees, turned in the picture.
+        for (k, half) in [0.47f64, 0.41, 0.35, 0.29].into_iter().flat_map(|half| (0..6).map(move |k| (k, half))) {
+            let turn = 0.26 + 0.52 * k as f64;
+            let at = |angle: f64| Vector2::new(18.0 * angle.cos(), 18.0 * angle.sin());
+            let (along, down) = (at(turn - half), at(turn + half));
+            let origin = Vector2::new(170.0, 165.0) - along * 4.0 - down * 2.5;
+            let GridSearch::Complete(corners) = find_grid(&drawn(&board, 340, 330, along, down, origin), &board) else { panic!("{half} rad, turn {k}") };
+            let truth: Vec<_> = (0..54).map(|i| origin + along * (i % 9) as f64 + down * (i / 9) as f64).collect();
+            let found = board.right_handed(corners);
+            let off = |order: &[Vector2<f64>]| order.iter().zip(&truth).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
+            let off = off(&found).min(off(&board.turned(&found, 1)));
+            assert!(off < 1.0, "{half} rad, turn {k}: {off}");
+        }
+    }
+
+    #[test]
+    fn fails_a_board_with_a_hand_before_it_near_the_border_is_not_cut_by_it() {
+        let board = Checkerboard { columns: 9, rows: 6, square_m: 0.06 };
+        let (along, down) = (Vector2::new(12.0, 1.0), Vector2::new(-1.0, 12.0));
+        // The squares of the last column run out of the picture, its corners do not.
+        let mut image = drawn(&board, 256, 240, along, down, Vector2::new(153.0, 80.0));
+        for y in 97..132 {
+            image.pixels[y * 256 + 190..y * 256 + 225].fill(90);
+        }
+        let GridSearch::Partial { corners, cut_by_border, .. } = find_grid(&image, &board) else { panic!("whole") };
+        assert!(corners > 20 && !cut_by_border, "{corners} {cut_by_border}");
     }
 
     #[test]

@@ -21,6 +21,15 @@ impl SaddlePoint {
     pub fn bright_towards(&self, direction: Vector2<f64>) -> bool {
         direction.dot(&(self.hessian * direction)) > 0.0
     }
+
+    /// The same point in the picture as a linear map draws it; `back` is its inverse.
+    pub fn drawn(&self, map: &Matrix2<f64>, back: &Matrix2<f64>) -> SaddlePoint {
+        let hessian = back.transpose() * self.hessian * back;
+        // Of the edges the smoothed picture tells what lies in the middle between them, and has them at right angles whatever angle they meet at.
+        let [a, b] = self.edges;
+        let (u, v) = ((map * (a + b)).normalize(), (map * (a - b)).normalize());
+        SaddlePoint { at: map * self.at, strength: self.strength, hessian, edges: [(u + v).normalize(), (u - v).normalize()] }
+    }
 }
 
 /// Saddles kept per picture; clutter has many weak ones, a board's are among the strong.

@@ -9,6 +9,9 @@ use serde::Deserialize;
 use std::fmt::Write;
 use std::path::Path;
 
+const MOST_CENTRE_PX: f64 = 1e6;
+const MOST_DISTORTION: f64 = 1e12;
+
 impl StereoRig {
     /// Reads and checks `calibration.json`.
     pub fn read(path: &Path) -> Result<Self, CalibrationError> {
@@ -67,10 +70,14 @@ impl StereoRig {
         }
         for (name, c) in [("left", &self.left), ("right", &self.right)] {
             if !(c.fx > 0.0 && c.fy > 0.0 && c.fx < 1e9 && c.fy < 1e9) {
-                return Err(bad(&format!("{name}.fx, fy"), format!("{}, {}", c.fx, c.fy), "above 0, px"));
+                return Err(bad(&format!("{name}.fx, fy"), format!("{}, {}", c.fx, c.fy), "above 0 and below 1e9, px"));
             }
-            if !(c.cx.is_finite() && c.cy.is_finite() && c.distortion.iter().all(|k| k.is_finite())) {
-                return Err(bad(&format!("{name}.cx, cy, distortion"), format!("{}, {}, {:?}", c.cx, c.cy, c.distortion), "finite numbers"));
+            // Wide limits: of a long lens the centre is uncertain by a picture's width, and high terms are large.
+            if !(c.cx.abs() < MOST_CENTRE_PX && c.cy.abs() < MOST_CENTRE_PX) {
+                return Err(bad(&format!("{name}.cx, cy"), format!("{}, {}", c.cx, c.cy), "below 1e6 either way, px"));
+            }
+            if !c.distortion.iter().all(|k| k.abs() < MOST_DISTORTION) {
+                return Err(bad(&format!("{name}.distortion"), format!("{:?}", c.distortion), "k1 k2 p1 p2 k3, each below 1e12 either way"));
             }
         }
         for (name, r, t) in [("R", &self.r, &self.t), ("global_from_left", &self.global_from_left.r, &self.global_from_left.t)] {
@@ -132,7 +139,16 @@ impl StereoRig {
         if text.trim_start().starts_with("<?xml") {
             return Err(wrong("a FileStorage in XML; allowed: YAML (write it under a name that ends with .yml)".into()));
         }
-        let matrix = |name: &str| opencv_matrix(&text, name).ok_or_else(|| wrong(format!("no matrix `{name}`; needed: M1 D1 M2 D2 R T image_size")));
+        let matrix = |name: &str| {
+            opencv_matrix(&text, name).ok_or_else(|| {
+                wrong(match entry(&text, name) {
+                    Some((_, block)) => {
+                        format!("`{name}` is {:?}; allowed: a matrix of finite numbers; write the file anew with the program it is from", shown(&block))
+                    }
+                    None => format!("no matrix `{name}`; needed: M1 D1 M2 D2 R T image_size"),
+                })
+            })
+        };
         let camera = |m: &str, d: &str| -> Result<Camera, CalibrationError> {
             let (k, list) = (matrix(m)?, matrix(d)?);
             if k.len() != 9 || k[1] != 0.0 {
@@ -204,6 +220,12 @@ fn opencv_matrix(text: &str, name: &str) -> Option<Vec<f64>> {
     let (_, block) = entry(text, name)?;
     let data = block.split_once("data:")?.1;
     numbers(data)
+}
+
+/// What stands in a block where numbers belong, for a message.
+fn shown(block: &str) -> String {
+    let data = block.split_once("data:").map_or(block, |(_, data)| data);
+    data.split_whitespace().collect::<Vec<_>>().join(" ").chars().take(120).collect()
 }
 
 /// The numbers of `name: [ a, b ]`.
@@ -289,11 +311,28 @@ mod tests {
     }
 
     #[test]
+    fn fails_a_matrix_with_something_else_than_numbers_is_shown() {
+        let folder = tempfile::tempdir().expect("folder");
+        let file = folder.path().join("cameras.yml");
+        let message = |text: String| {
+            std::fs::write(&file, text).expect("written");
+            StereoRig::read_opencv_yaml(&file).expect_err("no calibration").to_string()
+        };
+        let whole = rig().to_opencv_yaml();
+        let told = message(whole.replacen("[ 3000.0,", "[ .Nan,", 1));
+        assert!(told.contains("cameras.yml") && told.contains("`M1` is \"[ .Nan, 0.0,") && told.contains("finite numbers"), "{told}");
+        let told = message(whole.replace("M2:", "K2:"));
+        assert!(told.contains("no matrix `M2`; needed:"), "{told}");
+    }
+
+    #[test]
     fn fails_numbers_no_camera_can_have() {
         let path = Path::new("calibration.json");
-        let cases: [fn(&mut StereoRig); 6] = [
+        let cases: [fn(&mut StereoRig); 8] = [
             |r| r.left.fx = -1.0,
             |r| r.right.cx = f64::NAN,
+            |r| r.left.cy = 1e300,
+            |r| r.left.distortion[0] = 1e200,
             |r| r.r[0][0] = 5.0,
             |r| r.t = [0.0; 3],
             |r| r.t = [-3000.0, 0.0, 0.0],

@@ -113,102 +113,77 @@ impl Racket {
         need("stringbed_centre_m", self.stringbed_centre_m, 0.1, self.length_m)?;
         need("swingweight_kgm2", self.swingweight_kgm2, SWINGWEIGHT_KGM2.0, SWINGWEIGHT_KGM2.1)?;
         need("twistweight_kgm2", self.twistweight_kgm2, TWISTWEIGHT_KGM2.0, TWISTWEIGHT_KGM2.1)?;
+        if let Some(spin) = self.spinweight_kgm2 {
+            need("spinweight_kgm2", spin, SWINGWEIGHT_KGM2.0, SWINGWEIGHT_KGM2.1 + TWISTWEIGHT_KGM2.1)?;
+        }
         need("head.inner_length_m", self.head.inner_length_m, 0.05, self.length_m)?;
         need("head.inner_width_m", self.head.inner_width_m, 0.05, self.length_m)?;
         need("head.tube_radius_m", self.head.tube_radius_m, 0.0, 0.05)?;
         need("strings.tension_lb", self.strings.tension_lb, 1.0, 120.0)?;
         let beyond = self.length_m - self.stringbed_centre_m - 0.5 * self.head.inner_length_m;
         if !(BEYOND_STRINGS_M.0..=BEYOND_STRINGS_M.1).contains(&beyond) {
-            return Err(EquipmentError::Value {
-                path: path.into(),
-                key: "stringbed_centre_m".into(),
-                seen: self.stringbed_centre_m,
-                allowed: format!(
-                    "such that half the head's inner length beyond it ends {} to {} m before the tip (it is measured from the butt; length_m {}, head.inner_length_m {})",
-                    BEYOND_STRINGS_M.0, BEYOND_STRINGS_M.1, self.length_m, self.head.inner_length_m
-                ),
-            });
+            let allowed = format!(
+                "such that half the head's inner length beyond it ends {} to {} m before the tip (it is measured from the butt; length_m {}, head.inner_length_m {})",
+                BEYOND_STRINGS_M.0, BEYOND_STRINGS_M.1, self.length_m, self.head.inner_length_m
+            );
+            return Err(refused(path, "stringbed_centre_m", self.stringbed_centre_m, allowed));
         }
+        self.check_inertia(path)?;
+        self.markers.as_ref().map_or(Ok(()), |markers| self.check_markers(markers, path))
+    }
+
+    fn check_inertia(&self, path: &Path) -> Result<(), EquipmentError> {
         let principal = self.inertia_kg_m2();
-        let offset = self.mass_kg * (self.balance_m - SWINGWEIGHT_AXIS_FROM_BUTT_M).powi(2);
+        let spinweight = self.spinweight_kgm2.unwrap_or(0.0);
         if principal.y <= 0.0 || principal.z <= 0.0 {
-            let key = if principal.y <= 0.0 { "swingweight_kgm2" } else { "spinweight_kgm2" };
-            let seen = if principal.y <= 0.0 { self.swingweight_kgm2 } else { self.spinweight_kgm2.unwrap_or(0.0) };
-            return Err(EquipmentError::Value {
-                path: path.into(),
-                key: key.into(),
-                seen,
-                allowed: format!(
-                    "above mass × (balance − 0.10)² = {offset:.5} kg m², or the inertia about the centre of mass is negative; check mass, balance and {key}"
-                ),
-            });
+            let offset = self.mass_kg * (self.balance_m - SWINGWEIGHT_AXIS_FROM_BUTT_M).powi(2);
+            let (key, seen) = if principal.y <= 0.0 { ("swingweight_kgm2", self.swingweight_kgm2) } else { ("spinweight_kgm2", spinweight) };
+            let allowed = format!(
+                "above mass × (balance − 0.10)² = {offset:.5} kg m², or the inertia about the centre of mass is negative; check mass, balance and {key}"
+            );
+            return Err(refused(path, key, seen, allowed));
         }
         // A racket is long: about its long axis it turns most easily, by far.
         if principal.x > 0.5 * principal.y {
-            return Err(EquipmentError::Value {
-                path: path.into(),
-                key: "twistweight_kgm2".into(),
-                seen: self.twistweight_kgm2,
-                allowed: format!("below half the inertia across the face about the centre of mass, {:.5} (a tenth of it is usual)", principal.y),
-            });
+            let allowed = format!("below half the inertia across the face about the centre of mass, {:.5} (a tenth of it is usual)", principal.y);
+            return Err(refused(path, "twistweight_kgm2", self.twistweight_kgm2, allowed));
         }
         // No body has a principal inertia above the sum of the other two; 5 % leaves room for measuring error.
         let (a, b, c) = (principal.x, principal.y, principal.z);
         if a > 1.05 * (b + c) || b > 1.05 * (a + c) || c > 1.05 * (a + b) {
-            return Err(EquipmentError::Value {
-                path: path.into(),
-                key: "spinweight_kgm2".into(),
-                seen: self.spinweight_kgm2.unwrap_or(0.0),
-                allowed: format!("inertias about the centre of mass (x {a:.5}, y {b:.5}, z {c:.5}) where none exceeds the sum of the other two"),
-            });
+            let allowed = format!("inertias about the centre of mass (x {a:.5}, y {b:.5}, z {c:.5}) where none exceeds the sum of the other two");
+            return Err(refused(path, "spinweight_kgm2", spinweight, allowed));
         }
         // Perpendicular axes: a flat body's spinweight is swing + twist. Rackets keep within some 5 %; beyond 15 % one of the
         // three is another axis's figure or a slip of the pen.
-        if let Some(spin) = self.spinweight_kgm2 {
-            let flat = self.swingweight_kgm2 + self.twistweight_kgm2;
-            if (spin - flat).abs() > 0.15 * flat {
-                return Err(EquipmentError::Value {
-                    path: path.into(),
-                    key: "spinweight_kgm2".into(),
-                    seen: spin,
-                    allowed: format!("within 15 % of swingweight + twistweight = {flat:.5} (perpendicular axis theorem); leave it out if it was not measured"),
-                });
+        let flat = self.swingweight_kgm2 + self.twistweight_kgm2;
+        if let Some(spin) = self.spinweight_kgm2.filter(|spin| (spin - flat).abs() > 0.15 * flat) {
+            let allowed = format!("within 15 % of swingweight + twistweight = {flat:.5} (perpendicular axis theorem); leave it out if it was not measured");
+            return Err(refused(path, "spinweight_kgm2", spin, allowed));
+        }
+        Ok(())
+    }
+
+    fn check_markers(&self, markers: &Markers, path: &Path) -> Result<(), EquipmentError> {
+        let p = markers.points();
+        for (i, q) in p.iter().enumerate() {
+            for (j, v) in q.coords.iter().enumerate() {
+                in_range(path, &format!("markers.m{}[{j}]", i + 1), *v, -self.length_m, self.length_m)?;
             }
         }
-        if let Some(m) = &self.markers {
-            let p = m.points();
-            for (i, q) in p.iter().enumerate() {
-                for (j, v) in q.coords.iter().enumerate() {
-                    need(&format!("markers.m{}[{j}]", i + 1), *v, -self.length_m, self.length_m)?;
-                }
+        for (i, j) in (1..p.len()).flat_map(|j| (0..j).map(move |i| (i, j))) {
+            let apart = (p[i] - p[j]).norm();
+            if apart < LEAST_APART_M {
+                let allowed = format!("at least {LEAST_APART_M} m apart, or they cannot be told from each other");
+                return Err(refused(path, &format!("markers.m{} to m{}", i + 1, j + 1), apart, allowed));
             }
-            for (i, j) in (1..p.len()).flat_map(|j| (0..j).map(move |i| (i, j))) {
-                let apart = (p[i] - p[j]).norm();
-                if apart < LEAST_APART_M {
-                    return Err(EquipmentError::Value {
-                        path: path.into(),
-                        key: format!("markers.m{} to m{}", i + 1, j + 1),
-                        seen: apart,
-                        allowed: format!("at least {LEAST_APART_M} m apart, or they cannot be told from each other"),
-                    });
-                }
-            }
-            if let Some(k) = (1..p.len()).find(|&k| p[k].x <= p[0].x) {
-                return Err(EquipmentError::Value {
-                    path: path.into(),
-                    key: "markers.m1[0]".into(),
-                    seen: p[0].x,
-                    allowed: format!("below m{}'s x = {} (m1 is at the tip, and x runs toward the handle)", k + 1, p[k].x),
-                });
-            }
-            if p[2].y <= p[1].y {
-                return Err(EquipmentError::Value {
-                    path: path.into(),
-                    key: "markers.m3[1]".into(),
-                    seen: p[2].y,
-                    allowed: format!("above m2's y = {} (y runs from marker 2 to marker 3)", p[1].y),
-                });
-            }
+        }
+        if let Some(k) = (1..p.len()).find(|&k| p[k].x <= p[0].x) {
+            let allowed = format!("below m{}'s x = {} (m1 is at the tip, and x runs toward the handle)", k + 1, p[k].x);
+            return Err(refused(path, "markers.m1[0]", p[0].x, allowed));
+        }
+        if p[2].y <= p[1].y {
+            return Err(refused(path, "markers.m3[1]", p[2].y, format!("above m2's y = {} (y runs from marker 2 to marker 3)", p[1].y)));
         }
         Ok(())
     }
@@ -253,7 +228,7 @@ impl Ball {
                 "{least:.2e} to {most:.2e} for a ball of diameter_m = {} ({} to {} kg per m³; a tennis ball has 380: 0.0577 kg and 0.066 m); check both",
                 ball.diameter_m, BALL_DENSITY_KG_M3.0, BALL_DENSITY_KG_M3.1
             );
-            return Err(EquipmentError::Value { path: path.into(), key: "mass_kg".into(), seen: ball.mass_kg, allowed });
+            return Err(refused(path, "mass_kg", ball.mass_kg, allowed));
         }
         Ok(ball)
     }
@@ -309,11 +284,11 @@ fn read_toml<T: for<'de> Deserialize<'de>>(path: &Path) -> Result<T, EquipmentEr
 }
 
 fn in_range(path: &Path, key: &str, seen: f64, lo: f64, hi: f64) -> Result<(), EquipmentError> {
-    if seen.is_finite() && seen >= lo && seen <= hi {
-        Ok(())
-    } else {
-        Err(EquipmentError::Value { path: path.into(), key: key.into(), seen, allowed: format!("{lo} to {hi}") })
-    }
+    if seen.is_finite() && seen >= lo && seen <= hi { Ok(()) } else { Err(refused(path, key, seen, format!("{lo} to {hi}"))) }
+}
+
+fn refused(path: &Path, key: &str, seen: f64, allowed: String) -> EquipmentError {
+    EquipmentError::Value { path: path.into(), key: key.into(), seen, allowed }
 }
 
 #[cfg(test)]
@@ -335,6 +310,25 @@ mod tests {
         for (mass, diameter) in [(0.577, 0.066), (0.00257, 0.066), (0.0577, 0.0066), (0.0577, 0.33)] {
             let message = ball(mass, diameter).expect_err("no ball").to_string();
             assert!(message.contains("`mass_kg` = ") && message.contains("diameter_m = "), "{message}");
+        }
+    }
+
+    #[test]
+    fn fails_a_racket_that_no_body_is() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("racket.toml");
+        let racket = |more: &str| {
+            let text = format!(
+                "name = \"r\"\nmass_kg = 0.32\nlength_m = 0.685\nbalance_m = 0.325\nstringbed_centre_m = 0.525\nswingweight_kgm2 = 0.0325\n\
+                 twistweight_kgm2 = 0.0014\n{more}head = {{ inner_length_m = 0.26, inner_width_m = 0.2 }}\nstrings = {{ tension_lb = 60.0 }}\n"
+            );
+            std::fs::write(&path, text).expect("written");
+            Racket::read(&path)
+        };
+        assert!(racket("").is_ok() && racket("spinweight_kgm2 = 0.0339\n").is_ok());
+        for spinweight in ["nan", "inf", "0.06", "0.017", "-0.03"] {
+            let message = racket(&format!("spinweight_kgm2 = {spinweight}\n")).expect_err("no racket").to_string();
+            assert!(message.contains("`spinweight_kgm2` = ") && message.contains("allowed: "), "{message}");
         }
     }
 

@@ -190,11 +190,11 @@ mod tests {
     #[test]
     fn a_term_is_read_back_from_its_words() {
         let term = LoneTerm { channel: 6, feature: 3, p_value: 1e-9 };
-        let json = serde_json::to_string(&term).unwrap();
+        let json = serde_json::to_string(&term).expect("JSON");
         assert!(json.contains("the tangential restitution along the racket") && json.contains("with the inverse of the approach speed"), "{json}");
-        let back: LoneTerm = serde_json::from_str(&json).unwrap();
+        let back: LoneTerm = serde_json::from_str(&json).expect("a term");
         assert_eq!((back.channel, back.feature), (6, 3));
-        let why = serde_json::from_str::<LoneTerm>(&json.replace("along the racket", "up")).unwrap_err().to_string();
+        let why = serde_json::from_str::<LoneTerm>(&json.replace("along the racket", "up")).expect_err("no term").to_string();
         assert!(why.contains("no channel is named"), "{why}");
     }
 

@@ -117,6 +117,8 @@ pub struct Strength {
     /// Value at which the prediction is that without the effect.
     pub absent: f64,
     pub typical: f64,
+    /// As its card has it: on the usual side of `absent`.
+    pub usual: f64,
     /// Physically only on one side of `absent` (above it).
     pub one_sided: bool,
     /// Small ones are not near `absent`: their signature is that of a typical size.

@@ -140,9 +140,9 @@ impl ModelLibrary {
                     strengths: card
                         .strengths()
                         .filter_map(|(_, p)| match Parameter::from_card(Some(card.name), p).in_base(model.base(), p) {
-                            Parameter { name: parameter, role: Role::Strength { absent, one_sided }, typical, .. } => {
+                            Parameter { name: parameter, role: Role::Strength { absent, one_sided }, typical, value: usual, .. } => {
                                 let jumps = p.size_alone && model.base() == Base::Viscoelastic;
-                                Some(Strength { parameter, absent, typical, one_sided, jumps })
+                                Some(Strength { parameter, absent, typical, usual, one_sided, jumps })
                             }
                             _ => None,
                         })

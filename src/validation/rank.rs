@@ -44,6 +44,8 @@ pub struct Refit {
     /// Strengths, as differences from `absent`, in typical sizes.
     pub strengths: Vec<f64>,
     one_sided: usize,
+    /// An effect's only strength has the other sign than its card gives it: a ball that softens as it is squeezed.
+    pub against_card: bool,
     /// For each effect, its strengths: place among the fit's columns, and whether only one side is physical.
     blocks: Vec<Vec<(usize, bool)>>,
     /// The following hold at the noise scale last given to [`Refit::judge`].
@@ -216,6 +218,10 @@ impl Reference<'_> {
             effects: effects.iter().map(|s| (*s).to_owned()).collect(),
             strengths: places.iter().map(|(at, s)| (fitted.values[*at] - s.absent) / s.typical).collect(),
             one_sided: places.iter().filter(|(_, s)| s.one_sided).count(),
+            against_card: match places.as_slice() {
+                [(at, s)] => (s.usual - s.absent) * (fitted.values[*at] - s.absent) < 0.0,
+                _ => false,
+            },
             blocks: effects
                 .iter()
                 .map(|name| {

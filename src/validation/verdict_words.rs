@@ -12,6 +12,14 @@ fn by_group(d: &Diagnosis) -> Option<String> {
 /// Outlying numbers, at least, and as a share of the outputs, that a sound verdict does not pass over.
 const MANY_OUTLIERS: (usize, f64) = (10, 0.01);
 
+/// An alias, with its probability where that is one to reckon with.
+fn with_probability(d: &Diagnosis, alias: &str) -> String {
+    match d.candidates.iter().find(|c| c.effect == alias) {
+        Some(c) if c.probability >= 0.01 => format!("{alias} ({})", probability_text(c.probability)),
+        _ => alias.to_owned(),
+    }
+}
+
 /// The answer first, then what carries it.
 pub fn verdict_words(d: &Diagnosis) -> Vec<String> {
     let tests = format!(
@@ -55,7 +63,7 @@ pub fn verdict_words(d: &Diagnosis) -> Vec<String> {
             }
             words.extend(by_group(d));
             if let Some(c) = d.candidates.iter().find(|c| d.recommended.first() == Some(&c.effect))
-                && let others = c.aliases.iter().filter(|a| !d.recommended.contains(a)).map(String::as_str).collect::<Vec<_>>()
+                && let others = c.aliases.iter().filter(|a| !d.recommended.contains(a)).map(|a| with_probability(d, a)).collect::<Vec<_>>()
                 && !others.is_empty()
             {
                 let which = if d.recommended.len() > 1 { c.effect.as_str() } else { "it" };

@@ -6,6 +6,7 @@ use super::impacts_input::{ImpactsInput, LedgerFile, Loaded, Version};
 use crate::impact::Model;
 use crate::impact::model_file::with_values;
 use crate::provenance::sha256_hex;
+use crate::validation::Verdict;
 use crate::validation::auto::{Tried, Walk};
 use crate::validation::comparison::{Comparison, compare};
 use crate::validation::diagnose::{DiagnoseOptions, diagnose};
@@ -141,6 +142,11 @@ impl Story<'_> {
         let staircase = self.file.ledger.path_to(&sha256_hex(text.as_bytes()), &self.loaded.data_hash);
         shell.say(format_args!("\n{}", ledger_text(&staircase).trim_end()));
         shell.say(format_args!("verdict now: {}; model: {} (every version: {})", walk.diagnosis.verdict, self.output.display(), self.file.path.display()));
+        if walk.diagnosis.verdict != Verdict::Adequate {
+            for line in walk.diagnosis.words.iter().chain(&walk.diagnosis.notes) {
+                shell.say(format_args!("  {line}"));
+            }
+        }
         if self.versions.len() > 2 {
             shell.say(format_args!(
                 "to go back or to branch, go on from an earlier version: {} to {}",

@@ -5,8 +5,9 @@ use super::diagnose::{DiagnoseOptions, diagnose, fit_current};
 use super::diagnosis::{Diagnosis, Verdict};
 use super::error::ValidationError;
 use super::expression::{FOUND_EFFECT, WORTH_A_FORMULA};
+use super::fit::{FitOptions, fit_with_likely_offsets};
 use super::forward::Library;
-use super::heldout::{error_of, is_worth, linearise_held_out};
+use super::heldout::{error_of, held_out_error, is_worth, linearise_held_out};
 use super::ledger::Refusal;
 use super::linearise::Linearised;
 use super::model_library::ModelLibrary;
@@ -71,7 +72,11 @@ impl<'a> Walk<'a> {
     /// Adds an effect, unless the held-out impacts do not gain by it.
     pub fn try_effect(&mut self, effect: &str) -> Result<Tried, ValidationError> {
         let (text, held_out) = self.fitted(&with_effect_added(&self.text, effect, self.path)?)?;
-        let (before, after) = (error_of(&self.held_out), error_of(&held_out));
+        let (mut before, mut after) = (error_of(&self.held_out), error_of(&held_out));
+        if after >= before {
+            // An offset that no session has may hold the place of what is added: then that is no loss.
+            (before, after) = (self.error_as_predicted(&self.text)?, self.error_as_predicted(&text)?);
+        }
         if after >= before {
             let reason = format!("the error on held-out impacts does not fall ({before:.3} to {after:.3})");
             self.refused.push(Refusal { effect: effect.to_owned(), reason: reason.clone(), heldout_error_before: before, heldout_error_after: after });
@@ -110,6 +115,13 @@ impl<'a> Walk<'a> {
 
     fn library(&self, text: &str) -> Result<ModelLibrary, ValidationError> {
         Ok(ModelLibrary::new(Model::parse(text, self.path)?, &self.observations.gear))
+    }
+
+    /// The held-out error of a text's model without offsets that no session has.
+    fn error_as_predicted(&self, text: &str) -> Result<f64, ValidationError> {
+        let library = self.library(text)?;
+        let likely = fit_with_likely_offsets(library.current(), self.observations, &self.observations.side(false), &FitOptions::default())?;
+        held_out_error(library.current(), &likely.fit, self.observations)
     }
 
     /// A text with its free parameters at their best, and the held-out impacts with it.

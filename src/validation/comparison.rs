@@ -24,6 +24,8 @@ pub const COMPARE_LEVEL: f64 = super::structure::STRUCTURE_LEVEL;
 /// Times the noise floor beyond which the error on groups held out whole says that the model fails, and the deviations it must be from chance.
 const HELD_CLEARLY: f64 = 1.2;
 const HELD_DEVIATIONS: f64 = 6.0;
+/// Deviations of what a session may have beyond which an offset is no offset, but what a model lacks: one in two million (`fit` leaves one out from four).
+const NO_OFFSET: f64 = 5.0;
 /// Edge of a face map's cell, m.
 const FACE_CELL_M: f64 = 0.02;
 /// Points of a smooth curve.
@@ -249,10 +251,13 @@ pub fn compare(forward: &dyn Forward, observations: &Observations, model: &str, 
     let group = missed_groups(observations, &held, &held_refitted, &refitted.impacts, floor);
     let outliers = outliers(&seen, &refitted.impacts, &held, &held_refitted);
     let odd = one_sided(&outliers, observations).or_else(|| outliers_together(&outliers, observations));
+    // What the model lacks may hide in an offset that it asks for in its place; of footage the table states what all shots share.
+    let asked = refitted.unlikely_offset().filter(|o| o.deviations > NO_OFFSET && !observations.is_footage());
     let fails = structured && disbelieved.is_none()
         || too_noisy
         || group.is_some()
         || odd.is_some()
+        || asked.is_some()
         || is_clearly_above_noise(observations, &held_refitted, &refitted, &structure);
     let present: Vec<usize> = (0..OUTPUTS.len()).filter(|k| impacts.iter().any(|i| i.outputs.iter().any(|p| p.output == *k))).collect();
     let mut notes = observations.notes.clone();
@@ -261,6 +266,7 @@ pub fn compare(forward: &dyn Forward, observations: &Observations, model: &str, 
     note_groups(&structure, &mut notes);
     notes.extend(group);
     notes.extend(odd);
+    notes.extend(asked.map(|offset| format!("even with its free parameters at their best the model asks for {offset}: it does not hold without")));
     notes.extend(stated.unlikely.as_ref().map(|(offset, _)| format!("as stated, the model asks for {offset}: residuals are shown without any offset")));
     notes.extend(disbelieved.filter(|_| !fails));
     Ok(Comparison {

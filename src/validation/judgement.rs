@@ -10,11 +10,13 @@ use super::diagnosis::{CandidateReport, Diagnosis, Estimate, Together, Verdict};
 use super::error::ValidationError;
 use super::expression::{Found, find_expression};
 use super::fit::{FitOptions, Start, fit, fit_with_likely_offsets};
-use super::heldout::{error_of, is_worth, log_evidence_of, taken_for_chance, taken_for_shared};
+use super::forward::FreeParameter;
+use super::heldout::{error_of, held_out_error, is_worth, log_evidence_of, taken_for_chance, taken_for_shared};
 use super::place::places;
 use super::rank::{Reference, Refit, added_parameters, form_overdispersion, gain_over};
 use super::refits::{FIRST_LEVEL, LARGEST_NOISE_SCALE, LOG_ODDS, Refits, SHARE, estimates, excess_at, share_removed};
 use super::structure::{STRUCTURE_LEVEL, StructureTest, p_text};
+use super::terminal::short;
 use super::verdict_words::verdict_words;
 use std::collections::BTreeMap;
 
@@ -25,6 +27,8 @@ const FAR_MORE: f64 = 10.0;
 /// Fall of the held-out impacts' chi-square that an effect beside those already in the model must bring (odds of seven to one), on
 /// top of what choosing it among the catalogue is worth: what the first one's form leaves is imitated in part by some other.
 const WORTH_A_FURTHER_EFFECT: f64 = 4.0;
+/// What no effect of the catalogue says, and the numbers of a table hardly tell from a ball whose arm and inertia change.
+const LIKE_BALL_DEFORMATION: &str = "spins that are all read too large or too small by one factor, or an inertia_factor in ball.toml that is not the ball's, look much like ball-deformation: check both before the ball";
 /// What is left of an effect's probability when the held-out impacts refuse it.
 const REFUSED: f64 = 0.3;
 
@@ -252,7 +256,12 @@ impl<'a> Judgement<'a> {
         diagnosis.noise_floor = c.sqrt();
         // Where a model fails shows without the offsets of the cameras that it asks for in the place of what it lacks.
         let likely = fit_with_likely_offsets(case.library.current(), case.observations, &case.seen, &FitOptions::default())?;
-        diagnosis.notes.extend(likely.unlikely.iter().map(|(offset, _)| format!("the model asks for {offset}: where it fails is told without any offset")));
+        if let Some((offset, _)) = &likely.unlikely {
+            let error = held_out_error(case.library.current(), &likely.fit, case.observations)?;
+            diagnosis
+                .notes
+                .push(format!("the model asks for {offset}: where it fails is told without any offset (its error on held-out impacts is {error:.2} then)"));
+        }
         diagnosis.places = places(&case.seen, &likely.fit.impacts, &varied_coordinates(case.observations), &case.structure.by_group, c);
         diagnosis.candidates = self.candidates()?;
         let believed = self.chosen.filter(|_| !self.refused);
@@ -265,7 +274,11 @@ impl<'a> Judgement<'a> {
                 goes_with_order = self.reference.adds_what_goes_with_order(case.library.with(&names)?.as_ref(), &best.fit)?;
             }
             diagnosis.together = self.together(best)?;
-            let estimated = self.strengths_if_in_model(best)?;
+            let (estimated, at_limit) = self.strengths_if_in_model(best)?;
+            diagnosis.notes.extend(at_limit);
+            if self.verdict == Verdict::EffectMissing && best.effects.iter().any(|e| e == "ball-deformation") {
+                diagnosis.notes.push(LIKE_BALL_DEFORMATION.to_owned());
+            }
             match &mut diagnosis.together {
                 Some(together) => together.parameters = estimated,
                 None => diagnosis.candidates.iter_mut().filter(|c| c.effect == best.effects[0]).for_each(|c| c.parameters.clone_from(&estimated)),
@@ -316,14 +329,20 @@ impl<'a> Judgement<'a> {
         Ok(list)
     }
 
-    /// Strengths with the wide prior of what is in a model: the one that weighs an effect against others draws a large one toward none.
-    fn strengths_if_in_model(&self, best: &Refit) -> Result<BTreeMap<String, Estimate>, ValidationError> {
+    /// Strengths with the wide prior of what is in a model: the one that weighs an effect against others draws a large one toward none. And
+    /// which of the effects' parameters end at a limit, in words.
+    fn strengths_if_in_model(&self, best: &Refit) -> Result<(BTreeMap<String, Estimate>, Vec<String>), ValidationError> {
         let names: Vec<&str> = best.effects.iter().map(String::as_str).collect();
         let library = self.case.library.extended(&names, &best.fit.values)?;
         let (forward, start) = (library.current(), Start { fit: &best.fit, keep_jacobians: library.current().costly() });
         let options = FitOptions { start_values: Some(best.fit.values.clone()), ..FitOptions::default() };
         let settled = fit(forward, self.case.observations, &self.case.seen, &options, Some(start))?;
-        Ok(estimates(&added_parameters(forward, &settled, self.case.base.values.len(), self.refits.c)))
+        let shared = self.case.base.values.len();
+        let at_limit = forward.parameters().iter().zip(&settled.values).skip(shared).filter(|(p, v)| **v <= p.min || **v >= p.max);
+        let words = |(p, v): (&FreeParameter, &f64)| {
+            format!("{} is fitted at the end of its range ({}): the impacts ask for more than the card allows, or for another form", p.name, short(*v))
+        };
+        Ok((estimates(&added_parameters(forward, &settled, shared, self.refits.c)), at_limit.map(words).collect()))
     }
 
     /// Two effects as one model.

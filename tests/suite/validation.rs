@@ -21,7 +21,7 @@ use sweetspot::validation::fit::{FitOptions, fit, fit_with_likely_offsets};
 use sweetspot::validation::forward::Library;
 use sweetspot::validation::model_library::ModelLibrary;
 use sweetspot::validation::observation::TableOptions;
-use sweetspot::validation::{Diagnosis, Observations, ValidationError, Verdict};
+use sweetspot::validation::{Adequacy, Diagnosis, Observations, ValidationError, Verdict, compare};
 
 fn table(kind: Kind, impacts: usize, hidden: &[(&str, f64)], seed: u64, noise: NoiseOptions) -> SyntheticTable {
     let hidden = hidden.iter().map(|(name, s)| Hidden::new(name, *s)).collect();
@@ -590,6 +590,42 @@ fn truth_a_pair_is_named_by_its_whole_evidence() {
     let (made, _) = of_its_own_world(Kind::Court, 300, 9, &nature);
     let d = diagnosis_of(&made);
     assert_eq!(d.recommended, ["lateral-strings", "stringbed-edge"], "{:?}", d.words);
+}
+
+/// The restitution goes with the speed alone, which four effects say, each with its own power: the one that acts as its card says goes first, and those that
+/// fit as well in another form share the probability.
+#[test]
+fn truth_effects_that_differ_in_form_alone_share_the_probability() {
+    for (by, first) in [(0.03, "ball-stiffening"), (-0.03, "string-stiffening")] {
+        let expression = format!("restitution + {by} * ((approach_speed / 25)^2 - 1)");
+        let nature = format!("{FIRST_MODEL}\n[effects.odd]\nreplaces = \"restitution\"\nexpression = {expression:?}\n");
+        let (made, _) = of_its_own_world(Kind::Lab, 120, 4, &Model::parse(&nature, Path::new("nature.toml")).unwrap());
+        let d = diagnosis_of(&made);
+        assert_eq!(d.recommended, [first], "{:?}", d.words);
+        let best = &d.candidates[0];
+        assert!(best.effect == first && best.probability < 0.99, "{} {}", best.effect, best.probability);
+        let of_speed = ["ball-damping", "momentum-flux", "ball-stiffening", "string-stiffening"];
+        let together: f64 = d.candidates.iter().filter(|c| of_speed.contains(&c.effect.as_str())).map(|c| c.probability).sum();
+        assert!(together > 0.99, "{together}");
+        assert!(best.aliases.iter().any(|a| a == "ball-damping"), "{:?}", best.aliases);
+    }
+}
+
+/// A place that is off by eight times what a session may be off by leaves its trace in the offset alone, and `compare` says so as `diagnose` does.
+#[test]
+fn agrees_a_place_that_is_off_is_called_inadequate_and_named() {
+    let (mut made, set) = of_its_own_world(Kind::Lab, 100, 5, &Model::parse(FIRST_MODEL, Path::new("nature.toml")).unwrap());
+    let across = INPUTS.iter().position(|c| *c == "impact_y").unwrap();
+    for row in &mut made.table.rows {
+        row.inputs[across] = row.inputs[across].map(|m| Measured { value: m.value + 4.0 * m.sd.unwrap(), ..m });
+    }
+    let d = diagnosis_of(&made);
+    assert_eq!(d.recommended, ["ball-centre-bias"], "{:?}", d.words);
+    let observations = Observations::new(&made.table, &set.rackets, &set.balls, &TableOptions::default()).unwrap();
+    let library = ModelLibrary::new(Model::parse(FIRST_MODEL, Path::new("model.toml")).unwrap(), &observations.gear);
+    let c = compare(library.current(), &observations, "model.toml", 1).unwrap();
+    assert_eq!(c.verdict, Adequacy::Inadequate);
+    assert!(c.notes.iter().any(|n| n.contains("impact_y")), "{:?}", c.notes);
 }
 
 /// A friction that rises with the temperature, on strings so rough that few balls slide: their numbers stick out of the others', and with little weight

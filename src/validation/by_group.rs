@@ -219,7 +219,7 @@ pub(super) fn group_test(
     let friction = friction_slope(fit);
     // Whitened, outputs × channels.
     let response = |(i, (l, o)): (usize, (&Linearised, &&Observation))| {
-        let all = channels(&l.true_inputs, &observations.gear[o.gear]);
+        let all = channels(&o.without_unmeasured(&l.true_inputs), &observations.gear[o.gear]);
         let own = &l.whitener * DMatrix::from_fn(l.measured.len(), CHANNELS.len(), |row, k| all[(l.measured[row], CHANNELS[k].0)] * factors[k][i]);
         friction.as_ref().map_or_else(|| own.clone(), |slope| beside(&own, &DMatrix::from_columns(&[slope[i].column(0)])))
     };

@@ -121,7 +121,7 @@ fn features(fit: &Fit, observations: &Observations, impacts: &[&Observation]) ->
 fn responses(fit: &Fit, observations: &Observations, impacts: &[&Observation]) -> Vec<Vec<DVector<f64>>> {
     let of = |(o, l): (&&Observation, &super::linearise::Linearised)| {
         let gear = &observations.gear[o.gear];
-        let all = channels(&l.true_inputs, gear);
+        let all = channels(&o.without_unmeasured(&l.true_inputs), gear);
         let inputs = FeatureInputs::of(o, &l.true_inputs, gear);
         let (slip, [_, across]) = (inputs.slip(), inputs.place());
         let factor = |times: Option<Times>| match times {

@@ -8,10 +8,12 @@
 use super::error::ValidationError;
 use super::fit::Fit;
 use super::forward::{EffectOutline, Library};
+use super::linearise::Linearised;
 use super::observation::Observation;
 use super::predicted::difference;
 use super::project::{Nuisance, Projected, project_out};
 use super::structure::ratio_tail;
+use crate::impact_table::INPUTS;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
@@ -76,9 +78,19 @@ pub struct ScreenedPair {
     pub gain: f64,
 }
 
+/// The impacts of the fit at what was measured of their inputs, where something was not: a signature at a spin that only the outputs told meets
+/// their noise, and finds it. `None` where all inputs were measured.
+fn as_measured(fit: &Fit, impacts: &[&Observation]) -> Option<Vec<Linearised>> {
+    let unmeasured = impacts.iter().any(|o| o.without_unmeasured(&[f64::NAN; INPUTS.len()]).iter().any(|v| !v.is_nan()));
+    let one = |(o, l): (&&Observation, &Linearised)| Linearised { true_inputs: o.without_unmeasured(&l.true_inputs), ..l.clone() };
+    unmeasured.then(|| impacts.iter().zip(&fit.impacts).map(one).collect())
+}
+
 /// Whitened signatures of the strengths of every effect that can be added: `[impact]` blocks of outputs × terms.
 fn signatures(library: &dyn Library, fit: &Fit, impacts: &[&Observation], which: &[usize]) -> Result<(Vec<DMatrix<f64>>, Vec<Vec<usize>>), ValidationError> {
     let base = fit.values.len();
+    let told = as_measured(fit, impacts);
+    let at = told.as_deref().unwrap_or(&fit.impacts);
     let columns: Vec<Vec<Vec<DVector<f64>>>> = which
         .par_iter()
         .map(|&e| {
@@ -100,7 +112,7 @@ fn signatures(library: &dyn Library, fit: &Fit, impacts: &[&Observation], which:
                     let (above, below) = (forward.prepare(&up)?, forward.prepare(&down)?);
                     // In units of the typical strength, so that all columns are of like size.
                     let unit = if width > 0.0 { strength.typical / width } else { 0.0 };
-                    let moved = difference(above.as_ref(), below.as_ref(), impacts, &fit.impacts);
+                    let moved = difference(above.as_ref(), below.as_ref(), impacts, at);
                     Ok(moved.into_iter().zip(&fit.impacts).map(|(d, l)| &l.whitener * d * unit).collect())
                 })
                 .collect::<Result<Vec<_>, ValidationError>>()

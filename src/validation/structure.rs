@@ -348,7 +348,8 @@ pub fn generic_signatures(fit: &Fit, observations: &Observations, impacts: &[&Ob
         .zip(&raw)
         .enumerate()
         .map(|(i, ((l, o), feature))| {
-            let response = channels(&l.true_inputs, &observations.gear[o.gear]);
+            // The slip's direction too goes by what was measured: one that an unmeasured spin, told by the outputs, turns meets its own noise.
+            let response = channels(&o.without_unmeasured(&l.true_inputs), &observations.gear[o.gear]);
             let mut block = DMatrix::zeros(l.measured.len(), terms.len() + rebounds.len());
             let v = feature[1];
             for (column, share) in rebounds.iter().enumerate() {

@@ -628,6 +628,20 @@ fn agrees_a_place_that_is_off_is_called_inadequate_and_named() {
     assert!(c.notes.iter().any(|n| n.contains("impact_y")), "{:?}", c.notes);
 }
 
+/// What the ball's spin after the impact tells of one that nobody measured before it turns the slip's estimated direction, and met its own noise there.
+#[test]
+fn law_spins_that_nobody_measured_make_no_structure() {
+    for seed in 1..4 {
+        let (mut made, _) = of_its_own_world(Kind::Lab, 80, seed, &Model::parse(FIRST_MODEL, Path::new("nature.toml")).unwrap());
+        for row in &mut made.table.rows {
+            INPUTS.iter().zip(&mut row.inputs).filter(|(name, _)| name.starts_with("ball_in_w")).for_each(|(_, value)| *value = None);
+            OUTPUTS.iter().zip(&mut row.outputs).filter(|(name, _)| name.starts_with("racket_out")).for_each(|(_, value)| *value = None);
+        }
+        let d = diagnosis_of(&made);
+        assert_eq!(d.verdict, Verdict::Adequate, "seed {seed}: {:?}", d.words);
+    }
+}
+
 /// A friction that rises with the temperature, on strings so rough that few balls slide: their numbers stick out of the others', and with little weight
 /// they would hide what they alone tell.
 #[test]

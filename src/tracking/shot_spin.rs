@@ -3,6 +3,7 @@
 use crate::calibration::CameraId;
 use crate::footage::{FrameBuffer, FrameSource, Rows};
 use crate::tracking::ball::ball_refine::{SHARED_VARIANCE, refine_ball};
+use crate::tracking::ball::bounce::Flights;
 use crate::tracking::ball::flight_sample::FlightSample;
 use crate::tracking::shot_tracks::{ShotSetup, ShotTracks, TrackingError};
 use crate::tracking::spin::{BLUR_PX, BallSpin, BallView, FoundSpin, GreyPatch, SpinEstimate, SpinRefusal, SpinSettings};
@@ -62,9 +63,11 @@ struct FoundSpins {
 impl FoundSpins {
     /// Looks for the spins; for slow ones in pictures of a longer time as well, as long as the flight was seen.
     fn find(source: &impl FrameSource, setup: &ShotSetup, shot: &ShotTracks) -> Result<Self, TrackingError> {
+        let beside = |contact| Flights::of(source, &shot.ball, contact, setup.frame_rate_hz).beside_the_strings();
+        let free_s = shot.contact_frame.map_or([f64::INFINITY; 2], beside).map(|frames| frames / setup.frame_rate_hz);
         let sample_of = |fastest: [Option<f64>; 2]| {
             let balls = shot.points.iter().filter(|p| p.target == Target::Ball).map(|p| (p.frame, p.t));
-            FlightSample::of(balls, setup.frame_rate_hz, fastest)
+            FlightSample::of(balls, setup.frame_rate_hz, fastest, free_s)
         };
         let radius_m = setup.ball.radius_m();
         let blur_px = shot.blur_px.map(|tape| out_of_focus(BLUR_PX, tape));

@@ -179,10 +179,14 @@ struct Sums {
     misses: Vec<f32>,
 }
 
+/// The stretch of pictures before or after a bounce: the light is the same, and nothing is learnt from them.
+pub const BEYOND_A_BOUNCE: usize = 2;
+
 /// What was learnt.
 pub struct Learnt {
     pub light: BallLight,
-    pub textures: [BallTexture; 2],
+    /// Of either stretch of flight, and the bare one that pictures [`BEYOND_A_BOUNCE`] are compared with.
+    pub textures: [BallTexture; 3],
     pub noise: f64,
     /// By camera.
     pub blur_px: [f64; 2],
@@ -202,12 +206,12 @@ impl Learnt {
         };
         let pixels: Vec<LitPixel> = lessons.iter().flat_map(lit).collect();
         let light = BallLight::of(&pixels, &lessons.first()?.picture.camera_from_global)?;
-        Some(Learnt { light, textures: [BallTexture::bare(), BallTexture::bare()], noise: FIRST_NOISE, blur_px })
+        Some(Learnt { light, textures: std::array::from_fn(|_| BallTexture::bare()), noise: FIRST_NOISE, blur_px })
     }
 
     /// What a picture is compared with.
     pub fn model(&self, picture: &BallPicture) -> BallModel<'_> {
-        BallModel { light: &self.light, texture: &self.textures[picture.stretch.min(1)], noise: self.noise, blur_px: self.blur_px[picture.camera.index()] }
+        BallModel { light: &self.light, texture: &self.textures[picture.stretch], noise: self.noise, blur_px: self.blur_px[picture.camera.index()] }
     }
 
     /// One step toward either camera's blur: a ball out of focus, at a lens' edge, or moving is less sharp than another, and with a wrong

@@ -7,9 +7,10 @@
 
 use crate::calibration::CameraId;
 use crate::footage::{FrameBuffer, FrameSource, GreyImage, Rows};
-use crate::tracking::ball::ball_learn::{Learnt, Lesson, noise_share};
+use crate::tracking::ball::ball_learn::{BEYOND_A_BOUNCE, Learnt, Lesson, noise_share};
 use crate::tracking::ball::ball_model::{BallFace, BallPicture, MARGIN_PX, ModelFit};
 use crate::tracking::ball::ball_track::{BallFrame, outline_radius_px};
+use crate::tracking::ball::bounce::Flights;
 use crate::tracking::ball::contact_length::{SHORTEST_CONTACT_S, frames_of_contact};
 use crate::tracking::ball::flight_sample::FlightSample;
 use crate::tracking::ball::shot_ball::expected_ball;
@@ -124,6 +125,7 @@ fn sights(
     sample: &FlightSample,
 ) -> Result<Vec<Sight>, TrackingError> {
     let numbers: Vec<f64> = (0..source.len()).map(|i| source.number(i) as f64).collect();
+    let free = Flights::of(source, &shot.ball, contact, setup.frame_rate_hz).beside_the_strings();
     let both = |buffer: &mut FrameBuffer, index: usize| -> Result<Vec<Sight>, TrackingError> {
         let mut out = Vec::with_capacity(2);
         // A ball that the strings press is no sphere.
@@ -134,8 +136,12 @@ fn sights(
         {
             ball.position = place;
         }
-        let t = (source.number(index) as f64 - contact) / setup.frame_rate_hz;
-        let stretch = if t < 0.0 {
+        let frames = source.number(index) as f64 - contact;
+        let t = frames / setup.frame_rate_hz;
+        let stretch = if frames < -free[0] || frames > free[1] {
+            // How its cover has turned there nobody knows.
+            BEYOND_A_BOUNCE
+        } else if t < 0.0 {
             0
         } else if t > SHORTEST_CONTACT_S {
             1
@@ -144,7 +150,7 @@ fn sights(
         };
         // The ball is learnt from the frames that tell its spin.
         let teaches = sample.side(source.number(index), t).is_some();
-        let (omega, _) = turning[stretch];
+        let omega = turning.get(stretch).map_or_else(Vector3::zeros, |turning| turning.0);
         for camera in CameraId::BOTH {
             let Some(point) = ball.points[camera.index()] else { continue };
             let Some(radius_px) = outline_radius_px(view, camera, &ball.position, setup.ball.radius_m()) else { continue };

@@ -23,10 +23,11 @@ pub(in crate::tracking) struct FlightSample {
 
 impl FlightSample {
     /// From the frames that show the ball in space: number, and time after the contact in s. `fastest` is how fast the ball may turn on either
-    /// side, rad/s, where that is known.
-    pub fn of(seen: impl Iterator<Item = (u64, f64)>, frame_rate_hz: f64, fastest: [Option<f64>; 2]) -> Self {
+    /// side, rad/s, where that is known; `free_s` ends the sample at the bounces next to the strings: the court gives a ball another spin.
+    pub fn of(seen: impl Iterator<Item = (u64, f64)>, frame_rate_hz: f64, fastest: [Option<f64>; 2], free_s: [f64; 2]) -> Self {
         let usual = REACH_S.max(MOST_FRAMES / frame_rate_hz);
         let reach_s = fastest.map(|rate| rate.map_or(usual, |rate| (MOST_FRAMES * TURN_RAD / rate).min(LONGEST_REACH_S).max(usual)));
+        let reach_s = [reach_s[0].min(free_s[0]), reach_s[1].min(free_s[1] - LONGEST_CONTACT_S)];
         let all = FlightSample { reach_s, frame_rate_hz, strides: [1; 2] };
         let mut ends: [Option<(u64, u64)>; 2] = [None; 2];
         for (number, t) in seen {
@@ -68,7 +69,7 @@ mod tests {
 
     fn sample(rate: f64, frames: std::ops::Range<i64>, fastest: [Option<f64>; 2]) -> ([usize; 2], [f64; 2]) {
         let all: Vec<(u64, f64)> = frames.map(|n| ((n + 1000) as u64, n as f64 / rate)).collect();
-        let sample = FlightSample::of(all.iter().copied(), rate, fastest);
+        let sample = FlightSample::of(all.iter().copied(), rate, fastest, [f64::INFINITY; 2]);
         let count = |side| all.iter().filter(|(n, t)| sample.side(*n, *t) == Some(side)).count();
         ([count(0), count(1)], sample.rates_hz())
     }
@@ -84,6 +85,14 @@ mod tests {
     fn a_short_flight_keeps_its_frames() {
         // 5 ms before the contact at 4000 frames a second.
         assert_eq!(sample(4000.0, -20..200, [None; 2]), ([20, 24], [4000.0, 1000.0]));
+    }
+
+    #[test]
+    fn a_bounce_ends_the_sample() {
+        let all: Vec<(u64, f64)> = (-60..60).map(|n: i64| ((n + 1000) as u64, n as f64 / 1000.0)).collect();
+        let sample = FlightSample::of(all.iter().copied(), 1000.0, [Some(10.0); 2], [0.0125, 0.0305]);
+        let count = |side| all.iter().filter(|(n, t)| sample.side(*n, *t) == Some(side)).count();
+        assert_eq!([count(0), count(1)], [12, 24]);
     }
 
     #[test]

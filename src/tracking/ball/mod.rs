@@ -23,6 +23,7 @@ pub(in crate::tracking) mod ball_texture;
 pub(in crate::tracking) mod ball_through;
 pub(in crate::tracking) mod ball_track;
 pub(in crate::tracking) mod ball_way;
+pub(in crate::tracking) mod bounce;
 pub(in crate::tracking) mod contact_length;
 pub(in crate::tracking) mod flight_sample;
 pub(in crate::tracking) mod free_flight;

@@ -2,13 +2,14 @@
 //! something like it, or was half hidden.
 //!
 //! A free ball's image moves smoothly: over a few frames a parabola in time holds it to some hundredths of a pixel. A point that its
-//! neighbours, before and after or on one side alone, put elsewhere by more than five joint deviations is not the ball.
+//! neighbours, before and after or on one side alone, put elsewhere by more than five joint deviations is not the ball. Neighbours are
+//! those of its own flight: none beyond the strings or a bounce ([`crate::tracking::ball::bounce`]).
 //! Nothing is moved: a point stays as it was measured or goes.
 
 use crate::calibration::CameraId;
 use crate::footage::FrameSource;
 use crate::tracking::ball::ball_track::BallFrame;
-use crate::tracking::ball::contact_length::LONGEST_CONTACT_S;
+use crate::tracking::ball::bounce::Flights;
 use crate::tracking::pictures::shot_frames::AT_ONCE;
 use crate::tracking::track_file::ImagePoint;
 use nalgebra::{Matrix3, Matrix3x2, Vector2, Vector3};
@@ -52,10 +53,9 @@ pub fn drop_strays(source: &impl FrameSource, ball: &mut [Option<BallFrame>], co
     drop_lonely(source, ball);
     let Some(contact) = contact_frame else { return };
     let bend_px = BEND_PX * (1000.0 / frame_rate_hz).powi(2);
-    for after in [false, true] {
-        let free = |t: f64| if after { t > LONGEST_CONTACT_S } else { t < 0.0 };
+    for free in Flights::of(source, ball, contact, frame_rate_hz).all() {
         // What the two cameras never see at once is no flight through both pictures.
-        let flying: Vec<usize> = (0..ball.len()).filter(|i| ball[*i].is_some() && free((source.number(*i) as f64 - contact) / frame_rate_hz)).collect();
+        let flying: Vec<usize> = (0..ball.len()).filter(|i| ball[*i].is_some() && free.contains(&(source.number(*i) as f64 - contact))).collect();
         if flying.iter().all(|i| ball[*i].is_some_and(|b| !b.stereo)) {
             flying.iter().for_each(|i| ball[*i] = None);
         }
@@ -64,7 +64,7 @@ pub fn drop_strays(source: &impl FrameSource, ball: &mut [Option<BallFrame>], co
                 .iter()
                 .enumerate()
                 .filter_map(|(i, b)| Some((i, source.number(i) as f64 - contact, b.as_ref()?.points[camera.index()]?)))
-                .filter(|(_, frames, _)| free(frames / frame_rate_hz))
+                .filter(|(_, frames, _)| free.contains(frames))
                 .collect();
             let runs = strayed_together(&flight.iter().map(|f| (f.1, f.2)).collect::<Vec<_>>(), bend_px);
             for k in runs.into_iter().rev() {

@@ -61,6 +61,14 @@ impl<const N: usize> Trial<N> {
         self
     }
 
+    /// The end beyond which the least lies: the value there, if less is said against it than against any other.
+    pub fn end(&self) -> Option<f64> {
+        let least = |ends: &[usize]| ends.iter().map(|k| self.against[*k]).fold(f64::INFINITY, f64::min);
+        let inside = least(&std::array::from_fn::<usize, N, _>(|k| k)[1..N - 1]);
+        let end = if self.against[0] <= self.against[N - 1] { 0 } else { N - 1 };
+        (self.against[end] < inside).then(|| self.values[end])
+    }
+
     /// The value that least is said against, with its deviation; `None` where it lies at an end or nothing is said.
     pub fn least(&self) -> Option<(f64, f64)> {
         let best = (1..N - 1).min_by(|&a, &b| self.against[a].total_cmp(&self.against[b]))?;
@@ -96,6 +104,8 @@ mod tests {
         let (value, sd) = parabola(1.7).least().expect("inside");
         assert!((value - 1.7).abs() < 1e-12 && (sd - 0.5).abs() < 1e-12);
         assert!(parabola(4.6).least().is_none() && Trial::new([0.0, 1.0, 2.0]).least().is_none());
+        // There it is looked for beyond the end; not where nothing is said, or all is told.
+        assert_eq!([parabola(4.6), parabola(-0.8), parabola(1.7), Trial::new([0.0; 5])].map(|t| t.end()), [Some(4.0), Some(0.0), None, None]);
         // As sure beforehand as the pictures are: halfway.
         let (value, _) = parabola(1.0).expecting(3.0, 0.5).least().expect("inside");
         assert!((value - 2.0).abs() < 1e-12);

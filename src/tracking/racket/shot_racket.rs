@@ -29,6 +29,8 @@ use rayon::prelude::*;
 const THROAT_FRAMES: usize = 8;
 /// The same for its width and its bend: the first frame found and those after it.
 const WIDTH_FRAMES: usize = 4;
+/// Times that widths are tried around the widest or the narrowest tried before: from 0.55 to 1.3 of the head's.
+const FARTHER_WIDTHS: usize = 2;
 /// Rounds in which the light on the tape is found.
 const LIGHT_ROUNDS: usize = 2;
 /// How far the pose of a racket just found may be off, px.
@@ -321,8 +323,26 @@ impl<S: FrameSource> Shot<'_, S> {
     fn shape_throat(&mut self, start: RacketStart) -> Result<RacketStart, TrackingError> {
         let next = self.follow_racket_one_way(&start, (start.index + 1..self.source.len()).take(WIDTH_FRAMES - 1))?.0;
         let frames: Vec<(usize, &RacketFrame)> = std::iter::once((start.index, &start.frame)).chain(next.iter().map(|(i, f)| (*i, f))).collect();
+        let before = self.figure.clone();
+        let mut tried = 1.0;
+        let (mut width, mut bend, mut blur) = self.throat_shape(&frames)?;
+        for _ in 0..FARTHER_WIDTHS {
+            let Some(beyond) = width.beyond() else { break };
+            tried *= beyond;
+            self.figure = before.with_throat_width(tried);
+            (width, bend, blur) = self.throat_shape(&frames)?;
+        }
+        self.figure = before;
+        self.set_blur(blur.blur_px(self.blur_px));
+        let shaped = self.figure.with_throat_width(width.throat_to_head(tried)).with_throat_bend(bend.bend());
+        self.confirm_with(start, shaped)
+    }
+
+    /// What the pictures of frames say about the throat's width and bend, and how sharp they are.
+    fn throat_shape(&self, frames: &[(usize, &RacketFrame)]) -> Result<(WidthEvidence, BendEvidence, BlurEvidence<5>), TrackingError> {
+        let none = || (WidthEvidence::none(), BendEvidence::none(), BlurEvidence::near(self.blur_px));
         let of_frame = |(index, frame): &(usize, &RacketFrame)| {
-            let (mut width, mut bend, mut blur) = (WidthEvidence::none(), BendEvidence::none(), BlurEvidence::near(self.blur_px));
+            let (mut width, mut bend, mut blur) = none();
             let look = |images: &[Option<GreyView>; 2]| {
                 width.add(&self.scene(), images, frame);
                 bend.add(&self.scene(), images, frame);
@@ -331,15 +351,13 @@ impl<S: FrameSource> Shot<'_, S> {
             self.look_again(*index, frame, look).map(|()| (width, bend, blur))
         };
         let parts: Result<Vec<_>, TrackingError> = frames.par_iter().with_max_len(1).map(of_frame).collect();
-        let (mut width, mut bend, mut blur) = (WidthEvidence::none(), BendEvidence::none(), BlurEvidence::near(self.blur_px));
+        let (mut width, mut bend, mut blur) = none();
         for (w, b, sharp) in &parts? {
             width.join(w);
             bend.join(b);
             blur.join(sharp);
         }
-        self.set_blur(blur.blur_px(self.blur_px));
-        let shaped = self.figure.with_throat_width(width.throat_to_head()).with_throat_bend(bend.bend());
-        self.confirm_with(start, shaped)
+        Ok((width, bend, blur))
     }
 
     /// The start measured once more; `None` when its bands no longer agree.

@@ -10,13 +10,13 @@ use crate::tracking::racket::racket_scene::{RacketFrame, RacketScene};
 use crate::tracking::tape::band::BandView;
 use crate::tracking::tape::band_trial::{self, Trial};
 
-/// Widths tried, relative to the file's.
+/// Widths tried, relative to the figure's.
 const TRIED: [f64; 7] = [0.80, 0.85, 0.90, 0.95, 1.0, 1.05, 1.10];
 /// Deviation of the ratio that stays however many pictures are asked: on 38 rendered shots of known width it was found 0.01 too
 /// small or too large.
 const LEAST_SD: f64 = 0.012;
 /// Before anything was seen: as wide as the head's, with this deviation.
-const EXPECTED_SD: f64 = 0.05;
+const EXPECTED_SD: f64 = 0.1;
 
 /// What pictures say against each width of the head's tube, and of the throat's.
 #[derive(Debug, Clone)]
@@ -43,11 +43,17 @@ impl WidthEvidence {
         self.0.iter_mut().zip(&other.0).for_each(|(all, some)| all.add(&some.against));
     }
 
-    /// Width of the throat's tubes relative to the head's; one where nothing was seen.
-    pub fn throat_to_head(&self) -> f64 {
+    /// Width of the throat's tubes relative to the head's, when they were tried around `figure` times that; one where nothing was seen.
+    pub fn throat_to_head(&self, figure: f64) -> f64 {
         let [Some((head, head_sd)), Some((throat, throat_sd))] = self.0.each_ref().map(Trial::least) else { return 1.0 };
         let precision = (head_sd.hypot(throat_sd).hypot(LEAST_SD)).powi(-2);
         let expected = EXPECTED_SD.powi(-2);
-        (throat / head * precision + expected) / (precision + expected)
+        (figure * throat / head * precision + expected) / (precision + expected)
+    }
+
+    /// The width, relative to the figure's, beyond which the throat's lies: those around it have to be tried.
+    pub fn beyond(&self) -> Option<f64> {
+        let [head, throat] = &self.0;
+        throat.end().filter(|_| head.least().is_some())
     }
 }

@@ -96,6 +96,9 @@ fn in_full(card: &EffectCard) -> String {
     let _ = writeln!(t, "  Signature     {}", card.signature);
     let _ = writeln!(t, "  Confused with {}", card.confused_with.join(", "));
     let _ = writeln!(t, "  Separated by  {}", card.separated_by);
+    if let Some(what) = card.check_first {
+        let _ = writeln!(t, "  Check first   {what}");
+    }
     let _ = writeln!(t, "  Rigid         {}\n  Viscoelastic  {}", card.bases.rigid, card.bases.viscoelastic);
     let _ = writeln!(t, "  Source        {}", card.source);
     t

@@ -112,6 +112,9 @@ pub struct EffectCard {
     /// Names of the catalogue.
     pub confused_with: &'static [&'static str],
     pub separated_by: &'static str,
+    /// What is no effect and looks much like it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub check_first: Option<&'static str>,
     pub bases: Bases,
     #[serde(skip)]
     pub effect: &'static dyn DifferentiableEffect,

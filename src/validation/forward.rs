@@ -134,6 +134,8 @@ pub struct EffectOutline {
     pub strengths: Vec<Strength>,
     pub confused_with: Vec<String>,
     pub separated_by: String,
+    /// What is no effect and looks much like it.
+    pub check_first: Option<&'static str>,
     /// Why it cannot be added to this model, when it cannot (there already, not in this base).
     pub excluded: Option<String>,
 }

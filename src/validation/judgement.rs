@@ -27,8 +27,6 @@ const FAR_MORE: f64 = 10.0;
 /// Fall of the held-out impacts' chi-square that an effect beside those already in the model must bring (odds of seven to one), on
 /// top of what choosing it among the catalogue is worth: what the first one's form leaves is imitated in part by some other.
 const WORTH_A_FURTHER_EFFECT: f64 = 4.0;
-/// What no effect of the catalogue says, and the numbers of a table hardly tell from a ball whose arm and inertia change.
-const LIKE_BALL_DEFORMATION: &str = "spins that are all read too large or too small by one factor, or an inertia_factor in ball.toml that is not the ball's, look much like ball-deformation: check both before the ball";
 /// What is left of an effect's probability when the held-out impacts refuse it.
 const REFUSED: f64 = 0.3;
 
@@ -276,9 +274,8 @@ impl<'a> Judgement<'a> {
             diagnosis.together = self.together(best)?;
             let (estimated, at_limit) = self.strengths_if_in_model(best)?;
             diagnosis.notes.extend(at_limit);
-            if self.verdict == Verdict::EffectMissing && best.effects.iter().any(|e| e == "ball-deformation") {
-                diagnosis.notes.push(LIKE_BALL_DEFORMATION.to_owned());
-            }
+            let named = case.library.effects().iter().filter(|o| diagnosis.recommended.contains(&o.name));
+            diagnosis.notes.extend(named.filter_map(|o| Some(format!("check before {} is added: {}", o.name, o.check_first?))));
             match &mut diagnosis.together {
                 Some(together) => together.parameters = estimated,
                 None => diagnosis.candidates.iter_mut().filter(|c| c.effect == best.effects[0]).for_each(|c| c.parameters.clone_from(&estimated)),

@@ -149,6 +149,7 @@ impl ModelLibrary {
                         .collect(),
                     confused_with: card.confused_with.iter().map(|s| (*s).to_owned()).collect(),
                     separated_by: card.separated_by.to_owned(),
+                    check_first: card.check_first,
                     excluded,
                 }
             })

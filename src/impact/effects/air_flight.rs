@@ -25,6 +25,7 @@ pub(super) static CARD: EffectCard = EffectCard {
                 every ball alike. The face's attitude is not in the table: where down is, the fit finds, unless the model file says.",
     confused_with: &["ball-damping", "time-base-error", "scale-error"],
     separated_by: "fit the flight itself instead of a straight line",
+    check_first: None,
     bases: Bases { rigid: "acts on the observation", viscoelastic: "acts on the observation" },
     effect: &AirFlight,
 };

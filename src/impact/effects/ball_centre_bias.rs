@@ -20,6 +20,7 @@ pub(super) static CARD: EffectCard = EffectCard {
     signature: "The axis of symmetry of the rebound over y is not at y = 0; twist and rebound off axis depart oddly in y.",
     confused_with: &["face-plane-offset", "camera-skew", "scale-error"],
     separated_by: "opposite lighting; symmetry of the restitution in y",
+    check_first: None,
     bases: Bases { rigid: "acts on the observation", viscoelastic: "acts on the observation" },
     effect: &BallCentreBias,
 };

@@ -20,6 +20,7 @@ pub(super) static CARD: EffectCard = EffectCard {
     signature: "Rebound speed falls below the model as the approach speed rises; no dependence on position, angle or spin.",
     confused_with: &["string-stiffening", "momentum-flux", "ball-stiffening", "ball-wear", "air-flight", "string-tension", "string-damping"],
     separated_by: "contact time against approach speed; rebound of the same balls from a rigid wall at two speeds",
+    check_first: None,
     bases: Bases { rigid: "as given", viscoelastic: "damping c_B multiplied by 1 + fall / 0.13 x (area law)" },
     effect: &BallDamping,
 };

@@ -21,6 +21,9 @@ pub(super) static CARD: EffectCard = EffectCard {
                 that stick change with it.",
     confused_with: &["offset-normal-force", "lateral-strings"],
     separated_by: "effective arm against approach speed; its limit at low speed gives the ball's inertia",
+    check_first: Some(
+        "spins that are all read too large or too small by one factor, and an inertia_factor in ball.toml that is not the ball's, look much like it",
+    ),
     bases: Bases { rigid: "impulse-weighted mean of the arm and inertia", viscoelastic: "lambda_r and kappa_I of the base plus these" },
     effect: &BallDeformation,
 };

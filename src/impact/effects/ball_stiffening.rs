@@ -18,6 +18,7 @@ pub(super) static CARD: EffectCard = EffectCard {
                 position, angle, spin.",
     confused_with: &["ball-damping", "string-stiffening", "momentum-flux"],
     separated_by: "contact time and compression against approach speed",
+    check_first: None,
     bases: Bases { rigid: "as given", viscoelastic: "growth of the ball's stiffness A_K multiplied by 1 + gain / 0.2" },
     effect: &BallStiffening,
 };

@@ -17,6 +17,7 @@ pub(super) static CARD: EffectCard = EffectCard {
     signature: "Rebound speed drifts with the order of the impacts, whatever their place; stronger at high speed.",
     confused_with: &["ball-damping", "string-tension"],
     separated_by: "ball identity and order in the table; drop tests between",
+    check_first: None,
     bases: Bases { rigid: "as given", viscoelastic: "ball damping multiplied by 1 + 8 loss_per_100 order / 100" },
     effect: &BallWear,
 };

@@ -22,6 +22,7 @@ pub(super) static CARD: EffectCard = EffectCard {
     signature: "Impact position off in proportion to the ball's tangential velocity relative to the face.",
     confused_with: &["face-plane-offset", "ball-centre-bias", "finite-contact"],
     separated_by: "epipolar residual against image speed; a free flight that crosses",
+    check_first: None,
     bases: Bases { rigid: "acts on the observation", viscoelastic: "acts on the observation" },
     effect: &CameraSkew,
 };

@@ -23,6 +23,7 @@ pub(super) static CARD: EffectCard = EffectCard {
                 the whole face.",
     confused_with: &["string-tilt", "ball-centre-bias", "finite-contact", "camera-skew"],
     separated_by: "impact dye on the strings; balls at opposite incidence",
+    check_first: None,
     bases: Bases { rigid: "acts on the observation", viscoelastic: "acts on the observation" },
     effect: &FacePlaneOffset,
 };

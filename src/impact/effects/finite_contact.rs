@@ -22,6 +22,7 @@ pub(super) static CARD: EffectCard = EffectCard {
                 contact time and turning rate.",
     confused_with: &["string-tilt", "face-plane-offset", "window-bias", "camera-skew"],
     separated_by: "scales with the racket's rate; contact time",
+    check_first: None,
     bases: Bases { rigid: "as given", viscoelastic: "inherent: the contact has a duration, so the effect adds nothing" },
     effect: &FiniteContact,
 };

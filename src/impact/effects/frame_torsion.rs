@@ -23,6 +23,7 @@ pub(super) static CARD: EffectCard = EffectCard {
                 tangential; more toward the tip.",
     confused_with: &["grip-torque", "stringbed-edge", "racket-inertia"],
     separated_by: "twist rate of the head against the handle (markers on both); a modal test",
+    check_first: None,
     bases: Bases { rigid: "energy in the mode lowers the restitution", viscoelastic: "a second mode, linear across the face, is integrated with the contact" },
     effect: &FrameTorsion,
 };

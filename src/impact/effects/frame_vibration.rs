@@ -33,6 +33,7 @@ pub(super) static CARD: EffectCard = EffectCard {
                 even in distance to the node, the same across the face, without effect on spin or angle.",
     confused_with: &["stringbed-edge", "racket-inertia", "hand-mass"],
     separated_by: "impacts at five or more places along the axis including the throat; a piezo on the handle",
+    check_first: None,
     bases: Bases { rigid: "energy of a half-sine pulse in the mode lowers the restitution", viscoelastic: "the mode is integrated with the contact" },
     effect: &FrameVibration,
 };

@@ -21,6 +21,7 @@ pub(super) static CARD: EffectCard = EffectCard {
                 more or less as the slip or approach speed grows.",
     confused_with: &["lateral-strings", "offset-normal-force"],
     separated_by: "incidence swept to 50-70 degrees from the normal at two speeds",
+    check_first: None,
     bases: Bases { rigid: "as given", viscoelastic: "as given, with slip and approach speed at first touch" },
     effect: &FrictionLaw,
 };

@@ -21,6 +21,7 @@ pub(super) static CARD: EffectCard = EffectCard {
     signature: "Off-axis impacts only: the racket twists less, the ball leaves faster and less away from the axis; fades as the speed rises.",
     confused_with: &["racket-inertia", "stringbed-edge", "string-tilt", "frame-torsion"],
     separated_by: "grip torque varied at one place off the axis; approach speed varied at one place; the racket's twist after impact",
+    check_first: None,
     bases: Bases { rigid: "angular impulse during the contact", viscoelastic: "Coulomb torque integrated with the contact" },
     effect: &GripTorque,
 };

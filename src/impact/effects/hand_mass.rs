@@ -25,6 +25,7 @@ pub(super) static CARD: EffectCard = EffectCard {
                 the racket turns less about y; no dependence on y, spin or angle.",
     confused_with: &["racket-inertia", "frame-vibration", "swing-drive"],
     separated_by: "the same impacts with the racket held and free, at tip and throat",
+    check_first: None,
     bases: Bases {
         rigid: "as given; the mode of `frame-vibration` carries it too (lower frequency, other node)",
         viscoelastic: "as given; the mode of `frame-vibration` carries it too",

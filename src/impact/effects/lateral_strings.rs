@@ -21,6 +21,7 @@ pub(super) static CARD: EffectCard = EffectCard {
                 velocity change stays; nothing while the ball slides throughout.",
     confused_with: &["friction-law", "ball-deformation", "offset-normal-force"],
     separated_by: "tangential velocity and spin measured together; steep and shallow incidence; two string types at one tension",
+    check_first: None,
     bases: Bases { rigid: "as given", viscoelastic: "tangential spring and damper k_t, c_t in series with friction" },
     effect: &LateralStrings,
 };

@@ -17,6 +17,7 @@ pub(super) static CARD: EffectCard = EffectCard {
     signature: "Rebound speed lower, slightly more so at high speed, alike over the whole face; nothing tangential.",
     confused_with: &["ball-damping", "string-damping", "string-stiffening", "ball-stiffening"],
     separated_by: "the early part of the force-time curve; low- and high-speed rebound from a rigid wall",
+    check_first: None,
     bases: Bases { rigid: "as given", viscoelastic: "the momentum-flux force c_M of the base multiplied by 1 + share / 0.15" },
     effect: &MomentumFlux,
 };

@@ -18,6 +18,7 @@ pub(super) static CARD: EffectCard = EffectCard {
                 size; the spin-to-velocity ratio rises with J_n/J_t.",
     confused_with: &["ball-deformation", "lateral-strings", "friction-law"],
     separated_by: "effective arm against J_n/J_t: the slope is the offset, the intercept the arm",
+    check_first: None,
     bases: Bases {
         rigid: "as given",
         viscoelastic: "as given, with the momentary slip direction; Haake's own law is `normal_force = \"haake\"` in [parameters]",

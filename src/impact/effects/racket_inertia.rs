@@ -24,6 +24,7 @@ pub(super) static CARD: EffectCard = EffectCard {
                 window-bias.",
     confused_with: &["hand-mass", "frame-vibration", "grip-torque", "frame-torsion", "stringbed-edge", "swing-drive", "scale-error", "window-bias"],
     separated_by: "scales and a swing machine; momentum balance of a free racket (no restitution involved)",
+    check_first: None,
     bases: Bases { rigid: "as given", viscoelastic: "as given" },
     effect: &RacketInertia,
 };

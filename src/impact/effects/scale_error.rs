@@ -17,6 +17,7 @@ pub(super) static CARD: EffectCard = EffectCard {
     signature: "Residuals of the velocities in proportion to speed while spins agree; the ratio of spin change to velocity change is off by -scale.",
     confused_with: &["time-base-error", "ball-centre-bias", "racket-inertia", "string-tension", "string-damping", "air-flight"],
     separated_by: "known distances between markers, the ball's diameter, gravity in free flight",
+    check_first: None,
     bases: Bases { rigid: "acts on the observation", viscoelastic: "acts on the observation" },
     effect: &ScaleError,
 };

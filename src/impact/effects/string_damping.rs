@@ -24,6 +24,7 @@ pub(super) static CARD: EffectCard = EffectCard {
     signature: "All rebounds slower by the same share, flat in speed, position and angle: exactly what a lower restitution does.",
     confused_with: &["string-tension", "ball-damping", "scale-error", "momentum-flux"],
     separated_by: "a steel or pool ball dropped on the strings; rebound of the tennis ball from a wall",
+    check_first: None,
     bases: Bases {
         rigid: "as given; the restitution absorbs it completely, so data in base rigid cannot show it",
         viscoelastic: "string damping c_S + extra, never less than none",

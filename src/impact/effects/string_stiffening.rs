@@ -18,6 +18,7 @@ pub(super) static CARD: EffectCard = EffectCard {
                 on position.",
     confused_with: &["ball-damping", "ball-stiffening", "momentum-flux"],
     separated_by: "contact time and deflection against approach speed",
+    check_first: None,
     bases: Bases { rigid: "as given", viscoelastic: "stiffening kS2 multiplied by 1 + fall / 0.024" },
     effect: &StringStiffening,
 };

@@ -18,6 +18,7 @@ pub(super) static CARD: EffectCard = EffectCard {
                 dependence on position.",
     confused_with: &["string-damping", "ball-damping", "scale-error", "ball-wear"],
     separated_by: "contact time; a static push on the stringbed",
+    check_first: None,
     bases: Bases {
         rigid: "as given; nearly the restitution itself, so seen only through its weak dependence on speed",
         viscoelastic: "stringbed stiffness kS0 + 600 N/m per lb",

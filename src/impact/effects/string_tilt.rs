@@ -19,6 +19,7 @@ pub(super) static CARD: EffectCard = EffectCard {
                 well.",
     confused_with: &["finite-contact", "face-plane-offset", "grip-torque"],
     separated_by: "odd part of the exit angle on a head-clamped racket",
+    check_first: None,
     bases: Bases { rigid: "as given", viscoelastic: "as given, with the momentary deflection" },
     effect: &StringTilt,
 };

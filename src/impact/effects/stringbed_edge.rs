@@ -20,6 +20,7 @@ pub(super) static CARD: EffectCard = EffectCard {
                 tangential.",
     confused_with: &["frame-vibration", "frame-torsion", "grip-torque", "racket-inertia"],
     separated_by: "map of the contact time over the face; static pushes; impacts across as well as along the face",
+    check_first: None,
     bases: Bases { rigid: "as given", viscoelastic: "stringbed stiffness multiplied by 1 + 10 drop ((x/a)^2 + (y/b)^2)" },
     effect: &StringbedEdge,
 };

@@ -23,6 +23,7 @@ pub(super) static CARD: EffectCard = EffectCard {
                 spin.",
     confused_with: &["hand-mass", "window-bias", "racket-inertia"],
     separated_by: "rebound against approach speed (a shift, not a slope); absent on a passive rig",
+    check_first: None,
     bases: Bases { rigid: "impulses on the racket during the contact", viscoelastic: "constant force and torque integrated with the contact" },
     effect: &SwingDrive,
 };

@@ -17,6 +17,7 @@ pub(super) static CARD: EffectCard = EffectCard {
     signature: "Velocities and spins of the same impact scale together; positions agree, contact times scale inversely.",
     confused_with: &["scale-error", "air-flight"],
     separated_by: "gravity in free flight goes with the square; a flashing light of known rate",
+    check_first: None,
     bases: Bases {
         rigid: "acts on the observation; the impulse laws have no time scale, so a table in base rigid shows it only through speed-dependent effects",
         viscoelastic: "acts on the observation",

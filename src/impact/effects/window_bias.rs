@@ -21,6 +21,7 @@ pub(super) static CARD: EffectCard = EffectCard {
                 nothing on a racket at rest.",
     confused_with: &["swing-drive", "finite-contact", "racket-inertia"],
     separated_by: "fit an arc or a quadratic to the same frames",
+    check_first: None,
     bases: Bases { rigid: "acts on the observation", viscoelastic: "acts on the observation" },
     effect: &WindowBias,
 };

@@ -39,6 +39,9 @@ pub fn equations(d: &Diagnosis) -> Option<Section> {
                 card.separated_by
             ))
             .note(&format!("Source: {}", card.source));
+        if let Some(what) = card.check_first {
+            section = section.note(&format!("Check first: {what}"));
+        }
     }
     (!section.is_empty()).then_some(section)
 }

@@ -59,7 +59,7 @@ pub fn fit_with_likely_offsets(
 
 impl Fit {
     /// The offset farthest beyond what a session may have, if any is beyond [`UNLIKELY`].
-    pub fn unlikely_offset(&self) -> Option<UnlikelyOffset> {
+    pub(in crate::validation) fn unlikely_offset(&self) -> Option<UnlikelyOffset> {
         let offsets = self.columns.iter().enumerate().filter_map(|(i, column)| {
             let column = match *column {
                 Column::Offset { input, .. } => INPUTS[input],

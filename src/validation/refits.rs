@@ -5,12 +5,13 @@
 //! of the first, take a fair share of what the first leaves, and lower the error on impacts that no fit saw by more than
 //! chance; effects that are known to imitate each other count as two only when neither does nearly all alone.
 
+mod any_form;
+
 use super::diagnosis::{CandidateReport, Estimate, NextExperiment, Verdict};
 use super::error::ValidationError;
 use super::experiments::{Rival, next_experiment};
 use super::forward::Library;
 use super::heldout::{error_of, log_evidence_of};
-use super::holdout::HELD_OUT_SHARE;
 use super::linearise::Linearised;
 use super::rank::{Reference, Refit, added_parameters};
 use super::screen::{Screened, Screening, screen_pairs};
@@ -138,29 +139,6 @@ impl<'a> Refits<'a> {
             .collect();
         refits.leader = refits.strongest().map(|at| (at, refits.beyond_any_form(at, reference)));
         Ok(refits)
-    }
-
-    /// The single effect that all impacts together speak for most, by its card's form; the earlier one of two equal ones.
-    fn strongest(&self) -> Option<usize> {
-        let evidence: Vec<f64> = (0..self.singles.len()).map(|i| self.evidence_as_stated(i)).collect();
-        (0..evidence.len()).max_by(|&i, &j| evidence[i].total_cmp(&evidence[j]).then(j.cmp(&i)))
-    }
-
-    /// What the single effect `at` explains beyond any form of each of the others, as chi-square of all impacts.
-    fn beyond_any_form(&self, at: usize, reference: &Reference) -> Vec<f64> {
-        let name = self.singles[at].effects[0].as_str();
-        let c = self.c.min(LARGEST_NOISE_SCALE);
-        let share = |r: &Refit| share_removed(excess_at(&self.base, c), excess_at(&r.structure, c));
-        let beyond = |(i, other): (usize, &Refit)| {
-            // Any smooth form makes one effect of the restitution another: its own must already come near.
-            if i == at || other.log_evidence <= 0.0 || self.is_chance(other) || share(other) < ALIAS_SHARE * share(&self.singles[at]) {
-                return f64::INFINITY;
-            }
-            let screened = reference.screen_second(other, Some(&[name])).ok();
-            // The fit saw only a part of the impacts.
-            screened.and_then(|s| s.effects.first().map(|e| e.gain / (1.0 - HELD_OUT_SHARE))).unwrap_or(f64::INFINITY)
-        };
-        self.singles.par_iter().enumerate().map(beyond).collect()
     }
 
     /// A model that misses leaves misfit in the noise scale; the best model's is nearest to the truth.
@@ -354,25 +332,6 @@ impl<'a> Refits<'a> {
         if self.is_chance(r) { r.log_evidence.min(0.0) } else { r.log_evidence }
     }
 
-    /// Log evidence of all impacts for a single effect in its card's form.
-    fn evidence_as_stated(&self, at: usize) -> f64 {
-        self.believed(&self.singles[at]) + self.told_by_held_out(&self.singles[at])
-    }
-
-    /// Log evidence of all impacts for a single effect. No card has quite nature's form: in the best one within what is allowed of any, an
-    /// effect fits as well as the strongest does, less what that one explains beyond it, and only that much tells the two apart. That
-    /// the strongest needs no other form than its card's counts for it, unless these impacts hold an effect that the catalogue lists before.
-    fn evidence_in_any_form(&self, at: usize) -> f64 {
-        let stated = self.evidence_as_stated(at);
-        match &self.leader {
-            Some((leader, beyond)) if *leader != at => {
-                let price = if self.twins.get(*leader).is_some_and(|t| t.contains(&at)) { 0.0 } else { PRECEDENCE };
-                in_any_form(stated, self.evidence_as_stated(*leader), beyond[at], price)
-            }
-            _ => stated,
-        }
-    }
-
     /// Of effects that these impacts cannot tell apart, the one the catalogue lists first is the more common one, and one that acts as its
     /// card says is more common than one that acts the other way round.
     fn single_weight(&self, at: usize, overdispersion: f64) -> f64 {
@@ -544,12 +503,6 @@ impl<'a> Refits<'a> {
     }
 }
 
-/// Log evidence of an effect that has `stated` in its card's form, beside the strongest one's, which explains a chi-square of `beyond` more than any
-/// form of it; another form than the card's costs `price`.
-fn in_any_form(stated: f64, strongest: f64, beyond: f64, price: f64) -> f64 {
-    stated.max(strongest - 0.5 * beyond - price)
-}
-
 /// Largest cosine between the signatures of two effects, nuisance projected out.
 fn cosine(library: &dyn Library, screening: &Screening, a: &str, b: &str) -> f64 {
     let term = |name: &str| screening.effects.iter().find(|s| library.effects()[s.effect].name == name);
@@ -602,17 +555,5 @@ mod tests {
         assert_eq!(share_removed(200.0, 50.0), 0.75);
         assert_eq!(share_removed(0.0, 0.0), 0.0);
         assert_eq!(share_removed(100.0, 150.0), 0.0);
-    }
-
-    #[test]
-    fn law_only_what_the_strongest_explains_beyond_any_form_tells_an_effect_from_it() {
-        // Another power of the speed: the card's form is behind by 20, any form by nothing.
-        assert_eq!(in_any_form(100.0, 120.0, 0.0, PRECEDENCE), 120.0 - PRECEDENCE);
-        assert_eq!(in_any_form(100.0, 120.0, 0.0, 0.0), 120.0);
-        // Another mechanism: no form of it does what the strongest does.
-        assert_eq!(in_any_form(100.0, 120.0, 60.0, PRECEDENCE), 100.0);
-        assert_eq!(in_any_form(100.0, 120.0, f64::INFINITY, 0.0), 100.0);
-        // Its own form may be the better one.
-        assert_eq!(in_any_form(119.5, 120.0, 4.0, PRECEDENCE), 119.5);
     }
 }

@@ -234,11 +234,13 @@ fn one(
             return Ok(summary);
         }
     }
-    let manual = look_at_earlier(&shot.id, folder, said)?;
     bar.inc_length(clip.pairs.len() as u64);
     let setup = ShotSetup { rig: rig.0, racket: &shot.racket, ball: &shot.ball, frame_rate_hz: session.frame_rate_hz };
     let mode = if arguments.sync == Sync::Auto { SyncMode::Auto } else { SyncMode::Report };
-    let mut made = match track_in_step(&clip, &setup, mode, shell.cancel_flag(), &|n| bar.inc(n as u64)) {
+    let (made, manual) =
+        rayon::join(|| track_in_step(&clip, &setup, mode, shell.cancel_flag(), &|n| bar.inc(n as u64)), || look_at_earlier(&shot.id, folder, said));
+    let manual = manual?;
+    let mut made = match made {
         Ok(made) => made,
         Err(TrackingError::Cancelled) => return Err(TrackingError::Cancelled.into()),
         Err(e) => {

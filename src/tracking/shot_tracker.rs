@@ -61,13 +61,10 @@ pub fn track_shot(source: &impl FrameSource, setup: &ShotSetup, cancel: &AtomicB
     stray_ball::drop_strays(source, &mut ball, contact_frame, setup.frame_rate_hz, stray_ball::OUTLINE_PX);
     let contact_frame = space_points::first_contact(source, &racket, &ball, setup.ball.radius_m());
     let tracks = named(source, &racket, &ball);
-    let (mut points, (told, shake_px)) = rayon::join(
-        || space_points::space_points(source, setup, &view, &figure, &racket, &ball, contact_frame),
-        || {
-            let told: Vec<String> = shot.saturated_ball(&ball).into_iter().chain(shot.gamma_encoded()).collect();
-            (told, camera_shake(&tracks, &frames_of_contact(contact_frame, setup.frame_rate_hz)))
-        },
-    );
+    let shake = || camera_shake(&tracks, &frames_of_contact(contact_frame, setup.frame_rate_hz));
+    let told = || -> Vec<String> { shot.saturated_ball(&ball).into_iter().chain(shot.gamma_encoded()).collect() };
+    let ((mut points, shake_px), told) =
+        rayon::join(|| (space_points::space_points(source, setup, &view, &figure, &racket, &ball, contact_frame), shake()), told);
     space_points::widen_by_shake(&view, &mut points, shake_px);
     notes.extend(unseen(&tracks));
     notes.extend(shake_words(shake_px));

@@ -12,6 +12,7 @@ use crate::tracking::pictures::background::background;
 use crate::tracking::pictures::shot_frames::Shot;
 use crate::tracking::racket::shot_racket::{OneWay, RacketStart};
 use crate::tracking::shot_tracks::TrackingError;
+use std::cmp::Reverse;
 use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, OnceLock};
@@ -32,11 +33,11 @@ enum Piece {
     Racket(bool),
     /// As far as it is tried.
     Ball(bool),
-    /// Farther, while nothing else waits.
-    BallFarther(bool),
+    /// Farther, while nothing else waits: the way of which most frames are left first, so that both come to their ends at once.
+    BallFarther(Reverse<usize>, bool),
 }
 
-/// The ball is followed so many frames before it is asked again whether something waits.
+/// The ball is followed so many frames before it is asked again what waits.
 const FARTHER: usize = 4;
 
 /// A piece's result, once it is there.
@@ -62,8 +63,6 @@ pub fn side_by_side<'a, 'c, 's, S: FrameSource>(shot: &'a mut Shot<'c, S>, watch
     let next = || waiting.lock().ok()?.pop_first();
     let add = |piece: Piece| waiting.lock().map(|mut waiting| waiting.insert(piece)).unwrap_or_default();
     let racket_ways_left = AtomicUsize::new(2);
-    let racket_goes_on = || racket_ways_left.load(Ordering::Relaxed) > 0;
-    let else_waits = || waiting.lock().is_ok_and(|waiting| waiting.first().is_some_and(|first| !matches!(first, Piece::BallFarther(_))));
     let work = || {
         while let Some(piece) = next() {
             match piece {
@@ -77,23 +76,23 @@ pub fn side_by_side<'a, 'c, 's, S: FrameSource>(shot: &'a mut Shot<'c, S>, watch
                     if let Some(look) = looked.get()
                         && let Some(flight) = look.flights.first()
                     {
-                        put(&balls[usize::from(forth)], watched.tried_out(scene, look.first, &flight.balls, forth));
-                        add(Piece::BallFarther(forth));
+                        let tried = watched.tried_out(scene, look.first, &flight.balls, forth);
+                        let left = tried.as_ref().map_or(0, |tried| tried.follower.left());
+                        put(&balls[usize::from(forth)], tried);
+                        add(Piece::BallFarther(Reverse(left), forth));
                     }
                 }
-                Piece::BallFarther(forth) => {
+                Piece::BallFarther(_, forth) if racket_ways_left.load(Ordering::Relaxed) > 0 => {
                     let slot = &balls[usize::from(forth)];
                     let Some(Ok(mut tried)) = slot.lock().ok().and_then(|mut slot| slot.take_if(|tried| tried.is_ok())) else { continue };
-                    let mut goes_on = Ok(true);
-                    while matches!(goes_on, Ok(true)) && racket_goes_on() && !else_waits() {
-                        goes_on = watched.follow_on(&mut tried.follower, FARTHER);
-                    }
-                    let again = matches!(goes_on, Ok(true)) && racket_goes_on();
+                    let goes_on = watched.follow_on(&mut tried.follower, FARTHER);
+                    let (again, left) = (matches!(goes_on, Ok(true)), tried.follower.left());
                     put(slot, goes_on.map(|_| tried));
                     if again {
-                        add(piece);
+                        add(Piece::BallFarther(Reverse(left), forth));
                     }
                 }
+                Piece::BallFarther(..) => {}
             }
         }
     };

@@ -68,6 +68,11 @@ impl BallFollower<'_> {
     pub fn seen(&self) -> impl Iterator<Item = (usize, BallFrame)> {
         self.half.seen()
     }
+
+    /// Frames it has not looked at yet, if the ball is seen in them.
+    pub fn left(&self) -> usize {
+        self.ahead.len()
+    }
 }
 
 /// Takes the nearest of the frames ahead: the first (`forth`) or the last.

@@ -5,10 +5,12 @@
 //! points to the side the ball comes from (physics: z toward the hitting side).
 
 use crate::tracking::ball::ball_track::BallFrame;
+use crate::tracking::pictures::shot_frames::AT_ONCE;
 use crate::tracking::racket::racket_figure::RacketFigure;
 use crate::tracking::racket::racket_pose::{View, fit_pose_in};
 use crate::tracking::racket::racket_scene::{ALL_BANDS, RacketFrame};
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector2, Vector3};
+use rayon::prelude::*;
 
 /// Partner of each marker under the half turn.
 const TWIN: [usize; 5] = [0, 2, 1, 4, 3];
@@ -89,9 +91,7 @@ pub fn settle(view: &View, figure: &RacketFigure, racket: &mut [Option<RacketFra
     }
     let by_ball = || side_of_approach(racket, ball).unwrap_or_else(|| racket.iter().flatten().map(|r| r.pose.normal().x).sum()) < 0.0;
     if told_by_figure(view, figure, racket).unwrap_or_else(by_ball) {
-        for r in racket.iter_mut().flatten() {
-            *r = twin(view, figure, r);
-        }
+        racket.par_iter_mut().with_max_len(AT_ONCE).flatten_iter().for_each(|r| *r = twin(view, figure, r));
     }
 }
 
@@ -107,7 +107,7 @@ fn told_by_figure(view: &View, figure: &RacketFigure, racket: &[Option<RacketFra
         all.iter_mut().for_each(|o| o.point.sd = Vector2::repeat(1.0));
         Some(fit_pose_in(view, figure, &all, Some(&frame.pose.global_from_racket)).ok()?.chi2)
     };
-    let whole = racket.iter().flatten().filter(|frame| frame.count() == ALL_BANDS);
+    let whole = racket.par_iter().with_max_len(AT_ONCE).flatten_iter().filter(|frame| frame.count() == ALL_BANDS);
     let misses: Vec<(f64, f64)> = whole.filter_map(|frame| Some((missed(frame)?, missed(&twin(view, figure, frame))?))).collect();
     let (own, other) = misses.iter().fold((0.0, 0.0), |(own, other), m| (own + m.0, other + m.1));
     (misses.len() >= TELLING_FRAMES && own.max(other) > TOLD_BY_MISSES * own.min(other)).then_some(other < own)

@@ -47,7 +47,7 @@ pub fn settle(view: &View, figure: &RacketFigure, frames: &mut [Option<RacketFra
             (left, misses(frame))
         };
         let of_frames: Vec<_> =
-            frames.par_iter().with_max_len(AT_ONCE).flatten().filter(|f| f.stereo() && !f.foretold && f.pose.dof >= 4).map(of_frame).collect();
+            frames.par_iter().with_max_len(AT_ONCE).flatten_iter().filter(|f| f.stereo() && !f.foretold && f.pose.dof >= 4).map(of_frame).collect();
         for (left, misses) in of_frames {
             for (camera, marker, z2) in misses {
                 let sum = &mut sums[camera][marker];
@@ -58,7 +58,7 @@ pub fn settle(view: &View, figure: &RacketFigure, frames: &mut [Option<RacketFra
     };
     for _ in 0..2 {
         let sums = collect(frames);
-        frames.par_iter_mut().with_max_len(AT_ONCE).flatten().for_each(|frame| {
+        frames.par_iter_mut().with_max_len(AT_ONCE).flatten_iter().for_each(|frame| {
             for (points, sums) in frame.points.iter_mut().zip(&sums) {
                 for (point, sum) in points.iter_mut().zip(sums) {
                     if let Some(p) = point.as_mut().filter(|_| sum.1 >= 5.0) {
@@ -72,14 +72,14 @@ pub fn settle(view: &View, figure: &RacketFigure, frames: &mut [Option<RacketFra
     let (sum, count) = collect(frames).iter().flatten().filter(|b| b.1 >= 5.0).fold((0.0, 0.0), |(s, n), b| (s + b.0 / b.1, n + 1.0));
     if count > 0.0 && sum < count {
         let by = (sum / count).sqrt().max(LEAST_SHRUNK);
-        frames.par_iter_mut().with_max_len(AT_ONCE).flatten().for_each(|frame| {
+        frames.par_iter_mut().with_max_len(AT_ONCE).flatten_iter().for_each(|frame| {
             frame.points.iter_mut().flatten().flatten().for_each(|p| p.sd *= by);
             // All alike: the pose stays where it is.
             frame.pose.covariance *= by * by;
             frame.pose.chi2 /= by * by;
         });
     }
-    frames.par_iter_mut().with_max_len(AT_ONCE).flatten().for_each(|frame| {
+    frames.par_iter_mut().with_max_len(AT_ONCE).flatten_iter().for_each(|frame| {
         for _ in 0..2 {
             let worst = misses(frame).into_iter().max_by(|a, b| a.2.total_cmp(&b.2));
             let Some((camera, marker, z2)) = worst.filter(|w| w.2 > DOUBTFUL * DOUBTFUL) else { break };

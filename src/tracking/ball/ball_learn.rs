@@ -258,18 +258,22 @@ impl Learnt {
         if sums.misses.is_empty() {
             return None;
         }
-        self.light = sums.light.step(&self.light)?;
-        self.textures.par_iter_mut().zip(&sums.textures).for_each(|(texture, sums)| {
-            if let Some(sums) = sums {
-                texture.correct(sums);
-            }
-        });
+        let Sums { light, textures, mut misses } = sums;
+        self.light = light.step(&self.light)?;
+        let correct = || {
+            self.textures.par_iter_mut().zip(&textures).for_each(|(texture, sums)| {
+                if let Some(sums) = sums {
+                    texture.correct(sums);
+                }
+            });
+        };
+        let mid = misses.len() / 2;
+        let ((), noise) = rayon::join(correct, || f64::from(*misses.select_nth_unstable_by(mid, f32::total_cmp).1) / 0.6745);
         // The mean gain belongs to the light.
         let mean = lessons.iter().map(|l| l.picture.gain).sum::<f64>() / lessons.len() as f64;
         lessons.iter_mut().for_each(|l| l.picture.gain /= mean);
         self.light = self.light.scaled(mean);
-        let (mid, mut misses) = (sums.misses.len() / 2, sums.misses);
-        self.noise = (f64::from(*misses.select_nth_unstable_by(mid, f32::total_cmp).1) / 0.6745).max(LEAST_NOISE);
+        self.noise = noise.max(LEAST_NOISE);
         Some(())
     }
 }

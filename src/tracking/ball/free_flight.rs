@@ -53,10 +53,11 @@ impl BallScene<'_> {
 
     /// Where the rays of one frame's candidates meet.
     fn places(&self, images: &[Option<GreyView>; 2], candidates: &[Vec<BallCandidate>; 2], depth_at: &Point3<f64>) -> Vec<Place> {
-        let [left, right] = CameraId::BOTH.map(|camera| match (&images[camera.index()], self.radius_px(camera, depth_at)) {
+        let of = |camera: CameraId| match (&images[camera.index()], self.radius_px(camera, depth_at)) {
             (Some(image), Some(radius)) => self.outlines(image, camera, &candidates[camera.index()], radius),
             _ => Vec::new(),
-        });
+        };
+        let (left, right) = rayon::join(|| of(CameraId::Left), || of(CameraId::Right));
         let pairs = left.iter().flat_map(|l| right.iter().map(move |r| (l, r)));
         let place = |((l, l_faint), (r, r_faint)): (&(BallFit, bool), &(BallFit, bool))| {
             let ball = self.join([Some(image_point(l)), Some(image_point(r))], depth_at)?;

@@ -366,11 +366,13 @@ impl<'a> Registrar<'a> {
     /// the views' scores.
     fn information(&self, d: &Design, state: &State, slopes: &[Vec<f32>; 3], e: &MapEquations, weights: &[f32], memory_s: f64) -> Information {
         // What a change of the map can imitate of the slopes: taken out of them.
-        let imitated = slopes.each_ref().map(|slopes| {
+        let imitation = |slopes: &[f32]| {
             let mut x = vec![0.0; self.map.nodes()];
             e.solve(&right_of(self.map, &d.spots, slopes, weights), &mut x, ROUNDS);
             d.spots.values(&self.map.by_cell(&x))
-        });
+        };
+        let (first, (second, third)) = rayon::join(|| imitation(&slopes[0]), || rayon::join(|| imitation(&slopes[1]), || imitation(&slopes[2])));
+        let imitated = [first, second, third];
         let own = |i: usize| Vector3::from_fn(|k, _| f64::from(slopes[k][i]) - f64::from(imitated[k][i]));
         let mut information = Matrix3::identity() * 1e-6;
         for (i, w) in weights.iter().enumerate() {

@@ -347,13 +347,23 @@ impl PreparedModel {
 
     /// The outcomes of some impacts, in their order, on this thread; visco-elastic ones are stepped side by side.
     pub fn predict_piece(&self, inputs: &[ImpactInput]) -> Vec<Result<ImpactOutput, ModelError>> {
-        if self.model.base == Base::Rigid || self.body_varies {
+        if self.model.base == Base::Rigid {
             return inputs.iter().map(|input| self.predict(input)).collect();
         }
+        // Bodies that depend on the impact stay with its true input: contacts borrow them while all are stepped together.
+        let begun = |input: &ImpactInput| -> Result<(ImpactInput, Option<Body>), ModelError> {
+            let truth = self.true_input(input)?;
+            let own = if self.body_varies { Some(self.body_at(&truth)?) } else { None };
+            Ok((truth, own))
+        };
+        let begun: Vec<_> = inputs.iter().map(begun).collect();
         let mut results: Vec<Result<ImpactOutput, ModelError>> = Vec::with_capacity(inputs.len());
         let (mut places, mut truths, mut ready) = (Vec::new(), Vec::new(), Vec::new());
-        for input in inputs {
-            let staged = self.true_input(input).and_then(|truth| Ok((truth, self.ready(contact(&self.body, truth)?))));
+        for begun in &begun {
+            let staged = begun.as_ref().map_err(ModelError::clone).and_then(|(truth, own)| {
+                let at = contact(own.as_ref().unwrap_or(&self.body), *truth)?;
+                Ok((*truth, self.ready(at)))
+            });
             match staged {
                 Ok((truth, contact)) => {
                     places.push(results.len());

@@ -99,6 +99,14 @@ fn three<T: Number, const S: usize>(s: &[T; S], first: usize) -> Three<T> {
 /// Without branches that depend on values, so that lanes stay together.
 #[inline(always)]
 pub(super) fn rates<T: Number, const S: usize>(s: &[T; S], k: &Laws<T>, c: &Constants<T>, mode: &Mode<T>) -> ([T; S], Signs<T>) {
+    let mut d = [mode.side.same(0.0); S];
+    let signs = rates_into(s, k, c, mode, &mut d);
+    (d, signs)
+}
+
+/// [`rates`] written where they are wanted: states side by side are too large to be handed around.
+#[inline(always)]
+pub(super) fn rates_into<T: Number, const S: usize>(s: &[T; S], k: &Laws<T>, c: &Constants<T>, mode: &Mode<T>, d: &mut [T; S]) -> Signs<T> {
     let (full, whole) = (S > PLAIN, S == WHOLE);
     let n = mode.side;
     let (zero, one) = (n.same(0.0), n.same(1.0));
@@ -286,7 +294,6 @@ pub(super) fn rates<T: Number, const S: usize>(s: &[T; S], k: &Laws<T>, c: &Cons
         ([turned[0] + z * fy * ix, turned[1] - z * fx * iy, turned[2] - (x * fy - y * fx) * iz], [spun[0] - foot[2] * fy, spun[1] + foot[2] * fx, spun[2]])
     };
     free = [free[0] + friction[0] * c.per_mass, free[1] + friction[1] * c.per_mass, if full { free[2] + friction[2] * c.per_mass } else { free[2] }];
-    let mut d = [zero; S];
     d[POSITION..POSITION + 3].copy_from_slice(&r);
     d[VELOCITY..VELOCITY + 3].copy_from_slice(&free);
     d[SPIN..SPIN + 3].copy_from_slice(&ball_spun);
@@ -331,7 +338,7 @@ pub(super) fn rates<T: Number, const S: usize>(s: &[T; S], k: &Laws<T>, c: &Cons
         // While the ball slides, the sideways strings settle in c/k.
         settling = T::choose(zero.less(k.k_tx), settling.smaller(k.c_t * 1.5 / k.k_tx.larger(k.k_ty)), settling);
     }
-    (d, Signs { force, onset: xc - ONSET, compressing: balance, slip_x: slip[0], slip_y: slip[1], grip_left, settling, approach: delta })
+    Signs { force, onset: xc - ONSET, compressing: balance, slip_x: slip[0], slip_y: slip[1], grip_left, settling, approach: delta }
 }
 
 /// The slip's rate of change for the friction `f`, in the pocket's plane.

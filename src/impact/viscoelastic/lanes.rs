@@ -6,7 +6,7 @@
 //! the number of threads.
 
 use super::job::{End, Job};
-use super::kernel::{CREEP, FULL, Mode, PLAIN, POSITION, RATE, SPIN, STICK, STRINGS, Signs, WHOLE, rates};
+use super::kernel::{CREEP, FULL, Mode, PLAIN, POSITION, RATE, SPIN, STICK, STRINGS, Signs, WHOLE, rates, rates_into};
 use super::lane::{CLOSE, EXACT, Hunt, LONGEST_S, Lane, MOST_STEPS, Pace, Verdict};
 use super::laws::{Constants, Laws};
 use super::number::{Number, Wide};
@@ -61,6 +61,9 @@ pub(super) fn step_all<T: Number, const S: usize, const HIGH: bool>(like: T, job
     let mut state: [T; S] = start.map(|x| like.same(x));
     let mut d1: [T; S] = rate.map(|x| like.same(x));
     let mut stages = if HIGH { vec![d1; STAGES] } else { Vec::new() };
+    // Rates along a step, the place where they are taken, and the step's end: kept from step to step, or moving them about costs as much as
+    // computing them.
+    let (mut d2, mut d3, mut d4, mut d5, mut at, mut end) = (d1, d1, d1, d1, state, state);
     loop {
         for (i, task) in tasks.iter_mut().enumerate() {
             if task.job.is_some() || next >= jobs.len() {
@@ -85,20 +88,21 @@ pub(super) fn step_all<T: Number, const S: usize, const HIGH: bool>(like: T, job
             return ends;
         }
         let step = lanes.pace.step;
-        let end = if HIGH {
-            high_step(&state, &d1, step, &laws, &constants, &lanes.mode, &mut stages)
+        if HIGH {
+            end = high_step(&state, &d1, step, &laws, &constants, &lanes.mode, &mut stages);
         } else {
-            let (d2, _) = rates(&advance(&state, &d1, step * half), &laws, &constants, &lanes.mode);
-            let (d3, _) = rates(&advance(&state, &d2, step * half), &laws, &constants, &lanes.mode);
-            let (d4, _) = rates(&advance(&state, &d3, step), &laws, &constants, &lanes.mode);
+            advance_into(&state, &d1, step * half, &mut at);
+            rates_into(&at, &laws, &constants, &lanes.mode, &mut d2);
+            advance_into(&state, &d2, step * half, &mut at);
+            rates_into(&at, &laws, &constants, &lanes.mode, &mut d3);
+            advance_into(&state, &d3, step, &mut at);
+            rates_into(&at, &laws, &constants, &lanes.mode, &mut d4);
             let sixth = step * (1.0 / 6.0);
-            let mut end = state;
             for j in 0..S {
                 end[j] = state[j] + sixth * (d1[j] + two * (d2[j] + d3[j]) + d4[j]);
             }
-            end
-        };
-        let (d5, seen) = rates(&end, &laws, &constants, &lanes.mode);
+        }
+        let seen = rates_into(&end, &laws, &constants, &lanes.mode, &mut d5);
         lanes.pace.steps = lanes.pace.steps + one;
         let sum = end[POSITION] + end[SPIN] + end[RATE] + seen.force;
         let finite = sum.size().less(like.same(f64::MAX));
@@ -135,7 +139,7 @@ pub(super) fn step_all<T: Number, const S: usize, const HIGH: bool>(like: T, job
                 Verdict::Accept(changed, kink) => (changed, kink),
                 Verdict::Done(_) => (false, Some(0)),
             };
-            let mut now: [f64; S] = end.map(|x| x.lane(i));
+            let mut now: [f64; S] = std::array::from_fn(|j| end[j].lane(i));
             if let Some(watch) = &mut watch {
                 let stops = changed && lane.mode.stick == STICK;
                 watch(&Taken { time: lane.pace.time, state: &now, signs: &signs, step: step.lane(i), mode, stops, kink });
@@ -152,7 +156,7 @@ pub(super) fn step_all<T: Number, const S: usize, const HIGH: bool>(like: T, job
                 task.job = None;
                 continue;
             }
-            let mut rate: [f64; S] = d5.map(|x| x.lane(i));
+            let mut rate: [f64; S] = std::array::from_fn(|j| d5[j].lane(i));
             if changed {
                 if lane.mode.stick == STICK {
                     jobs[job].stop_slip(&mut now, [signs.slip_x, signs.slip_y]);
@@ -211,12 +215,10 @@ fn begin<const S: usize>(job: &Job<S>) -> ([f64; S], [f64; S], Lane) {
 }
 
 #[inline(always)]
-fn advance<T: Number, const S: usize>(state: &[T; S], rate: &[T; S], step: T) -> [T; S] {
-    let mut out = *state;
+fn advance_into<T: Number, const S: usize>(state: &[T; S], rate: &[T; S], step: T, out: &mut [T; S]) {
     for j in 0..S {
         out[j] = state[j] + step * rate[j];
     }
-    out
 }
 
 /// One step of order 8 (Dormand and Prince). Kinks end steps, so between them the order holds.

@@ -332,7 +332,7 @@ pub fn find_expression(
     while chosen.len() < MOST_TERMS {
         let more: Vec<&Term> = terms.iter().filter(|t| t.channel == chosen[0].channel && chosen.iter().all(|c| c.feature != t.feature)).collect();
         let tried: Vec<(Term, Fitted)> = further(fixed, &features, &best, &chosen, &more)
-            .into_iter()
+            .into_par_iter()
             .filter_map(|t| {
                 let mut names: Vec<String> = chosen.iter().map(|c| c.feature.clone()).collect();
                 names.push(t.feature.clone());

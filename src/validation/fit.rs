@@ -13,7 +13,7 @@ pub use likely_offsets::{LikelyFit, UnlikelyOffset, fit_with_likely_offsets};
 
 use super::error::ValidationError;
 use super::forward::{Forward, Inputs, Prediction, Prior, Tails};
-use super::linearise::{Linearised, Setting, Spread, linearise};
+use super::linearise::{Linearised, Setting, Spread, linearise, weigh_again};
 use super::observation::{Observation, Observations};
 use super::predicted::{PIECE, difference};
 use super::project::add_cross;
@@ -249,8 +249,12 @@ fn fit_holding(
         rounds += 1;
         if !observations.keeps_outliers && rounds <= settle {
             spread = Spread::of(&state.impacts);
-            let lend = keep.or(forward.costly().then_some(state.impacts.as_slice()));
-            state = work.evaluate(&state.column_values, &begin_of(&state), lend, &spread, 0)?;
+            // Where input Jacobians are kept from step to step, nothing but the weights changes.
+            state = if keep.is_some() || forward.costly() {
+                work.weigh_again(state, &spread)?
+            } else {
+                work.evaluate(&state.column_values, &begin_of(&state), None, &spread, 0)?
+            };
         }
         let design = work.design(&state, information.as_ref())?;
         let (mut step, info) = work.step(&state, &design)?;
@@ -425,10 +429,22 @@ impl<'a> Work<'a> {
         let impacts =
             linearise_all(prediction.as_ref(), self.observations, self.impacts, &shifts, spread, begin, reuse, self.open.get().map(Vec::as_slice), passes)?;
         self.open.get_or_init(|| impacts.iter().map(|l| l.open.clone()).collect());
+        Ok(self.state_of(columns, shifts, values, impacts))
+    }
+
+    /// A state with the weights that another spread gives its cells.
+    fn weigh_again(&self, state: State, spread: &Spread) -> Result<State, ValidationError> {
+        let setting = Setting { observations: self.observations, shifts: &state.shifts, spread };
+        let pieces = self.impacts.par_chunks(PIECE).zip(state.impacts.par_chunks(PIECE));
+        let impacts = all_of(pieces.flat_map_iter(|(o, known)| weigh_again(o, &setting, known)).collect(), self.impacts)?;
+        Ok(self.state_of(&state.column_values, state.shifts, state.values, impacts))
+    }
+
+    fn state_of(&self, columns: &DVector<f64>, shifts: Vec<SessionShift>, values: Vec<f64>, impacts: Vec<Linearised>) -> State {
         let chi2: f64 = impacts.iter().map(|l| l.z.norm_squared()).sum();
         let log_det: f64 = impacts.iter().map(|l| l.log_det).sum();
         let from_prior: f64 = self.priors.iter().zip(columns.iter()).map(|(prior, value)| prior.cost(*value)).sum();
-        Ok(State { column_values: columns.clone(), shifts, values, impacts, objective: chi2 + log_det + from_prior, chi2, from_prior })
+        State { column_values: columns.clone(), shifts, values, impacts, objective: chi2 + log_det + from_prior, chi2, from_prior }
     }
 
     /// Whitened derivatives of the prediction with respect to every column, at the state's true inputs.
@@ -524,7 +540,12 @@ pub fn linearise_all(
         let range = i * PIECE..i * PIECE + o.len();
         linearise(prediction, o, &setting, &begin[range.clone()], reuse.map(|r| &r[range.clone()]), open.map(|r| &r[range]), passes)
     };
-    let results: Vec<Option<Linearised>> = impacts.par_chunks(PIECE).enumerate().flat_map_iter(piece).collect();
+    all_of(impacts.par_chunks(PIECE).enumerate().flat_map_iter(piece).collect(), impacts)
+}
+
+/// # Errors
+/// Impacts for which the model has no answer.
+fn all_of(results: Vec<Option<Linearised>>, impacts: &[&Observation]) -> Result<Vec<Linearised>, ValidationError> {
     let failed = results.iter().filter(|r| r.is_none()).count();
     if failed > 0 {
         let id = results.iter().zip(impacts).find(|(r, _)| r.is_none()).map(|(_, o)| o.id.clone()).unwrap_or_default();

@@ -85,6 +85,8 @@ pub struct Linearised {
     pub measured: Vec<usize>,
     /// Estimate x^ of the true inputs.
     pub true_inputs: Inputs,
+    /// Prediction there.
+    pub at_true_inputs: DVector<f64>,
     /// Prediction at the measured inputs less what the session shares, by the linear model: `y − residual`.
     pub predicted: DVector<f64>,
     pub residual: DVector<f64>,
@@ -200,6 +202,26 @@ pub fn linearise(
     results
 }
 
+/// Linearised impacts with the weights that another spread gives their cells: `setting` differs in nothing else, so that nothing is predicted anew.
+pub fn weigh_again(impacts: &[&Observation], setting: &Setting, known: &[Linearised]) -> Vec<Option<Linearised>> {
+    let again = |(place, (o, l)): (usize, (&&Observation, &Linearised))| {
+        let point = Point {
+            place,
+            o,
+            measured: Corrected::of(o, setting),
+            x: l.true_inputs,
+            at_x: l.at_true_inputs.clone(),
+            jacobian: l.jacobian.clone(),
+            jump: l.jump.clone(),
+            open: l.open.clone(),
+            result: None,
+            moves: true,
+        };
+        whiten(&point, setting)
+    };
+    impacts.iter().zip(known).enumerate().map(again).collect()
+}
+
 /// An impact on its way to the estimate of its true inputs.
 struct Point<'a> {
     /// Its index among the impacts.
@@ -222,16 +244,17 @@ struct Corrected {
     outputs: DVector<f64>,
 }
 
+impl Corrected {
+    fn of(o: &Observation, setting: &Setting) -> Self {
+        let (shift, gear) = (&setting.shifts[o.session], &setting.observations.gear[o.gear]);
+        Corrected { inputs: shift.inputs_of(o, gear), outputs: shift.outputs_of(o, gear) }
+    }
+}
+
 /// The impacts at their start, or at their measured inputs where the model has no answer there; without those that have
 /// none at either.
 fn begin<'a>(p: &dyn Prediction, impacts: &[&'a Observation], setting: &Setting, start: &[Inputs]) -> Vec<Point<'a>> {
-    let measured: Vec<Corrected> = impacts
-        .iter()
-        .map(|o| {
-            let (shift, gear) = (&setting.shifts[o.session], &setting.observations.gear[o.gear]);
-            Corrected { inputs: shift.inputs_of(o, gear), outputs: shift.outputs_of(o, gear) }
-        })
-        .collect();
+    let measured: Vec<Corrected> = impacts.iter().map(|o| Corrected::of(o, setting)).collect();
     let asked: Vec<(&Observation, Inputs)> = impacts.iter().copied().zip(start.iter().copied()).collect();
     let mut at: Vec<(Inputs, Option<DVector<f64>>)> = start.iter().copied().zip(predict_measured(p, &asked)).collect();
     let lost: Vec<usize> = (0..at.len()).filter(|&i| at[i].1.is_none()).collect();
@@ -311,6 +334,23 @@ fn advance(p: &dyn Prediction, setting: &Setting, points: &mut [Point]) {
     }
 }
 
+/// L⁻¹ of a lower triangle with a positive diagonal, without the zeros above it that a solution for the unit matrix would carry along.
+fn inverse_of_lower(lower: &DMatrix<f64>) -> DMatrix<f64> {
+    let k = lower.nrows();
+    let mut inverse = DMatrix::zeros(k, k);
+    for column in 0..k {
+        inverse[(column, column)] = 1.0;
+        for i in column..k {
+            let entry = inverse[(i, column)] / lower[(i, i)];
+            inverse[(i, column)] = entry;
+            for below in i + 1..k {
+                inverse[(below, column)] += -entry * lower[(below, i)];
+            }
+        }
+    }
+    inverse
+}
+
 fn whiten(point: &Point, setting: &Setting) -> Option<Linearised> {
     let Point { o, measured, x, at_x, jacobian, jump, open, .. } = point;
     let k = o.measured.len();
@@ -334,17 +374,19 @@ fn whiten(point: &Point, setting: &Setting) -> Option<Linearised> {
         covariance += open;
     }
     let mut lower = covariance.clone().cholesky()?.unpack();
-    let mut whitener = lower.solve_lower_triangular(&DMatrix::identity(k, k))?;
+    let mut whitener = inverse_of_lower(&lower);
     let mut precision = whitener.transpose() * &whitener;
     let standardise = |precision: &DMatrix<f64>| {
         let pulled = precision * &residual;
         let output_t: Vec<f64> = (0..k).map(|i| pulled[i] / precision[(i, i)].max(1e-300).sqrt()).collect();
+        let mut told = DVector::zeros(k);
         let input_t: [f64; INPUTS.len()] = std::array::from_fn(|j| {
             if o.input_sd[j] <= 0.0 || o.missing[j] {
                 return 0.0;
             }
             let f = jacobian.column(j);
-            let information = (precision * f).dot(&f);
+            told.gemv(1.0, precision, &f, 0.0);
+            let information = told.dot(&f);
             // An input that hardly moves any output cannot be told to be odd.
             if information * o.input_sd[j].powi(2) < 1e-3 { 0.0 } else { f.dot(&pulled) / information.sqrt() }
         });
@@ -355,7 +397,7 @@ fn whiten(point: &Point, setting: &Setting) -> Option<Linearised> {
     let (mut now_out, mut now_in) = (output_t.clone(), input_t);
     // The worst cell first: its neighbours often look odd only because of it. Of gross errors the worst is the one that alone explains most
     // of the residuals, the largest in deviations (for one wrong cell by Cauchy and Schwarz its own).
-    for _ in 0..MOST_CELLS {
+    for cell in 1..=MOST_CELLS {
         let of_output = (0..k).map(|i| (now_out[i].abs(), setting.spread.outputs[o.measured[i]], true, i));
         let of_input = (0..INPUTS.len()).map(|j| (now_in[j].abs(), setting.spread.inputs[j], false, j));
         let odd: Vec<(f64, f64, bool, usize)> = of_output.chain(of_input).filter(|(t, spread, ..)| t / spread > OUTLIER_START).collect();
@@ -379,17 +421,20 @@ fn whiten(point: &Point, setting: &Setting) -> Option<Linearised> {
             column: if output { o.measured[index] } else { index },
             standardised: if output { now_out[index] } else { now_in[index] },
         });
-        (now_out, now_in) = standardise(&precision);
+        if cell < MOST_CELLS {
+            (now_out, now_in) = standardise(&precision);
+        }
     }
     if !outliers.is_empty() {
         lower = covariance.clone().cholesky()?.unpack();
-        whitener = lower.solve_lower_triangular(&DMatrix::identity(k, k))?;
+        whitener = inverse_of_lower(&lower);
     }
     let z = &whitener * &residual;
     let log_det = 2.0 * lower.diagonal().iter().map(|d| d.ln()).sum::<f64>();
     Some(Linearised {
         measured: o.measured.clone(),
         true_inputs: *x,
+        at_true_inputs: at_x.clone(),
         predicted,
         residual,
         jacobian: jacobian.clone(),

@@ -229,3 +229,13 @@ fn law_threads_do_not_matter_in_lanes() {
     let run = |threads: usize| rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| predict(&model, &inputs));
     assert_eq!(run(1), run(3));
 }
+
+/// Bodies that an expression makes depend on the impact are stepped in lanes too.
+#[test]
+fn law_neighbours_do_not_matter_where_bodies_vary() {
+    let inputs = impacts(70, 37);
+    let text = "base = \"viscoelastic\"\n[effects.own]\nexpression = \"racket_mass * (1 - 0.2 * (impact_x / half_length)^2)\"\nreplaces = \"racket_mass\"\n";
+    let prepared = Model::parse(text, std::path::Path::new("model.toml")).unwrap().prepare(&racket(), &ball()).unwrap();
+    let alone: Vec<ImpactOutput> = inputs.iter().map(|input| prepared.predict(input).unwrap()).collect();
+    assert_eq!(prepared.predict_all(&inputs).into_iter().map(Result::unwrap).collect::<Vec<_>>(), alone);
+}

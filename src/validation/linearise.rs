@@ -334,6 +334,13 @@ fn advance(p: &dyn Prediction, setting: &Setting, points: &mut [Point]) {
     }
 }
 
+/// `sum += by v v'`.
+fn add_outer(sum: &mut DMatrix<f64>, by: f64, v: &[f64]) {
+    for (c, y) in v.iter().enumerate() {
+        sum.column_mut(c).iter_mut().zip(v).for_each(|(s, x)| *s += by * y * x);
+    }
+}
+
 /// L⁻¹ of a lower triangle with a positive diagonal, without the zeros above it that a solution for the unit matrix would carry along.
 fn inverse_of_lower(lower: &DMatrix<f64>) -> DMatrix<f64> {
     let k = lower.nrows();
@@ -365,11 +372,10 @@ fn whiten(point: &Point, setting: &Setting) -> Option<Linearised> {
     for j in 0..INPUTS.len() {
         if o.input_sd[j] > 0.0 {
             let sd = o.input_sd_at(j, &setting.observations.input_noise[j], x[j]);
-            let column = jacobian.column(j);
-            covariance.ger(sd * sd, &column, &column, 1.0);
+            add_outer(&mut covariance, sd * sd, jacobian.column(j).as_slice());
         }
     }
-    covariance.ger(1.0, jump, jump, 1.0);
+    add_outer(&mut covariance, 1.0, jump.as_slice());
     if open.nrows() == k {
         covariance += open;
     }

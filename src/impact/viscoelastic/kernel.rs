@@ -294,10 +294,13 @@ pub(super) fn rates_into<T: Number, const S: usize>(s: &[T; S], k: &Laws<T>, c: 
         ([turned[0] + z * fy * ix, turned[1] - z * fx * iy, turned[2] - (x * fy - y * fx) * iz], [spun[0] - foot[2] * fy, spun[1] + foot[2] * fx, spun[2]])
     };
     free = [free[0] + friction[0] * c.per_mass, free[1] + friction[1] * c.per_mass, if full { free[2] + friction[2] * c.per_mass } else { free[2] }];
-    d[POSITION..POSITION + 3].copy_from_slice(&r);
-    d[VELOCITY..VELOCITY + 3].copy_from_slice(&free);
-    d[SPIN..SPIN + 3].copy_from_slice(&ball_spun);
-    d[RATE..RATE + 3].copy_from_slice(&racket_turned);
+    // One by one: to copy a slice of registers is a call, before which all others would have to be put away.
+    for i in 0..3 {
+        d[POSITION + i] = r[i];
+        d[VELOCITY + i] = free[i];
+        d[SPIN + i] = ball_spun[i];
+        d[RATE + i] = racket_turned[i];
+    }
     let half = times(o, n.same(0.5));
     d[ATTITUDE] = -(q1 * half[0]) - q2 * half[1] - q3 * half[2];
     d[ATTITUDE + 1] = q0 * half[0] + q2 * half[2] - q3 * half[1];
@@ -305,7 +308,7 @@ pub(super) fn rates_into<T: Number, const S: usize>(s: &[T; S], k: &Laws<T>, c: 
     d[ATTITUDE + 3] = q0 * half[2] + q1 * half[1] - q2 * half[0];
     d[STRINGS] = w_s;
     if full {
-        d[SIDEWAYS..SIDEWAYS + 2].copy_from_slice(&side_rate);
+        (d[SIDEWAYS], d[SIDEWAYS + 1]) = (side_rate[0], side_rate[1]);
         let (e, ed, f, fd) = (s[MODE], s[MODE + 1], s[TORSION], s[TORSION + 1]);
         d[MODE] = ed;
         d[MODE + 1] = -(n * force * k.mode_shape * c.per_mode_mass) - k.mode_damping * k.mode_rate * ed * 2.0 - k.mode_rate * k.mode_rate * e;

@@ -21,6 +21,7 @@ mod track_record;
 pub use ball::ball_pressed::{Flattening, PressedFrame};
 pub use ball::ball_track::BallFrame;
 pub use ball::contact_length::frames_of_contact;
+pub use ball::half_volley::{HALF_COURT_CONTACT_S, MOST_APART_M, MOST_APART_SDS, turned_late};
 pub use exports::c3d::c3d_bytes;
 pub use exports::dltdv::dltdv_tables;
 pub use exports::export::{ExportError, TrackExport};

@@ -5,6 +5,7 @@ use crate::footage::{FrameBuffer, FrameSource, Rows};
 use crate::tracking::ball::ball_refine::{SHARED_VARIANCE, refine_ball};
 use crate::tracking::ball::bounce::Flights;
 use crate::tracking::ball::flight_sample::FlightSample;
+use crate::tracking::racket::racket_pose::View;
 use crate::tracking::shot_tracks::{ShotSetup, ShotTracks, TrackingError};
 use crate::tracking::spin::{BLUR_PX, BallSpin, BallView, FoundSpin, GreyPatch, SpinEstimate, SpinRefusal, SpinSettings};
 use crate::tracking::tape::tape_blur::out_of_focus;
@@ -63,7 +64,8 @@ struct FoundSpins {
 impl FoundSpins {
     /// Looks for the spins; for slow ones in pictures of a longer time as well, as long as the flight was seen.
     fn find(source: &impl FrameSource, setup: &ShotSetup, shot: &ShotTracks) -> Result<Self, TrackingError> {
-        let beside = |contact| Flights::of(source, &shot.ball, contact, setup.frame_rate_hz).beside_the_strings();
+        let view = View::new(setup.rig);
+        let beside = |contact| Flights::of(source, &view, &shot.ball, contact, setup.frame_rate_hz).beside_the_strings();
         let free_s = shot.contact_frame.map_or([f64::INFINITY; 2], beside).map(|frames| frames / setup.frame_rate_hz);
         let sample_of = |fastest: [Option<f64>; 2]| {
             let balls = shot.points.iter().filter(|p| p.target == Target::Ball).map(|p| (p.frame, p.t));

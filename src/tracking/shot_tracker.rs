@@ -3,6 +3,7 @@
 use crate::calibration::CameraId;
 use crate::footage::FrameSource;
 use crate::tracking::ball::ball_track::BallFrame;
+use crate::tracking::ball::bounce::turned_unseen_words;
 use crate::tracking::ball::contact_length::frames_of_contact;
 use crate::tracking::ball::stray_ball;
 use crate::tracking::pictures::camera_shake::{camera_shake, shake_words};
@@ -58,7 +59,7 @@ pub fn track_shot(source: &impl FrameSource, setup: &ShotSetup, cancel: &AtomicB
     let mut ball = shot.find_and_follow_ball(&scene, &racket, &still, Some(look).filter(|_| !any_stale))?;
     face::settle(&view, &figure, &mut racket, &ball);
     let contact_frame = space_points::first_contact(source, &racket, &ball, setup.ball.radius_m());
-    stray_ball::drop_strays(source, &mut ball, contact_frame, setup.frame_rate_hz, stray_ball::OUTLINE_PX);
+    stray_ball::drop_strays(source, &view, &mut ball, contact_frame, setup.frame_rate_hz, stray_ball::OUTLINE_PX);
     let contact_frame = space_points::first_contact(source, &racket, &ball, setup.ball.radius_m());
     let tracks = named(source, &racket, &ball);
     let shake = || camera_shake(&tracks, &frames_of_contact(contact_frame, setup.frame_rate_hz));
@@ -66,6 +67,7 @@ pub fn track_shot(source: &impl FrameSource, setup: &ShotSetup, cancel: &AtomicB
     let ((mut points, shake_px), told) =
         rayon::join(|| (space_points::space_points(source, setup, &view, &figure, &racket, &ball, contact_frame), shake()), told);
     space_points::widen_by_shake(&view, &mut points, shake_px);
+    notes.extend(contact_frame.and_then(|contact| turned_unseen_words(source, &view, &ball, contact, setup.frame_rate_hz)));
     notes.extend(unseen(&tracks));
     notes.extend(shake_words(shake_px));
     notes.extend(told);

@@ -97,7 +97,7 @@ pub(in crate::tracking) fn refine_ball(
 
 /// Writes the balls' points into the tracks and the space points.
 fn renew(source: &impl FrameSource, setup: &ShotSetup, shot: &mut ShotTracks, view: &View) {
-    stray_ball::drop_strays(source, &mut shot.ball, shot.contact_frame, setup.frame_rate_hz, stray_ball::FINAL_PX);
+    stray_ball::drop_strays(source, view, &mut shot.ball, shot.contact_frame, setup.frame_rate_hz, stray_ball::FINAL_PX);
     shot.contact_frame = space_points::first_contact(source, &shot.racket, &shot.ball, setup.ball.radius_m());
     let shake_px = camera_shake(&shot.tracks, &frames_of_contact(shot.contact_frame, setup.frame_rate_hz));
     shot.points = space_points::space_points(source, setup, view, &shot.figure, &shot.racket, &shot.ball, shot.contact_frame);
@@ -125,7 +125,7 @@ fn sights(
     sample: &FlightSample,
 ) -> Result<Vec<Sight>, TrackingError> {
     let numbers: Vec<f64> = (0..source.len()).map(|i| source.number(i) as f64).collect();
-    let free = Flights::of(source, &shot.ball, contact, setup.frame_rate_hz).beside_the_strings();
+    let free = Flights::of(source, view, &shot.ball, contact, setup.frame_rate_hz).beside_the_strings();
     let both = |buffer: &mut FrameBuffer, index: usize| -> Result<Vec<Sight>, TrackingError> {
         let mut out = Vec::with_capacity(2);
         // A ball that the strings press is no sphere.

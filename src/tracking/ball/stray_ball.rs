@@ -11,6 +11,7 @@ use crate::footage::FrameSource;
 use crate::tracking::ball::ball_track::BallFrame;
 use crate::tracking::ball::bounce::Flights;
 use crate::tracking::pictures::shot_frames::AT_ONCE;
+use crate::tracking::racket::racket_pose::View;
 use crate::tracking::track_file::ImagePoint;
 use nalgebra::{Matrix3, Matrix3x2, Vector2, Vector3};
 use rayon::prelude::*;
@@ -49,11 +50,11 @@ const HELD_PX: f64 = 1.2;
 
 /// Takes away single sightings, and the points of balls in free flight that the flight itself rules out by more than `least_px`. Without a
 /// contact nothing is known to fly freely.
-pub fn drop_strays(source: &impl FrameSource, ball: &mut [Option<BallFrame>], contact_frame: Option<f64>, frame_rate_hz: f64, least_px: f64) {
+pub fn drop_strays(source: &impl FrameSource, view: &View, ball: &mut [Option<BallFrame>], contact_frame: Option<f64>, frame_rate_hz: f64, least_px: f64) {
     drop_lonely(source, ball);
     let Some(contact) = contact_frame else { return };
     let bend_px = BEND_PX * (1000.0 / frame_rate_hz).powi(2);
-    for free in Flights::of(source, ball, contact, frame_rate_hz).all() {
+    for free in Flights::of(source, view, ball, contact, frame_rate_hz).all() {
         // What the two cameras never see at once is no flight through both pictures.
         let flying: Vec<usize> = (0..ball.len()).filter(|i| ball[*i].is_some() && free.contains(&(source.number(*i) as f64 - contact))).collect();
         if flying.iter().all(|i| ball[*i].is_some_and(|b| !b.stereo)) {

@@ -12,6 +12,7 @@ mod calibration_share;
 mod characteristics;
 mod contact;
 mod face_pose;
+mod flights_meet;
 mod frame_rate;
 mod frame_view;
 mod grid_photograph;
@@ -97,6 +98,19 @@ pub enum KinematicsError {
         1e3 * past_m
     )]
     OffTheFace { x_m: f64, y_m: f64, past_m: f64 },
+    #[error(
+        "something else than the strings turned the ball within milliseconds of them (court, net or frame), or the cameras are out of step: its ways before \
+         and after the contact pass each other by {:.0} mm (sd {:.0}), and its velocity and spin at the contact are not those of the flights that were seen; \
+         look at the overlay, leave the shot out",
+        1e3 * apart_m,
+        1e3 * sd_m
+    )]
+    TurnedElsewhere { apart_m: f64, sd_m: f64 },
+    #[error(
+        "the court turned the ball {:.1} ms before the strings, and {seen} frames show it between; at least {need} are needed for its velocity at the contact",
+        1e3 * before_s
+    )]
+    HalfVolley { before_s: f64, seen: usize, need: usize },
     #[error("{seen} frames show the {body} {when} contact; at least {need} are needed")]
     TooFewFrames { body: &'static str, when: &'static str, seen: usize, need: usize },
     #[error(

@@ -5,6 +5,7 @@ use super::calibration_share::CalibrationShare;
 use super::characteristics::{ShotEquipment, characteristics};
 use super::contact::BodyMotion;
 use super::face_pose::face_pose_sd;
+use super::flights_meet::Passing;
 use super::least_squares::chi2_tail_3;
 use super::marker_distance::{MarkerDistance, marker_distances, mismatch_remark};
 use super::racket_outline::{outside_strings, past_racket};
@@ -228,6 +229,9 @@ pub fn measure_shot(input: &ShotInput<'_>, settings: &MeasureSettings) -> Result
     let characteristics = Characteristics { measures, covariance };
     let face = BodyMotion::from(&motion.racket_in).pose(&motion.moving.com_local);
     characteristics.refuse_no_impact(input, &(face.rotation.inverse() * settings.gravity()))?;
+    if let Some(Passing { apart_m, sd_m }) = Passing::of_shot(&motion).filter(Passing::turned_elsewhere) {
+        return Err(KinematicsError::TurnedElsewhere { apart_m, sd_m });
+    }
     let mut quantities = characteristics.quantities();
     for (name, component) in [("ball_in_spin_component", input.spin.before_component), ("ball_out_spin_component", input.spin.after_component)] {
         if let Some(c) = component {
@@ -391,6 +395,7 @@ fn remarks(
     if quantities.get("impact_success_ratio").is_none() {
         remarks.push("no impact_success_ratio: the impact point stood still before the impact, and has no momentum to compare".to_owned());
     }
+    remarks.extend(Passing::of_shot(motion).and_then(|passing| passing.remark()));
     remarks.extend(mismatch_remark(marker_distances));
     for (when, window) in [("before", Some(&windows.ball_in)), ("after", windows.ball_out.as_ref())] {
         let Some((w, p)) = window.and_then(|w| Some((w, w.bending_p?))).filter(|(_, p)| *p < BENDS_P) else { continue };

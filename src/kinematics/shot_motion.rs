@@ -18,9 +18,9 @@ use super::sighting::{CommonError, FrameClock, Sighting, sightings};
 use super::straight_line::straight_line;
 use super::tape_session::TapeErrors;
 use super::{FitError, KinematicsError};
-use crate::calibration::StereoRig;
+use crate::calibration::{CameraId, StereoRig};
 use crate::equipment::{Ball, Racket};
-use crate::tracking::{RacketFigure, Target, Tracks, camera_shake, frames_of_contact, shake_words};
+use crate::tracking::{HALF_COURT_CONTACT_S, RacketFigure, Target, Tracks, View, camera_shake, frames_of_contact, shake_words, turned_late};
 use nalgebra::{Isometry3, Point3, Vector3};
 use std::collections::BTreeMap;
 
@@ -217,13 +217,15 @@ impl Bench<'_> {
         // Where the ball is hidden long before, the racket is still seen.
         let mut end = self.last_clear(&frames, side).max(-USUAL_CONTACT_S);
         let mut contact = end + half;
+        let turned = self.turned_late(&frames, contact);
         let (mut fits, mut settled) = (None, false);
         let all = MotionLaw::before_contact();
         for round in 0..ROUNDS {
             let from = contact - self.settings.window_s;
             // The windows settle with one law; the last round weighs them all.
             let laws: &[MotionLaw] = if settled && !self.settings.first_look { &all } else { &[MotionLaw::Hold(Pace::Brisk)] };
-            let ball_in = self.flight(&frames, When::Before, from, end, contact)?;
+            let ball_in = self.flight(&frames, When::Before, turned.map_or(from, |t| from.max(t + HALF_COURT_CONTACT_S)), end, contact);
+            let ball_in = ball_in.map_err(|why| half_volley(why, turned.map(|t| contact - t)))?;
             let racket_in = self.motion(&frames, When::Before, from, end, contact, laws)?;
             let dt = crossing(&PointMotion::from(&ball_in), &body_at(&self.moving, &racket_in, contact), &self.moving.com_local, side, radius)
                 .ok_or(KinematicsError::NoCrossing { when: "before" })?;
@@ -250,6 +252,12 @@ impl Bench<'_> {
             shake_px: self.shake_px,
             remarks: shake_words(self.shake_px).into_iter().collect(),
         };
+        if let Some(t) = turned {
+            shot.ball_in.shortened = true;
+            let (before_ms, frames) = (1e3 * (contact - t), shot.ball_in.frames);
+            shot.remarks
+                .push(format!("a half-volley: the court turned the ball {before_ms:.1} ms before the strings; its velocity there is told by {frames} frames"));
+        }
         if let Err(e) = self.measure_after(&mut shot) {
             self.measure_each_after(&mut shot, &e);
         }
@@ -309,6 +317,13 @@ impl Bench<'_> {
             return 0.5;
         }
         shot.racket_in.laws.iter().filter(|(law, _)| law.in_slow_hand()).map(|(_, p)| p).sum()
+    }
+
+    /// When the court turned the ball, if it did so shortly before the contact.
+    fn turned_late(&self, frames: &BTreeMap<u64, FrameView>, contact: f64) -> Option<f64> {
+        let seen: Vec<(f64, Point3<f64>)> = frames.values().filter(|f| f.t < contact).filter_map(|f| Some((f.t - contact, f.ball?.position))).collect();
+        let view = View::new(self.rig);
+        turned_late(&seen, &CameraId::BOTH.map(|camera| *view.eye(camera))).map(|t| contact + t)
     }
 
     /// Time of the last frame in which the ball is surely clear of the face, before the impact frame.
@@ -469,6 +484,14 @@ impl Bench<'_> {
         state.global_from_racket *= nalgebra::UnitQuaternion::from_scaled_axis(rate * dt);
         (state.velocity, state.rate_body) = (velocity, rate);
         state
+    }
+}
+
+/// Why the ball before the contact was not measured, where the court turned it so many seconds before.
+fn half_volley(why: KinematicsError, before_s: Option<f64>) -> KinematicsError {
+    match (why, before_s) {
+        (KinematicsError::TooFewFrames { seen, need, .. }, Some(before_s)) => KinematicsError::HalfVolley { before_s, seen, need },
+        (why, _) => why,
     }
 }
 

@@ -401,6 +401,12 @@ fn worst(truth: &TrueShot, shot: &MeasuredShot, stem: &str) -> Option<f64> {
 
 /// The ball's track bent at a frame: its image drops by so many pixels per frame the farther back (or on) from the contact.
 fn with_bounce(seed: u64, at: i64, px_per_frame: f64) -> (TrueShot, MeasuredShot) {
+    let truth = bounced(seed, at, px_per_frame);
+    let shot = measured(&truth, &settings()).unwrap();
+    (truth, shot)
+}
+
+fn bounced(seed: u64, at: i64, px_per_frame: f64) -> TrueShot {
     let mut truth = true_shot(seed, &COURT);
     let impact = truth.impact_frame as i64;
     for p in truth.tracks.points.iter_mut().filter(|p| p.target == Target::Ball) {
@@ -409,8 +415,7 @@ fn with_bounce(seed: u64, at: i64, px_per_frame: f64) -> (TrueShot, MeasuredShot
             point.uv.y += px_per_frame * beyond.max(0) as f64;
         }
     }
-    let shot = measured(&truth, &settings()).unwrap();
-    (truth, shot)
+    truth
 }
 
 #[test]
@@ -423,9 +428,9 @@ fn truth_a_bounce_within_the_window_shortens_it_and_nothing_else_does() {
         assert!(window.shortened && window.length_s < 1.6e-2 && window.frames >= 9, "seed {seed}: {window:?}");
         assert!(worst(&truth, &shot, stem).unwrap() < 4.0, "seed {seed}: {:?}", worst(&truth, &shot, stem));
     }
-    // Right beside the contact ten frames hold the bend: the shot says so.
-    let (_, shot) = with_bounce(55, -5, 3.0);
-    assert!(shot.shot.remarks.iter().any(|r| r.contains("bends more")), "{:?} {:?}", shot.shot.windows.ball_in, shot.shot.remarks);
+    // Right behind the contact ten frames hold the bend: such a flight does not come from the strings.
+    let refused = measured(&bounced(55, 12, 3.0), &settings()).map(|shot| shot.shot.remarks).unwrap_err().to_string();
+    assert!(refused.contains("turned the ball"), "{refused}");
     // A flight is left alone.
     let shortened: usize = (60..80u64)
         .into_par_iter()
@@ -435,6 +440,33 @@ fn truth_a_bounce_within_the_window_shortens_it_and_nothing_else_does() {
         })
         .sum();
     assert!(shortened <= 2, "{shortened} of 40 windows shortened though nothing bends");
+}
+
+#[test]
+fn truth_a_half_volley_is_measured_from_the_frames_behind_its_bounce_or_refused() {
+    // 12 m/s, seven and eight frames before: five frames and more are behind what the court may have held.
+    for (seed, at) in [(51, -7), (52, -8), (53, -7), (54, -8)] {
+        let (truth, shot) = with_bounce(seed, at, 3.0);
+        let remarks = &shot.shot.remarks;
+        assert!(remarks.iter().any(|r| r.contains("half-volley")), "seed {seed}: {:?} {remarks:?}", shot.shot.windows.ball_in);
+        assert!(worst(&truth, &shot, "ball_in_v").unwrap() < 4.0, "seed {seed}: {:?}", worst(&truth, &shot, "ball_in_v"));
+        assert!(shot.shot.quantities.get("ball_in_vx").unwrap().sd < 1.0);
+    }
+    // Nearer to the strings, with the ball between seen and unseen.
+    for (seed, at) in [(51, -2), (52, -3), (53, -4), (54, -5)] {
+        let mut truth = bounced(seed, at, 3.0);
+        let refused = |truth: &TrueShot| measured(truth, &settings()).map(|shot| shot.shot.windows.ball_in).unwrap_err().to_string();
+        assert!(refused(&truth).contains("turned the ball"), "seed {seed}");
+        let turned = (truth.impact_frame as i64 + at) as u64;
+        let lost = turned..=truth.impact_frame as u64;
+        truth.tracks.points.retain(|p| p.target != Target::Ball || !lost.contains(&p.frame));
+        assert!(refused(&truth).contains("turned the ball"), "seed {seed}, unseen");
+    }
+    let told: usize = (60..76u64)
+        .into_par_iter()
+        .map(|seed| usize::from(measured(&true_shot(seed, &NOISY), &settings()).unwrap().shot.remarks.iter().any(|r| r.contains("half-volley"))))
+        .sum();
+    assert_eq!(told, 0, "of 16 shots whose ball nothing turned");
 }
 
 /// A window of some 20 ms hardly tells the few m/s² of a slow hand from none, nor a hung racket's sway from rest: laws that know of no acceleration are not

@@ -232,8 +232,10 @@ pub fn true_shot(seed: u64, d: &Difficulty) -> TrueShot {
     after_contact.w = start.w + w_change + normal3(&mut rng, if d.laboratory { 0.0 } else { 3.0 });
     after_contact.com = start.com + (start.v + after_contact.v) * (contact_time / 2.0);
     after_contact.q = start.q * UnitQuaternion::from_scaled_axis((start.w + after_contact.w) * (contact_time / 2.0));
+    // Pushed for as long before the middle of the contact as after it, the ball goes its mean velocity's way.
+    let pushed = after_contact.pose(&com_local).inverse() * Point3::from(contact_point.coords + (ball_in + ball_out) * (contact_time / 2.0));
     let leave =
-        after_contact.pose(&com_local) * Point3::new(impact.x + rng.random_range(-0.01..0.01), impact.y, side * (radius - rng.random_range(0.0..0.002)));
+        after_contact.pose(&com_local) * Point3::new(pushed.x + rng.random_range(-0.01..0.01), pushed.y, side * (radius - rng.random_range(0.0..0.002)));
     let after_force = normal3(&mut rng, 150.0 * held);
     let after_torque = Vector3::new(500.0, 250.0, 250.0).component_mul(&normal3(&mut rng, held));
     // Drawn apart, so that worlds that differ in these alone share everything else.

@@ -8,7 +8,7 @@ use super::diagnosis::NextExperiment;
 use super::forward::{Asked, Inputs, Outputs, Prediction};
 use super::linearise::Linearised;
 use super::observation::{Observation, Observations};
-use super::predicted::piece_of;
+use super::predicted::PIECE;
 use super::refits::LOG_ODDS;
 use super::terminal::short;
 use crate::impact_table::{INPUTS, OUTPUTS, column_subject, unit};
@@ -49,7 +49,7 @@ pub fn next_experiment(
     // With the user's own columns as in the impacts' middle.
     let own = impacts.get(impacts.len() / 2).map(|o| o.own).unwrap_or_default();
     let asked: Vec<Asked> = grid(observations, impacts).into_iter().map(|inputs| Asked { gear: 0, order: 0.0, own, inputs }).collect();
-    let all = |p: &dyn Prediction| -> Vec<Option<Outputs>> { asked.par_chunks(piece_of(asked.len())).flat_map_iter(|piece| p.predict_many(piece)).collect() };
+    let all = |p: &dyn Prediction| -> Vec<Option<Outputs>> { asked.par_chunks(PIECE).flat_map_iter(|piece| p.predict_many(piece)).collect() };
     let (by_first, by_second) = (all(first.prediction), all(second.prediction));
     let mut settings: Vec<Setting> = asked
         .iter()

@@ -15,7 +15,7 @@ use super::error::ValidationError;
 use super::forward::{Forward, Inputs, Prediction, Prior, Tails};
 use super::linearise::{Linearised, Setting, Spread, linearise, weigh_again};
 use super::observation::{Observation, Observations};
-use super::predicted::{difference, piece_of};
+use super::predicted::{PIECE, difference};
 use super::project::add_cross;
 use super::session_shift::{ACROSS_COLUMNS, SessionShift, relative_sd, shared_inputs, shared_outputs};
 use crate::impact_table::{INPUTS, OUTPUTS};
@@ -435,8 +435,7 @@ impl<'a> Work<'a> {
     /// A state with the weights that another spread gives its cells.
     fn weigh_again(&self, state: State, spread: &Spread) -> Result<State, ValidationError> {
         let setting = Setting { observations: self.observations, shifts: &state.shifts, spread };
-        let piece = piece_of(self.impacts.len());
-        let pieces = self.impacts.par_chunks(piece).zip(state.impacts.par_chunks(piece));
+        let pieces = self.impacts.par_chunks(PIECE).zip(state.impacts.par_chunks(PIECE));
         let impacts = all_of(pieces.flat_map_iter(|(o, known)| weigh_again(o, &setting, known)).collect(), self.impacts)?;
         Ok(self.state_of(&state.column_values, state.shifts, state.values, impacts))
     }
@@ -537,12 +536,11 @@ pub fn linearise_all(
     passes: usize,
 ) -> Result<Vec<Linearised>, ValidationError> {
     let setting = Setting { observations, shifts, spread };
-    let size = piece_of(impacts.len());
     let piece = |(i, o): (usize, &[&Observation])| {
-        let range = i * size..i * size + o.len();
+        let range = i * PIECE..i * PIECE + o.len();
         linearise(prediction, o, &setting, &begin[range.clone()], reuse.map(|r| &r[range.clone()]), open.map(|r| &r[range]), passes)
     };
-    all_of(impacts.par_chunks(size).enumerate().flat_map_iter(piece).collect(), impacts)
+    all_of(impacts.par_chunks(PIECE).enumerate().flat_map_iter(piece).collect(), impacts)
 }
 
 /// # Errors

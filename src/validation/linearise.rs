@@ -334,30 +334,6 @@ fn advance(p: &dyn Prediction, setting: &Setting, points: &mut [Point]) {
     }
 }
 
-/// `sum += by v v'`.
-fn add_outer(sum: &mut DMatrix<f64>, by: f64, v: &[f64]) {
-    for (c, y) in v.iter().enumerate() {
-        sum.column_mut(c).iter_mut().zip(v).for_each(|(s, x)| *s += by * y * x);
-    }
-}
-
-/// L⁻¹ of a lower triangle with a positive diagonal, without the zeros above it that a solution for the unit matrix would carry along.
-fn inverse_of_lower(lower: &DMatrix<f64>) -> DMatrix<f64> {
-    let k = lower.nrows();
-    let mut inverse = DMatrix::zeros(k, k);
-    for column in 0..k {
-        inverse[(column, column)] = 1.0;
-        for i in column..k {
-            let entry = inverse[(i, column)] / lower[(i, i)];
-            inverse[(i, column)] = entry;
-            for below in i + 1..k {
-                inverse[(below, column)] += -entry * lower[(below, i)];
-            }
-        }
-    }
-    inverse
-}
-
 fn whiten(point: &Point, setting: &Setting) -> Option<Linearised> {
     let Point { o, measured, x, at_x, jacobian, jump, open, .. } = point;
     let k = o.measured.len();
@@ -372,27 +348,26 @@ fn whiten(point: &Point, setting: &Setting) -> Option<Linearised> {
     for j in 0..INPUTS.len() {
         if o.input_sd[j] > 0.0 {
             let sd = o.input_sd_at(j, &setting.observations.input_noise[j], x[j]);
-            add_outer(&mut covariance, sd * sd, jacobian.column(j).as_slice());
+            let column = jacobian.column(j);
+            covariance.ger(sd * sd, &column, &column, 1.0);
         }
     }
-    add_outer(&mut covariance, 1.0, jump.as_slice());
+    covariance.ger(1.0, jump, jump, 1.0);
     if open.nrows() == k {
         covariance += open;
     }
     let mut lower = covariance.clone().cholesky()?.unpack();
-    let mut whitener = inverse_of_lower(&lower);
+    let mut whitener = lower.solve_lower_triangular(&DMatrix::identity(k, k))?;
     let mut precision = whitener.transpose() * &whitener;
     let standardise = |precision: &DMatrix<f64>| {
         let pulled = precision * &residual;
         let output_t: Vec<f64> = (0..k).map(|i| pulled[i] / precision[(i, i)].max(1e-300).sqrt()).collect();
-        let mut told = DVector::zeros(k);
         let input_t: [f64; INPUTS.len()] = std::array::from_fn(|j| {
             if o.input_sd[j] <= 0.0 || o.missing[j] {
                 return 0.0;
             }
             let f = jacobian.column(j);
-            told.gemv(1.0, precision, &f, 0.0);
-            let information = told.dot(&f);
+            let information = (precision * f).dot(&f);
             // An input that hardly moves any output cannot be told to be odd.
             if information * o.input_sd[j].powi(2) < 1e-3 { 0.0 } else { f.dot(&pulled) / information.sqrt() }
         });
@@ -433,7 +408,7 @@ fn whiten(point: &Point, setting: &Setting) -> Option<Linearised> {
     }
     if !outliers.is_empty() {
         lower = covariance.clone().cholesky()?.unpack();
-        whitener = inverse_of_lower(&lower);
+        whitener = lower.solve_lower_triangular(&DMatrix::identity(k, k))?;
     }
     let z = &whitener * &residual;
     let log_det = 2.0 * lower.diagonal().iter().map(|d| d.ln()).sum::<f64>();

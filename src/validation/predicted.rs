@@ -7,14 +7,8 @@ use super::unseen_spin::{TRIED, TRIED_FOR_SLOPES, covariance, mean, spins, with_
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-/// Fewest impacts per task: enough to fill the lanes of a time-stepped model a few times.
-const PIECE: usize = 32;
-
-/// Impacts per task of a table: the more, the fewer lanes stand idle while the last impacts of a task end; few enough to share them between
-/// threads. What is predicted does not depend on it.
-pub fn piece_of(impacts: usize) -> usize {
-    (impacts / (4 * rayon::current_num_threads())).clamp(PIECE, 4 * PIECE).next_multiple_of(PIECE / 2)
-}
+/// Impacts per task: enough to fill the lanes of a time-stepped model, few enough to share a table between threads.
+pub const PIECE: usize = 32;
 
 /// Predicted values of the measured outputs of each impact at its inputs, or `None` where the model has no answer. Of an
 /// impact whose spin is open the mean over the spins of play ([`super::unseen_spin`]).
@@ -75,6 +69,5 @@ pub fn difference(above: &dyn Prediction, below: &dyn Prediction, impacts: &[&Ob
         let pairs = predict_measured(above, &asked).into_iter().zip(predict_measured(below, &asked));
         pairs.zip(places).map(|((a, b), l)| a.zip(b).map_or_else(|| DVector::zeros(l.z.len()), |(a, b)| a - b)).collect::<Vec<_>>()
     };
-    let piece = piece_of(impacts.len());
-    impacts.par_chunks(piece).zip(at.par_chunks(piece)).flat_map_iter(one).collect()
+    impacts.par_chunks(PIECE).zip(at.par_chunks(PIECE)).flat_map_iter(one).collect()
 }

@@ -2,13 +2,14 @@
 //!
 //! Strings push the ball for a few milliseconds, so that its two flights, drawn on, meet in the middle of the contact: along the push they do so at some
 //! time, across it they pass each other by what the push goes from side to side meanwhile. Where court, net or frame turned the ball as well, within a few
-//! frames of the strings and unseen, a turn of 10 m/s puts them a centimetre apart for every millisecond between.
+//! frames of the strings and unseen, a turn of 10 m/s puts them a centimetre apart for every millisecond between. Strings that hold the ball at one place of
+//! them all along would carry it aside as well, but no farther than they go themselves.
 
 use super::ball_flight::FlightEstimate;
-use super::contact::PointMotion;
+use super::contact::{BodyMotion, PointMotion, ball_in_racket};
 use super::shot_motion::ShotMotion;
 use crate::tracking::{MOST_APART_M, MOST_APART_SDS};
-use nalgebra::{Matrix3, Matrix3x6};
+use nalgebra::{Matrix3, Matrix3x6, Vector3};
 
 /// From here on, m, and so many deviations, two flights that do not meet are worth a look. (Of 82 rendered shots that the strings alone turned none passed by more
 /// than 8 mm, with spins of up to 4000 rpm and strings that give way sideways.)
@@ -20,17 +21,21 @@ pub struct Passing {
     pub apart_m: f64,
     /// One standard deviation of that, m.
     pub sd_m: f64,
+    /// How far strings that hold the ball at one place of them from the first contact to the last carry it aside, m.
+    pub carried_m: f64,
 }
 
 impl Passing {
     /// Of a shot both of whose contacts are known.
     pub fn of_shot(motion: &ShotMotion) -> Option<Self> {
-        motion.last_contact_t?;
-        Passing::of(&motion.ball_in, motion.ball_out.as_ref()?)
+        let contact_s = (motion.last_contact_t? - motion.first_contact_t).max(0.0);
+        let (racket, com) = (BodyMotion::from(&motion.racket_in), &motion.moving.com_local);
+        let strings = racket.point_velocity(&ball_in_racket(&PointMotion::from(&motion.ball_in), &racket, com), com);
+        Passing::of(&motion.ball_in, motion.ball_out.as_ref()?, &strings, contact_s)
     }
 
-    /// Of the flights before and after; `None` where the ball was not turned at all.
-    fn of(before: &FlightEstimate, after: &FlightEstimate) -> Option<Self> {
+    /// Of the flights before and after; `None` where the ball was not turned at all. `strings` is their velocity where they meet the ball, m/s.
+    fn of(before: &FlightEstimate, after: &FlightEstimate, strings: &Vector3<f64>, contact_s: f64) -> Option<Self> {
         let at = |flight: &FlightEstimate, t: f64| PointMotion::from(flight).after(t - flight.reference_t);
         let mut t = 0.5 * (before.reference_t + after.reference_t);
         for _ in 0..3 {
@@ -50,7 +55,8 @@ impl Passing {
         };
         let share = Matrix3::identity() - along * along.transpose();
         let spread = share * (covariance(before) + covariance(after)) * share;
-        Some(Passing { apart_m: apart.norm(), sd_m: across.dot(&(spread * across)).max(0.0).sqrt() })
+        let carried_m = contact_s * (share * (strings - a.velocity)).norm();
+        Some(Passing { apart_m: apart.norm(), sd_m: across.dot(&(spread * across)).max(0.0).sqrt(), carried_m })
     }
 
     /// What is to be said of flights that nearly meet.
@@ -67,6 +73,6 @@ impl Passing {
 
     /// Whether something else than the strings turned the ball.
     pub fn turned_elsewhere(&self) -> bool {
-        self.apart_m > MOST_APART_M.max(MOST_APART_SDS * self.sd_m)
+        self.apart_m > self.carried_m + MOST_APART_M.max(MOST_APART_SDS * self.sd_m)
     }
 }

@@ -229,7 +229,7 @@ pub fn measure_shot(input: &ShotInput<'_>, settings: &MeasureSettings) -> Result
     let characteristics = Characteristics { measures, covariance };
     let face = BodyMotion::from(&motion.racket_in).pose(&motion.moving.com_local);
     characteristics.refuse_no_impact(input, &(face.rotation.inverse() * settings.gravity()))?;
-    if let Some(Passing { apart_m, sd_m }) = Passing::of_shot(&motion).filter(Passing::turned_elsewhere) {
+    if let Some(Passing { apart_m, sd_m, .. }) = Passing::of_shot(&motion).filter(Passing::turned_elsewhere) {
         return Err(KinematicsError::TurnedElsewhere { apart_m, sd_m });
     }
     let mut quantities = characteristics.quantities();

@@ -434,10 +434,11 @@ impl<'a> Work<'a> {
 
     /// A state with the weights that another spread gives its cells.
     fn weigh_again(&self, state: State, spread: &Spread) -> Result<State, ValidationError> {
-        let setting = Setting { observations: self.observations, shifts: &state.shifts, spread };
-        let pieces = self.impacts.par_chunks(PIECE).zip(state.impacts.par_chunks(PIECE));
-        let impacts = all_of(pieces.flat_map_iter(|(o, known)| weigh_again(o, &setting, known)).collect(), self.impacts)?;
-        Ok(self.state_of(&state.column_values, state.shifts, state.values, impacts))
+        let State { column_values, shifts, values, impacts, .. } = state;
+        let setting = Setting { observations: self.observations, shifts: &shifts, spread };
+        let known = self.impacts.par_iter().with_min_len(PIECE).zip(impacts);
+        let impacts = all_of(known.map(|(o, known)| weigh_again(o, &setting, known)).collect(), self.impacts)?;
+        Ok(self.state_of(&column_values, shifts, values, impacts))
     }
 
     fn state_of(&self, columns: &DVector<f64>, shifts: Vec<SessionShift>, values: Vec<f64>, impacts: Vec<Linearised>) -> State {

@@ -140,15 +140,16 @@ fn input_jacobians(p: &dyn Prediction, points: &[&Point], widest: f64) -> Vec<DM
     let mut jacobians: Vec<DMatrix<f64>> = points.iter().map(|point| DMatrix::zeros(point.o.measured.len(), INPUTS.len())).collect();
     for ((i, j), sides) in places.into_iter().zip(predict_roughly(p, &asked).chunks_exact(2)) {
         let h = step(points[i], j);
-        let column = match (&sides[0], &sides[1]) {
-            (Some(up), Some(down)) => (up - down) / (2.0 * h),
+        let (above, below, apart) = match (&sides[0], &sides[1]) {
+            (Some(up), Some(down)) => (up, down, 2.0 * h),
             // The middle is a mean over more spins than the sides are.
             _ if points[i].o.has_open_spin() => continue,
-            (Some(up), None) => (up - &points[i].at_x) / h,
-            (None, Some(down)) => (&points[i].at_x - down) / h,
+            (Some(up), None) => (up, &points[i].at_x, h),
+            (None, Some(down)) => (&points[i].at_x, down, h),
             (None, None) => continue,
         };
-        jacobians[i].set_column(j, &column);
+        let between = above.iter().zip(below).map(|(a, b)| (a - b) / apart);
+        jacobians[i].column_mut(j).iter_mut().zip(between).for_each(|(slope, found)| *slope = found);
     }
     jacobians
 }
@@ -197,29 +198,18 @@ pub fn linearise(
     }
     let mut results = vec![None; impacts.len()];
     for point in points {
-        results[point.place] = point.result;
+        let place = point.place;
+        results[place] = point.linearised();
     }
     results
 }
 
-/// Linearised impacts with the weights that another spread gives their cells: `setting` differs in nothing else, so that nothing is predicted anew.
-pub fn weigh_again(impacts: &[&Observation], setting: &Setting, known: &[Linearised]) -> Vec<Option<Linearised>> {
-    let again = |(place, (o, l)): (usize, (&&Observation, &Linearised))| {
-        let point = Point {
-            place,
-            o,
-            measured: Corrected::of(o, setting),
-            x: l.true_inputs,
-            at_x: l.at_true_inputs.clone(),
-            jacobian: l.jacobian.clone(),
-            jump: l.jump.clone(),
-            open: l.open.clone(),
-            result: None,
-            moves: true,
-        };
-        whiten(&point, setting)
-    };
-    impacts.iter().zip(known).enumerate().map(again).collect()
+/// A linearised impact with the weights that another spread gives its cells: `setting` differs in nothing else, so that nothing is predicted anew.
+pub fn weigh_again(o: &Observation, setting: &Setting, known: Linearised) -> Option<Linearised> {
+    let Linearised { true_inputs: x, at_true_inputs: at_x, jacobian, jump, open, .. } = known;
+    let mut point = Point { place: 0, o, measured: Corrected::of(o, setting), x, at_x, jacobian, jump, open, result: None, moves: true };
+    point.result = whiten(&point, setting);
+    point.linearised()
 }
 
 /// An impact on its way to the estimate of its true inputs.
@@ -233,9 +223,47 @@ struct Point<'a> {
     jacobian: DMatrix<f64>,
     jump: DVector<f64>,
     open: DMatrix<f64>,
-    result: Option<Linearised>,
+    result: Option<Whitened>,
     /// Cleared when the model has no answer at the next estimate.
     moves: bool,
+}
+
+/// What follows at a point from the prediction and its slopes; as in [`Linearised`].
+struct Whitened {
+    predicted: DVector<f64>,
+    residual: DVector<f64>,
+    covariance: DMatrix<f64>,
+    whitener: DMatrix<f64>,
+    z: DVector<f64>,
+    log_det: f64,
+    output_t: Vec<f64>,
+    input_t: [f64; INPUTS.len()],
+    outliers: Vec<OutlyingCell>,
+}
+
+impl Point<'_> {
+    /// The impact at the point where it has come to.
+    fn linearised(self) -> Option<Linearised> {
+        let Point { o, x, at_x, jacobian, jump, open, .. } = self;
+        let Whitened { predicted, residual, covariance, whitener, z, log_det, output_t, input_t, outliers } = self.result?;
+        Some(Linearised {
+            measured: o.measured.clone(),
+            true_inputs: x,
+            at_true_inputs: at_x,
+            predicted,
+            residual,
+            jacobian,
+            jump,
+            open,
+            covariance,
+            whitener,
+            z,
+            log_det,
+            output_t,
+            input_t,
+            outliers,
+        })
+    }
 }
 
 /// The measured numbers of an impact with what its session shares taken out.
@@ -334,7 +362,38 @@ fn advance(p: &dyn Prediction, setting: &Setting, points: &mut [Point]) {
     }
 }
 
-fn whiten(point: &Point, setting: &Setting) -> Option<Linearised> {
+/// L⁻¹ of a lower triangle with a positive diagonal.
+fn inverse_of_lower(lower: &DMatrix<f64>) -> DMatrix<f64> {
+    let k = lower.nrows();
+    let mut inverse = DMatrix::identity(k, k);
+    for c in 0..k {
+        let mut own = inverse.column_mut(c);
+        let own = own.as_mut_slice();
+        for j in c..k {
+            let column = lower.column(j);
+            let (above, below) = own.split_at_mut(j + 1);
+            above[j] /= column[j];
+            below.iter_mut().zip(&column.as_slice()[j + 1..]).for_each(|(x, l)| *x -= above[j] * l);
+        }
+    }
+    inverse
+}
+
+/// W'W of a lower triangle W: sums over what both columns have.
+fn square_of_lower(lower: &DMatrix<f64>) -> DMatrix<f64> {
+    let k = lower.nrows();
+    let mut square = DMatrix::zeros(k, k);
+    for b in 0..k {
+        for a in 0..=b {
+            let (of_a, of_b) = (lower.column(a), lower.column(b));
+            let sum = of_a.as_slice()[b..].iter().zip(&of_b.as_slice()[b..]).map(|(x, y)| x * y).sum::<f64>();
+            (square[(a, b)], square[(b, a)]) = (sum, sum);
+        }
+    }
+    square
+}
+
+fn whiten(point: &Point, setting: &Setting) -> Option<Whitened> {
     let Point { o, measured, x, at_x, jacobian, jump, open, .. } = point;
     let k = o.measured.len();
     let gap = DVector::from_iterator(INPUTS.len(), (0..INPUTS.len()).map(|j| if o.input_sd[j] > 0.0 { measured.inputs[j] - x[j] } else { 0.0 }));
@@ -357,9 +416,10 @@ fn whiten(point: &Point, setting: &Setting) -> Option<Linearised> {
         covariance += open;
     }
     let mut lower = covariance.clone().cholesky()?.unpack();
-    let mut whitener = lower.solve_lower_triangular(&DMatrix::identity(k, k))?;
-    let mut precision = whitener.transpose() * &whitener;
-    let standardise = |precision: &DMatrix<f64>| {
+    let mut whitener = inverse_of_lower(&lower);
+    let mut precision = square_of_lower(&whitener);
+    let mut told = DVector::zeros(k);
+    let mut standardise = |precision: &DMatrix<f64>| {
         let pulled = precision * &residual;
         let output_t: Vec<f64> = (0..k).map(|i| pulled[i] / precision[(i, i)].max(1e-300).sqrt()).collect();
         let input_t: [f64; INPUTS.len()] = std::array::from_fn(|j| {
@@ -367,7 +427,8 @@ fn whiten(point: &Point, setting: &Setting) -> Option<Linearised> {
                 return 0.0;
             }
             let f = jacobian.column(j);
-            let information = (precision * f).dot(&f);
+            told.gemv(1.0, precision, &f, 0.0);
+            let information = told.dot(&f);
             // An input that hardly moves any output cannot be told to be odd.
             if information * o.input_sd[j].powi(2) < 1e-3 { 0.0 } else { f.dot(&pulled) / information.sqrt() }
         });
@@ -408,25 +469,9 @@ fn whiten(point: &Point, setting: &Setting) -> Option<Linearised> {
     }
     if !outliers.is_empty() {
         lower = covariance.clone().cholesky()?.unpack();
-        whitener = lower.solve_lower_triangular(&DMatrix::identity(k, k))?;
+        whitener = inverse_of_lower(&lower);
     }
     let z = &whitener * &residual;
     let log_det = 2.0 * lower.diagonal().iter().map(|d| d.ln()).sum::<f64>();
-    Some(Linearised {
-        measured: o.measured.clone(),
-        true_inputs: *x,
-        at_true_inputs: at_x.clone(),
-        predicted,
-        residual,
-        jacobian: jacobian.clone(),
-        jump: jump.clone(),
-        open: open.clone(),
-        covariance,
-        whitener,
-        z,
-        log_det,
-        output_t,
-        input_t,
-        outliers,
-    })
+    Some(Whitened { predicted, residual, covariance, whitener, z, log_det, output_t, input_t, outliers })
 }

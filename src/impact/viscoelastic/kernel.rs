@@ -295,12 +295,10 @@ pub(super) fn rates_into<T: Number, const S: usize>(s: &[T; S], k: &Laws<T>, c: 
     };
     free = [free[0] + friction[0] * c.per_mass, free[1] + friction[1] * c.per_mass, if full { free[2] + friction[2] * c.per_mass } else { free[2] }];
     // One by one: to copy a slice of registers is a call, before which all others would have to be put away.
-    for i in 0..3 {
-        d[POSITION + i] = r[i];
-        d[VELOCITY + i] = free[i];
-        d[SPIN + i] = ball_spun[i];
-        d[RATE + i] = racket_turned[i];
-    }
+    [d[POSITION], d[POSITION + 1], d[POSITION + 2]] = r;
+    [d[VELOCITY], d[VELOCITY + 1], d[VELOCITY + 2]] = free;
+    [d[SPIN], d[SPIN + 1], d[SPIN + 2]] = ball_spun;
+    [d[RATE], d[RATE + 1], d[RATE + 2]] = racket_turned;
     let half = times(o, n.same(0.5));
     d[ATTITUDE] = -(q1 * half[0]) - q2 * half[1] - q3 * half[2];
     d[ATTITUDE + 1] = q0 * half[0] + q2 * half[2] - q3 * half[1];

@@ -67,8 +67,8 @@ pub fn turned_unseen(before: &[(f64, Point3<f64>)], after: &[(f64, Point3<f64>)]
     let sd_m = scatter_m * (shares[0] + shares[1]).sqrt();
     (turned.norm() > LEAST_TURN_M_S && apart_m > MOST_APART_M.max(MOST_APART_SDS * sd_m)).then(|| {
         format!(
-            "the ball's ways before and after the strings pass each other by {:.0} mm: something else turned it beside them, unseen (the court, of a half-volley), \
-             and velocity and spin at the strings are not those of the flights that were seen",
+            "the ball's ways before and after the strings pass each other by {:.0} mm: something else seems to have turned it beside them, unseen (the court, of a \
+             half-volley); then velocity and spin at the strings are not those of the flights that were seen",
             1e3 * apart_m
         )
     })

@@ -63,8 +63,8 @@ impl Passing {
     pub fn remark(&self) -> Option<String> {
         (self.apart_m > WORTH_A_LOOK_M.max(MOST_APART_SDS * self.sd_m)).then(|| {
             format!(
-                "the ball's ways before and after the contact pass each other by {:.0} mm (sd {:.0}): court, net or frame may have turned it as well; look at \
-                 its track",
+                "the ball's ways before and after the contact pass each other by {:.0} mm (sd {:.0}): court, net or frame may have turned it as well, and \
+                 then its velocity and spin at the contact are not these; look at its track",
                 1e3 * self.apart_m,
                 1e3 * self.sd_m
             )

@@ -53,25 +53,51 @@ pub fn turned_unseen(before: &[(f64, Point3<f64>)], after: &[(f64, Point3<f64>)]
     if before.len().min(after.len()) < FEWEST_MEETING || first_t - last_t > LONGEST_UNSEEN_S {
         return None;
     }
-    let flights = [&before, &after];
-    let [a, b] = flights.map(|flight| StraightLine::through(flight.iter().copied()));
-    let turned = b.step - a.step;
-    let t = -turned.dot(&(b.at(0.0) - a.at(0.0))) / turned.norm_squared().max(f64::MIN_POSITIVE);
-    let apart_m = (b.at(t) - a.at(t)).norm();
-    let freedom = 3 * (before.len() + after.len()) - 12;
-    let scatter_m = ((squares(&before, &a) + squares(&after, &b)) / freedom as f64).sqrt().max(LEAST_SCATTER_M);
-    let shares = flights.map(|flight| {
+    let ways = TwoWays::through(&before, &after);
+    let (t, apart_m) = (ways.t, ways.apart_m());
+    let shares = [&before, &after].map(|flight| {
         let mean = mean_time(flight);
         (flight.len() as f64).recip() + (t - mean).powi(2) / spread(flight)
     });
-    let sd_m = scatter_m * (shares[0] + shares[1]).sqrt();
-    (turned.norm() > LEAST_TURN_M_S && apart_m > MOST_APART_M.max(MOST_APART_SDS * sd_m)).then(|| {
+    let sd_m = ways.scatter_m * (shares[0] + shares[1]).sqrt();
+    (ways.turned().norm() > LEAST_TURN_M_S && apart_m > MOST_APART_M.max(MOST_APART_SDS * sd_m)).then(|| {
         format!(
             "the ball's ways before and after the strings pass each other by {:.0} mm: something else seems to have turned it beside them, unseen (the court, of a \
              half-volley); then velocity and spin at the strings are not those of the flights that were seen",
             1e3 * apart_m
         )
     })
+}
+
+/// Straight lines through two flights.
+struct TwoWays {
+    before: StraightLine,
+    after: StraightLine,
+    /// When they come nearest to each other, s.
+    t: f64,
+    /// Of the places about their lines, m.
+    scatter_m: f64,
+}
+
+impl TwoWays {
+    fn through(before: &[(f64, Point3<f64>)], after: &[(f64, Point3<f64>)]) -> Self {
+        let [a, b] = [before, after].map(|flight| StraightLine::through(flight.iter().copied()));
+        let turned = b.step - a.step;
+        let t = -turned.dot(&(b.at(0.0) - a.at(0.0))) / turned.norm_squared().max(f64::MIN_POSITIVE);
+        // Three coordinates a place, six numbers a line.
+        let freedom = 3 * (before.len() + after.len()) - 12;
+        let scatter_m = ((squares(before, &a) + squares(after, &b)) / freedom as f64).sqrt().max(LEAST_SCATTER_M);
+        TwoWays { before: a, after: b, t, scatter_m }
+    }
+
+    /// Change of velocity, m/s.
+    fn turned(&self) -> Vector3<f64> {
+        self.after.step - self.before.step
+    }
+
+    fn apart_m(&self) -> f64 {
+        (self.after.at(self.t) - self.before.at(self.t)).norm()
+    }
 }
 
 struct Turn {
@@ -88,21 +114,17 @@ impl Turn {
         if before.len() < FEWEST[0] || after.len() < FEWEST[1] {
             return None;
         }
-        let [a, b] = [&before, &after].map(|flight| StraightLine::through(flight.iter().copied()));
-        let turned = b.step - a.step;
-        let t = about - turned.dot(&(b.at(about) - a.at(about))) / turned.norm_squared().max(f64::MIN_POSITIVE);
+        let ways = TwoWays::through(&before, &after);
         // The flights are those on both sides of where they meet.
-        if (t - about).abs() > STEP_S || (a.at(t) - b.at(t)).norm() > TOGETHER_M {
+        if (ways.t - about).abs() > STEP_S || ways.apart_m() > TOGETHER_M {
             return None;
         }
-        // Three coordinates a place, six numbers a line.
-        let freedom = 3 * (before.len() + after.len()) - 12;
-        let scatter_m = ((squares(&before, &a) + squares(&after, &b)) / freedom as f64).sqrt().max(LEAST_SCATTER_M);
+        let (t, scatter_m) = (ways.t, ways.scatter_m);
         let sd = scatter_m * (spread(&before).recip() + spread(&after).recip()).sqrt();
-        let straight = after.iter().all(|s| (s.1 - b.at(s.0)).norm() < STRAIGHT_M);
-        let told = turned.norm() > LEAST_TURN_M_S.max(LEAST_SDS * sd);
+        let straight = after.iter().all(|s| (s.1 - ways.after.at(s.0)).norm() < STRAIGHT_M);
+        let told = ways.turned().norm() > LEAST_TURN_M_S.max(LEAST_SDS * sd);
         let last = after.last()?;
-        let off: Vector3<f64> = last.1 - a.at(last.0);
+        let off: Vector3<f64> = last.1 - ways.before.at(last.0);
         let seen_by_both = eyes.iter().all(|eye| off.cross(&(last.1 - eye).normalize()).norm() > SEEN_BY_BOTH * off.norm());
         (straight && told && seen_by_both).then_some(Turn { t, scatter_m })
     }

@@ -7,7 +7,7 @@
 
 use super::ball_flight::FlightEstimate;
 use super::contact::{BodyMotion, PointMotion, ball_in_racket};
-use super::shot_motion::ShotMotion;
+use super::shot_motion::{SURELY_FREE_S, ShotMotion};
 use crate::tracking::{MOST_APART_M, MOST_APART_SDS};
 use nalgebra::{Matrix3, Matrix3x6, Vector3};
 
@@ -28,7 +28,7 @@ pub struct Passing {
 impl Passing {
     /// Of a shot both of whose contacts are known.
     pub fn of_shot(motion: &ShotMotion) -> Option<Self> {
-        let contact_s = (motion.last_contact_t? - motion.first_contact_t).max(0.0);
+        let contact_s = (motion.last_contact_t? - motion.first_contact_t).clamp(0.0, SURELY_FREE_S);
         let (racket, com) = (BodyMotion::from(&motion.racket_in), &motion.moving.com_local);
         let strings = racket.point_velocity(&ball_in_racket(&PointMotion::from(&motion.ball_in), &racket, com), com);
         Passing::of(&motion.ball_in, motion.ball_out.as_ref()?, &strings, contact_s)

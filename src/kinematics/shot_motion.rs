@@ -121,7 +121,7 @@ pub const FEWEST_FRAMES: usize = 4;
 /// Most rounds in which windows and contact settle on each other.
 const ROUNDS: usize = 6;
 /// Contact lasts 3 to 7 ms (docs/impact.md, base visco-elastic); frames this long after first contact are surely free again.
-const SURELY_FREE_S: f64 = 0.0075;
+pub(crate) const SURELY_FREE_S: f64 = 0.0075;
 /// Usual length of a contact, s, for when its end is not seen.
 pub(crate) const USUAL_CONTACT_S: f64 = 0.005;
 /// Deviations (in scaled standard deviations over both axes) beyond which a point is an outlier. Among 500 good points

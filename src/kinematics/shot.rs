@@ -229,7 +229,8 @@ pub fn measure_shot(input: &ShotInput<'_>, settings: &MeasureSettings) -> Result
     let characteristics = Characteristics { measures, covariance };
     let face = BodyMotion::from(&motion.racket_in).pose(&motion.moving.com_local);
     characteristics.refuse_no_impact(input, &(face.rotation.inverse() * settings.gravity()))?;
-    if let Some(Passing { apart_m, sd_m, .. }) = Passing::of_shot(&motion).filter(Passing::turned_elsewhere) {
+    let passing = Passing::of_shot(&motion);
+    if let Some(Passing { apart_m, sd_m, .. }) = passing.filter(Passing::turned_elsewhere) {
         return Err(KinematicsError::TurnedElsewhere { apart_m, sd_m });
     }
     let mut quantities = characteristics.quantities();
@@ -265,7 +266,7 @@ pub fn measure_shot(input: &ShotInput<'_>, settings: &MeasureSettings) -> Result
         momentum: characteristics.momentum_verdict(),
         face_pose_sd: face_pose_sd(input.rig, &motion.moving.figure, &face, settings.tape.shared_px),
         thesis,
-        remarks: remarks(input, settings, &motion, &quantities, &marker_distances, &windows),
+        remarks: remarks(input, settings, &motion, passing, &quantities, &marker_distances, &windows),
         quantities,
         windows,
         marker_distances,
@@ -369,6 +370,7 @@ fn remarks(
     input: &ShotInput<'_>,
     settings: &MeasureSettings,
     motion: &ShotMotion,
+    passing: Option<Passing>,
     quantities: &Quantities,
     marker_distances: &[MarkerDistance],
     windows: &Windows,
@@ -395,7 +397,7 @@ fn remarks(
     if quantities.get("impact_success_ratio").is_none() {
         remarks.push("no impact_success_ratio: the impact point stood still before the impact, and has no momentum to compare".to_owned());
     }
-    remarks.extend(Passing::of_shot(motion).and_then(|passing| passing.remark()));
+    remarks.extend(passing.and_then(|passing| passing.remark()));
     remarks.extend(mismatch_remark(marker_distances));
     for (when, window) in [("before", Some(&windows.ball_in)), ("after", windows.ball_out.as_ref())] {
         let Some((w, p)) = window.and_then(|w| Some((w, w.bending_p?))).filter(|(_, p)| *p < BENDS_P) else { continue };

@@ -12,15 +12,15 @@ mod plateau;
 pub use likely_offsets::{LikelyFit, UnlikelyOffset, fit_with_likely_offsets};
 
 use super::error::ValidationError;
-use super::forward::{Forward, Inputs, Prediction, Prior, Tails};
-use super::linearise::{Linearised, Setting, Spread, linearise, weigh_again};
+use super::forward::{Forward, Inputs, Prior, Tails};
+use super::linearise::{Linearised, Setting, Spread};
+use super::linearise_all::{linearise_all, weigh_all_again};
 use super::observation::{Observation, Observations};
-use super::predicted::{PIECE, difference};
+use super::predicted::difference;
 use super::project::add_cross;
 use super::session_shift::{ACROSS_COLUMNS, SessionShift, relative_sd, shared_inputs, shared_outputs};
 use crate::impact_table::{INPUTS, OUTPUTS};
 use nalgebra::{DMatrix, DVector};
-use rayon::prelude::*;
 use std::sync::OnceLock;
 
 /// An error in proportion that is smaller than this share of a column's deviation is not fitted: a racket at rest has none.
@@ -436,8 +436,7 @@ impl<'a> Work<'a> {
     fn weigh_again(&self, state: State, spread: &Spread) -> Result<State, ValidationError> {
         let State { column_values, shifts, values, impacts, .. } = state;
         let setting = Setting { observations: self.observations, shifts: &shifts, spread };
-        let known = self.impacts.par_iter().with_min_len(PIECE).zip(impacts);
-        let impacts = all_of(known.map(|(o, known)| weigh_again(o, &setting, known)).collect(), self.impacts)?;
+        let impacts = weigh_all_again(self.impacts, &setting, impacts)?;
         Ok(self.state_of(&column_values, shifts, values, impacts))
     }
 
@@ -522,37 +521,6 @@ impl<'a> Work<'a> {
         let step = damped.cholesky().ok_or_else(|| ValidationError::NoFit { reason: "the information matrix is singular".into() })?.solve(&gradient);
         Ok((step, information))
     }
-}
-
-/// Linearises a set of impacts in parallel; the order of the result is the order of the impacts.
-pub fn linearise_all(
-    prediction: &dyn Prediction,
-    observations: &Observations,
-    impacts: &[&Observation],
-    shifts: &[SessionShift],
-    spread: &Spread,
-    begin: &[Inputs],
-    reuse: Option<&[Linearised]>,
-    open: Option<&[DMatrix<f64>]>,
-    passes: usize,
-) -> Result<Vec<Linearised>, ValidationError> {
-    let setting = Setting { observations, shifts, spread };
-    let piece = |(i, o): (usize, &[&Observation])| {
-        let range = i * PIECE..i * PIECE + o.len();
-        linearise(prediction, o, &setting, &begin[range.clone()], reuse.map(|r| &r[range.clone()]), open.map(|r| &r[range]), passes)
-    };
-    all_of(impacts.par_chunks(PIECE).enumerate().flat_map_iter(piece).collect(), impacts)
-}
-
-/// # Errors
-/// Impacts for which the model has no answer.
-fn all_of(results: Vec<Option<Linearised>>, impacts: &[&Observation]) -> Result<Vec<Linearised>, ValidationError> {
-    let failed = results.iter().filter(|r| r.is_none()).count();
-    if failed > 0 {
-        let id = results.iter().zip(impacts).find(|(r, _)| r.is_none()).map(|(_, o)| o.id.clone()).unwrap_or_default();
-        return Err(ValidationError::NoPrediction { failed, rows: impacts.len(), id });
-    }
-    Ok(results.into_iter().flatten().collect())
 }
 
 /// d(prediction)/d(parameter) of each impact at its true inputs, for the named free parameters, as far as known with the deviation of each:

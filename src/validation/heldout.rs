@@ -5,9 +5,10 @@
 //! reduced weight that the fit's own spread gives them, or one wild number would hide what a better model gains.
 
 use super::error::ValidationError;
-use super::fit::{Fit, linearise_all};
+use super::fit::Fit;
 use super::forward::Forward;
 use super::linearise::Linearised;
+use super::linearise_all::linearise_all;
 use super::observation::{Observation, Observations};
 use super::structure::{StructureTest, p_text};
 

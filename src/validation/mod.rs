@@ -25,6 +25,7 @@ pub mod holdout;
 mod judgement;
 pub mod ledger;
 pub mod linearise;
+mod linearise_all;
 pub mod local_spot;
 pub mod lone_term;
 pub mod model_library;

@@ -40,13 +40,20 @@ pub struct FitOptions {
     pub offset_share: f64,
     /// Whether the free parameters move at all (`compare` judges the model as it stands).
     pub move_parameters: bool,
-    /// Where the free parameters start; `None`: at the model's own values.
+    /// Where the free parameters start, or stay if they do not move; `None`: at the model's own values.
     pub start_values: Option<Vec<f64>>,
 }
 
 impl Default for FitOptions {
     fn default() -> Self {
         FitOptions { offset_share: 0.5, move_parameters: true, start_values: None }
+    }
+}
+
+impl FitOptions {
+    /// The values of the free parameters where a fit begins (where they do not move, also where it ends).
+    fn begins_at(&self, forward: &dyn Forward) -> Vec<f64> {
+        self.start_values.clone().unwrap_or_else(|| forward.parameters().iter().map(|p| p.value).collect())
     }
 }
 
@@ -161,6 +168,8 @@ struct Work<'a> {
     impacts: &'a [&'a Observation],
     columns: Vec<Column>,
     priors: Vec<Prior>,
+    /// The parameters where the fit begins; those that do not move stay there.
+    begins_at: Vec<f64>,
     /// What open spins scatter each prediction by where the fit began. It changes with the friction, and chi-square alone would
     /// make the model slide for being sure of its outputs; held as it is, every state is judged alike.
     open: OnceLock<Vec<DMatrix<f64>>>,
@@ -191,7 +200,7 @@ pub fn fit(
     if start.is_some() || !impacts.iter().any(|o| o.has_open_spin()) {
         return Ok(free);
     }
-    let from: Vec<f64> = options.start_values.clone().unwrap_or_else(|| forward.parameters().iter().map(|p| p.value).collect());
+    let from = options.begins_at(forward);
     let untold: Vec<usize> = free.untold_at_start.iter().copied().filter(|p| free.values[*p] != from[*p]).collect();
     if untold.is_empty() {
         return Ok(free);
@@ -213,14 +222,10 @@ fn fit_holding(
     if let Some(s) = start.filter(|s| s.fit.impacts.len() == impacts.len()) {
         work.open.get_or_init(|| s.fit.impacts.iter().map(|l| l.open.clone()).collect());
     }
-    let values: Vec<f64> = match &options.start_values {
-        Some(given) => given.clone(),
-        None => forward.parameters().iter().map(|p| p.value).collect(),
-    };
     let mut columns_at = DVector::zeros(work.columns.len());
     for (i, column) in work.columns.iter().enumerate() {
         columns_at[i] = match *column {
-            Column::Parameter(p) => values[p],
+            Column::Parameter(p) => work.begins_at[p],
             Column::Offset { session, input } => start.map_or(0.0, |s| s.fit.shifts[session].offsets[input]),
             Column::OutputOffset { session, output } => start.map_or(0.0, |s| s.fit.shifts[session].output_offsets[output]),
             Column::InputScale { session, input } => start.map_or(0.0, |s| s.fit.shifts[session].input_scales[input]),
@@ -378,7 +383,7 @@ impl<'a> Work<'a> {
                 priors.push(about_zero(*sd));
             }
         }
-        Work { forward, observations, impacts, columns, priors, open: OnceLock::new() }
+        Work { forward, observations, impacts, columns, priors, begins_at: options.begins_at(forward), open: OnceLock::new() }
     }
 
     fn prior_precision(&self, columns: &DVector<f64>) -> DVector<f64> {
@@ -390,7 +395,7 @@ impl<'a> Work<'a> {
     }
 
     fn unpack(&self, columns: &DVector<f64>) -> (Vec<f64>, Vec<SessionShift>) {
-        let mut values: Vec<f64> = self.forward.parameters().iter().map(|p| p.value).collect();
+        let mut values = self.begins_at.clone();
         let mut shifts = vec![SessionShift::default(); self.observations.sessions.len()];
         for (column, value) in self.columns.iter().zip(columns.iter()) {
             match *column {

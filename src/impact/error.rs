@@ -38,12 +38,21 @@ pub enum ModelError {
     NoApproach { approach_m_s: f64, min_m_s: f64 },
     #[error("the ball has not left the strings after {elapsed_s} s (force {force_n:.1} N); check mass, stiffness and damping of the model")]
     NoRelease { elapsed_s: f64, force_n: f64 },
-    #[error("effect `{effect}`: `{quantity}` became {seen}; allowed: {allowed}")]
+    #[error("effect `{effect}`: `{quantity}` became {seen}{}; allowed: {allowed}", not_finite(*.seen))]
     EffectRange { effect: String, quantity: &'static str, seen: f64, allowed: &'static str },
     #[error("the outcome is not a finite number; an effect's parameters are outside what its equation can bear")]
     NotFinite,
     #[error("expression of `{effect}`: {message}\n  {expression}\n  {marker}")]
     Expression { effect: String, expression: String, marker: String, message: String },
+}
+
+/// What makes a formula's value no finite number, as a rule.
+fn not_finite(seen: f64) -> &'static str {
+    match seen {
+        s if s.is_nan() => " (a root or logarithm of a negative number, or a division by 0)",
+        s if s.is_infinite() => " (a division by 0, or a number beyond all bounds)",
+        _ => "",
+    }
 }
 
 impl ModelError {

@@ -12,8 +12,8 @@ pub enum ValidationError {
     NothingHeldOut,
     #[error("the grouping column `{column}` is not in the table; it has: {seen}")]
     NoGroup { column: String, seen: String },
-    #[error("the model cannot predict {failed} of {rows} impacts (first: {id:?}); check its parameters and the table's units")]
-    NoPrediction { failed: usize, rows: usize, id: String },
+    #[error("the model cannot predict {failed} of {rows} impacts (first: {id:?}{}); check its parameters and the table's units", .why.as_ref().map_or_else(String::new, |w| format!(": {w}")))]
+    NoPrediction { failed: usize, rows: usize, id: String, why: Option<String> },
     #[error("the fit did not settle: {reason}; fix some of the free parameters (fit = false) or narrow their limits")]
     NoFit { reason: String },
     #[error("effect {name:?} is not in the catalogue and not in the model; `sweetspot effects` lists what there is")]

@@ -86,6 +86,11 @@ pub trait Prediction: Sync {
     /// Predicts one impact. `None` when the model has no answer (the ball does not approach).
     fn predict(&self, asked: &Asked) -> Option<Outputs>;
 
+    /// Why an impact has no answer, where the model can tell.
+    fn why_not(&self, _asked: &Asked) -> Option<String> {
+        None
+    }
+
     /// Predicts several impacts, in their order; a model that steps in time does it side by side.
     fn predict_many(&self, asked: &[Asked]) -> Vec<Option<Outputs>> {
         asked.iter().map(|a| self.predict(a)).collect()

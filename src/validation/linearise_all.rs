@@ -1,7 +1,7 @@
 //! All impacts of a table linearised side by side, in their order.
 
 use super::error::ValidationError;
-use super::forward::{Inputs, Prediction};
+use super::forward::{Asked, Inputs, Prediction};
 use super::linearise::{Linearised, Setting, Spread, linearise, weigh_again};
 use super::observation::{Observation, Observations};
 use super::predicted::PIECE;
@@ -29,7 +29,12 @@ pub fn linearise_all(
         let range = i * PIECE..i * PIECE + o.len();
         linearise(prediction, o, &setting, &begin[range.clone()], reuse.map(|r| &r[range.clone()]), open.map(|r| &r[range]), passes)
     };
-    all_of(impacts.par_chunks(PIECE).enumerate().flat_map_iter(piece).collect(), impacts)
+    // An estimate of the true inputs may have gone where the model has no answer though it has one where the estimate began: then nothing is told.
+    let why_not = |i: usize| {
+        let (o, inputs) = (impacts.get(i)?, *begin.get(i)?);
+        prediction.why_not(&Asked { gear: o.gear, order: o.order, own: o.own, inputs })
+    };
+    all_of(impacts.par_chunks(PIECE).enumerate().flat_map_iter(piece).collect(), impacts, why_not)
 }
 
 /// The same impacts with the weights that another spread gives their cells; as [`weigh_again`].
@@ -38,14 +43,15 @@ pub fn linearise_all(
 /// Impacts for which the model has no answer.
 pub fn weigh_all_again(impacts: &[&Observation], setting: &Setting, known: Vec<Linearised>) -> Result<Vec<Linearised>, ValidationError> {
     let known = impacts.par_iter().with_min_len(PIECE).zip(known);
-    all_of(known.map(|(o, known)| weigh_again(o, setting, known)).collect(), impacts)
+    all_of(known.map(|(o, known)| weigh_again(o, setting, known)).collect(), impacts, |_| None)
 }
 
-fn all_of(results: Vec<Option<Linearised>>, impacts: &[&Observation]) -> Result<Vec<Linearised>, ValidationError> {
-    let failed = results.iter().filter(|r| r.is_none()).count();
-    if failed > 0 {
-        let id = results.iter().zip(impacts).find(|(r, _)| r.is_none()).map(|(_, o)| o.id.clone()).unwrap_or_default();
-        return Err(ValidationError::NoPrediction { failed, rows: impacts.len(), id });
+/// All of them, or how many have no answer, and why the first has none.
+fn all_of(results: Vec<Option<Linearised>>, impacts: &[&Observation], why_not: impl Fn(usize) -> Option<String>) -> Result<Vec<Linearised>, ValidationError> {
+    if let Some(first) = results.iter().position(Option::is_none) {
+        let failed = results.iter().filter(|r| r.is_none()).count();
+        let id = impacts.get(first).map(|o| o.id.clone()).unwrap_or_default();
+        return Err(ValidationError::NoPrediction { failed, rows: impacts.len(), id, why: why_not(first) });
     }
     Ok(results.into_iter().flatten().collect())
 }

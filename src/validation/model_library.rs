@@ -80,6 +80,10 @@ impl Prediction for Ready {
         self.0.get(asked.gear)?.predict(&input_of(asked)).ok().map(|o| columns_of(&o))
     }
 
+    fn why_not(&self, asked: &Asked) -> Option<String> {
+        Some(self.0.get(asked.gear)?.predict(&input_of(asked)).err()?.to_string())
+    }
+
     fn predict_many(&self, asked: &[Asked]) -> Vec<Option<Outputs>> {
         let mut outputs = vec![None; asked.len()];
         for (gear, model) in self.0.iter().enumerate() {

@@ -2,8 +2,10 @@
 
 use super::Shell;
 use super::error::CliError;
-use super::impacts_input::{ImpactsInput, LedgerFile, Version, record};
+use super::impacts_input::{ImpactsInput, LedgerFile, Loaded, Version, record};
+use super::predict::impossible;
 use crate::impact::Model;
+use crate::impact::batch::{gained_energies, limited_laws, predict_table};
 use crate::limited_file::{LARGEST_TEXT, read_text};
 use crate::provenance::sha256_hex;
 use crate::validation::comparison::compare;
@@ -28,6 +30,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     shell.keep(input.files.measured());
     let loaded = input.load("compare")?;
     let mut comparison = compare(loaded.library.current(), &loaded.observations, &input.model_name(), input.seed)?;
+    comparison.notes.extend(impossible_as_stated(&loaded)?.into_iter().map(|remark| format!("as stated: {remark}")));
     comparison.provenance = Some(loaded.provenance.clone());
     let folder = shell.results_beside(&input.files.impacts);
     let json = serde_json::to_string_pretty(&comparison).map_err(CliError::output)?;
@@ -63,4 +66,11 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     shell.say(format_args!("written: {}, report.html", folder.join("compare.json").display()));
     shell.print_json(&comparison)?;
     loaded.unless_rows_failed()
+}
+
+/// What the model as its file states it makes of the measured impacts that no contact does. A residual alone does not tell it.
+fn impossible_as_stated(loaded: &Loaded) -> Result<Vec<String>, CliError> {
+    let Loaded { model, equipment, table, .. } = loaded;
+    let outcomes = predict_table(model, equipment, table)?;
+    Ok(impossible(&limited_laws(model, equipment, table)?, &gained_energies(equipment, table, &outcomes)))
 }

@@ -52,8 +52,10 @@ pub struct ImpactsInput {
 
 /// Everything read and checked.
 pub struct Loaded {
+    pub table: ImpactTable,
     pub observations: Observations,
     pub equipment: EquipmentSet,
+    pub model: Model,
     pub model_text: String,
     pub library: ModelLibrary,
     pub data_hash: String,
@@ -97,7 +99,7 @@ impl ImpactsInput {
         if timed {
             observations.notes.push("`contact_time` is left out: base \"rigid\" is an impulse and has none".to_owned());
         }
-        let library = ModelLibrary::new(model, &observations.gear);
+        let library = ModelLibrary::new(model.clone(), &observations.gear);
         let table_hash = sha256_hex(&bytes);
         let mut provenance = Provenance::new(command).with_hash(&files.impacts, table_hash.clone()).with_hash(&files.model, sha256_hex(model_text.as_bytes()));
         for path in files.racket.iter().chain(&files.ball) {
@@ -105,7 +107,7 @@ impl ImpactsInput {
         }
         // Other groups held out are other data: errors on them are not to be set beside each other.
         let data_hash = self.group.as_ref().map_or(table_hash.clone(), |column| sha256_hex(format!("{table_hash} by {column}").as_bytes()));
-        Ok(Loaded { observations, equipment, model_text, library, data_hash, provenance })
+        Ok(Loaded { table, observations, equipment, model, model_text, library, data_hash, provenance })
     }
 
     pub fn model_name(&self) -> String {

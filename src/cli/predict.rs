@@ -4,7 +4,7 @@ use super::Shell;
 use super::error::CliError;
 use super::impacts_input::ImpactFiles;
 use crate::equipment_set::EquipmentSet;
-use crate::impact::batch::{RowError, RowSensitivity, differentiate_table, gained_energies, limited_restitutions, predict_table, without_spin};
+use crate::impact::batch::{LimitedLaws, RowError, RowSensitivity, differentiate_table, gained_energies, limited_laws, predict_table, without_spin};
 use crate::impact::{ImpactOutput, Model};
 use crate::impact_table::{INPUTS, ImpactTable, OUTPUTS, remarks};
 
@@ -47,11 +47,19 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
         failed.extend(lost.map(|e| format!("{e} (its derivatives)")));
     }
     let spinless = without_spin(&table);
-    let limited = limited_restitutions(&model, &set, &table)?;
+    let limited = limited_laws(&model, &set, &table)?;
     // A million impacts as JSON take gigabytes: they are made for who asks for them.
     if shell.args.json {
         let json: Vec<serde_json::Value> = rows.iter().map(|(id, o)| as_json(id, *o)).collect();
-        shell.print_json(&serde_json::json!({ "predictions": json, "failed": failed, "spin_taken_as_zero": spinless, "restitution_limited": limited.iter().map(|(id, _)| id).collect::<Vec<_>>(), "file": path.to_string_lossy() }))?;
+        let ids = |of: &[(&str, f64)]| of.iter().map(|(id, _)| (*id).to_owned()).collect::<Vec<_>>();
+        shell.print_json(&serde_json::json!({
+            "predictions": json,
+            "failed": failed,
+            "spin_taken_as_zero": spinless,
+            "restitution_limited": ids(&limited.restitution),
+            "friction_limited": ids(&limited.friction),
+            "file": path.to_string_lossy(),
+        }))?;
     }
     for remark in remarks(&table) {
         shell.say(remark);
@@ -59,21 +67,30 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     if !spinless.is_empty() {
         shell.say(format_args!("incoming spin not measured, taken as 0, in {} impacts: {}", spinless.len(), spinless.join(", ")));
     }
-    if let Some((id, e)) = limited.first() {
-        shell.say(format_args!(
-            "restitution beyond 0 to 1, taken as 0 or 1, in {} impacts (the first: {e:.3} in {id}); see the effects that change it",
-            limited.len()
-        ));
-    }
-    let gained = gained_energies(&set, &table, &results);
-    if let Some((id, most)) = gained.iter().max_by(|a, b| a.1.total_cmp(&b.1)) {
-        shell.say(format_args!(
-            "more energy after the impact than before in {} impacts (the most: {most:.1} J in {id}): no contact does that; see the effects and their parameters",
-            gained.len()
-        ));
+    for remark in impossible(&limited, &gained_energies(&set, &table, &results)) {
+        shell.say(remark);
     }
     shell.say(format_args!("{} of {} impacts predicted: {}", rows.len() - unpredicted, rows.len(), path.display()));
     if failed.is_empty() { Ok(()) } else { Err(CliError::some_failed(failed.join("\n"))) }
+}
+
+/// What the model makes of the impacts that no contact does: an effect's equation or parameters are at fault.
+pub(super) fn impossible(limited: &LimitedLaws, gained: &[(&str, f64)]) -> Vec<String> {
+    let restitution = limited.restitution.first().map(|(id, e)| {
+        let n = limited.restitution.len();
+        format!("restitution beyond 0 to 1, taken as 0 or 1, in {n} impacts (the first: {e:.3} in {id}); see the effects that change it")
+    });
+    let friction = limited.friction.first().map(|(id, f)| {
+        let n = limited.friction.len();
+        format!("friction below 0, taken as 0, in {n} impacts (the first: {f:.3} in {id}); see the effects that change it")
+    });
+    let energy = gained.iter().max_by(|a, b| a.1.total_cmp(&b.1)).map(|(id, most)| {
+        let n = gained.len();
+        format!(
+            "more energy after the impact than before in {n} impacts (the most: {most:.1} J in {id}): no contact does that; see the effects and their parameters"
+        )
+    });
+    restitution.into_iter().chain(friction).chain(energy).collect()
 }
 
 /// `id` and the output columns; `contact_time` where the base has one. An impact without prediction keeps empty cells.

@@ -109,17 +109,34 @@ pub fn predict_table(model: &Model, set: &EquipmentSet, table: &ImpactTable) -> 
     Ok(table.rows.par_iter().with_min_len(32).map(one).collect())
 }
 
-/// Impacts for which the model's restitution comes out beyond 0 to 1, with it: the prediction takes 0 or 1.
+/// Impacts whose laws the prediction limits, with what the model made of them.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct LimitedLaws<'a> {
+    /// Beyond 0 to 1: 0 or 1 is taken.
+    pub restitution: Vec<(&'a str, f64)>,
+    /// Below 0: 0 is taken.
+    pub friction: Vec<(&'a str, f64)>,
+}
+
+/// Impacts for which model and effects give a restitution or a friction that no contact has.
 ///
 /// # Errors
 /// As [`predict_table`].
-pub fn limited_restitutions<'a>(model: &Model, set: &EquipmentSet, table: &'a ImpactTable) -> Result<Vec<(&'a str, f64)>, ModelError> {
+pub fn limited_laws<'a>(model: &Model, set: &EquipmentSet, table: &'a ImpactTable) -> Result<LimitedLaws<'a>, ModelError> {
     let prepared = prepare_pairs(model, set, table)?;
     let (first, own) = (first_sequence(table), model.own_columns());
-    let of = |row: &ImpactRow| prepared.get(&set.pick(row).ok()?)?.unlimited_restitution(&input_of_row(row, first, &own).ok()?);
-    // What is not finite has no prediction.
-    let beyond = |e: &f64| e.is_finite() && !(0.0..=1.0).contains(e);
-    Ok(table.rows.iter().filter_map(|row| Some((row.id.as_str(), of(row).filter(beyond)?))).collect())
+    let of = |row: &ImpactRow| prepared.get(&set.pick(row).ok()?)?.unlimited_laws(&input_of_row(row, first, &own).ok()?);
+    let mut limited = LimitedLaws::default();
+    for (id, (restitution, friction)) in table.rows.iter().filter_map(|row| Some((row.id.as_str(), of(row)?))) {
+        // What is not finite has no prediction.
+        if restitution.is_finite() && !(0.0..=1.0).contains(&restitution) {
+            limited.restitution.push((id, restitution));
+        }
+        if friction.is_finite() && friction < 0.0 {
+            limited.friction.push((id, friction));
+        }
+    }
+    Ok(limited)
 }
 
 /// Share of an impact's energy before it by which the energy after may be larger without a word: a hand that drives the racket does work.

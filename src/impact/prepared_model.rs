@@ -304,12 +304,13 @@ impl PreparedModel {
         self.finish(&staged.truth, self.after_contact(&ready.at, output))
     }
 
-    /// The restitution that model and effects give for an impact in base rigid, before it is limited to 0 to 1. `None` in base
-    /// visco-elastic, which has none, and where there is no contact.
-    pub fn unlimited_restitution(&self, input: &ImpactInput) -> Option<f64> {
+    /// Restitution and friction that model and effects give for an impact in base rigid, before they are limited to 0 to 1 and to 0 or more.
+    /// `None` in base visco-elastic, which has no such laws, and where there is no contact.
+    pub fn unlimited_laws(&self, input: &ImpactInput) -> Option<(f64, f64)> {
         let truth = self.true_input(input).ok().filter(|_| self.model.base == Base::Rigid)?;
         let body = if self.body_varies { self.body_at(&truth).ok()? } else { self.body.clone() };
-        Some(self.laws_at(&contact(&body, truth).ok()?).restitution)
+        let laws = self.laws_at(&contact(&body, truth).ok()?);
+        Some((laws.restitution, laws.friction))
     }
 
     /// One visco-elastic impact with its ledger of energy and momentum, peak force, compression and deflection.

@@ -257,6 +257,8 @@ fn cli_predict_refuses_impossible_laws_and_tells_of_energy_from_nowhere() {
     assert!(message.contains("more energy after the impact than before in 2 impacts"), "{message}");
     let (code, message) = predict("ball_out_vz", "ball_out_vz * (k + 1)");
     assert!(code == Some(0) && !message.contains("more energy"), "{message}");
+    let (code, message) = predict("friction", "-friction");
+    assert!(code == Some(0) && message.contains("friction below 0, taken as 0, in 2 impacts (the first: -0."), "{message}");
 }
 
 #[test]

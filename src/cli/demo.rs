@@ -1,5 +1,6 @@
 //! `sweetspot demo`: the whole chain on the sample the program carries, or on a world whose hidden effect nobody chose.
 
+use super::diagnose::session_at_its_best;
 use super::error::{CliError, Kind};
 use super::impacts_input::LedgerFile;
 use super::synth::{film, is_rendered, rendered_from, unfinished};
@@ -205,6 +206,9 @@ fn chain(folder: &Path, shell: &Shell) -> Result<Outcome, CliError> {
     // What an earlier run found is of other shots.
     results.comparison = results.comparison.filter(|_| judged);
     results.diagnosis = results.diagnosis.filter(|_| judged);
+    if let Some(stated) = &results.comparison {
+        results.at_its_best = session_at_its_best(&session, &impacts, &first, stated).ok().flatten();
+    }
     let diagnosis = results.diagnosis.clone();
     let report = folder.join("report.html");
     shell.write(&report, session_report(&results).as_bytes())?;

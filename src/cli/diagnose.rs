@@ -2,13 +2,14 @@
 
 use super::Shell;
 use super::error::CliError;
-use super::impacts_input::{ImpactsInput, LedgerFile, Loaded, Version};
+use super::impacts_input::{DEFAULT_SEED, ImpactFiles, ImpactsInput, LedgerFile, Loaded, Version};
 use crate::impact::Model;
 use crate::impact::model_file::with_values;
 use crate::provenance::sha256_hex;
+use crate::session::Session;
 use crate::validation::Verdict;
 use crate::validation::auto::{Tried, Walk};
-use crate::validation::comparison::{Comparison, compare};
+use crate::validation::comparison::{Comparison, ParameterValue, compare};
 use crate::validation::diagnose::{DiagnoseOptions, diagnose};
 use crate::validation::fit::{FitOptions, fit_with_likely_offsets};
 use crate::validation::forward::Library;
@@ -16,6 +17,9 @@ use crate::validation::ledger::Refusal;
 use crate::validation::model_library::ModelLibrary;
 use crate::validation::terminal::{diagnosis_text, ledger_text};
 use std::path::{Path, PathBuf};
+
+/// Deviations from its fitted value within which a parameter is at its best for a picture.
+const AT_ITS_BEST: f64 = 0.5;
 
 /// Which physical effect the model is missing: diagnosis.json and report.html
 #[derive(Debug, clap::Args)]
@@ -86,6 +90,17 @@ fn at_its_best(loaded: &Loaded, input: &ImpactsInput, stated: Comparison) -> Res
     let library = ModelLibrary::new(Model::parse(&text, &input.files.model)?, &loaded.observations.gear);
     let fitted = compare(library.current(), &loaded.observations, &input.model_name(), input.seed)?;
     Ok(Comparison { parameters_as_stated: stated.parameters_as_stated, provenance: stated.provenance, ..fitted })
+}
+
+/// The comparison that the pictures of a session's diagnosis show; `None` where the model stands at its best already.
+pub(super) fn session_at_its_best(session: &Session, impacts: &Path, model: &Path, stated: &Comparison) -> Result<Option<Comparison>, CliError> {
+    let near = |(s, f): (&ParameterValue, &ParameterValue)| (s.value - f.value).abs() <= AT_ITS_BEST * f.sd;
+    if stated.parameters_as_stated.iter().zip(&stated.parameters_refitted).all(near) {
+        return Ok(None);
+    }
+    let files = ImpactFiles { impacts: impacts.into(), racket: session.racket_files.clone(), ball: session.ball_files.clone(), model: model.into() };
+    let input = ImpactsInput { files, group: None, seed: DEFAULT_SEED };
+    at_its_best(&input.load("diagnose")?, &input, stated.clone()).map(Some)
 }
 
 /// The file of one version on the way: `model-auto.1.toml`, so that any step can be gone back to or branched from.

@@ -38,6 +38,9 @@ impl ImpactFiles {
     }
 }
 
+/// Of the bootstrap, where none is given.
+pub const DEFAULT_SEED: u64 = 20_080_101;
+
 #[derive(Debug, Clone, clap::Args)]
 pub struct ImpactsInput {
     #[command(flatten)]
@@ -46,7 +49,7 @@ pub struct ImpactsInput {
     #[arg(long, value_name = "COLUMN")]
     pub group: Option<String>,
     /// Seed of the bootstrap
-    #[arg(long, default_value_t = 20_080_101, value_name = "N")]
+    #[arg(long, default_value_t = DEFAULT_SEED, value_name = "N")]
     pub seed: u64,
 }
 

@@ -1,5 +1,6 @@
 //! `sweetspot validate`.
 
+use super::diagnose::session_at_its_best;
 use super::error::{CliError, Kind, existing};
 use super::set_aside::{listed, set_aside, set_session_aside};
 use super::shots::{parse_point, told_apart};
@@ -22,6 +23,9 @@ base = \"rigid\"
 restitution = { value = 0.80, fit = true, min = 0.3, max = 1.0 }
 friction    = { value = 0.45, fit = true, min = 0.0, max = 1.5 }
 ";
+
+/// Its file among the results.
+const RIGID_MODEL_FILE: &str = "model.toml";
 
 /// Batch: everything that is still to do for one or more sessions, against a model
 ///
@@ -128,7 +132,8 @@ pub fn run(mut arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
         };
         shell.say(format_args!("== {} ({})", session.name, session.root.display()));
         let outcome = one_session(&session, &results, &arguments, shell)?;
-        write_report(&session, &results, &outcome, shell)?;
+        let model = arguments.model.clone().unwrap_or_else(|| results.join(RIGID_MODEL_FILE));
+        write_report(&session, &results, &model, &outcome, shell)?;
         outcomes.push(outcome);
     }
     shell.print_json(&outcomes)?;
@@ -153,8 +158,12 @@ fn none_opened(mut errors: Vec<CliError>) -> CliError {
 }
 
 /// One report of the whole session, in place of those that single steps wrote.
-fn write_report(session: &Session, results: &Path, outcome: &Outcome, shell: &Shell) -> Result<(), CliError> {
+fn write_report(session: &Session, results: &Path, model: &Path, outcome: &Outcome, shell: &Shell) -> Result<(), CliError> {
     let mut all = read_session_results(session, results);
+    if let (Some(stated), true) = (&all.comparison, outcome.made("diagnose")) {
+        // Without it the pictures show the model as its file states it.
+        all.at_its_best = session_at_its_best(session, &results.join("impacts.csv"), model, stated).ok().flatten();
+    }
     // What the first step to miss a shot said of it beats the bare fact that its file is missing; what is of no shot is of the step.
     for (id, why) in &mut all.failed {
         if let Some(reason) = outcome.failed.iter().find_map(|f| f.shots.get(id)) {
@@ -231,7 +240,7 @@ fn is_imported(results: &Path) -> bool {
 
 /// The rigid base as `model.toml` among the results; one that is there already stays.
 pub(super) fn rigid_model(results: &Path, shell: &Shell) -> Result<PathBuf, CliError> {
-    let path = results.join("model.toml");
+    let path = results.join(RIGID_MODEL_FILE);
     if !path.exists() {
         shell.write(&path, RIGID_MODEL.as_bytes())?;
     }

@@ -50,6 +50,7 @@ pub fn read_session_results(session: &Session, results: &Path) -> SessionResults
         rig,
         shots,
         comparison: json(&results.join("compare.json"), "comparison", &mut steps_failed),
+        at_its_best: None,
         diagnosis: json(&results.join("diagnosis.json"), "diagnosis", &mut steps_failed),
         failed,
         steps_failed,

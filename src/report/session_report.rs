@@ -24,9 +24,9 @@ pub fn session_report(results: &SessionResults) -> String {
         .subtitle(&format!("{} shots, {} frames a second", results.shots.len(), super::markup::fixed(results.frame_rate_hz, 0)))
         .section(sections::session_verdict(results));
     if let Some(d) = &results.diagnosis {
-        let c = results.comparison.as_ref();
+        // The pictures show what the words speak of.
         report = report
-            .section(sections::places(d, c))
+            .section(sections::places(d, results.at_its_best.as_ref().or(results.comparison.as_ref())))
             .section(sections::candidates(d))
             .section(sections::expression(d))
             .section(sections::next_experiments(d, racket))

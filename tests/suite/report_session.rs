@@ -196,6 +196,7 @@ fn session(name: &str, shots: u32) -> SessionResults {
         failed: vec![(name.to_owned(), name.to_owned())],
         steps_failed: vec![(name.to_owned(), name.to_owned())],
         comparison: Some(comparison(60, 0.8, name)),
+        at_its_best: None,
         diagnosis: Some(diagnosis(Verdict::EffectMissing, name)),
         after: Some(comparison(60, 0.0, name)),
         ledger: vec![ledger_entry("first model", 1.8, name), ledger_entry("added frame-vibration", 1.0, name)],

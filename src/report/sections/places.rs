@@ -51,7 +51,7 @@ pub fn places(d: &Diagnosis, comparison: Option<&Comparison>) -> Option<Section>
     }
     if !drawn.is_empty() {
         section = section.note(
-            "Dots: impacts. Line and band: their local mean and its 95 % interval. Tinted: the range where the model is off; orange: the mean of the residuals there. Rings on the border: points beyond it.",
+            "Dots: impacts, the model with its free parameters at their best. Line and band: their local mean and its 95 % interval. Tinted: the range where the model is off; orange: the mean there of the impacts that were not held out. Rings on the border: points beyond it.",
         );
     }
     Some(section.figures(Layout::Normal, &drawn).table(table))

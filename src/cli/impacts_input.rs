@@ -190,12 +190,31 @@ fn sd_as_stated(stated: &ParameterValue, fitted: &ParameterValue) -> f64 {
     if (stated.value - fitted.value).abs() <= fitted.sd { fitted.sd } else { 0.0 }
 }
 
+/// A model file's base, and the hash of all in it that no fit changes (see [`LedgerEntry::form`]).
+fn base_and_form(model_text: &str) -> (String, String) {
+    let Ok(mut model) = model_text.parse::<toml::Table>() else { return Default::default() };
+    let base = model.get("base").and_then(toml::Value::as_str).unwrap_or_default().to_owned();
+    forget_free_values(&mut model);
+    (base, sha256_hex(model.to_string().as_bytes()))
+}
+
+fn forget_free_values(table: &mut toml::Table) {
+    if table.get("fit").and_then(toml::Value::as_bool) == Some(true) {
+        table.remove("value");
+    }
+    table.iter_mut().filter_map(|(_, value)| value.as_table_mut()).for_each(forget_free_values);
+}
+
 pub fn record(ledger: &mut Ledger, version: Version, comparison: &Comparison) -> String {
     let hash = sha256_hex(version.model_text.as_bytes());
+    let (base, form) = base_and_form(version.model_text);
+    // Another base is another model, no version of this one.
+    let of_this_base = |e: &LedgerEntry| e.base.is_empty() || e.base == base;
     // With the same effects a version that does worse did not come from the better one by a fit.
     let falls = |e: &LedgerEntry| e.effects.len() < version.effects.len() || e.heldout_error >= comparison.heldout_error;
-    let ancestor =
-        |e: &&LedgerEntry| e.data_hash == version.data_hash && e.model_hash != hash && e.effects.iter().all(|x| version.effects.contains(x)) && falls(e);
+    let ancestor = |e: &&LedgerEntry| {
+        e.data_hash == version.data_hash && e.model_hash != hash && of_this_base(e) && e.effects.iter().all(|x| version.effects.contains(x)) && falls(e)
+    };
     let parent = version.parent.clone().or_else(|| {
         // A version already on record keeps its parent.
         if ledger.find(&hash, version.data_hash).is_some() {
@@ -203,11 +222,15 @@ pub fn record(ledger: &mut Ledger, version: Version, comparison: &Comparison) ->
         }
         ledger.entries.iter().filter(ancestor).max_by_key(|e| e.effects.len()).map(|e| e.model_hash.clone())
     });
-    let parent_effects: Vec<String> = parent.as_deref().and_then(|p| ledger.find(p, version.data_hash)).map(|e| e.effects.clone()).unwrap_or_default();
+    let came_from = parent.as_deref().and_then(|p| ledger.find(p, version.data_hash));
+    let parent_effects: Vec<String> = came_from.map(|e| e.effects.clone()).unwrap_or_default();
     let added: Vec<String> = version.effects.iter().filter(|e| !parent_effects.contains(e)).cloned().collect();
+    // A fit changes the values of free parameters, nothing else.
+    let by_a_fit = came_from.is_none_or(|e| e.form.is_empty() || e.form == form);
     let step = version.step.unwrap_or_else(|| match (&parent, added.is_empty()) {
         (None, _) => "first model".to_owned(),
-        (Some(_), true) => "fitted".to_owned(),
+        (Some(_), true) if by_a_fit => "fitted".to_owned(),
+        (Some(_), true) => "changed".to_owned(),
         (Some(_), false) => format!("added {}", added.join(" and ")),
     });
     ledger.record(LedgerEntry {
@@ -215,6 +238,8 @@ pub fn record(ledger: &mut Ledger, version: Version, comparison: &Comparison) ->
         model_file: file_name(version.model),
         parent,
         step,
+        base,
+        form,
         effects: version.effects,
         parameters: comparison
             .parameters_as_stated

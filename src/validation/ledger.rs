@@ -16,8 +16,14 @@ pub struct LedgerEntry {
     pub model_file: String,
     /// The version it came from.
     pub parent: Option<String>,
-    /// What was done to get here, in words: "first model", "added frame-vibration", "fitted".
+    /// What was done to get here, in words: "first model", "added frame-vibration", "fitted", "changed".
     pub step: String,
+    /// Base of the model; empty in a ledger of an earlier version.
+    #[serde(default)]
+    pub base: String,
+    /// SHA-256 of the model file without comments and without what a fit may change, the values of its free parameters.
+    #[serde(default)]
+    pub form: String,
     pub effects: Vec<String>,
     pub parameters: Vec<ParameterValue>,
     pub heldout_error: f64,
@@ -116,6 +122,8 @@ mod tests {
             model_file: format!("{hash}.toml"),
             parent: parent.map(Into::into),
             step: "added something".into(),
+            base: "rigid".into(),
+            form: String::new(),
             effects: vec![],
             parameters: vec![],
             heldout_error: error,

@@ -222,6 +222,8 @@ pub fn diagnosis(verdict: Verdict, name: &str) -> Diagnosis {
 
 pub fn ledger_entry(step: &str, error: f64, name: &str) -> LedgerEntry {
     LedgerEntry {
+        base: "rigid".into(),
+        form: String::new(),
         model_hash: step.to_owned(),
         model_file: name.to_owned(),
         parent: None,

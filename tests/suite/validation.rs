@@ -314,6 +314,17 @@ fn law_a_fit_begun_again_stays_where_it_is() {
     }
 }
 
+/// A model whose parameters do not move is judged where its options say, also where the file says otherwise.
+#[test]
+fn law_parameters_that_do_not_move_stay_where_they_are_put() {
+    let made = table(Kind::Lab, 60, &[], 1, NoiseOptions::default());
+    let observations = Observations::new(&made.table, std::slice::from_ref(&made.racket), std::slice::from_ref(&made.ball), &TableOptions::default()).unwrap();
+    let library = ModelLibrary::new(Model::parse(FIRST_MODEL, Path::new("model.toml")).unwrap(), &observations.gear);
+    let put = vec![0.7, 0.3];
+    let options = FitOptions { move_parameters: false, start_values: Some(put.clone()), ..FitOptions::default() };
+    assert_eq!(fit(library.current(), &observations, &observations.side(false), &options, None).unwrap().values, put);
+}
+
 #[test]
 fn law_the_noise_scale_is_recognised() {
     let d = diagnosis_of(&table(Kind::Lab, 300, &[], 7, NoiseOptions { understated: 1.4, ..NoiseOptions::default() }));
@@ -424,6 +435,93 @@ fn cli_rows_that_cannot_be_used_are_left_out_with_exit_1() {
         assert_eq!(status, 1, "{command}: {said}");
         assert!(said.contains("\"another\"") && said.contains("`impact_x`") && at.join(result).exists(), "{command}: {said}");
     }
+}
+
+/// A model that asks for an offset no session has is fitted without any; the error told is that of the new file, not of the one before the fit.
+#[test]
+fn agrees_fit_tells_the_error_that_compare_finds_in_its_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    lay_out(&table(Kind::Lab, 200, &[("frame-vibration", 1.5)], 5, NoiseOptions::default()), at);
+    std::fs::write(at.join("model.toml"), FIRST_MODEL).unwrap();
+    let files = ["--impacts", "impacts.csv", "--racket", "racket.toml", "--ball", "ball.toml", "--json", "--model"];
+    let told = |arguments: &[&str]| -> serde_json::Value {
+        let done = Command::new(env!("CARGO_BIN_EXE_sweetspot")).current_dir(at).args(arguments).output().unwrap();
+        serde_json::from_slice(&done.stdout).unwrap()
+    };
+    let before = told(&[&["compare"][..], &files, &["model.toml"]].concat());
+    let fitted = told(&[&["fit"][..], &files, &["model.toml", "-o", "fitted.toml"]].concat());
+    assert!(fitted["notes"].to_string().contains("fitted without any offset"), "{}", fitted["notes"]);
+    let after = told(&[&["compare"][..], &files, &["fitted.toml"]].concat());
+    let error = |of: &serde_json::Value| of["heldout_error"].as_f64().unwrap();
+    // The file holds the fitted values to the last digit; the offsets are fitted from another beginning.
+    assert!((error(&fitted) - error(&after)).abs() < 1e-3 * error(&after), "{} told, {} found", error(&fitted), error(&after));
+    assert!((error(&before) - error(&after)).abs() > 0.01, "{} before the fit", error(&before));
+}
+
+/// A formula that has no value for some impacts is named as the reason, by every command that needs the model for all of them.
+#[test]
+fn fails_a_model_without_an_answer_says_why() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    lay_out(&table(Kind::Lab, 60, &[], 1, NoiseOptions::default()), at);
+    let own = "[effects.own]\nreplaces = \"restitution\"\nexpression = \"restitution * (1 + k * sqrt(impact_y / 0.1))\"\nk = { value = 0.01, fit = true }\n";
+    std::fs::write(at.join("model.toml"), format!("{FIRST_MODEL}\n{own}")).unwrap();
+    for (command, more) in [("compare", &[][..]), ("diagnose", &[]), ("fit", &["-o", "fitted.toml"])] {
+        let files = [command, "--impacts", "impacts.csv", "--racket", "racket.toml", "--ball", "ball.toml", "--model", "model.toml"];
+        let (status, said) = run(at, &[&files[..], more].concat());
+        assert_eq!(status, 2, "{command}: {said}");
+        assert!(["cannot predict", "effect `own`", "`restitution` became NaN (a root or"].iter().all(|w| said.contains(w)), "{command}: {said}");
+    }
+}
+
+/// A residual alone does not tell that a law was limited or that energy came from nowhere.
+#[test]
+fn cli_compare_tells_what_no_contact_does() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    lay_out(&table(Kind::Lab, 60, &[], 1, NoiseOptions::default()), at);
+    let compare = |own: &str| {
+        std::fs::write(at.join("model.toml"), format!("{FIRST_MODEL}\n{own}")).unwrap();
+        run(at, &["compare", "--impacts", "impacts.csv", "--racket", "racket.toml", "--ball", "ball.toml", "--model", "model.toml"])
+    };
+    for (replaces, expression, words) in [
+        ("restitution", "restitution + 0.5", "as stated: restitution beyond 0 to 1, taken as 0 or 1, in 60 impacts"),
+        ("friction", "-friction", "as stated: friction below 0, taken as 0, in 60 impacts"),
+        ("ball_out_vz", "ball_out_vz * 10", "as stated: more energy after the impact than before"),
+    ] {
+        let (status, said) = compare(&format!("[effects.own]\nreplaces = \"{replaces}\"\nexpression = \"{expression}\"\n"));
+        assert!(status == 0 && said.contains(words), "{status}: {said}");
+        assert!(std::fs::read_to_string(at.join("compare.json")).unwrap().contains(words));
+    }
+    assert!(!compare("").1.contains("as stated: "));
+}
+
+/// Of versions with the same effects one is called fitted where nothing but the values of free parameters differs; of another base none is a version.
+#[test]
+fn law_the_ledger_tells_a_fit_from_a_change() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    lay_out(&table(Kind::Lab, 60, &[("frame-vibration", 1.0)], 1, NoiseOptions::default()), at);
+    let files = ["--impacts", "impacts.csv", "--racket", "racket.toml", "--ball", "ball.toml", "--model"];
+    let own = |across: &str| {
+        format!(
+            "base = \"rigid\"\n[parameters]\nrestitution = {{ value = 0.5, fit = true }}\nfriction = 0.45\n[effects.own]\nreplaces = \"restitution\"\n\
+             expression = \"restitution * (1 - k * ({across} / 0.13)^2)\"\nk = {{ value = 0.0, fit = true }}\n"
+        )
+    };
+    std::fs::write(at.join("stepped.toml"), "base = \"viscoelastic\"\n[parameters]\nmu = { value = 0.0, fit = true }\n").unwrap();
+    std::fs::write(at.join("own.toml"), own("impact_y")).unwrap();
+    assert_eq!(run(at, &[&["fit"][..], &files, &["own.toml", "-o", "fitted.toml"]].concat()).0, 0);
+    let fitted = std::fs::read_to_string(at.join("fitted.toml")).unwrap();
+    std::fs::write(at.join("changed.toml"), fitted.replace("impact_y", "impact_x")).unwrap();
+    for model in ["stepped.toml", "own.toml", "fitted.toml", "changed.toml"] {
+        let (status, said) = run(at, &[&["compare"][..], &files, &[model]].concat());
+        assert_eq!(status, 0, "{said}");
+    }
+    let ledger: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(at.join("model-ledger.json")).unwrap()).unwrap();
+    let steps: Vec<&str> = ledger["entries"].as_array().unwrap().iter().map(|e| e["step"].as_str().unwrap()).collect();
+    assert_eq!(steps, ["first model", "first model", "fitted", "changed"]);
 }
 
 /// The user's walk: compare fails, diagnose names, add, fit, compare again, the error falls; the ledger keeps it.

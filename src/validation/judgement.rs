@@ -172,8 +172,11 @@ impl<'a> Judgement<'a> {
                 .push(format!("{names} would fit these impacts better, but the error on held-out impacts {falls} ({before:.3} to {after:.3}): not believed"));
             self.refused = true;
         } else if after >= before {
+            // Groups held out whole may be those in which it does not act.
+            let against = log_evidence_of(&case.held_out, &best.held_out, c, f64::INFINITY) < -LOG_ODDS;
+            let (say, ask) = if against { ("speak against", ": ask whether it acts in all of them") } else { ("hardly meet", "") };
             self.notes.push(format!(
-                "the held-out impacts hardly meet {names} (their error: {before:.3} to {after:.3}); it is named for what it explains in the others"
+                "the held-out impacts {say} {names} (their error: {before:.3} to {after:.3}); it is named for what it explains in the others{ask}"
             ));
         }
     }

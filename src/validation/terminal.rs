@@ -14,12 +14,13 @@ const LISTED: usize = 5;
 pub fn comparison_text(c: &Comparison) -> String {
     let mut t = String::new();
     let _ = writeln!(t, "{}: {} impacts, {} of them held out for the check", c.model, c.n_impacts, c.n_held_out);
-    let _ = writeln!(t, "  {:<44} {:>5} {:>11} {:>11} {:>11}  chi²/n", "output", "n", "rmse", "bias", "noise");
-    for o in &c.outputs {
+    let names: Vec<String> = c.outputs.iter().map(|o| format!("{} ({})", column_subject(&o.name), o.name)).collect();
+    let wide = widest(&names, "output");
+    let _ = writeln!(t, "  {:<wide$} {:>5} {:>13} {:>13} {:>13}  chi²/n", "output", "n", "rmse", "bias", "noise");
+    for (o, name) in c.outputs.iter().zip(&names) {
         let _ = writeln!(
             t,
-            "  {:<44} {:>5} {:>11} {:>11} {:>11}  {:.2}",
-            format!("{} ({})", column_subject(&o.name), o.name),
+            "  {name:<wide$} {:>5} {:>13} {:>13} {:>13}  {:.2}",
             o.n,
             quantity(o.rmse, &o.name),
             quantity(o.bias, &o.name),
@@ -91,6 +92,11 @@ fn outliers_text(t: &mut String, outliers: &[super::comparison::Outlier], adequa
         list.join(", "),
         if more > 0 { format!(" and {more} more") } else { String::new() }
     );
+}
+
+/// Letters of the longest of the names of lines and of what else stands in their column.
+fn widest(names: &[String], other: &str) -> usize {
+    names.iter().map(|name| name.chars().count()).max().unwrap_or(0).max(other.chars().count())
 }
 
 fn quantity(value: f64, column: &str) -> String {
@@ -182,11 +188,13 @@ pub fn ledger_text(path: &[&LedgerEntry]) -> String {
     let Some(last) = path.last() else { return t };
     let _ = writeln!(t, "error on the same {} held-out impacts:", last.n_held_out);
     let floor = noise_floor(path);
-    let widest = path.iter().map(|e| e.heldout_error).fold(floor, f64::max);
-    for e in path {
-        let bar = "#".repeat(((40.0 * e.heldout_error / widest).round() as usize).clamp(1, 40));
-        let _ = writeln!(t, "  {:<34} {:>7.3} {bar}", format!("{} ({})", e.step, e.model_file), e.heldout_error);
+    let largest = path.iter().map(|e| e.heldout_error).fold(floor, f64::max);
+    let bar = |letter: &str, error: f64| letter.repeat(((40.0 * error / largest).round() as usize).clamp(1, 40));
+    let names: Vec<String> = path.iter().map(|e| format!("{} ({})", e.step, e.model_file)).collect();
+    let wide = widest(&names, "noise floor");
+    for (e, name) in path.iter().zip(&names) {
+        let _ = writeln!(t, "  {name:<wide$} {:>7.3} {}", e.heldout_error, bar("#", e.heldout_error));
     }
-    let _ = writeln!(t, "  {:<34} {:>7.3} {}", "noise floor", floor, "-".repeat(((40.0 * floor / widest).round() as usize).clamp(1, 40)));
+    let _ = writeln!(t, "  {:<wide$} {floor:>7.3} {}", "noise floor", bar("-", floor));
     t
 }

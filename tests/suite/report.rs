@@ -2,7 +2,7 @@
 
 use super::report_mock::{comparison, diagnosis, ledger_entry};
 use sweetspot::equipment::{Head, Racket, Strings};
-use sweetspot::report::chart::{Chart, Points, Scene};
+use sweetspot::report::chart::{Chart, Colour, Points, Scene};
 use sweetspot::report::{Report, Section, Table, comparison_report, diagnosis_report};
 use sweetspot::validation::Verdict;
 
@@ -73,6 +73,32 @@ fn law_hostile_text_stays_text_everywhere() {
     let page = Report::new(HOSTILE).subtitle(HOSTILE).section(section.clone()).section(section.clone()).section(section).finish();
     assert_page(&page);
     assert!(!page.contains("<script") && !page.contains("onload=x>"));
+}
+
+/// A room that is high and narrow has its floor drawn small: numbers that would run into each other or into a name are left out.
+#[test]
+fn law_no_two_texts_of_a_room_run_into_each_other() {
+    // A digit's height and width, px, both on the small side.
+    const HEIGHT: f64 = 6.0;
+    const WIDTH: f64 = 5.0;
+    for (u, w) in [(1.6, 1.6), (0.6, 0.6), (1.0, 0.4), (3.0, 1.0)] {
+        let corner = nalgebra::Point3::new(u, 1.8, w);
+        let scene = Scene::new("").path(&[nalgebra::Point3::origin(), corner], "", Colour::GREY);
+        let drawn = scene.text(nalgebra::Point3::new(u, 0.1, 0.5 * w), "left").to_svg();
+        let number = |tag: &str, name: &str| -> f64 { tag.split(name).nth(1).unwrap().split('"').next().unwrap().parse().unwrap() };
+        let texts = drawn.split("<text").skip(1).map(|piece| {
+            let (tag, rest) = piece.split_once('>').unwrap();
+            let width = WIDTH * rest.split('<').next().unwrap().chars().count() as f64;
+            let before = if tag.contains("\"middle\"") { 0.5 * width } else { f64::from(u8::from(tag.contains("\"end\""))) * width };
+            (number(tag, " x=\"") - before, number(tag, " y=\""), width)
+        });
+        let texts: Vec<(f64, f64, f64)> = texts.collect();
+        assert!(texts.len() > 6, "{texts:?}");
+        for (i, (x, y, width)) in texts.iter().enumerate() {
+            let met = texts[..i].iter().find(|(a, b, wide)| (y - b).abs() < HEIGHT && *a < x + width && *x < a + wide);
+            assert!(met.is_none(), "{:?} and {met:?} in {u} by {w} m", texts[i]);
+        }
+    }
 }
 
 #[test]

@@ -250,14 +250,18 @@ impl Ground {
         let (l, h) = (self.low, self.high);
         let count = |a: f64, b: f64| ((b - a) / self.step).round().clamp(1.0, 60.0) as usize;
         let mut lines = Vec::new();
-        // A number that would run into a name is left out: its neighbours tell the scale.
-        let label = |svg: &mut Svg, p: Point3<f64>, value: f64, (dx, dy): (f64, f64), anchor: Anchor| {
+        let mut numbers: Vec<(f64, f64, String)> = Vec::new();
+        // A number that would run into a name or another number is left out: its neighbours tell the scale.
+        let mut label = |svg: &mut Svg, p: Point3<f64>, value: f64, (dx, dy): (f64, f64), anchor: Anchor| {
             let (x, y) = at(&p);
             let text = crate::report::markup::fixed(value, if self.step < 0.1 { 2 } else { usize::from(self.step < 1.0) });
             let (x, y) = ((x + dx).min(width - 2.0), y + dy);
             let begins = x - text_width(&text, TEXT - 1.0) * anchor.share_before();
-            if !labels.iter().any(|l| l.meets(begins, y, &text)) {
+            let taken =
+                labels.iter().any(|l| l.meets(begins, y, &text)) || numbers.iter().any(|(x, y0, n)| Label { x: *x, y: *y0, text: n }.meets(begins, y, &text));
+            if !taken {
                 svg.text(x, y, anchor, &text, &format!("font-size=\"{}\" fill-opacity=\"0.75\"", px(TEXT - 1.0)));
+                numbers.push((begins, y, text));
             }
         };
         for k in 0..=count(l.x, h.x) {
@@ -282,7 +286,11 @@ impl Ground {
         }
         let name = |svg: &mut Svg, p: Point3<f64>, dx: f64, dy: f64, text: &str| {
             let (x, y) = at(&p);
-            svg.text((x + dx).min(width - text_width(text, TEXT) - 2.0).max(2.0), y + dy, Anchor::Start, text, "font-style=\"italic\"");
+            let (x, y) = ((x + dx).min(width - text_width(text, TEXT) - 2.0).max(2.0), y + dy);
+            // A line lower or higher where a camera's name stands there.
+            let free = |y: &f64| !labels.iter().any(|l| l.meets(x, *y, text));
+            let y = [y, y + TEXT + 2.0, y - TEXT - 2.0].into_iter().find(free).unwrap_or(y);
+            svg.text(x, y, Anchor::Start, text, "font-style=\"italic\"");
         };
         name(svg, Point3::new(0.5 * (l.x + h.x), l.y, h.z), -6.0, 2.5 * TEXT, &format!("{} (m)", names[0]));
         name(svg, Point3::new(h.x, l.y, 0.5 * (l.z + h.z)), 38.0, -2.0, &format!("{} (m)", names[2]));

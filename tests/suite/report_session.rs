@@ -203,6 +203,31 @@ fn session(name: &str, shots: u32) -> SessionResults {
     }
 }
 
+/// What there is to say of a session that came to nothing is which step failed.
+#[test]
+fn truth_a_session_without_results_is_headed_by_the_step_that_failed() {
+    let shots = vec![ShotResults { record: None, tracks: None, points: Vec::new(), pictures: Vec::new(), ..shot_results("s1", 0) }];
+    let steps_failed = vec![("calibrate".to_owned(), "only 0 of 30 pairs can be used".to_owned())];
+    let page = session_report(&SessionResults { name: "lab".into(), frame_rate_hz: 1000.0, shots, steps_failed, ..SessionResults::default() });
+    let at = |words: &str| page.find(words).unwrap_or_else(|| panic!("{words} is missing"));
+    assert!(at("Failed: calibrate; the reason stands below.") < at("The one shot could not be measured"), "the step comes first");
+    assert!(at("only 0 of 30 pairs") > at("The one shot could not be measured"));
+}
+
+/// The diagnosis speaks of the model at its best: its pictures show that one, the rest of the page the model as its file states it.
+#[test]
+fn law_where_it_fails_is_drawn_of_the_model_at_its_best() {
+    let places = |results: &SessionResults| {
+        let page = session_report(results);
+        let from = page.find("id=\"where-").unwrap();
+        page[from..from + page[from..].find("</section>").unwrap()].to_owned()
+    };
+    let stated = session("lab", 2);
+    let best = SessionResults { at_its_best: Some(comparison(60, 0.1, "lab")), ..session("lab", 2) };
+    assert_ne!(places(&best), places(&stated));
+    assert_eq!(places(&best), places(&SessionResults { comparison: Some(comparison(60, 0.1, "lab")), ..session("lab", 2) }));
+}
+
 #[test]
 fn law_a_session_report_holds_with_plain_and_hostile_names() {
     for (file, name) in [("plain", "lab 2026"), ("hostile", HOSTILE)] {

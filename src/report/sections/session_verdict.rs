@@ -23,9 +23,21 @@ pub fn session_verdict(r: &SessionResults) -> Section {
     if all > 0 {
         lines.push(if measured == all {
             if all == 1 { "The one shot was measured.".to_owned() } else { format!("All {all} shots were measured.") }
+        } else if measured == 0 {
+            if all == 1 {
+                "The one shot could not be measured; the reason stands below.".to_owned()
+            } else {
+                format!("None of {all} shots could be measured; each is named with its reason below.")
+            }
         } else {
             format!("{measured} of {all} shots were measured; the others are named with their reason below.")
         });
+    }
+    if !r.steps_failed.is_empty() {
+        let steps = r.steps_failed.iter().map(|(step, _)| step.as_str()).collect::<Vec<_>>().join(", ");
+        let line = format!("Failed: {steps}; the reason stands below.");
+        // Where nothing came of a session this is what there is to say of it.
+        lines.insert(if measured == 0 { 0 } else { lines.len() }, line);
     }
     let noted: Vec<&str> = r.shots.iter().filter(|s| !s.recording.is_empty()).map(|s| s.id.as_str()).collect();
     if !noted.is_empty() {

@@ -37,11 +37,12 @@ pub fn shots(results: &SessionResults) -> Option<Section> {
         return None;
     }
     let mut section = Section::new("shots", "Shot characteristics");
-    if !failed.is_empty() {
-        section = section.heading("Shots that could not be measured").list(&failed);
-    }
+    // A step that failed is why shots could not be measured.
     if !steps.is_empty() {
         section = section.heading("Steps that failed").list(&steps);
+    }
+    if !failed.is_empty() {
+        section = section.heading("Shots that could not be measured").list(&failed);
     }
     if !measured.is_empty() {
         section = section.figures(Layout::Normal, &faces(&measured)).table(overview(&measured));

@@ -143,6 +143,15 @@ impl Racket {
             );
             return Err(refused(path, key, seen, allowed));
         }
+        // Mass along the racket with its centre at c has at most the inertia c (L - c) about it: all of it at the two ends (Bhatia and Davis 2000).
+        let most = self.mass_kg * self.balance_m * (self.length_m - self.balance_m);
+        if principal.y > most {
+            let most = most + self.mass_kg * (self.balance_m - SWINGWEIGHT_AXIS_FROM_BUTT_M).powi(2);
+            let allowed = format!(
+                "below {most:.5} kg m², where all of the mass is at the two ends; check its unit (325 kg cm² are 0.0325 kg m²), mass, length and balance"
+            );
+            return Err(refused(path, "swingweight_kgm2", self.swingweight_kgm2, allowed));
+        }
         // A racket is long: about its long axis it turns most easily, by far.
         if principal.x > 0.5 * principal.y {
             let allowed = format!("below half the inertia across the face about the centre of mass, {:.5} (a tenth of it is usual)", principal.y);
@@ -330,6 +339,14 @@ mod tests {
             let message = racket(&format!("spinweight_kgm2 = {spinweight}\n")).expect_err("no racket").to_string();
             assert!(message.contains("`spinweight_kgm2` = ") && message.contains("allowed: "), "{message}");
         }
+        // 325 kg cm² divided by a thousand.
+        let text = std::fs::read_to_string(&path)
+            .expect("read")
+            .replace("swingweight_kgm2 = 0.0325", "swingweight_kgm2 = 0.325")
+            .replace("spinweight_kgm2 = -0.03\n", "");
+        std::fs::write(&path, text).expect("written");
+        let message = Racket::read(&path).expect_err("no racket").to_string();
+        assert!(message.contains("`swingweight_kgm2` = 0.325") && message.contains("325 kg cm²"), "{message}");
     }
 
     #[test]

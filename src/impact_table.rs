@@ -97,16 +97,22 @@ fn largest(column: &str) -> f64 {
     }
 }
 
+/// A number as one would write it by hand.
+fn as_written(value: f64) -> String {
+    if value.abs() < 1e7 { format!("{value}") } else { format!("{value:e}") }
+}
+
 /// Why cells cannot be those of an impact: the first value, or deviation, that none can have.
 pub fn impossible<'a>(mut cells: impl Iterator<Item = (&'a &'static str, &'a Option<Measured>)>) -> Option<String> {
     cells.find_map(|(name, measured)| {
         let (most, unit, Measured { value, sd }) = (largest(name), unit(name), (*measured)?);
         if value.abs() > most {
-            return Some(format!("`{name}` is {value:e} {unit}, allowed: up to {most} {unit} either way; give it in SI units, or correct the number"));
+            let value = as_written(value);
+            return Some(format!("`{name}` is {value} {unit}, allowed: up to {most} {unit} either way; give it in SI units, or correct the number"));
         }
         // A deviation as large as all that is possible says nothing, and its square may be no number.
-        let sd = sd.filter(|sd| *sd > most)?;
-        Some(format!("`{name}_sd` is {sd:e} {unit}, allowed: up to {most} {unit}; leave the cell empty where the deviation is not known"))
+        let sd = as_written(sd.filter(|sd| *sd > most)?);
+        Some(format!("`{name}_sd` is {sd} {unit}, allowed: up to {most} {unit}; leave the cell empty where the deviation is not known"))
     })
 }
 
@@ -471,7 +477,7 @@ mod tests {
         let told = |text: &str| impossible(INPUTS.iter().zip(&read(text).expect("a table").rows[0].inputs));
         assert_eq!(told("id,ball_in_vz,ball_in_vz_sd\na,-20,0.5\n"), None);
         assert!(told("id,ball_in_vz,ball_in_vz_sd\na,-20,1e308\n").is_some_and(|why| why.contains("`ball_in_vz_sd` is 1e308 m/s, allowed: up to 500")));
-        assert!(told("id,ball_in_vz\na,-2000\n").is_some_and(|why| why.contains("`ball_in_vz` is -2e3 m/s")));
+        assert!(told("id,ball_in_vz\na,-2000\n").is_some_and(|why| why.contains("`ball_in_vz` is -2000 m/s")));
     }
 
     #[test]

@@ -15,7 +15,7 @@ use std::collections::BTreeMap;
 /// Why one impact of a table has no prediction.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum RowError {
-    #[error("impact {id}: `{column}` was not measured, and the model needs it")]
+    #[error("impact {id}: `{column}` was not measured, and the model needs it; give 0 where it is known to be nothing")]
     Missing { id: String, column: &'static str },
     #[error("impact {id}: {what}")]
     Impossible { id: String, what: String },

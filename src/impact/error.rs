@@ -34,7 +34,7 @@ pub enum ModelError {
     Body { what: &'static str, seen: f64, allowed: String },
     #[error("input `{what}` = {seen}; allowed: a finite number within ±{limit}")]
     InputRange { what: &'static str, seen: f64, limit: f64 },
-    #[error("no contact: ball and impact point approach at {approach_m_s:e} m/s; the ball must move toward the strings (at least {min_m_s} m/s)")]
+    #[error("no contact: ball and impact point approach at {approach_m_s:.4} m/s; the ball must move toward the strings (at least {min_m_s} m/s)")]
     NoApproach { approach_m_s: f64, min_m_s: f64 },
     #[error("the ball has not left the strings after {elapsed_s} s (force {force_n:.1} N); check mass, stiffness and damping of the model")]
     NoRelease { elapsed_s: f64, force_n: f64 },

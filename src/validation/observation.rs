@@ -204,7 +204,7 @@ impl Observations {
                     missing[i] = true;
                 }
                 None if *name == "grip_torque" => {}
-                None => return Err(format!("`{name}` is empty")),
+                None => return Err(format!("`{name}` is empty; give 0 where it is known to be nothing")),
             }
         }
         let held_by = options.group.as_ref().and_then(|g| group_of(row, g)).unwrap_or(&row.id);

@@ -151,6 +151,10 @@ fn fails_expressions_say_where() {
         ("expression = \"k\"\nreplaces = \"restitution\"\nk = { value = 2.0, min = 3.0, max = 4.0 }", ["effects.mine.k.value", "3 to 4"]),
         ("expression = \"k\"\nreplaces = \"restitution\"\nk = \"a\"", ["effects.mine.k", "a number"]),
         ("expression = \"1 +\"\nreplaces = \"restitution\"", ["ends", "1 +"]),
+        ("expression = \"0.9 restitution\"\nreplaces = \"restitution\"", ["a product is written `a * b`", "      ^"]),
+        ("expression = \"2 (restitution)\"\nreplaces = \"restitution\"", ["a product is written `a * b`", "    ^"]),
+        ("expression = \"restitution − 0.1\"\nreplaces = \"restitution\"", ["minus is written `-`", "              ^"]),
+        ("expression = \"restitution * 90 %\"\nreplaces = \"restitution\"", ["written as a number, 0.9", "^"]),
     ] {
         let message = parse(&format!("[effects.mine]\n{effect}")).unwrap_err().to_string();
         assert!(words.iter().all(|w| message.contains(w)), "{message}");

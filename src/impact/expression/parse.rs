@@ -283,7 +283,11 @@ impl<'a> Parser<'a> {
         let rest = self.text[self.at..].trim_start();
         match rest.chars().next() {
             Some('*') => "; a power is written `a ^ b`",
-            Some('×' | '·') => "; a product is written `a * b`",
+            Some('×' | '·' | '(' | '_') => "; a product is written `a * b`",
+            Some(c) if c.is_alphanumeric() => "; a product is written `a * b`",
+            Some('−' | '–' | '—') => "; minus is written `-`",
+            Some('÷') => "; a quotient is written `a / b`",
+            Some('%') => "; a share is written as a number, 0.9",
             Some('<' | '>' | '=' | '!' | '?' | '&' | '|') => "; a condition is written `step(a - b)`: 1 where a >= b, 0 elsewhere",
             Some(',') => "; a decimal is written with a point, 0.5",
             _ => "",

@@ -5,6 +5,7 @@ use super::error::CliError;
 use crate::impact::card::{EffectCard, EffectKind, ParameterCard, Role};
 use crate::impact::expression::{Stage, channels, quantities};
 use crate::impact::{ModelError, catalogue, effect_card};
+use crate::provenance::read_no_further;
 use std::fmt::Write as _;
 use std::io::Write as _;
 
@@ -28,7 +29,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
             table(usable()),
             table(replaceable())
         );
-        return std::io::stdout().write_all(text.as_bytes()).map_err(CliError::output);
+        return print(&text);
     }
     let cards: Vec<&EffectCard> = match &arguments.effect {
         Some(name) => vec![effect_card(name).ok_or_else(|| ModelError::unknown_effect(name))?],
@@ -38,7 +39,11 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
         return shell.print_json(&cards);
     }
     let text = if arguments.effect.is_some() { cards.iter().map(|c| in_full(c)).collect() } else { list(&cards) };
-    std::io::stdout().write_all(text.as_bytes()).map_err(CliError::output)
+    print(&text)
+}
+
+fn print(text: &str) -> Result<(), CliError> {
+    read_no_further(std::io::stdout().write_all(text.as_bytes())).map_err(CliError::output)
 }
 
 /// Name, unit, where in the computation, meaning.

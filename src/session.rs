@@ -20,6 +20,8 @@ pub enum SessionError {
     Unreadable { path: PathBuf, source: std::io::Error },
     #[error("{path}: cannot be read ({source}); mend shot.toml, or remove it where the shot needs none", path = .path.display())]
     UnreadableShot { path: PathBuf, source: std::io::Error },
+    #[error("{path}: the shot's folder cannot be read ({source}); mend the link, or remove it", path = .path.display())]
+    LostShot { path: PathBuf, source: std::io::Error },
     #[error("{path}: the folder's name is not UTF-8, in which results are named; rename it", path = .path.display())]
     ShotName { path: PathBuf },
     #[error("{path}: the folder's name {id:?} begins or ends with a space, which a table does not keep; rename it", path = .path.display())]
@@ -224,15 +226,27 @@ impl Session {
         if !folder.is_dir() {
             return Ok(()); // a session may hold a calibration only
         }
-        let entries = std::fs::read_dir(&folder).map_err(|source| SessionError::Unreadable { path: folder.clone(), source })?;
+        let unreadable = |source| SessionError::Unreadable { path: folder.clone(), source };
         let shown = |name: &OsString| name.to_string_lossy().into_owned();
-        let mut names: Vec<OsString> = entries.filter_map(|e| e.ok()).filter(|e| e.path().is_dir()).map(|e| e.file_name()).collect();
+        let mut found: Vec<(OsString, std::io::Result<()>)> = Vec::new();
+        for entry in std::fs::read_dir(&folder).map_err(unreadable)? {
+            let entry = entry.map_err(unreadable)?;
+            match std::fs::metadata(entry.path()) {
+                Ok(m) if !m.is_dir() => {}
+                // A link that leads nowhere (a disk that is not there) is a shot that is missing, not none.
+                seen => found.push((entry.file_name(), seen.map(|_| ()))),
+            }
+        }
         // What other programs put beside people's folders is no shot.
-        names.retain(|name| !shown(name).starts_with('.') && !NO_SHOTS.contains(&shown(name).as_str()));
-        names.sort_by_key(|name| by_number(&shown(name)));
-        for (order, name) in names.into_iter().enumerate() {
-            let id = shown(&name);
-            let read = if name.to_str().is_some() { self.read_shot(&id, order) } else { Err(SessionError::ShotName { path: folder.join(&name) }) };
+        found.retain(|(name, _)| !shown(name).starts_with('.') && !NO_SHOTS.contains(&shown(name).as_str()));
+        found.sort_by_key(|(name, _)| by_number(&shown(name)));
+        for (order, (name, seen)) in found.into_iter().enumerate() {
+            let (id, path) = (shown(&name), folder.join(&name));
+            let read = match seen {
+                Err(source) => Err(SessionError::LostShot { path, source }),
+                Ok(()) if name.to_str().is_none() => Err(SessionError::ShotName { path }),
+                Ok(()) => self.read_shot(&id, order),
+            };
             match read {
                 Ok(shot) => self.shots.push(shot),
                 Err(e) => self.broken_shots.push((id, e.to_string())),
@@ -390,10 +404,13 @@ mod tests {
             std::fs::create_dir_all(root.join("shots").join(std::ffi::OsStr::from_bytes(name))).expect("made");
         }
         std::os::unix::fs::symlink("nowhere.toml", root.join("shots/s2/shot.toml")).expect("linked");
+        std::os::unix::fs::symlink("nowhere", root.join("shots/s4")).expect("linked");
+        std::fs::write(root.join("shots/notes.txt"), "windy").expect("written");
         let session = Session::open(root).expect("a session");
         assert_eq!(session.shots.iter().map(|s| s.id.as_str()).collect::<Vec<_>>(), ["s1"]);
-        let [(linked, no_file), (misnamed, not_utf8)] = &session.broken_shots[..] else { panic!("{:?}", session.broken_shots) };
+        let [(linked, no_file), (misnamed, not_utf8), (lost, no_folder)] = &session.broken_shots[..] else { panic!("{:?}", session.broken_shots) };
         assert!(linked == "s2" && no_file.contains("s2/shot.toml: cannot be read") && misnamed.starts_with("s3") && not_utf8.contains("UTF-8"));
+        assert!(lost == "s4" && no_folder.contains("shots/s4: the shot's folder cannot be read"), "{no_folder}");
         let asked = session.select(&["s2".to_owned()]).expect_err("broken").to_string();
         assert!(asked.contains(no_file.as_str()) && !asked.contains("is not there"), "{asked}");
         assert!(session.select(&["s9".to_owned()]).expect_err("unknown").to_string().contains("is not there"));

@@ -104,9 +104,9 @@ fn same_number(folder: &Path, left: &BTreeMap<u64, PathBuf>, right: &BTreeMap<u6
 }
 
 fn axes_picture(folder: &Path, camera: &str) -> Result<PathBuf, CliError> {
-    let entries = std::fs::read_dir(folder).map_err(|e| CliError::input(format!("{}: cannot be read ({e})", folder.display())))?;
-    let mut found: Vec<PathBuf> =
-        entries.filter_map(|e| e.ok()).map(|e| e.path()).filter(|p| p.is_file() && p.file_stem().is_some_and(|s| s == camera)).collect();
+    let unreadable = |e| CliError::input(format!("{}: cannot be read ({e})", folder.display()));
+    let all = std::fs::read_dir(folder).and_then(Iterator::collect::<Result<Vec<_>, _>>).map_err(unreadable)?;
+    let mut found: Vec<PathBuf> = all.into_iter().map(|e| e.path()).filter(|p| p.is_file() && p.file_stem().is_some_and(|s| s == camera)).collect();
     found.sort();
     match found.len() {
         1 => Ok(found.remove(0)),

@@ -142,9 +142,9 @@ impl Shell {
     }
 
     /// Names files that the user gave: [`Self::write`] refuses to replace them.
-    pub fn keep<'a>(&self, given: impl IntoIterator<Item = &'a PathBuf>) {
+    pub fn keep(&self, given: impl IntoIterator<Item = impl AsRef<Path>>) {
         if let Ok(mut kept) = self.given.lock() {
-            kept.extend(given.into_iter().filter_map(|path| path.canonicalize().ok()));
+            kept.extend(given.into_iter().filter_map(|path| path.as_ref().canonicalize().ok()));
         }
     }
 

@@ -6,6 +6,7 @@ use crate::equipment::Racket;
 use crate::footage::{GreyImage, read_grey};
 use crate::kinematics::{GridPhotograph, TapePlace, markers_of, tape_places};
 use crate::limited_file::{LARGEST_TEXT, read_text};
+use crate::provenance::write_atomically;
 use image::{ImageFormat, Rgb, RgbImage};
 use nalgebra::Vector2;
 use std::path::{Path, PathBuf};
@@ -69,13 +70,15 @@ pub fn measure_photograph(photograph: &Path, a: &PhotographArguments, racket: &R
         }
     }
     if let Some(overlay) = &a.overlay {
+        shell.keep([photograph, path]);
         let mut bytes = std::io::Cursor::new(Vec::new());
         drawn(&image, &sheet, &places).write_to(&mut bytes, ImageFormat::Png).map_err(CliError::output)?;
         shell.write(overlay, bytes.get_ref())?;
     }
     if a.write {
         let text = read_text(path, LARGEST_TEXT).map_err(|e| CliError::input(format!("{}: cannot be read ({e})", path.display())))?;
-        shell.write(path, with_markers(&text, &places, path)?.as_bytes())?;
+        // The one file that a command is given to change.
+        write_atomically(path, with_markers(&text, &places, path)?.as_bytes()).map_err(CliError::output)?;
         shell.say(format_args!("{}: [markers] written", path.display()));
     }
     Ok(places)

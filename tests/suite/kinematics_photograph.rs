@@ -213,12 +213,21 @@ fn cli_racket_writes_the_markers_of_a_photograph_and_leaves_the_rest_alone() {
     image::GrayImage::from_raw(SIZE.0 as u32, SIZE.1 as u32, level().pixels.clone()).unwrap().save(&photo).unwrap();
     let text = format!("# borrowed from the club\n{}", toml::to_string(&racket()).unwrap());
     std::fs::write(&file, &text).unwrap();
-    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_sweetspot"));
-    command.arg("racket").arg(&file).arg("--photo").arg(&photo).args(["--camera-height", "1.4", "--write", "--json", "--overlay"]).arg(&overlay);
-    for uv in pointed(&Scene::new(0.0)) {
-        command.args(["--tape", &format!("{:.0},{:.0}", uv.x, uv.y)]);
+    let measure = |overlay: &std::path::Path| {
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_sweetspot"));
+        command.arg("racket").arg(&file).arg("--photo").arg(&photo).args(["--camera-height", "1.4", "--write", "--json", "--overlay"]).arg(overlay);
+        for uv in pointed(&Scene::new(0.0)) {
+            command.args(["--tape", &format!("{:.0},{:.0}", uv.x, uv.y)]);
+        }
+        command.output().unwrap()
+    };
+    // What was measured on is not drawn over, nor is the racket's file.
+    for given in [&photo, &file] {
+        let (before, out) = (std::fs::read(given).unwrap(), measure(given));
+        assert!(out.status.code() == Some(2) && String::from_utf8_lossy(&out.stderr).contains("would replace it"), "{}", String::from_utf8_lossy(&out.stderr));
+        assert!(std::fs::read(given).unwrap() == before);
     }
-    let out = command.output().unwrap();
+    let out = measure(&overlay);
     assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
     let written = std::fs::read_to_string(&file).unwrap();
     assert!(written.starts_with("# borrowed from the club\n") && written.contains("tension_lb") && written.contains("from a photograph"), "{written}");

@@ -115,6 +115,7 @@ impl BoxSums {
 }
 
 const UNKNOWNS: usize = 11;
+type Unknowns = SVector<f64, UNKNOWNS>;
 /// Step after which pixels around foreign ones are left out.
 const MASKED_FROM: usize = 12;
 /// Misfit that makes a pixel foreign, as a share of the contrast.
@@ -150,25 +151,8 @@ pub fn fit_sphere(image: &GreyImage, spot: &Spot, shape: Option<&SphereShape>) -
 fn fit_from(image: &GreyImage, spot: &Spot, start: &Spot, shape: Option<&SphereShape>) -> Option<(f64, SphereImage)> {
     let r0 = start.radius_px;
     let reach = 1.5 * r0 + 2.5;
-    let inside = sample(image, spot.centre)?;
-    // Typical contrast: the spot's own is that of its worst direction.
-    let mut around: Vec<f64> = (0..24)
-        .filter_map(|k| {
-            let (s, c) = (k as f64 * std::f64::consts::TAU / 24.0).sin_cos();
-            sample(image, spot.centre + Vector2::new(c, s) * (1.7 * spot.radius_px))
-        })
-        .collect();
-    let contrast = (inside - median(&mut around)?).max(spot.contrast);
-    let mut p = SVector::<f64, UNKNOWNS>::zeros();
-    p[0] = start.centre.x;
-    p[1] = start.centre.y;
-    p[2] = r0;
-    p[3] = 0.8;
-    p[4] = contrast.max(1.0);
-    p[7] = inside - contrast;
-    if let Some(s) = shape {
-        (p[3], p[5], p[6], p[10]) = (s.blur_px, s.shading[0], s.shading[1], s.shading[2]);
-    }
+    let (inside, contrast) = brightness(image, spot)?;
+    let mut p = first_guess(start, shape, inside, contrast);
     // Misfit beyond which a pixel is something else: shading and texture stay within a tenth of the contrast.
     let loose = (0.25 * contrast).max(6.0);
     let tight = (0.1 * contrast).max(4.0);
@@ -177,60 +161,19 @@ fn fit_from(image: &GreyImage, spot: &Spot, start: &Spot, shape: Option<&SphereS
     let mut foreign: Vec<Vector2<f64>> = Vec::new();
     for iteration in 0..60 {
         let limit = if iteration < 8 { loose } else { tight };
-        let centre = Vector2::new(p[0], p[1]);
-        let (x0, x1) = ((centre.x - reach).ceil() as i64, (centre.x + reach).floor() as i64);
-        let (y0, y1) = ((centre.y - reach).ceil() as i64, (centre.y + reach).floor() as i64);
-        let mut normal = SMatrix::<f64, UNKNOWNS, UNKNOWNS>::zeros();
-        let mut gradient = SVector::<f64, UNKNOWNS>::zeros();
-        let (mut squared, mut weights, mut cost, mut n) = (0.0, 0.0, 0.0, 0usize);
-        for y in y0..=y1 {
-            for x in x0..=x1 {
-                let (dx, dy) = (x as f64 - centre.x, y as f64 - centre.y);
-                let d = dx.hypot(dy);
-                if d > reach || x < 0 || y < 0 {
-                    continue;
-                }
-                let Some(grey) = image.get(x as usize, y as usize).map(f64::from) else { continue };
-                let (value, derivative) = disc(&p, dx, dy, d);
-                let residual = grey - value;
-                let u = residual / limit;
-                let here = Vector2::new(x as f64, y as f64);
-                if iteration == MASKED_FROM && residual.abs() > FOREIGN_SHARE * contrast {
-                    foreign.push(here);
-                }
-                if iteration > MASKED_FROM && foreign.iter().any(|f| (f - here).norm_squared() < 2.1) {
-                    cost += 1.0;
-                    n += 1;
-                    continue;
-                }
-                let w = if u.abs() < 1.0 { (1.0 - u * u).powi(2) } else { 0.0 };
-                normal += derivative * derivative.transpose() * w;
-                gradient += derivative * (residual * w);
-                squared += w * residual * residual;
-                weights += w;
-                cost += if u.abs() < 1.0 { 1.0 - (1.0 - u * u).powi(3) } else { 1.0 };
-                n += 1;
-            }
+        if iteration == MASKED_FROM {
+            let is_foreign = |(_, residual, _): &(Vector2<f64>, f64, _)| residual.abs() > FOREIGN_SHARE * contrast;
+            foreign = around(image, &p, reach).filter(is_foreign).map(|(here, ..)| here).collect();
         }
+        let masked = if iteration > MASKED_FROM { foreign.as_slice() } else { &[] };
+        let Equations { mut normal, mut gradient, squared, weights, cost } = Equations::of(around(image, &p, reach), limit, masked);
         if weights < 2.0 * UNKNOWNS as f64 {
             return None;
         }
-        if shape.is_some() {
-            for k in [2, 3] {
-                normal.row_mut(k).fill(0.0);
-                normal.column_mut(k).fill(0.0);
-                normal[(k, k)] = 1.0;
-                gradient[k] = 0.0;
-            }
-        }
         if let Some(s) = shape {
-            let weight = (GREY_SHARE * contrast / SHADING_SD).powi(2);
-            for (k, known) in [(5, s.shading[0]), (6, s.shading[1]), (10, s.shading[2])] {
-                normal[(k, k)] += weight;
-                gradient[k] += weight * (known - p[k]);
-            }
+            hold_shape(&mut normal, &mut gradient, &p, s, contrast);
         }
-        answer = Some((cost / n as f64, normal, squared / (weights - UNKNOWNS as f64)));
+        answer = Some((cost, normal, squared / (weights - UNKNOWNS as f64)));
         let mut damped = normal;
         for i in 0..UNKNOWNS {
             damped[(i, i)] = damped[(i, i)] * 1.001 + 1e-9;
@@ -264,8 +207,103 @@ fn fit_from(image: &GreyImage, spot: &Spot, start: &Spot, shape: Option<&SphereS
     (p[4] > MIN_CONTRAST && moved < 1.5 * spot.radius_px + 2.0 && out.sd.norm().is_finite()).then_some((cost, out))
 }
 
+/// Grey value in a spot's middle, and by how much it is brighter than what is around it.
+fn brightness(image: &GreyImage, spot: &Spot) -> Option<(f64, f64)> {
+    let inside = sample(image, spot.centre)?;
+    // Typical contrast: the spot's own is that of its worst direction.
+    let mut around: Vec<f64> = (0..24)
+        .filter_map(|k| {
+            let (s, c) = (k as f64 * std::f64::consts::TAU / 24.0).sin_cos();
+            sample(image, spot.centre + Vector2::new(c, s) * (1.7 * spot.radius_px))
+        })
+        .collect();
+    Some((inside, (inside - median(&mut around)?).max(spot.contrast)))
+}
+
+/// The unknowns that a descent begins with.
+fn first_guess(start: &Spot, shape: Option<&SphereShape>, inside: f64, contrast: f64) -> Unknowns {
+    let mut p = Unknowns::zeros();
+    p[0] = start.centre.x;
+    p[1] = start.centre.y;
+    p[2] = start.radius_px;
+    p[3] = 0.8;
+    p[4] = contrast.max(1.0);
+    p[7] = inside - contrast;
+    if let Some(s) = shape {
+        (p[3], p[5], p[6], p[10]) = (s.blur_px, s.shading[0], s.shading[1], s.shading[2]);
+    }
+    p
+}
+
+/// The pixels within `reach` of the model's centre: place, grey value less the model's, and the model's derivatives.
+fn around<'a>(image: &'a GreyImage, p: &'a Unknowns, reach: f64) -> impl Iterator<Item = (Vector2<f64>, f64, Unknowns)> + 'a {
+    let centre = Vector2::new(p[0], p[1]);
+    let (x0, x1) = ((centre.x - reach).ceil() as i64, (centre.x + reach).floor() as i64);
+    let (y0, y1) = ((centre.y - reach).ceil() as i64, (centre.y + reach).floor() as i64);
+    (y0..=y1).flat_map(move |y| (x0..=x1).map(move |x| (x, y))).filter_map(move |(x, y)| {
+        let (dx, dy) = (x as f64 - centre.x, y as f64 - centre.y);
+        let d = dx.hypot(dy);
+        if d > reach || x < 0 || y < 0 {
+            return None;
+        }
+        let grey = image.get(x as usize, y as usize).map(f64::from)?;
+        let (value, derivative) = disc(p, dx, dy, d);
+        Some((Vector2::new(x as f64, y as f64), grey - value, derivative))
+    })
+}
+
+/// Normal equations of one step, and the sums that judge where it starts.
+struct Equations {
+    normal: SMatrix<f64, UNKNOWNS, UNKNOWNS>,
+    gradient: Unknowns,
+    /// Weighted squares of the residuals, and the weights.
+    squared: f64,
+    weights: f64,
+    /// Mean robust cost of all pixels, 0 to 1.
+    cost: f64,
+}
+
+impl Equations {
+    /// Residuals count less the nearer they come to `limit` (Tukey), those beside `foreign` pixels not at all.
+    fn of(pixels: impl Iterator<Item = (Vector2<f64>, f64, Unknowns)>, limit: f64, foreign: &[Vector2<f64>]) -> Self {
+        let mut sums = Equations { normal: SMatrix::zeros(), gradient: Unknowns::zeros(), squared: 0.0, weights: 0.0, cost: 0.0 };
+        let mut n = 0usize;
+        for (here, residual, derivative) in pixels {
+            n += 1;
+            if foreign.iter().any(|f| (f - here).norm_squared() < 2.1) {
+                sums.cost += 1.0;
+                continue;
+            }
+            let u = residual / limit;
+            let w = if u.abs() < 1.0 { (1.0 - u * u).powi(2) } else { 0.0 };
+            sums.normal += derivative * derivative.transpose() * w;
+            sums.gradient += derivative * (residual * w);
+            sums.squared += w * residual * residual;
+            sums.weights += w;
+            sums.cost += if u.abs() < 1.0 { 1.0 - (1.0 - u * u).powi(3) } else { 1.0 };
+        }
+        sums.cost /= n as f64;
+        sums
+    }
+}
+
+/// Holds radius and blur where they are, and draws the shading to the known one.
+fn hold_shape(normal: &mut SMatrix<f64, UNKNOWNS, UNKNOWNS>, gradient: &mut Unknowns, p: &Unknowns, shape: &SphereShape, contrast: f64) {
+    for k in [2, 3] {
+        normal.row_mut(k).fill(0.0);
+        normal.column_mut(k).fill(0.0);
+        normal[(k, k)] = 1.0;
+        gradient[k] = 0.0;
+    }
+    let weight = (GREY_SHARE * contrast / SHADING_SD).powi(2);
+    for (k, known) in [(5, shape.shading[0]), (6, shape.shading[1]), (10, shape.shading[2])] {
+        normal[(k, k)] += weight;
+        gradient[k] += weight * (known - p[k]);
+    }
+}
+
 /// Grey value of the model at an offset from the centre, and its derivatives.
-fn disc(p: &SVector<f64, UNKNOWNS>, dx: f64, dy: f64, d: f64) -> (f64, SVector<f64, UNKNOWNS>) {
+fn disc(p: &Unknowns, dx: f64, dy: f64, d: f64) -> (f64, Unknowns) {
     let (radius, blur) = (p[2], p[3]);
     // A logistic step: close to the integral of a Gaussian blur of standard deviation `blur`.
     let z = (radius - d) / (0.6 * blur);
@@ -281,7 +319,7 @@ fn disc(p: &SVector<f64, UNKNOWNS>, dx: f64, dy: f64, d: f64) -> (f64, SVector<f
     let relative = p[4] * cover;
     // How fast the shading changes outward because the surface turns away.
     let turning = if d < 0.979 * radius { p[10] / (toward * radius * radius) } else { 0.0 };
-    let mut g = SVector::<f64, UNKNOWNS>::zeros();
+    let mut g = Unknowns::zeros();
     g[0] = lit * slope * dx * inverse - relative * (p[5] / radius - turning * dx) - p[8];
     g[1] = lit * slope * dy * inverse - relative * (p[6] / radius - turning * dy) - p[9];
     g[2] = lit * slope + relative * (turning * d * d / radius - (p[5] * nx + p[6] * ny) / radius);

@@ -70,85 +70,22 @@ struct Summary {
 pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     told_apart(&arguments.point)?;
     let tracked = TrackedSession::open(&arguments.session, shell)?;
-    let (session, results) = (&tracked.session, &tracked.results);
+    let session = &tracked.session;
     if session.shots.is_empty() && session.broken_shots.is_empty() {
         return Err(CliError::no_shots(&arguments.session));
     }
-    let bar = shell.progress(session.shots.len() as u64, "shots");
-    let outcomes: Vec<(String, Result<ShotRecord, CliError>)> = session
-        .shots
-        .par_iter()
-        .map(|folder| {
-            let outcome = shell.check_cancelled().and_then(|()| one_shot(&tracked, folder, &arguments, shell));
-            bar.inc(1);
-            (folder.id.clone(), outcome)
-        })
-        .collect();
-    bar.finish_and_clear();
-    shell.check_cancelled()?;
-    // A full disk is no fault of a shot: what an earlier run measured stays where it is.
-    let (unwritten, outcomes): (Vec<_>, Vec<_>) = outcomes.into_iter().partition(|(_, outcome)| outcome.as_ref().is_err_and(|e| e.kind == Kind::Output));
-    if let Some((id, Err(e))) = unwritten.into_iter().next() {
-        return Err(CliError { message: format!("{id}: {}", e.message), ..e });
-    }
-    let mut failed: Vec<(String, String)> = Vec::new();
-    let mut shots = Vec::new();
-    let broken = session.broken_shots.iter().map(|(id, why)| (id.clone(), Err(why.clone())));
-    for (id, outcome) in outcomes.into_iter().map(|(id, outcome)| (id, outcome.map_err(|e| e.message))).chain(broken) {
-        match outcome {
-            Ok(record) => shots.push(record),
-            Err(why) => {
-                let kept = set_measured_aside(&results.join("shots").join(&id))?;
-                let kept = if kept.is_empty() { String::new() } else { format!("; what an earlier run measured is kept as {}", listed(&kept)) };
-                failed.push((id, why + &kept));
-            }
-        }
-    }
-    failed.sort();
-    for folder in &session.shots {
-        if let Some(doubt) = TrackRecord::read(&tracked.place(folder)).and_then(|t| t.summary.doubt) {
-            shell.say(format_args!("{}: {doubt}", folder.id));
-        }
-    }
-    for ShotRecord { shot, .. } in &shots {
-        if let Some(remark) = mismatch_remark(&shot.marker_distances) {
-            shell.say(format_args!("{}: {remark}", shot.id));
-        }
-    }
-    let impacts = results.join("impacts.csv");
-    if !shots.is_empty() {
-        let doubted = shots.iter().any(|r| r.doubt.is_some());
-        let orders: BTreeMap<&str, usize> = session.shots.iter().map(|s| (s.id.as_str(), s.order)).collect();
-        let row = |r: &ShotRecord| {
-            // A shot that failed leaves its place in time empty.
-            let mut row = r.shot.impact_row(orders.get(r.shot.id.as_str()).map_or(0.0, |k| *k as f64));
-            if doubted {
-                row.groups.insert(DOUBT_COLUMN.to_owned(), if r.doubt.is_some() { "yes" } else { "no" }.to_owned());
-            }
-            row
-        };
-        let table = ImpactTable { rows: shots.iter().map(row).collect() }.to_csv();
-        // A table with other impacts is another session's, or the user's own.
-        let own = |row: &ImpactRow| orders.contains_key(row.id.as_str());
-        if impacts.exists() && !ImpactTable::read(&impacts).is_ok_and(|earlier| earlier.rows.iter().all(own)) {
-            let kept = set_session_aside(results)?;
-            shell.say(format_args!("another table of impacts was there, with what was made of it; kept as {}", listed(&kept)));
-        }
-        // What was made of a table with the shots that fail now is not of this one.
-        if !failed.is_empty() && std::fs::read(&impacts).is_ok_and(|earlier| earlier != table.as_bytes()) {
-            let kept = set_judgements_aside(results)?;
-            if !kept.is_empty() {
-                shell.say(format_args!("what was made of the impacts of an earlier run is kept as {}", listed(&kept)));
-            }
-        }
-        shell.write(&impacts, table.as_bytes())?;
-        write_season(&tracked, &shots, shell)?;
-        shell.say(format_args!("{} of {} shots measured: {}", shots.len(), shots.len() + failed.len(), impacts.display()));
-    } else {
-        let kept = set_session_aside(results)?;
+    let (shots, failed) = sorted_out(&tracked, measure_all(&tracked, &arguments, shell)?)?;
+    tell_doubts(&tracked, &shots, shell);
+    let impacts = tracked.results.join("impacts.csv");
+    if shots.is_empty() {
+        let kept = set_session_aside(&tracked.results)?;
         if !kept.is_empty() {
             shell.say(format_args!("no shot measured; the impacts of an earlier run, and what was made of them, are kept as {}", listed(&kept)));
         }
+    } else {
+        write_impacts(&tracked, &shots, !failed.is_empty(), &impacts, shell)?;
+        write_season(&tracked, &shots, shell)?;
+        shell.say(format_args!("{} of {} shots measured: {}", shots.len(), shots.len() + failed.len(), impacts.display()));
     }
     let summary = Summary { impacts, shots, failed };
     shell.print_json(&summary)?;
@@ -158,6 +95,93 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let lines: Vec<String> = summary.failed.iter().map(|(id, why)| format!("{id}: {why}")).collect();
     let message = format!("{} of {} shots failed:\n  {}", lines.len(), summary.shots.len() + lines.len(), lines.join("\n  "));
     Err(CliError::some_failed(message).of_shots(summary.failed))
+}
+
+/// What became of each shot, by its id, in the session's order.
+type Outcomes = Vec<(String, Result<ShotRecord, CliError>)>;
+
+/// Measures the shots side by side, and writes of each what was found.
+///
+/// # Errors  when it is interrupted, or results cannot be written: a full disk is no fault of a shot, and what an earlier run measured stays where it is.
+fn measure_all(tracked: &TrackedSession, arguments: &Arguments, shell: &Shell) -> Result<Outcomes, CliError> {
+    let shots = &tracked.session.shots;
+    let bar = shell.progress(shots.len() as u64, "shots");
+    let outcomes: Outcomes = shots
+        .par_iter()
+        .map(|folder| {
+            let outcome = shell.check_cancelled().and_then(|()| one_shot(tracked, folder, arguments, shell));
+            bar.inc(1);
+            (folder.id.clone(), outcome)
+        })
+        .collect();
+    bar.finish_and_clear();
+    shell.check_cancelled()?;
+    let (unwritten, outcomes): (Vec<_>, Vec<_>) = outcomes.into_iter().partition(|(_, outcome)| outcome.as_ref().is_err_and(|e| e.kind == Kind::Output));
+    if let Some((id, Err(e))) = unwritten.into_iter().next() {
+        return Err(CliError { message: format!("{id}: {}", e.message), ..e });
+    }
+    Ok(outcomes)
+}
+
+/// The shots measured, and those that failed, by id, with the reason; what an earlier run measured of these is set aside.
+fn sorted_out(tracked: &TrackedSession, outcomes: Outcomes) -> Result<(Vec<ShotRecord>, Vec<(String, String)>), CliError> {
+    let (mut shots, mut failed) = (Vec::new(), Vec::new());
+    let broken = tracked.session.broken_shots.iter().map(|(id, why)| (id.clone(), Err(why.clone())));
+    for (id, outcome) in outcomes.into_iter().map(|(id, outcome)| (id, outcome.map_err(|e| e.message))).chain(broken) {
+        match outcome {
+            Ok(record) => shots.push(record),
+            Err(why) => {
+                let kept = set_measured_aside(&tracked.results.join("shots").join(&id))?;
+                let kept = if kept.is_empty() { String::new() } else { format!("; what an earlier run measured is kept as {}", listed(&kept)) };
+                failed.push((id, why + &kept));
+            }
+        }
+    }
+    failed.sort();
+    Ok((shots, failed))
+}
+
+/// Says what tracking doubts, and where racket.toml does not go with the footage.
+fn tell_doubts(tracked: &TrackedSession, shots: &[ShotRecord], shell: &Shell) {
+    for folder in &tracked.session.shots {
+        if let Some(doubt) = TrackRecord::read(&tracked.place(folder)).and_then(|t| t.summary.doubt) {
+            shell.say(format_args!("{}: {doubt}", folder.id));
+        }
+    }
+    for ShotRecord { shot, .. } in shots {
+        if let Some(remark) = mismatch_remark(&shot.marker_distances) {
+            shell.say(format_args!("{}: {remark}", shot.id));
+        }
+    }
+}
+
+/// Writes the impacts table. One of other impacts that is there already, and what was made of an earlier one, are set aside.
+fn write_impacts(tracked: &TrackedSession, shots: &[ShotRecord], some_failed: bool, impacts: &Path, shell: &Shell) -> Result<(), CliError> {
+    let doubted = shots.iter().any(|r| r.doubt.is_some());
+    let orders: BTreeMap<&str, usize> = tracked.session.shots.iter().map(|s| (s.id.as_str(), s.order)).collect();
+    let row = |r: &ShotRecord| {
+        // A shot that failed leaves its place in time empty.
+        let mut row = r.shot.impact_row(orders.get(r.shot.id.as_str()).map_or(0.0, |k| *k as f64));
+        if doubted {
+            row.groups.insert(DOUBT_COLUMN.to_owned(), if r.doubt.is_some() { "yes" } else { "no" }.to_owned());
+        }
+        row
+    };
+    let table = ImpactTable { rows: shots.iter().map(row).collect() }.to_csv();
+    // A table with other impacts is another session's, or the user's own.
+    let own = |row: &ImpactRow| orders.contains_key(row.id.as_str());
+    if impacts.exists() && !ImpactTable::read(impacts).is_ok_and(|earlier| earlier.rows.iter().all(own)) {
+        let kept = set_session_aside(&tracked.results)?;
+        shell.say(format_args!("another table of impacts was there, with what was made of it; kept as {}", listed(&kept)));
+    }
+    // What was made of a table with the shots that fail now is not of this one.
+    if some_failed && std::fs::read(impacts).is_ok_and(|earlier| earlier != table.as_bytes()) {
+        let kept = set_judgements_aside(&tracked.results)?;
+        if !kept.is_empty() {
+            shell.say(format_args!("what was made of the impacts of an earlier run is kept as {}", listed(&kept)));
+        }
+    }
+    shell.write(impacts, table.as_bytes())
 }
 
 /// What an earlier run measured of a shot is not this one's. Points in space that `track` has found since are, and stay.

@@ -286,18 +286,78 @@ fn fit_in(
     if white_half < LEAST_HALF_PX || band.radius_px < 0.8 {
         return None; // end-on
     }
-    // Of a speck only the place and the level can be told, not its shading.
-    let stiffness = if white_half < SPECK_HALF_PX { 1e4 } else { 1e-3 };
-    let ridge = |level: usize| if level >= SHADING { stiffness } else { 1e-3 };
-    let black_end = band.black_end(shape);
-    let side = band.side_px;
-    let inside = -0.3 * white_half;
-    let ends = match part {
-        BandPart::Whole | BandPart::Inside => (-black_end, black_end),
-        BandPart::Ahead => (inside, black_end),
-        BandPart::Behind => (-black_end, -inside),
-    };
-    let mut model = BandModel {
+    let mut model = model_at(band, shape, white_half, start, like);
+    let (window, cut) = ((part.ends(band.black_end(shape), white_half), band.side_px), part == BandPart::Inside);
+    let mut looked_at = start;
+    let mut last_step = f64::INFINITY;
+    gather(pixels, image, band, start, window, cut)?;
+    for round in 0..ROUNDS {
+        let (t0, s0) = model.middle;
+        if (t0 - looked_at.0).abs().max((s0 - looked_at.1).abs()) > LOOK_AGAIN_PX {
+            looked_at = model.middle;
+            gather(pixels, image, band, looked_at, window, cut)?;
+        }
+        let sums = pixels.sums(&model);
+        if sums.weight < 12.0 {
+            return None;
+        }
+        let Some(levels) = &mut model.levels else {
+            model.levels = Some(levels_alone(&sums, white_half)?);
+            continue;
+        };
+        let (h, jtr) = with_priors(&sums, levels, model.scale / ROBUST, white_half, shape);
+        let factor = Cholesky::of(&h)?;
+        let step = factor.solve(jtr);
+        let (dt, ds) = (step[0].clamp(-1.0, 1.0), step[1].clamp(-1.0, 1.0));
+        let (t0, s0) = (t0 + dt, s0 + ds);
+        model.middle = (t0, s0);
+        for (level, change) in levels.iter_mut().zip(step.iter().skip(2)) {
+            *level += change;
+        }
+        let (white, black) = (white_as_seen(levels, &sums, shape), levels[1]);
+        if (t0 - start.0).abs() > white_half + 2.0 || (s0 - start.1).abs() > band.radius_px + 1.5 {
+            return None;
+        }
+        // Steps shrink by about the same factor each time: what the next ones would add up to is known. A factor below a third is not
+        // trusted: on shaded tape the next one is larger (court: markers 0.33 instead of 0.24 mm).
+        let size = dt.abs().max(ds.abs());
+        let shrink = if last_step.is_finite() { (size / last_step).clamp(0.33, 0.5) } else { 0.5 };
+        last_step = size;
+        if size * (shrink / (1.0 - shrink)) < SETTLED_PX || round + 1 == ROUNDS {
+            let variance = sums.chi / (sums.weight - UNKNOWNS as f64).max(1.0);
+            return Some(BandFit {
+                uv: band.centre + band.along * t0 + band.across() * s0,
+                covariance: covariance(&factor, variance, band)?,
+                white,
+                black,
+                radius_px: band.radius_px,
+                misfit: (variance, sums.weight),
+                settled: Settled { levels: *levels, scale: model.scale },
+            });
+        }
+        // Huber's weights: robust deviations (median / 0.6745) keep strings and edges behind from pulling. On a dark
+        // curtain most pixels are black and the median is camera noise alone, so the limit also follows the contrast, with
+        // which the model's own misfit grows.
+        model.scale = (ROBUST * pixels.median_residual() / 0.6745).max(MISFIT * (white - black)).max(1.0);
+    }
+    None
+}
+
+impl BandPart {
+    /// From where to where along the tube it is looked at, px from the band's middle; `black_end` is how far the black reaches.
+    fn ends(self, black_end: f64, white_half: f64) -> (f64, f64) {
+        let inside = -0.3 * white_half;
+        match self {
+            BandPart::Whole | BandPart::Inside => (-black_end, black_end),
+            BandPart::Ahead => (inside, black_end),
+            BandPart::Behind => (-black_end, -inside),
+        }
+    }
+}
+
+/// The model a fit begins with.
+fn model_at(band: &BandView, shape: &BandShape, white_half: f64, start: (f64, f64), like: Option<&Settled>) -> BandModel {
+    BandModel {
         middle: start,
         bend: band.bend,
         white_half,
@@ -308,96 +368,67 @@ fn fit_in(
         black_shaded: shape.black_shaded,
         levels: like.map(|l| l.levels),
         scale: like.map_or(f64::INFINITY, |l| l.scale),
-    };
-    let cut = part == BandPart::Inside;
-    let mut looked_at = start;
-    let mut last_step = f64::INFINITY;
-    gather(pixels, image, band, start, (ends, side), cut)?;
-    for round in 0..ROUNDS {
-        let (t0, s0) = model.middle;
-        if (t0 - looked_at.0).abs().max((s0 - looked_at.1).abs()) > LOOK_AGAIN_PX {
-            looked_at = model.middle;
-            gather(pixels, image, band, looked_at, (ends, side), cut)?;
-        }
-        let BandSums { jtj, mut jtr, weight, chi } = pixels.sums(&model);
-        if weight < 12.0 {
-            return None;
-        }
-        let Some(levels) = &mut model.levels else {
-            let mut h: [[f64; LEVELS]; LEVELS] = std::array::from_fn(|i| std::array::from_fn(|k| jtj[2 + i][2 + k]));
-            for i in 0..LEVELS {
-                h[i][i] += ridge(i);
-            }
-            model.levels = Some(Cholesky::of(&h)?.solve(std::array::from_fn(|i| jtr[2 + i])));
-            continue;
-        };
-        let mut h = jtj;
-        for i in 0..UNKNOWNS {
-            h[i][i] += ridge(i.saturating_sub(2));
-        }
-        let noise = model.scale / ROBUST;
-        if noise.is_finite() {
-            // What lies beside the band goes on behind its sides, nearly as it is.
-            let prior = (noise / (LIKE_BESIDE * BESIDE_UNIT)).powi(2);
-            for k in BESIDE {
-                h[2 + k][2 + k] += prior;
-                jtr[2 + k] += prior * (BESIDE_UNIT - levels[k]);
-            }
-        }
-        if shape.light.is_some() && noise.is_finite() {
-            // Beyond the light the white is as bright on one side as on the other, nearly.
-            let black_evenness = if shape.black_shaded { BLACK_EVENNESS } else { EVENNESS };
-            for (k, evenness) in (SHADING..LEVELS).zip([EVENNESS, black_evenness]) {
-                let prior = (noise / (evenness * levels[0]).abs().max(1.0)).powi(2);
-                h[2 + k][2 + k] += prior;
-                jtr[2 + k] -= prior * levels[k];
-            }
-        }
-        let factor = Cholesky::of(&h)?;
-        let step = factor.solve(jtr);
-        let (dt, ds) = (step[0].clamp(-1.0, 1.0), step[1].clamp(-1.0, 1.0));
-        let (t0, s0) = (t0 + dt, s0 + ds);
-        model.middle = (t0, s0);
-        for (level, change) in levels.iter_mut().zip(step.iter().skip(2)) {
-            *level += change;
-        }
-        let black = levels[1];
-        // The white as seen: its level where it is level, and what the shading adds on the mean of its pixels.
-        let shading = if shape.black_shaded { 7 } else { LEVELS };
-        let white = [0].into_iter().chain(SHADING..shading).map(|k| levels[k] * jtj[2][2 + k]).sum::<f64>() / jtj[2][2].max(1e-9);
-        if (t0 - start.0).abs() > white_half + 2.0 || (s0 - start.1).abs() > band.radius_px + 1.5 {
-            return None;
-        }
-        // Steps shrink by about the same factor each time: what the next ones would add up to is known. A factor below a third is not
-        // trusted: on shaded tape the next one is larger (court: markers 0.33 instead of 0.24 mm).
-        let size = dt.abs().max(ds.abs());
-        let shrink = if last_step.is_finite() { (size / last_step).clamp(0.33, 0.5) } else { 0.5 };
-        last_step = size;
-        if size * (shrink / (1.0 - shrink)) < SETTLED_PX || round + 1 == ROUNDS {
-            let variance = chi / (weight - UNKNOWNS as f64).max(1.0);
-            // The first two rows and columns of the inverse, which is the product of L's inverse with itself turned over.
-            let [a, b] = [0, 1].map(|k| factor.solve_lower(std::array::from_fn(|i| if i == k { 1.0 } else { 0.0 })));
-            let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-            let c = Matrix2::new(product(&a, &a), product(&a, &b), product(&a, &b), product(&b, &b)) * variance;
-            let turn = Matrix2::from_columns(&[band.along, band.across()]);
-            let covariance = turn * c * turn.transpose();
-            let sound = covariance[(0, 0)] > 0.0 && covariance[(1, 1)] > 0.0 && covariance.norm().is_finite();
-            return sound.then_some(BandFit {
-                uv: band.centre + band.along * t0 + band.across() * s0,
-                covariance,
-                white,
-                black,
-                radius_px: band.radius_px,
-                misfit: (variance, weight),
-                settled: Settled { levels: *levels, scale: model.scale },
-            });
-        }
-        // Huber's weights: robust deviations (median / 0.6745) keep strings and edges behind from pulling. On a dark
-        // curtain most pixels are black and the median is camera noise alone, so the limit also follows the contrast, with
-        // which the model's own misfit grows.
-        model.scale = (ROBUST * pixels.median_residual() / 0.6745).max(MISFIT * (white - black)).max(1.0);
     }
-    None
+}
+
+/// What keeps a level from running away. Of a speck only the place and the level can be told, not its shading.
+fn ridge(level: usize, white_half: f64) -> f64 {
+    if level >= SHADING && white_half < SPECK_HALF_PX { 1e4 } else { 1e-3 }
+}
+
+/// The grey levels that suit the pixels best where the band is taken to be.
+fn levels_alone(sums: &BandSums, white_half: f64) -> Option<[f64; LEVELS]> {
+    let mut h: [[f64; LEVELS]; LEVELS] = std::array::from_fn(|i| std::array::from_fn(|k| sums.jtj[2 + i][2 + k]));
+    for i in 0..LEVELS {
+        h[i][i] += ridge(i, white_half);
+    }
+    Some(Cholesky::of(&h)?.solve(std::array::from_fn(|i| sums.jtr[2 + i])))
+}
+
+/// The normal equations of place and levels with what is known of the levels beforehand. `noise`: deviation of a pixel, grey levels; infinite
+/// before the first step.
+fn with_priors(sums: &BandSums, levels: &[f64; LEVELS], noise: f64, white_half: f64, shape: &BandShape) -> ([[f64; UNKNOWNS]; UNKNOWNS], [f64; UNKNOWNS]) {
+    let (mut h, mut jtr) = (sums.jtj, sums.jtr);
+    for i in 0..UNKNOWNS {
+        h[i][i] += ridge(i.saturating_sub(2), white_half);
+    }
+    if !noise.is_finite() {
+        return (h, jtr);
+    }
+    // What lies beside the band goes on behind its sides, nearly as it is.
+    let prior = (noise / (LIKE_BESIDE * BESIDE_UNIT)).powi(2);
+    for k in BESIDE {
+        h[2 + k][2 + k] += prior;
+        jtr[2 + k] += prior * (BESIDE_UNIT - levels[k]);
+    }
+    if shape.light.is_some() {
+        // Beyond the light the white is as bright on one side as on the other, nearly.
+        let black_evenness = if shape.black_shaded { BLACK_EVENNESS } else { EVENNESS };
+        for (k, evenness) in (SHADING..LEVELS).zip([EVENNESS, black_evenness]) {
+            let prior = (noise / (evenness * levels[0]).abs().max(1.0)).powi(2);
+            h[2 + k][2 + k] += prior;
+            jtr[2 + k] -= prior * levels[k];
+        }
+    }
+    (h, jtr)
+}
+
+/// The white as seen: its level where it is level, and what the shading adds on the mean of its pixels.
+fn white_as_seen(levels: &[f64; LEVELS], sums: &BandSums, shape: &BandShape) -> f64 {
+    let shading = if shape.black_shaded { 7 } else { LEVELS };
+    [0].into_iter().chain(SHADING..shading).map(|k| levels[k] * sums.jtj[2][2 + k]).sum::<f64>() / sums.jtj[2][2].max(1e-9)
+}
+
+/// Covariance of the band's place in the picture, px²; `None` where it is none.
+fn covariance(factor: &Cholesky<UNKNOWNS>, variance: f64, band: &BandView) -> Option<Matrix2<f64>> {
+    // The first two rows and columns of the inverse, which is the product of L's inverse with itself turned over.
+    let [a, b] = [0, 1].map(|k| factor.solve_lower(std::array::from_fn(|i| if i == k { 1.0 } else { 0.0 })));
+    let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let c = Matrix2::new(product(&a, &a), product(&a, &b), product(&a, &b), product(&b, &b)) * variance;
+    let turn = Matrix2::from_columns(&[band.along, band.across()]);
+    let covariance = turn * c * turn.transpose();
+    let sound = covariance[(0, 0)] > 0.0 && covariance[(1, 1)] > 0.0 && covariance.norm().is_finite();
+    sound.then_some(covariance)
 }
 
 /// The pixels of a band whose middle is at `middle` (along, across), between `ends` along and up to `side` across, px from it, with what

@@ -670,6 +670,12 @@ fn cli_shots_goes_on_after_a_failure_and_keeps_what_is_done() {
     assert_eq!(run().status.code(), Some(1));
     assert_eq!(written("shots/good/shot.json"), shot, "a finished shot is not measured again");
     assert_eq!(std::fs::read_to_string(root.join("results/impacts.csv")).unwrap(), bytes);
+    // A shot whose settings are broken now was this session's all the same: its table is no other's.
+    write("shots/good/shot.toml", "impact_frame = \"late\"\n");
+    let (broken, kept) = (run(), |name: &str| root.join("results").join(name).exists());
+    let said = crate::cli::said(&broken);
+    assert!(broken.status.code() == Some(1) && said.contains("good: ") && !said.contains("another table"), "{said}");
+    assert!(!kept("impacts.earlier.csv") && kept("shots/good/shot.earlier.json") && kept("season.json"));
 }
 
 /// The shot with its ball elsewhere: `place` gives where, from the time since first contact (s) and where it was.

@@ -455,3 +455,60 @@ fn group_of<'a>(row: &'a ImpactRow, column: &str) -> Option<&'a String> {
         other => row.groups.get(other),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    /// Impacts all alike, one for each of these names in a column of the table's own.
+    fn observed(column: &str, names: &[&str], options: &TableOptions) -> Observations {
+        let racket = toml::from_str(
+            "name = \"r\"\nmass_kg = 0.33\nlength_m = 0.685\nbalance_m = 0.33\nstringbed_centre_m = 0.4975\nswingweight_kgm2 = 0.0325\n\
+             twistweight_kgm2 = 0.0015\n[head]\ninner_length_m = 0.335\ninner_width_m = 0.255\n[strings]\ntension_lb = 60.0\n",
+        )
+        .expect("racket");
+        let ball = toml::from_str("name = \"b\"\nmass_kg = 0.0577\ndiameter_m = 0.066\ninertia_factor = 0.6\n").expect("ball");
+        let racket_columns = "racket_in_vx,racket_in_vy,racket_in_vz,racket_in_wx,racket_in_wy,racket_in_wz";
+        let mut text = format!("id,ball_in_vx,ball_in_vy,ball_in_vz,{racket_columns},impact_x,impact_y,ball_out_vz,{column}\n");
+        for (i, name) in names.iter().enumerate() {
+            text += &format!("i{i},1,2,-25,0,0,3,0,0,0,0.01,0.02,8,{name}\n");
+        }
+        let table = ImpactTable::from_reader(text.as_bytes(), Path::new("t.csv")).expect("a table");
+        Observations::new(&table, &[racket], &[ball], options).expect("usable")
+    }
+
+    fn times<'a>(n: usize, names: &[&'a str]) -> Vec<&'a str> {
+        names.iter().flat_map(|name| std::iter::repeat_n(*name, n)).collect()
+    }
+
+    #[test]
+    fn law_a_group_stays_whole_and_the_nearest_changes_over_where_all_hash_to_one_side() {
+        let options = TableOptions { group: Some("player".to_owned()), own_columns: Vec::new() };
+        // Fractions of the hashes: A 0.33, B 0.87, C 0.42, all to be fitted; Ann 0.09, Ben 0.01, Cas 0.17, all held out; D 0.25.
+        for (players, held_out, told) in [
+            (["A", "B", "C"], &["A"][..], Some("`A`, the nearest to the other, is held out")),
+            (["Ann", "Ben", "Cas"], &["Ann", "Ben"], Some("`Cas`, the nearest to the other, is fitted")),
+            (["A", "B", "D"], &["D"], None),
+        ] {
+            let seen = observed("player", &times(12, &players), &options);
+            assert!(seen.impacts.iter().all(|o| o.held_out == held_out.contains(&o.groups["player"].as_str())), "{players:?}");
+            let notes: Vec<&String> = seen.notes.iter().filter(|n| n.contains("hash to one side")).collect();
+            assert!(notes.len() == usize::from(told.is_some()) && told.is_none_or(|told| notes[0].contains(told)), "{notes:?}");
+        }
+    }
+
+    #[test]
+    fn law_sessions_that_are_long_enough_have_offsets_of_their_own() {
+        let options = TableOptions::default();
+        let two = observed("session", &times(12, &["friday", "monday"]), &options);
+        assert_eq!(two.sessions, ["friday", "monday"]);
+        assert!(two.impacts.iter().all(|o| two.sessions[o.session] == o.groups["session"]));
+        let mut names = times(12, &["friday", "monday"]);
+        names.extend(["sunday"; 3]);
+        let short = observed("session", &names, &options);
+        assert!(short.sessions == ["all"] && short.impacts.iter().all(|o| o.session == 0));
+        assert!(short.notes.iter().any(|n| n.contains("3 sessions are too short or too many")), "{:?}", short.notes);
+        assert_eq!(observed("session", &times(24, &["friday"]), &options).sessions, ["all"]);
+    }
+}

@@ -181,3 +181,49 @@ pub fn season_to_csv(statistics: &[GroupStatistic]) -> String {
     }
     String::from_utf8(csv.into_inner().unwrap_or_default()).unwrap_or_default()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn shot(player: &str, values: &[(&str, f64, f64)]) -> Shot {
+        let quantities: serde_json::Map<_, _> =
+            values.iter().map(|(name, value, sd)| ((*name).to_owned(), serde_json::json!({ "value": value, "sd": sd, "unit": "m/s" }))).collect();
+        let window = serde_json::json!({ "frames": 20, "rejected_points": 0, "noise_scale": 1.0, "laws": [] });
+        let shot = serde_json::json!({
+            "id": "s", "racket": "r", "ball": "b", "ball_side_of_face": "+z", "groups": [["player", player]], "quantities": quantities,
+            "windows": { "ball_in": window, "racket_in": window },
+        });
+        serde_json::from_value(shot).expect("a shot")
+    }
+
+    #[test]
+    fn truth_means_and_deviations_by_hand_in_all_and_in_each_group() {
+        let shots = [shot("A", &[("ball_out_speed", 30.0, 0.3)]), shot("A", &[("ball_out_speed", 34.0, 0.4)]), shot("B", &[("ball_out_speed", 35.0, 0.5)])];
+        let all = season_statistics(&shots.iter().collect::<Vec<_>>());
+        let of = |column: &str, value: &str| all.iter().find(|s| s.column == column && s.value == value).expect("a line");
+        assert_eq!(all.len(), 3, "one quantity in all and in two groups");
+        // Of 30, 34, 35: mean 33, squares 9 + 1 + 4 = 14 over two degrees of freedom.
+        let s = of("all", "");
+        assert!(s.n == 3 && (s.mean - 33.0).abs() < 1e-12 && (s.sd.expect("three") - 7f64.sqrt()).abs() < 1e-12);
+        assert!((s.mean_sd.expect("three") - (7.0 / 3.0f64).sqrt()).abs() < 1e-12 && (s.measuring_sd - (0.5 / 3.0f64).sqrt()).abs() < 1e-12);
+        assert_eq!((s.thesis_men, s.thesis_women), (Some([33.6, 6.6]), Some([30.9, 4.2])));
+        assert!((of("player", "A").mean, of("player", "A").n) == (32.0, 2));
+        let alone = of("player", "B");
+        assert!(alone.n == 1 && alone.sd.is_none() && alone.mean_sd.is_none() && alone.measuring_sd == 0.5);
+        let csv = season_to_csv(&all);
+        assert!(csv.lines().count() == 4 && csv.contains("player,B,ball_out_speed,m/s,1,35,,,0.5,33.6,6.6,30.9,4.2"), "{csv}");
+    }
+
+    #[test]
+    fn truth_a_ball_is_counted_in_the_interval_of_its_vertical_velocity() {
+        let shots: Vec<Shot> = [(2.0, -8.0), (4.9, 10.0), (0.0, -9.0), (-0.5, -11.0), (-4.0, 7.0), (5.0, 1.0)]
+            .iter()
+            .map(|(up, along)| shot("A", &[("ball_in_global_vy", *up, 0.1), ("ball_in_global_vx", *along, 0.1)]))
+            .collect();
+        let table = rise_table(&shots.iter().collect::<Vec<_>>());
+        let seen: Vec<(f64, usize, Option<f64>)> = table.iter().map(|r| (r.from_m_s, r.n, r.mean_forward_speed_m_s)).collect();
+        assert_eq!(seen, [(2.0, 2, Some(9.0)), (0.0, 1, Some(9.0)), (-1.0, 1, Some(11.0)), (-4.0, 1, Some(7.0))]);
+        assert!(rise_table(&[]).iter().all(|r| r.n == 0 && r.mean_forward_speed_m_s.is_none()));
+    }
+}

@@ -451,3 +451,34 @@ impl Shot {
         row
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn quantities(values: &[(&str, f64, f64)]) -> Quantities {
+        Quantities(values.iter().map(|(name, value, sd)| ((*name).to_owned(), Quantity::new(*value, *sd, "m/s"))).collect())
+    }
+
+    #[test]
+    fn truth_a_ball_rises_or_falls_where_its_interval_does_not_hold_zero() {
+        let timing = |value: f64, sd: f64| impact_timing(&quantities(&[("ball_in_global_vy", value, sd)]));
+        assert_eq!((timing(2.0, 0.5), timing(-2.0, 0.5)), (Some(ImpactTiming::Rising), Some(ImpactTiming::Falling)));
+        // 95 % are 1.96 deviations.
+        assert_eq!(
+            (timing(0.97, 0.5), timing(0.99, 0.5), timing(-0.97, 0.5)),
+            (Some(ImpactTiming::Apex), Some(ImpactTiming::Rising), Some(ImpactTiming::Apex))
+        );
+        assert_eq!(impact_timing(&quantities(&[])), None);
+    }
+
+    #[test]
+    fn truth_before_the_apex_of_a_swing_the_racket_moves_away_from_the_player() {
+        let timing = |speed: f64, sd: f64, along: f64| swing_timing(&quantities(&[("impact_point_in_speed", speed, sd), ("impact_point_in_vx", along, 0.5)]));
+        // Local x runs toward the handle.
+        assert_eq!((timing(20.0, 0.5, -2.0), timing(20.0, 0.5, 2.0)), (Some(SwingTiming::BeforeApex), Some(SwingTiming::AfterApex)));
+        assert_eq!((timing(20.0, 0.5, 0.9), timing(20.0, 0.5, -0.9)), (Some(SwingTiming::Apex), Some(SwingTiming::Apex)));
+        // A racket that stands, or may stand, does not swing.
+        assert_eq!((timing(0.9, 0.01, -2.0), timing(2.0, 0.5, -2.0)), (None, None));
+    }
+}

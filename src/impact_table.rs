@@ -466,6 +466,29 @@ mod tests {
     }
 
     #[test]
+    fn fails_a_column_with_a_letter_wrong_is_not_taken_for_a_group() {
+        for (column, own) in [
+            ("Ball_In_Vx", "ball_in_vx"),
+            ("ball_in_vx [m/s]", "ball_in_vx"),
+            ("ball-in-vx", "ball_in_vx"),
+            ("ball_in_vxx", "ball_in_vx"),
+            ("balll_in_vx", "ball_in_vx"),
+            ("impact_ (m)", ""),
+            ("contact_tim", "contact_time"),
+            ("Racket", "racket"),
+            ("player", ""),
+            ("balls", ""),
+        ] {
+            let refused = read(&format!("id,ball_in_vy,{column}\na,1,2\n")).err();
+            let meant = refused.as_ref().map_or("", |e| if let TableError::Misspelt { meant, .. } = e { *meant } else { "another fault" });
+            assert_eq!(meant, own, "{column}");
+        }
+        // Where the column itself is there, the other is the table's own.
+        let both = read("id,ball_in_vx,ball_in_vxx\na,1,2\n").expect("two columns");
+        assert_eq!(both.rows[0].groups["ball_in_vxx"], "2");
+    }
+
+    #[test]
     fn fails_a_table_in_another_encoding_says_which_to_use() {
         let latin = b"id,player\na,J\xf6rg\n";
         let message = ImpactTable::from_reader(&latin[..], Path::new("t.csv")).expect_err("not UTF-8").to_string();

@@ -312,3 +312,38 @@ fn summarise(rig: &StereoRig, json: &Path, shell: &Shell) {
     }
     shell.say(format!("written: {}", json.display()));
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn law_a_stray_size_is_left_out_and_of_two_as_frequent_ones_none_is_usual() {
+        let of = |sizes: &[[usize; 2]]| usual_size(sizes.iter().map(|size| (Path::new("left/a_1.bmp"), *size)));
+        let (small, large) = ([512, 512], [1024, 512]);
+        assert_eq!(of(&[large, small, small]).expect("most are small"), Some(small));
+        assert_eq!(of(&[small]).expect("one"), Some(small));
+        assert_eq!(of(&[]).expect("none"), None);
+        let refused = of(&[small, large]).expect_err("a guess").to_string();
+        assert!(refused.contains("1024x512") && refused.contains("512x512"), "{refused}");
+        assert!(of(&[small, large, [512, 1024]]).is_err(), "no size has more than half");
+    }
+
+    #[test]
+    fn law_a_picture_of_the_same_bytes_as_an_earlier_one_is_its_copy() {
+        let files: Vec<PathBuf> = ["left/a_1.bmp", "right/a_1.bmp", "left/a_2.bmp", "right/a_2.bmp"].map(PathBuf::from).into();
+        let pictures: Vec<(&'static str, &PathBuf)> = ["left", "right", "left", "right"].into_iter().zip(&files).collect();
+        let mut provenance = Provenance::new("calibrate");
+        for (file, hash) in files.iter().zip(["one", "two", "one", "three"]) {
+            provenance.inputs.insert(format!("calib/{}", file.display()), hash.to_owned());
+        }
+        assert_eq!(copies(&pictures, &provenance), BTreeMap::from([(files[2].as_path(), "left/a_1.bmp".to_owned())]));
+    }
+
+    #[test]
+    fn truth_a_pair_is_called_by_its_number_as_the_file_shows_it() {
+        let name = |number: u64, file: &str| pair_name(number, Some(&PathBuf::from(file)));
+        assert_eq!((name(7, "board_007.bmp"), name(7, "cam2_7.tif"), name(7, "x.0007")), ("007".to_owned(), "7".to_owned(), "7".to_owned()));
+        assert_eq!(pair_name(12, None), "12");
+    }
+}

@@ -252,6 +252,9 @@ fn cli_predict_refuses_impossible_laws_and_tells_of_energy_from_nowhere() {
         assert_eq!(code, Some(1), "{expression}: {message}");
         assert!(words.iter().all(|w| message.contains(w)) && !message.contains("taken as 0 or 1"), "{expression}: {message}");
     }
+    // A law that gives one impact a restitution above 1: it is taken as 1, and told.
+    let (code, message) = predict("restitution", "restitution + (k + 20) * impact_x");
+    assert!(code == Some(0) && message.contains("taken as 0 or 1, in 1 impacts (the first: 1.200 in b)"), "{message}");
     let (code, message) = predict("ball_out_vz", "ball_out_vz * (k + 3)");
     assert_eq!(code, Some(0), "{message}");
     assert!(message.contains("more energy after the impact than before in 2 impacts"), "{message}");
@@ -506,6 +509,27 @@ fn cli_a_reader_that_stops_early_is_no_full_disk() {
         let output = run.wait_with_output().unwrap();
         assert_eq!((output.status.code(), String::from_utf8_lossy(&output.stderr).as_ref()), (Some(0), ""), "{words:?}");
     }
+}
+
+#[test]
+fn cli_a_bench_measurement_gives_the_files_lines_or_is_refused_and_is_compared_with_the_file() {
+    let told = |words: &[&str]| {
+        let output = sweetspot(&[&["racket"], words].concat());
+        (output.status.code(), said(&output))
+    };
+    // A machine reads kg cm²; two supports carry 0.2 and 0.14 kg.
+    let (code, message) = told(&["--scales", "0.1", "0.2", "0.6", "0.14", "--swing-rdc", "325", "--twist-rdc", "15"]);
+    assert_eq!(code, Some(0), "{message}");
+    for line in ["mass_kg = 0.34000", "balance_m = 0.30588", "swingweight_kgm2 = 0.032500    # ± 0.000325", "twistweight_kgm2 = 0.001500    # ± 0.000015"] {
+        assert!(message.contains(line), "{line}: {message}");
+    }
+    refused(&["racket", "--swing-rdc", "0.0325"], &["swingweight_kgm2 comes out as", "kg m²"]);
+    // What 0.34 kg at 0.45 m from the butt alone have about the axis is more than that.
+    refused(&["racket", "--mass", "0.34", "--balance", "0.45", "--swing-rdc", "325"], &["swingweight_kgm2 comes out as 0.032500", "above 0.041650"]);
+    refused(&["racket"], &["nothing was measured"]);
+    let bench = Bench::new();
+    let (code, message) = told(&[&text(&bench.path("racket.toml")), "--mass", "0.350", "--balance", "0.331"]);
+    assert!(code == Some(0) && message.contains("mass_kg is measured +2.9 % off the file's 0.34") && !message.contains("balance_m is measured"), "{message}");
 }
 
 #[test]

@@ -137,6 +137,9 @@ pub fn run(mut arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
         outcomes.push(outcome);
     }
     shell.print_json(&outcomes)?;
+    if outcomes.len() > 1 {
+        shell.say(sessions_text(&outcomes));
+    }
     let failures: Vec<String> = outcomes.iter().flat_map(|o| o.failed.iter().map(|f| format!("{}: {}: {}", o.session.display(), f.step, f.reason))).collect();
     if failures.is_empty() {
         return Ok(());
@@ -148,6 +151,25 @@ pub fn run(mut arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     } else {
         CliError::some_failed(message)
     })
+}
+
+/// What came of each session, one line each: a season is more than a screen's length of steps.
+fn sessions_text(outcomes: &[Outcome]) -> String {
+    let names: Vec<String> = outcomes.iter().map(|o| o.session.display().to_string()).collect();
+    let wide = names.iter().map(|name| name.chars().count()).max().unwrap_or(0);
+    let mut lines = vec![format!("{:<wide$}  shots  held-out error  verdict", "session")];
+    for (name, o) in names.iter().zip(outcomes) {
+        let (error, verdict) = match &o.diagnosis {
+            Some(found) if found.recommended.is_empty() => (format!("{:.2}", found.heldout_error), found.verdict.clone()),
+            Some(found) => (format!("{:.2}", found.heldout_error), format!("{}: {}", found.verdict, found.recommended.join(", "))),
+            None if o.shots_measured == 0 || o.failed.iter().any(|f| f.ended) => {
+                (String::new(), format!("failed: {}", o.failed.iter().map(|f| f.step).collect::<Vec<_>>().join(", ")))
+            }
+            None => (String::new(), format!("not judged: fewer than {FEWEST_IMPACTS} impacts")),
+        };
+        lines.push(format!("{name:<wide$}  {:>5}  {error:>14}  {verdict}", o.shots_measured));
+    }
+    lines.join("\n")
 }
 
 /// Of sessions none of which can be opened.

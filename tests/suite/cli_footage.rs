@@ -349,6 +349,10 @@ fn cli_results_of_an_earlier_run_are_set_aside_when_shots_fail() {
     let validated = sweetspot(&["validate", &text(&lacking), &place]);
     assert_eq!(validated.status.code(), Some(1), "{}", said(&validated));
     assert!(said(&validated).contains(&text(&lacking.join("racket.toml"))), "{}", said(&validated));
+    // In the end every session stands in a line of its own, with what ended it.
+    let all = said(&validated);
+    let last: Vec<&str> = all.lines().skip_while(|l| !l.ends_with("held-out error  verdict")).skip(1).take(2).map(str::trim_end).collect();
+    assert!(matches!(last[..], [first, second] if first.ends_with("failed: open") && second.contains("failed: track")), "{all}");
     let files = [(&shot, "tracks", "csv"), (&shot, "points", "csv")].into_iter();
     let files = files.chain([("impacts", "csv"), ("predictions", "csv"), ("season", "csv"), ("season", "json")].map(|(stem, kind)| (&results, stem, kind)));
     for (folder, stem, kind) in files {

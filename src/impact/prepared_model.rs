@@ -8,7 +8,7 @@ use super::input::{ImpactInput, ImpactOutput};
 use super::model::{Base, Model};
 use super::real::Real;
 use super::rigid::{Contact, Impulse, Laws, Regime, Sliding, collide};
-use super::viscoelastic::{self, DEFAULT_STEPS, Ready, Run};
+use super::viscoelastic::{self, DEFAULT_STEPS, Ended, Ready, Run};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -228,7 +228,7 @@ where
         for (effect, p) in self.each() {
             effect.change_output(p, &at, &laws, &impulse, &mut output);
         }
-        shift_back(body, &mut output);
+        shift_back(body, &Vector3::new(T::one(), T::zero(), T::zero()), &mut output);
         Ok((output, impulse.regime, impulse.spare_friction))
     }
 
@@ -252,7 +252,8 @@ where
     }
 
     /// What effects change in a visco-elastic outcome; the impulses are those that the outcome implies.
-    fn after_contact(&self, at: &Contact<T>, mut output: ImpactOutput<T>) -> ImpactOutput<T> {
+    fn after_contact(&self, at: &Contact<T>, ended: Ended<T>) -> ImpactOutput<T> {
+        let Ended { mut output, handle } = ended;
         let (b, i) = (at.body, &at.input);
         if !self.model.effects.is_empty() {
             let separation = output.ball_velocity.z - output.racket_velocity.z - output.racket_rate.cross(&at.lever).z;
@@ -270,7 +271,7 @@ where
                 effect.change_output(p, at, &laws, &impulse, &mut output);
             }
         }
-        shift_back(b, &mut output);
+        shift_back(b, &handle, &mut output);
         output
     }
 
@@ -284,8 +285,8 @@ where
     }
 
     /// All that happens after the contact.
-    pub(crate) fn conclude(&self, staged: &Staged<T>, output: ImpactOutput<T>) -> Result<ImpactOutput<T>, ModelError> {
-        self.finish(&staged.truth, self.after_contact(&Contact::new(&staged.body, &staged.contact)?, output))
+    pub(crate) fn conclude(&self, staged: &Staged<T>, ended: Ended<T>) -> Result<ImpactOutput<T>, ModelError> {
+        self.finish(&staged.truth, self.after_contact(&Contact::new(&staged.body, &staged.contact)?, ended))
     }
 }
 
@@ -300,8 +301,8 @@ impl PreparedModel {
         }
         let staged = self.stage(input)?;
         let ready = staged.ready()?;
-        let output = viscoelastic::collide_all(std::slice::from_ref(&ready), self.steps).pop().unwrap_or(Err(ModelError::NotFinite))?;
-        self.finish(&staged.truth, self.after_contact(&ready.at, output))
+        let ended = viscoelastic::collide_all(std::slice::from_ref(&ready), self.steps).pop().unwrap_or(Err(ModelError::NotFinite))?;
+        self.finish(&staged.truth, self.after_contact(&ready.at, ended))
     }
 
     /// Restitution and friction that model and effects give for an impact in base rigid, before they are limited to 0 to 1 and to 0 or more.
@@ -328,7 +329,7 @@ impl PreparedModel {
     }
 
     /// The contact's outcome, and the same with derivatives for each of `variations` of it.
-    pub(crate) fn differentiate(&self, staged: &Staged, variations: &[Staged<Tangent>]) -> Result<(ImpactOutput, Vec<ImpactOutput<Tangent>>), ModelError> {
+    pub(crate) fn differentiate(&self, staged: &Staged, variations: &[Staged<Tangent>]) -> Result<(Ended, Vec<Ended<Tangent>>), ModelError> {
         let variations: Vec<_> = variations.iter().map(|v| (v.contact, v.laws)).collect();
         viscoelastic::differentiate(&staged.ready()?, self.steps.max(viscoelastic::DERIVATIVE_STEPS), &variations)
     }
@@ -407,10 +408,10 @@ fn contact<T: Real>(body: &Body<T>, mut input: ImpactInput<T>) -> Result<Contact
     Contact::new(body, &input)
 }
 
-/// The racket's velocity back at the stated centre of mass.
-fn shift_back<T: Real>(body: &Body<T>, output: &mut ImpactOutput<T>) {
+/// The racket's velocity back at the stated centre of mass; `handle`: the racket's x axis at the end of the contact, which it has turned in.
+fn shift_back<T: Real>(body: &Body<T>, handle: &Vector3<T>, output: &mut ImpactOutput<T>) {
     let shift = body.com_x - body.reported_com_x;
     if !shift.is_zero() {
-        output.racket_velocity -= output.racket_rate.cross(&Vector3::new(shift, T::zero(), T::zero()));
+        output.racket_velocity -= output.racket_rate.cross(&(*handle * shift));
     }
 }

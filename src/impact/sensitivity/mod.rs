@@ -133,11 +133,11 @@ impl SensitivityModel {
     fn through_contact(&self, input: &ImpactInput, inputs: &[ImpactInput<Tangent>]) -> Result<(ImpactOutput, Vec<Varied>), ModelError> {
         let centre = self.centre.stage(input)?;
         let stages = self.passes.iter().zip(inputs).map(|(pass, input)| pass.stage(input)).collect::<Result<Vec<_>, _>>()?;
-        let (output, contacts) = self.centre.differentiate(&centre, &stages)?;
+        let (ended, contacts) = self.centre.differentiate(&centre, &stages)?;
         let never = Tangent::constant(f64::INFINITY);
         let conclude = |((pass, stage), contact): ((&PreparedModel<Tangent>, _), _)| Ok((pass.conclude(stage, contact)?, never));
         let outcomes = self.passes.iter().zip(&stages).zip(contacts).map(conclude).collect::<Result<_, ModelError>>()?;
-        Ok((self.centre.conclude(&centre, output)?, outcomes))
+        Ok((self.centre.conclude(&centre, ended)?, outcomes))
     }
 
     /// Directions in which a smallest change adds a part to the visco-elastic contact or takes one away: sideways springs, modes.

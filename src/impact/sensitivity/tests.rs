@@ -118,6 +118,7 @@ fn agrees_rigid_effects_with_differences() {
 #[test]
 fn agrees_viscoelastic_effects_with_differences() {
     use crate::impact::dual::Dual;
+    use crate::impact::viscoelastic::Ended;
     use rand::SeedableRng;
     let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(13);
     let (mut compared, mut most) = (0, 0.0f64);
@@ -125,8 +126,10 @@ fn agrees_viscoelastic_effects_with_differences() {
         let mut model = Model::new(Base::Viscoelastic).with_effect(card.name).expect("known");
         scatter(&mut model, card.name, &mut rng);
         let (s, input) = (sensitivity(&model), random(&mut rng));
-        let after = ImpactOutput::from_columns(&std::array::from_fn(|k| 5.0 + (7 * k % 5) as f64));
-        let dual_after = ImpactOutput::from_columns(&after.as_columns().map(|c| Dual::constant(c.expect("all"))));
+        let output = ImpactOutput::from_columns(&std::array::from_fn(|k| 5.0 + (7 * k % 5) as f64));
+        let after = Ended { output, handle: nalgebra::Vector3::new(0.9, -0.3, 0.2) };
+        let dual_output = ImpactOutput::from_columns(&output.as_columns().map(|c| Dual::constant(c.expect("all"))));
+        let dual_after = Ended { output: dual_output, handle: after.handle.map(Dual::constant) };
         let mut worst = 0.0f64;
         for n in 0..INPUTS.len() + model.parameters().len() {
             let numbers = |by: f64| -> Vec<f64> {

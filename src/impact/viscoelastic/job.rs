@@ -6,6 +6,7 @@ use super::number::{Number, Three, cross, dot, each, minus, plus, times};
 use crate::impact::input::{ImpactInput, ImpactOutput};
 use crate::impact::real::Real;
 use crate::impact::rigid::Contact;
+use nalgebra::Vector3;
 
 /// One impact ready to be stepped.
 #[derive(Clone)]
@@ -31,6 +32,15 @@ pub(super) struct End<const S: usize> {
     pub peak_deflection: f64,
 }
 
+/// What a contact ends with, along the axes at first touch.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Ended<T = f64> {
+    /// The racket's velocity is that of its true centre of mass.
+    pub output: ImpactOutput<T>,
+    /// The racket's own x axis, turned since first touch.
+    pub handle: Vector3<T>,
+}
+
 impl<const S: usize> Job<S> {
     /// Start of the contact: the ball's centre one radius above the strings, strings at rest.
     pub fn new(at: &Contact, laws: &Laws, steps: f64) -> Self {
@@ -42,6 +52,11 @@ impl<const S: usize> Job<S> {
     /// Velocities and rates at the end, along the axes at first touch.
     pub fn output(&self, end: &End<S>) -> ImpactOutput {
         ImpactOutput::from_columns(&self.outcome(&end.state, end.time))
+    }
+
+    /// The same with the racket's attitude.
+    pub fn ended(&self, end: &End<S>) -> Ended {
+        Ended { output: self.output(end), handle: self.handle(&end.state).into() }
     }
 }
 
@@ -116,10 +131,7 @@ impl<T: Number, const S: usize> Job<S, T> {
     /// The outputs in the order of [`crate::impact_table::OUTPUTS`], along the axes at first touch.
     pub fn outcome(&self, s: &[T; S], time: T) -> [T; 13] {
         let three = |i: usize| [s[i], s[i + 1], s[i + 2]];
-        let (w, q) = (s[ATTITUDE], three(ATTITUDE + 1));
-        // Twice the inverse of the quaternion's square: it stays of unit length only as well as the steps are fine.
-        let twice = w.same(2.0) / (w * w + dot(q, q));
-        let turn = |v: Three<T>| plus(v, times(cross(q, plus(cross(q, v), times(v, w))), twice));
+        let turn = |v: Three<T>| turned(s, v);
         let (m, mass) = (self.laws.ball_mass, self.laws.racket_mass);
         let relative = turn(three(VELOCITY));
         let pushed = self.laws.drive_force * self.side * time;
@@ -131,4 +143,18 @@ impl<T: Number, const S: usize> Job<S, T> {
         let rate = turn(three(RATE));
         [ball[0], ball[1], ball[2], spin[0], spin[1], spin[2], racket[0], racket[1], racket[2], rate[0], rate[1], rate[2], time]
     }
+
+    /// The racket's own x axis, along the axes at first touch.
+    pub fn handle(&self, s: &[T; S]) -> Three<T> {
+        let zero = s[ATTITUDE].same(0.0);
+        turned(s, [zero.same(1.0), zero, zero])
+    }
+}
+
+/// From the racket's own axes to those at first touch.
+fn turned<T: Number, const S: usize>(s: &[T; S], v: Three<T>) -> Three<T> {
+    let (w, q) = (s[ATTITUDE], [s[ATTITUDE + 1], s[ATTITUDE + 2], s[ATTITUDE + 3]]);
+    // Twice the inverse of the quaternion's square: it stays of unit length only as well as the steps are fine.
+    let twice = w.same(2.0) / (w * w + dot(q, q));
+    plus(v, times(cross(q, plus(cross(q, v), times(v, w))), twice))
 }

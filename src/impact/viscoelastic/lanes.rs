@@ -5,14 +5,13 @@
 //! and stick, end. Lanes never exchange numbers, so a result does not depend on its neighbours, on the number of lanes or on
 //! the number of threads.
 
-use super::job::{End, Job};
+use super::job::{End, Ended, Job};
 use super::kernel::{CREEP, FULL, Mode, PLAIN, POSITION, RATE, SPIN, STICK, STRINGS, Signs, WHOLE, rates, rates_into};
 use super::lane::{CLOSE, EXACT, Hunt, LONGEST_S, Lane, MOST_STEPS, Pace, Verdict};
 use super::laws::{Constants, Laws};
 use super::number::{Number, Wide};
 use super::tableau::{A, B, STAGES};
 use crate::impact::error::ModelError;
-use crate::impact::input::ImpactOutput;
 use crate::impact::rigid::Contact;
 
 /// Steps of about this many to a contact give better than 1e-6 of the velocities (ladder test).
@@ -260,7 +259,7 @@ pub(crate) struct Ready<'a> {
 }
 
 /// Outcomes of many contacts with about `steps` steps each; side by side where the processor can.
-pub(crate) fn collide_all(contacts: &[Ready], steps: f64) -> Vec<Result<ImpactOutput, ModelError>> {
+pub(crate) fn collide_all(contacts: &[Ready], steps: f64) -> Vec<Result<Ended, ModelError>> {
     let mut out = vec![Err(ModelError::NotFinite); contacts.len()];
     let (square, other): (Vec<usize>, Vec<usize>) = (0..contacts.len()).partition(|&i| contacts[i].laws.has_square_powers());
     let (plain, full): (Vec<usize>, Vec<usize>) = square.into_iter().partition(|&i| contacts[i].laws.is_plain());
@@ -270,12 +269,12 @@ pub(crate) fn collide_all(contacts: &[Ready], steps: f64) -> Vec<Result<ImpactOu
     out
 }
 
-fn collide_some<const S: usize>(contacts: &[Ready], which: &[usize], steps: f64, out: &mut [Result<ImpactOutput, ModelError>]) {
+fn collide_some<const S: usize>(contacts: &[Ready], which: &[usize], steps: f64, out: &mut [Result<Ended, ModelError>]) {
     let jobs: Vec<Job<S>> = which.iter().map(|&i| Job::new(&contacts[i].at, &contacts[i].laws, steps)).collect();
     // A single impact is not worth seven idle lanes.
     let ends = if jobs.len() == 1 { step_all::<f64, S, false>(0.0, &jobs, None) } else { pulp::Arch::new().dispatch(SideBySide(&jobs)) };
     for ((&i, job), end) in which.iter().zip(&jobs).zip(ends) {
-        out[i] = end.map(|e| job.output(&e));
+        out[i] = end.map(|e| job.ended(&e));
     }
 }
 

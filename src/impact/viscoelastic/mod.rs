@@ -28,6 +28,7 @@ pub use contact_laws::{BallLaw, ContactLaws, FrictionDirection, NormalForce, Rel
 pub use laws::Laws;
 pub use run::{Ledger, Moment, Run};
 
+pub(crate) use job::Ended;
 pub(crate) use lanes::{DEFAULT_STEPS, Ready, collide_all};
 pub(crate) use run::{RUN_STEPS, run};
 pub(crate) use tangent::{DERIVATIVE_STEPS, differentiate};

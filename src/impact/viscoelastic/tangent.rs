@@ -4,7 +4,7 @@
 //! dt = -dg / (dg/dt), and the state moves along its rates for dt. Slip to stick is an impulse that takes the rest of the slip
 //! away, and is differentiated as such.
 
-use super::job::{Job, columns};
+use super::job::{Ended, Job, columns};
 use super::kernel::{Mode, Signs, WHOLE, rates};
 use super::lane::vanishing;
 use super::lanes::{Ready, step_all};
@@ -25,16 +25,17 @@ pub(crate) fn differentiate(
     ready: &Ready,
     steps: f64,
     variations: &[(ImpactInput<Tangent>, Laws<Tangent>)],
-) -> Result<(ImpactOutput, Vec<ImpactOutput<Tangent>>), ModelError> {
+) -> Result<(Ended, Vec<Ended<Tangent>>), ModelError> {
     let job = Job::<WHOLE>::new(&ready.at, &ready.laws, steps);
     let mut course: Vec<Step> = Vec::new();
     let mut observe = |taken: &super::lanes::Taken<WHOLE>| course.push(Step { length: taken.step, mode: taken.mode, stops: taken.stops, kink: taken.kink });
     let end = step_all::<f64, WHOLE, false>(0.0, std::slice::from_ref(&job), Some(&mut observe)).pop().unwrap_or(Err(ModelError::NotFinite))?;
     let vary = |(input, laws): &(ImpactInput<Tangent>, Laws<Tangent>)| {
         let dual = Job::<WHOLE, Tangent>::starting(&columns(input), *laws, job.side, job.step);
-        ImpactOutput::from_columns(&pulp::Arch::new().dispatch(Replay { job: &dual, course: &course, time: end.time }))
+        let (outcome, handle) = pulp::Arch::new().dispatch(Replay { job: &dual, course: &course, time: end.time });
+        Ended { output: ImpactOutput::from_columns(&outcome), handle: handle.into() }
     };
-    Ok((job.output(&end), variations.iter().map(vary).collect()))
+    Ok((job.ended(&end), variations.iter().map(vary).collect()))
 }
 
 /// One step of the plain run.
@@ -53,7 +54,7 @@ struct Replay<'a> {
 }
 
 impl pulp::NullaryFnOnce for Replay<'_> {
-    type Output = [Tangent; 13];
+    type Output = ([Tangent; 13], [Tangent; 3]);
 
     #[inline(always)]
     fn call(self) -> Self::Output {
@@ -85,7 +86,7 @@ impl pulp::NullaryFnOnce for Replay<'_> {
                 job.stop_slip(&mut s, [signs.slip_x, signs.slip_y]);
             }
         }
-        job.outcome(&s, ends)
+        (job.outcome(&s, ends), job.handle(&s))
     }
 }
 

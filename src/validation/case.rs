@@ -76,6 +76,11 @@ impl<'a> Case<'a> {
         self.screening.library_p_value < LIBRARY_LEVEL
     }
 
+    /// Whether one place on the face is all that stands out.
+    pub fn only_one_place(&self) -> bool {
+        self.one_place() && !self.smooth() && !self.in_library()
+    }
+
     /// Whether any of the tests says that something is missing (that of groups counts into that of structure).
     pub fn alarm(&self) -> bool {
         self.in_library() || self.smooth() || self.one_place()

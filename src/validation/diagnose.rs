@@ -65,7 +65,11 @@ pub fn diagnose(library: &dyn Library, observations: &Observations, options: &Di
     judgement.allow_shared_errors();
     judgement.ask_scatter_and_groups();
     judgement.set_formula_against_name()?;
-    judgement.report(diagnosis, options.expressions)
+    let judged = judgement.report(diagnosis, options.expressions)?;
+    // A place that stands out and is not believed, or what nothing accounts for: a few impacts may tell more in full weight.
+    let told = judged.verdict == Verdict::EffectMissing || judged.suggested_expression.is_some();
+    let in_full = if told { None } else { with_outliers_kept(library, observations, options, &judged)? };
+    Ok(in_full.unwrap_or(judged))
 }
 
 /// What acts on few impacts alone (friction, of which only balls that slide tell) makes their numbers outlying; with little weight these hide it. So a

@@ -12,6 +12,7 @@ use super::expression::{Found, find_expression};
 use super::fit::{FitOptions, Start, fit, fit_with_likely_offsets};
 use super::forward::FreeParameter;
 use super::heldout::{error_of, held_out_error, is_worth, log_evidence_of, taken_for_chance, taken_for_shared};
+use super::local_spot::SPOT_LEVEL;
 use super::place::places;
 use super::rank::{Reference, Refit, added_parameters, form_overdispersion, gain_over};
 use super::refits::{FIRST_LEVEL, LARGEST_NOISE_SCALE, LOG_ODDS, Refits, SHARE, estimates, excess_at, share_removed};
@@ -77,7 +78,10 @@ impl<'a> Judgement<'a> {
             notes: Vec::new(),
         };
         judgement.choose()?;
-        let accounted = judgement.chosen.is_some_and(|b| judgement.accounts(b));
+        let accounted = match judgement.chosen {
+            Some(b) => judgement.accounts(b)?,
+            None => false,
+        };
         judgement.verdict = match (judgement.chosen, accounted) {
             (Some(_), true) => Verdict::EffectMissing,
             (None, _) if !case.smooth() && !case.one_place() => Verdict::Adequate,
@@ -118,14 +122,18 @@ impl<'a> Judgement<'a> {
 
     /// Whether a model takes most of the excess away, or is likelier than nothing and leaves no structure. On the held-out impacts the same is judged with
     /// less data and without the fit's help: either may speak for it.
-    fn accounts(&self, b: &Refit) -> bool {
+    fn accounts(&self, b: &Refit) -> Result<bool, ValidationError> {
+        // Where a place on the face alone stands out there is no other excess to take away.
+        if self.case.only_one_place() && self.reference.spot_beside(b)?.is_some_and(|s| s.p_value < SPOT_LEVEL) {
+            return Ok(false);
+        }
         // A share has its own uncertainty: what is left scatters by its deviation, which may not make a right name wrong.
         let give = |left: f64| (left - (2.0 * self.case.structure.rank as f64 + 4.0 * left).sqrt()).max(0.0);
         let at_best = share_removed(self.excess, give(excess_at(&b.structure, self.c_believed)));
         let held = |error: f64| (error.powi(2) - self.c_believed).max(0.0);
         let sound = b.structure.p_value >= STRUCTURE_LEVEL && b.structure.noise_scale <= LARGEST_NOISE_SCALE;
         let likely = self.refits.is_likelier_than_nothing(b, self.overdispersion);
-        at_best >= SHARE || share_removed(held(self.case.error), held(self.after)) >= SHARE || sound && likely
+        Ok(at_best >= SHARE || share_removed(held(self.case.error), held(self.after)) >= SHARE || sound && likely)
     }
 
     /// A formula in the catalogue's place.

@@ -13,10 +13,12 @@
 
 use super::by_group::{FREE, GroupMisfit, beside, known_signatures};
 use super::error::ValidationError;
+use super::expression::local_spot;
 use super::fit::{Column, Fit, FitOptions, Start, fit};
 use super::forward::{EffectOutline, Forward, Library, Strength};
 use super::heldout::linearise_held_out;
 use super::linearise::Linearised;
+use super::local_spot::LocalSpot;
 use super::lone_term::LoneTerm;
 use super::observation::{Observation, Observations};
 use super::predicted::difference;
@@ -261,13 +263,25 @@ impl Reference<'_> {
         screen_beyond(library.as_ref(), &first.fit, self.impacts, self.c, &Nuisance::of(&first.fit), None)
     }
 
-    /// What further effects explain at `first`'s fit, once `first` may have another form. `only`: the effects to look at.
-    pub fn screen_second(&self, first: &Refit, only: Option<&[&str]>) -> Result<Screening, ValidationError> {
+    /// The place on the face that stands out most once `first` is in the model, in any form of it.
+    pub fn spot_beside(&self, first: &Refit) -> Result<Option<LocalSpot>, ValidationError> {
+        let (library, nuisance) = self.beside_any_form(first)?;
+        Ok(local_spot(&Reference { library: library.as_ref(), base: &first.fit, ..*self }, &nuisance))
+    }
+
+    /// The model with `first` in it, and what any form of it can absorb.
+    fn beside_any_form(&self, first: &Refit) -> Result<(Box<dyn Library + '_>, Nuisance), ValidationError> {
         let names: Vec<&str> = first.effects.iter().map(String::as_str).collect();
         let forward = self.library.with(&names)?;
         let library = self.library.extended(&names, &first.fit.values)?;
         let places = self.strengths_in(forward.as_ref(), &names);
         let nuisance = flexible_nuisance(forward.as_ref(), &first.fit, self.observations, self.impacts, &places, self.groups)?;
+        Ok((library, nuisance))
+    }
+
+    /// What further effects explain at `first`'s fit, once `first` may have another form. `only`: the effects to look at.
+    pub fn screen_second(&self, first: &Refit, only: Option<&[&str]>) -> Result<Screening, ValidationError> {
+        let (library, nuisance) = self.beside_any_form(first)?;
         screen_beyond(library.as_ref(), &first.fit, self.impacts, self.c, &nuisance, only)
     }
 }

@@ -19,6 +19,22 @@ fn near(seen: &Vector3<f64>, expected: [f64; 3], relative: f64) {
     assert!((seen - expected).norm() <= relative * expected.norm(), "{seen:?} against {expected:?}");
 }
 
+/// The stated centre of mass is a point of the racket and turns with it: in the racket's own axes it moves by rate times lever about the common one.
+#[test]
+fn truth_the_stated_centre_of_mass_turns_with_the_racket() {
+    let mut held = Model::new(Base::Viscoelastic).with_effect("hand-mass").expect("known");
+    held.set("hand-mass.mass_kg", 0.12).expect("known");
+    let (racket, ball) = reference_equipment();
+    let mut ready = held.prepare(&racket, &ball).expect("valid");
+    ready.set_steps(2000.0);
+    let run = ready.run_default(&reference_input()).expect("contact");
+    let shift = ready.body().com_x - ready.body().reported_com_x;
+    let own = run.racket_rate_own_axes;
+    let about = ready.predict(&reference_input()).expect("contact").racket_velocity - run.output.racket_velocity;
+    assert!((about.norm() - shift.abs() * own.y.hypot(own.z)).abs() < 1e-6, "{about:?}");
+    assert!(about.dot(&run.output.racket_rate).abs() < 1e-4, "{about:?}");
+}
+
 /// Item G.7: free racket, everything at once. Printed at a step of 2 us with a first-order scheme whose sliding friction points
 /// along K⁻¹ times the slip: `friction_direction = "projected"`.
 #[test]

@@ -10,7 +10,7 @@ use crate::tracking::shot_tracks::{ShotSetup, ShotTracks, TrackingError};
 use crate::tracking::spin::{BLUR_PX, BallSpin, BallView, FoundSpin, GreyPatch, SpinEstimate, SpinRefusal, SpinSettings};
 use crate::tracking::tape::tape_blur::out_of_focus;
 use crate::tracking::track_file::{SpacePoint, Target};
-use nalgebra::{Point3, Vector2};
+use nalgebra::{Point3, Vector2, Vector3};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
@@ -41,11 +41,11 @@ pub fn measure_spin(source: &impl FrameSource, setup: &ShotSetup, shot: &mut Sho
         return Ok(BallSpin { before: refused.clone(), after: refused });
     }
     let mut found = FoundSpins::find(source, setup, shot)?;
-    refine_ball(source, setup, shot, &found.rough(), &found.sample)?;
+    refine_ball(source, setup, shot, &found.turning(&found.rough()), &found.sample)?;
     if !found.complete() {
         found.find_again(source, setup, shot)?;
         let measured = found.measure(source, setup, shot)?;
-        refine_ball(source, setup, shot, &measured, &found.sample)?;
+        refine_ball(source, setup, shot, &found.turning(&measured), &found.sample)?;
     }
     // The better centres tell the spin better: a drift of the outline looks like a turn.
     found.measure(source, setup, shot)
@@ -118,6 +118,11 @@ impl FoundSpins {
     fn rough(&self) -> BallSpin {
         let [before, after] = self.found.each_ref().map(|f| f.rough.clone());
         BallSpin { before, after }
+    }
+
+    /// How the ball's lines turn before and after, by what was `told` of it.
+    fn turning(&self, told: &BallSpin) -> [Option<Vector3<f64>>; 2] {
+        [self.found[0].turning(&told.before), self.found[1].turning(&told.after)]
     }
 
     /// Measures the spins, with the centres as they are now.

@@ -20,7 +20,6 @@ use crate::tracking::pictures::shot_frames::AT_ONCE;
 use crate::tracking::racket::racket_pose::View;
 use crate::tracking::shot_tracks::{ShotSetup, ShotTracks, TrackingError};
 use crate::tracking::space_points;
-use crate::tracking::spin::{BallSpin, SpinEstimate};
 use crate::tracking::track_file::{ImagePoint, PointState, Target};
 use nalgebra::{Matrix3, Rotation3, Vector2, Vector3};
 use rayon::prelude::*;
@@ -60,23 +59,19 @@ struct Sight {
     fit: Option<(ModelFit, Vector2<f64>)>,
 }
 
-/// Measures the ball's centres of a tracked shot again and renews its points. Where the spin is not known the ball is taken for bare: its
-/// lines then are pixels that disagree.
+/// Measures the ball's centres of a tracked shot again and renews its points; `turning` says how its lines turn before
+/// and after the contact. Where nobody knows the ball is taken for bare: its lines then are pixels that disagree.
 pub(in crate::tracking) fn refine_ball(
     source: &impl FrameSource,
     setup: &ShotSetup,
     shot: &mut ShotTracks,
-    spin: &BallSpin,
+    turning: &[Option<Vector3<f64>>; 2],
     sample: &FlightSample,
 ) -> Result<(), TrackingError> {
     let Some(contact) = shot.contact_frame else { return Ok(()) };
     let view = View::new(setup.rig);
-    let turning = [&spin.before, &spin.after].map(|s| match s {
-        SpinEstimate::Vector { omega_rad_s, .. } => (*omega_rad_s, true),
-        SpinEstimate::OneAxis { .. } | SpinEstimate::Refused { .. } => (Vector3::zeros(), false),
-    });
-    let mut sights = sights(source, setup, &view, shot, contact, &turning, sample)?;
-    let textured = turning.map(|t| t.1);
+    let mut sights = sights(source, setup, &view, shot, contact, turning, sample)?;
+    let textured = turning.map(|t| t.is_some());
     measure(&mut sights, &textured, shot.blur_px);
     for sight in &sights {
         let Some(ball) = shot.ball.get_mut(sight.index).and_then(Option::as_mut) else { continue };
@@ -121,7 +116,7 @@ fn sights(
     view: &View,
     shot: &ShotTracks,
     contact: f64,
-    turning: &[(Vector3<f64>, bool); 2],
+    turning: &[Option<Vector3<f64>>; 2],
     sample: &FlightSample,
 ) -> Result<Vec<Sight>, TrackingError> {
     let numbers: Vec<f64> = (0..source.len()).map(|i| source.number(i) as f64).collect();
@@ -150,7 +145,7 @@ fn sights(
         };
         // The ball is learnt from the frames that tell its spin.
         let teaches = sample.side(source.number(index), t).is_some();
-        let omega = turning.get(stretch).map_or_else(Vector3::zeros, |turning| turning.0);
+        let omega = turning.get(stretch).copied().flatten().unwrap_or_default();
         for camera in CameraId::BOTH {
             let Some(point) = ball.points[camera.index()] else { continue };
             let Some(radius_px) = outline_radius_px(view, camera, &ball.position, setup.ball.radius_m()) else { continue };

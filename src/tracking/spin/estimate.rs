@@ -212,6 +212,19 @@ impl FoundSpin {
         Some([contest.omega].iter().chain(&contest.rival).chain(&contest.near).map(Vector3::norm).fold(0.0, f64::max))
     }
 
+    /// How the lines of the ball turn, where `told` was made of this spin: as the spin that explains the pictures best, also where another
+    /// one explains them almost as well or a direction is left free. Any of them tells what the next picture shows, which is all that learning
+    /// the cover asks. `None` where no lines were seen or no turn of them explains the pictures.
+    pub fn turning(&self, told: &SpinEstimate) -> Option<Vector3<f64>> {
+        match told {
+            SpinEstimate::Vector { omega_rad_s, .. } => Some(*omega_rad_s),
+            SpinEstimate::OneAxis { .. } | SpinEstimate::Refused { reason: SpinRefusal::Ambiguous { .. } | SpinRefusal::TooUncertain { .. } } => {
+                self.start.as_ref().map(|s| s.omega)
+            }
+            SpinEstimate::Refused { .. } => None,
+        }
+    }
+
     /// Which of the candidates is the ball's spin: on a coarse map, from every second pixel, without blur.
     fn among(candidates: &[Candidate], infos: &[ViewInfo], marks: &[Mark], shading: &Shading, settings: &SpinSettings) -> Self {
         let few: Vec<Mark> = marks.iter().copied().step_by(2).collect();

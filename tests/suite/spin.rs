@@ -328,6 +328,43 @@ fn fails_where_the_markings_do_not_hold_the_spin() {
     assert!(one.rate.len() >= 4 && one.unflagged() == 0, "{one:?}");
 }
 
+/// Where one line leaves a direction free, or two spins are possible, the cover is learnt with the one that explains the pictures best; of a
+/// ball without lines nothing tells how it turns.
+#[test]
+fn truth_lines_that_leave_the_spin_open_still_tell_how_they_turn() {
+    let found = |scene: &Scene| {
+        let pictures = scene.render(&rig());
+        let views: Vec<BallView> = pictures.iter().map(Picture::view).collect();
+        FoundSpin::find(&views, &rig(), RADIUS_M, &SpinSettings::new(scene.frame_rate_hz))
+    };
+    let mut open = 0;
+    let line_about_its_axis = scenes("line about its axis", 4, (84.0, 300.0), |s, _| s.markings = Markings::SpinCircle);
+    let one_line = scenes("one line", 12, (20.0, 500.0), |s, r| {
+        s.markings = Markings::Circles(vec![(random_turn(r) * Vector3::x(), 0.0, 0.06)]);
+        s.frames = [8, 12][r.random_range(0..2)];
+    });
+    for (_, scene) in line_about_its_axis.into_iter().chain(one_line) {
+        let found = found(&scene);
+        match &found.rough {
+            SpinEstimate::Vector { omega_rad_s, .. } => assert_eq!(found.turning(&found.rough), Some(*omega_rad_s)),
+            SpinEstimate::OneAxis { axis, rate_rad_s, sd_rad_s, .. } => {
+                open += 1;
+                let along = found.turning(&found.rough).expect("lines").dot(axis);
+                assert!((along - rate_rad_s).abs() < 3.0 * sd_rad_s, "{along} {rate_rad_s} {sd_rad_s}");
+            }
+            SpinEstimate::Refused { reason: SpinRefusal::Ambiguous { first, .. } } => {
+                open += 1;
+                assert_eq!(found.turning(&found.rough).expect("lines"), Vector3::from(*first));
+            }
+            SpinEstimate::Refused { .. } => {}
+        }
+    }
+    assert!(open > 0, "no line left anything open");
+    let (_, bare) = scenes("bare", 1, (84.0, 300.0), |s, _| s.markings = Markings::None).pop().expect("a ball");
+    let bare = found(&bare);
+    assert_eq!(bare.turning(&bare.rough), None);
+}
+
 #[test]
 fn fails_with_too_few_frames_or_no_ball_in_the_picture() {
     let rig = rig();

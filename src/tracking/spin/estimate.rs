@@ -169,7 +169,7 @@ pub fn estimate_spin(views: &[BallView], rig: &StereoRig, radius_m: f64, setting
 
 impl FoundSpin {
     /// Looks for the spin everywhere; once more, with a beam that loses less and takes more for possible, where what was found explains too
-    /// little.
+    /// little or does not settle: the right one may have been lost among those that fit by chance.
     pub fn find(views: &[BallView], rig: &StereoRig, radius_m: f64, settings: &SpinSettings) -> Self {
         let (infos, samples) = sample_views(views, rig, radius_m);
         if let Some(refusal) = too_few(&infos, &samples, settings) {
@@ -179,7 +179,7 @@ impl FoundSpin {
         let search = Search::new(&infos, &marks, 1.0 / settings.frame_rate_hz);
         let look = |beam: Beam| Self::among(&search.candidates(settings.limit_rad_s, beam), &infos, &marks, &shading, settings);
         let found = look(Beam::Level);
-        if !matches!(found.rough, SpinEstimate::Refused { reason: SpinRefusal::Unexplained { .. } }) {
+        if !matches!(found.rough, SpinEstimate::Refused { reason: SpinRefusal::Unexplained { .. } | SpinRefusal::Unsettled { .. } }) {
             return found;
         }
         let again = look(Beam::AllLevels);

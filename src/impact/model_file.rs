@@ -132,7 +132,12 @@ fn read_expression(path: &Path, model: &Model, name: &str, table: &dyn TableLike
         return Err(wrong("expression", name.to_owned(), "a name of your own; this one is in the catalogue"));
     }
     let text = |key: &str| -> Result<String, ModelError> {
-        let item = table.get(key).ok_or_else(|| wrong(key, "missing".into(), "a text in quotes"))?;
+        let missing = || {
+            // A parameter is never a text: one that is may be the key, mistyped.
+            let other = table.iter().find(|(k, item)| *k != "expression" && *k != "replaces" && item.as_str().is_some());
+            wrong(key, "missing".into(), &other.map_or("a text in quotes".to_owned(), |(k, _)| format!("a text in quotes; `{k}` holds one, is it meant?")))
+        };
+        let item = table.get(key).ok_or_else(missing)?;
         item.as_str().map(str::to_owned).ok_or_else(|| wrong(key, shown(item), "a text in quotes"))
     };
     let (expression, replaces) = (text("expression")?, text("replaces")?);

@@ -401,6 +401,7 @@ fn fails_model_files_name_the_key_and_its_neighbours() {
         ("value = 0.85", "value = 1.85", ["1.85", "0.3 to 1"]),
         ("fit = true, min", "fit = 1, min", ["parameters.restitution.fit", "true or false"]),
         ("frequency_hz", "frequency", ["`frequency`", "frequency_hz"]),
+        ("[effects.frame-vibration]", "[effects.own]\nreplaces = \"restitution\"\nexpresion = \"0.9\"", ["effects.own.expression", "`expresion` holds one"]),
         ("0.45", "nan", ["parameters.friction", "0 to 1000000"]),
         ("[parameters]", "[parameters", ["m.toml", "line 4"]),
     ] {

@@ -52,7 +52,8 @@ pub fn candidates(d: &Diagnosis) -> Option<Section> {
     }
     let rest: Vec<&CandidateReport> = d.candidates.iter().skip(LISTED).collect();
     if !rest.is_empty() {
-        section = section.folded(&format!("{} more candidates", rest.len()), |s| s.table(table(&rest)));
+        section = section
+            .folded(&if rest.len() == 1 { "one more candidate".to_owned() } else { format!("{} more candidates", rest.len()) }, |s| s.table(table(&rest)));
     }
     if !d.not_visible.is_empty() {
         let list: Vec<String> = d.not_visible.iter().map(|n| format!("{}: {}", n.effect, n.reason)).collect();

@@ -207,7 +207,7 @@ fn chain(folder: &Path, shell: &Shell) -> Result<Outcome, CliError> {
     results.comparison = results.comparison.filter(|_| judged);
     results.diagnosis = results.diagnosis.filter(|_| judged);
     if let Some(stated) = &results.comparison {
-        results.at_its_best = session_at_its_best(&session, &impacts, &first, stated).ok().flatten();
+        results.at_its_best = session_at_its_best(&session, &impacts, &first, stated).ok();
     }
     let diagnosis = results.diagnosis.clone();
     let report = folder.join("report.html");

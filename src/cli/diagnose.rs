@@ -92,15 +92,15 @@ fn at_its_best(loaded: &Loaded, input: &ImpactsInput, stated: Comparison) -> Res
     Ok(Comparison { parameters_as_stated: stated.parameters_as_stated, provenance: stated.provenance, ..fitted })
 }
 
-/// The comparison that the pictures of a session's diagnosis show; `None` where the model stands at its best already.
-pub(super) fn session_at_its_best(session: &Session, impacts: &Path, model: &Path, stated: &Comparison) -> Result<Option<Comparison>, CliError> {
+/// The comparison that the pictures of a session's diagnosis show: the stated one where the model stands at its best already.
+pub(super) fn session_at_its_best(session: &Session, impacts: &Path, model: &Path, stated: &Comparison) -> Result<Comparison, CliError> {
     let near = |(s, f): (&ParameterValue, &ParameterValue)| (s.value - f.value).abs() <= AT_ITS_BEST * f.sd;
     if stated.parameters_as_stated.iter().zip(&stated.parameters_refitted).all(near) {
-        return Ok(None);
+        return Ok(stated.clone());
     }
     let files = ImpactFiles { impacts: impacts.into(), racket: session.racket_files.clone(), ball: session.ball_files.clone(), model: model.into() };
     let input = ImpactsInput { files, group: None, seed: DEFAULT_SEED };
-    at_its_best(&input.load("diagnose")?, &input, stated.clone()).map(Some)
+    at_its_best(&input.load("diagnose")?, &input, stated.clone())
 }
 
 /// The file of one version on the way: `model-auto.1.toml`, so that any step can be gone back to or branched from.

@@ -183,8 +183,8 @@ fn none_opened(mut errors: Vec<CliError>) -> CliError {
 fn write_report(session: &Session, results: &Path, model: &Path, outcome: &Outcome, shell: &Shell) -> Result<(), CliError> {
     let mut all = read_session_results(session, results);
     if let (Some(stated), true) = (&all.comparison, outcome.made("diagnose")) {
-        // Without it the pictures show the model as its file states it.
-        all.at_its_best = session_at_its_best(session, &results.join("impacts.csv"), model, stated).ok().flatten();
+        // Without it words and table stand alone.
+        all.at_its_best = session_at_its_best(session, &results.join("impacts.csv"), model, stated).ok();
     }
     // What the first step to miss a shot said of it beats the bare fact that its file is missing; what is of no shot is of the step.
     for (id, why) in &mut all.failed {

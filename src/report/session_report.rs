@@ -26,7 +26,7 @@ pub fn session_report(results: &SessionResults) -> String {
     if let Some(d) = &results.diagnosis {
         // The pictures show what the words speak of.
         report = report
-            .section(sections::places(d, results.at_its_best.as_ref().or(results.comparison.as_ref())))
+            .section(sections::places(d, results.at_its_best.as_ref()))
             .section(sections::candidates(d))
             .section(sections::expression(d))
             .section(sections::next_experiments(d, racket))

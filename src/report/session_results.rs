@@ -58,7 +58,7 @@ pub struct SessionResults {
     /// Shots with their prediction, for a session with too few of them for a comparison.
     pub predicted: Vec<PredictedShot>,
     pub comparison: Option<Comparison>,
-    /// The same with the model's free parameters at their best, of which the diagnosis speaks; `None`: as the file states them.
+    /// The same with the model's free parameters at their best, of which the diagnosis and its pictures speak.
     pub at_its_best: Option<Comparison>,
     pub diagnosis: Option<Diagnosis>,
     /// The comparison of the model with the recommended effects added.

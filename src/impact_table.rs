@@ -1,15 +1,17 @@
 //! The impacts table (contract, section 4): one row per impact, racket-local axes, SI; footage or no footage.
 //!
 //! Comes in: CSV in which columns may be missing, in any order, with unknown columns kept as grouping columns. Goes out:
-//! [`ImpactTable`]. An empty cell is `None`; NaN, infinities and negative deviations are refused with their line.
+//! [`ImpactTable`]. An empty cell is `None`; NaN, infinities and negative deviations are refused, all of them at once, with their lines.
 
 mod column_words;
 mod own_columns;
 mod remarks;
+mod row_fault;
 
 pub use column_words::{ColumnWords, RELATIVE, column_subject, column_words};
 pub use own_columns::{MOST_OWN_COLUMNS, OwnColumn, OwnColumns, lacking};
 pub use remarks::remarks;
+pub use row_fault::{RowFault, RowFaults};
 
 use crate::limited_file::{LARGEST_TABLE, LimitedFile, TableFile};
 use std::collections::{BTreeMap, BTreeSet};
@@ -124,20 +126,42 @@ pub enum TableError {
     Empty { path: PathBuf },
     #[error("{path}: no column `{column}`; the header has: {seen}{remedy}", path = .path.display())]
     NoColumn { path: PathBuf, column: &'static str, seen: String, remedy: &'static str },
-    #[error("{path}: column `{column}` stands twice in the header; rename or remove one", path = .path.display())]
-    Twice { path: PathBuf, column: String },
-    #[error("{path}, line {line}: `{column}` is {seen:?}; allowed: {allowed}", path = .path.display())]
-    Cell { path: PathBuf, line: u64, column: String, seen: String, allowed: &'static str },
-    #[error("{path}: column `{column}` has no meaning, and would be a group's; if it is `{meant}`, write it so, else name it otherwise", path = .path.display())]
-    Misspelt { path: PathBuf, column: String, meant: &'static str },
+    #[error("{path}: column {} in the header; rename or remove one of each", stand_twice(.columns), path = .path.display())]
+    Twice { path: PathBuf, columns: Vec<String> },
+    #[error("{path}{faults}", path = .path.display())]
+    Rows { path: PathBuf, faults: RowFaults },
+    #[error("{path}: {}", misspelt_words(.columns), path = .path.display())]
+    Misspelt {
+        path: PathBuf,
+        /// As the header has it, and the name that seems to be meant.
+        columns: Vec<(String, String)>,
+    },
     #[error("{path}: a column's name has {length} bytes (it begins {begins:?}); allowed: {most}", path = .path.display())]
     LongName { path: PathBuf, begins: String, length: usize, most: usize },
     #[error("{path}, line {line}: more than {most} impacts, the most allowed with {grouping} columns of the table's own; give it in parts, or leave columns out", path = .path.display())]
     TooLarge { path: PathBuf, line: u64, most: usize, grouping: usize },
     #[error("{path}: not a text in UTF-8 ({source}); save it as CSV in UTF-8", path = .path.display())]
     Encoding { path: PathBuf, source: csv::Error },
-    #[error("{path}, line {line}: id {id:?} stands twice; ids fix which impacts are held out, so each must be its own", path = .path.display())]
-    SameId { path: PathBuf, line: u64, id: String },
+}
+
+/// Columns that stand more than once, at most [`row_fault::MOST_SHOWN`] of them.
+fn stand_twice(columns: &[String]) -> String {
+    let named: Vec<String> = columns.iter().map(|c| format!("`{c}`")).collect();
+    format!("{} {} twice", row_fault::at_most(&named, ", "), if columns.len() > 1 { "stand" } else { "stands" })
+}
+
+fn misspelt_words(columns: &[(String, String)]) -> String {
+    match columns {
+        [(column, meant)] => format!("column `{column}` has no meaning, and would be a group's; if it is `{meant}`, write it so, else name it otherwise"),
+        _ => {
+            let named: Vec<String> = columns.iter().map(|(column, meant)| format!("`{column}` (if it is `{meant}`)")).collect();
+            format!(
+                "{} columns have no meaning, and would be groups'; write them so, or name them otherwise:\n  {}",
+                columns.len(),
+                row_fault::at_most(&named, "\n  ")
+            )
+        }
+    }
 }
 
 /// Most impacts of a table (a kilobyte each), most cells in grouping columns (a hundred bytes each), and the longest name of a column, bytes: a small
@@ -220,13 +244,20 @@ enum Column {
     Racket,
     Ball,
     Sequence,
-    Value { output: bool, index: usize, sd: bool },
+    Value {
+        output: bool,
+        index: usize,
+        sd: bool,
+    },
     SharedSd(usize),
     Group(String),
+    /// Without a name (a spreadsheet's empty columns, another program's row numbers): nobody can ask for it.
+    Nameless,
 }
 
 fn column(name: &str) -> Column {
     match name {
+        "" => return Column::Nameless,
         "id" => return Column::Id,
         "racket" => return Column::Racket,
         "ball" => return Column::Ball,
@@ -247,16 +278,18 @@ fn column(name: &str) -> Column {
 
 /// The column that an unknown name is but for capitals, a unit behind it, other signs between its words or one letter more or less, where the header
 /// has no such column.
-fn meant(name: &str, header: &[String]) -> Option<&'static str> {
+fn meant(name: &str, header: &[String]) -> Option<String> {
     if is_own_column(name) {
         return None;
     }
     let bare = name.split(['[', '(', ' ']).next().unwrap_or_default().trim_end_matches('_').to_lowercase();
-    let own = ["id", "racket", "ball", "sequence"].into_iter().chain(INPUTS).chain(OUTPUTS);
     let letters = |name: &str| name.chars().filter(char::is_ascii_alphanumeric).collect::<String>();
     // Short names (`ball`) are one letter away from much.
     let slip = |own: &str| own.contains('_') && bare.len() < 2 * own.len() && (letters(own) == letters(&bare) || one_letter_more_or_less(own, &bare));
-    own.into_iter().find(|own| (*own == bare || slip(own)) && !header.iter().any(|h| h == own))
+    let values = ["id", "racket", "ball", "sequence"].into_iter().chain(INPUTS).chain(OUTPUTS).map(str::to_owned);
+    // A deviation that is taken for a group's column is as good as lost.
+    let deviations = INPUTS.into_iter().chain(OUTPUTS).chain(SHARED).map(|c| format!("{c}_sd"));
+    values.chain(deviations).find(|own| (*own == bare || slip(own)) && !header.iter().any(|h| h == own))
 }
 
 fn one_letter_more_or_less(a: &str, b: &str) -> bool {
@@ -265,7 +298,7 @@ fn one_letter_more_or_less(a: &str, b: &str) -> bool {
 
 /// Whether the table gives this column a meaning of its own, so that no grouping column may bear the name.
 pub fn is_own_column(name: &str) -> bool {
-    !matches!(column(name), Column::Group(_))
+    !matches!(column(name), Column::Group(_) | Column::Nameless)
 }
 
 /// The columns of a table, checked.
@@ -281,8 +314,9 @@ impl Header {
         let names: Vec<String> = header.iter().map(|h| h.trim_start_matches('\u{feff}').to_owned()).collect();
         let numbered = !names.iter().any(|n| n == "id");
         // A file that holds no column of an impact is none.
-        if numbered && !names.iter().any(|n| INPUTS.contains(&n.as_str())) {
-            let parted = names.len() == 1 && names[0].contains([';', '\t']);
+        let parted = names.len() == 1 && names[0].contains([';', '\t']);
+        let misspelt: Vec<(String, String)> = names.iter().filter_map(|n| Some((n.clone(), meant(n, &names)?))).collect();
+        if numbered && !names.iter().any(|n| INPUTS.contains(&n.as_str())) && (parted || misspelt.is_empty()) {
             let numbers = names.iter().any(|n| n.parse::<f64>().is_ok());
             let remedy = if parted {
                 "; part the fields by commas and write decimals with a point"
@@ -299,11 +333,12 @@ impl Header {
             return Err(TableError::LongName { path: path.into(), begins, length: long.len(), most: LONGEST_NAME });
         }
         let mut seen = BTreeSet::new();
-        if let Some(twice) = names.iter().find(|n| !seen.insert(n.as_str())) {
-            return Err(TableError::Twice { path: path.into(), column: twice.clone() });
+        let twice: BTreeSet<&String> = names.iter().filter(|n| !n.is_empty() && !seen.insert(n.as_str())).collect();
+        if !twice.is_empty() {
+            return Err(TableError::Twice { path: path.into(), columns: twice.into_iter().cloned().collect() });
         }
-        if let Some((column, meant)) = names.iter().find_map(|n| Some((n.clone(), meant(n, &names)?))) {
-            return Err(TableError::Misspelt { path: path.into(), column, meant });
+        if !misspelt.is_empty() {
+            return Err(TableError::Misspelt { path: path.into(), columns: misspelt });
         }
         let columns = names.iter().map(|n| column(n)).collect();
         Ok(Header { names, columns, numbered })
@@ -318,38 +353,42 @@ impl Header {
         MOST_ROWS.min(MOST_GROUPING_CELLS / self.grouping().max(1))
     }
 
-    /// The row at place `n`, in line `line` of the file.
-    fn row(&self, record: &csv::StringRecord, line: u64, n: usize, path: &Path) -> Result<ImpactRow, TableError> {
+    /// The row at place `n`, in line `line` of the file. What is wrong with its cells is added to `faults`; such a cell counts as empty.
+    fn row(&self, record: &csv::StringRecord, line: u64, n: usize, faults: &mut RowFaults) -> ImpactRow {
         let mut row = ImpactRow::new("");
         row.sequence = n as f64;
         let mut sds: Vec<(bool, usize, f64)> = Vec::new();
         for ((cell, kind), name) in record.iter().zip(&self.columns).zip(&self.names) {
-            let bad = |allowed| TableError::Cell { path: path.into(), line, column: name.clone(), seen: cell.to_owned(), allowed };
-            let number = || -> Result<Option<f64>, TableError> {
-                if cell.is_empty() {
-                    return Ok(None);
+            let mut bad = |allowed| faults.add(|| RowFault::cell(line, name, cell, allowed));
+            let read = cell.parse::<f64>().ok().filter(|v| v.is_finite());
+            let mut number = || -> Option<f64> {
+                if read.is_none() && !cell.is_empty() {
+                    bad(row_fault::a_number(cell));
                 }
-                cell.parse::<f64>().ok().filter(|v| v.is_finite()).map(Some).ok_or_else(|| bad("a finite number, or empty when not measured"))
-            };
-            let deviation = || -> Result<Option<f64>, TableError> {
-                number()?.map_or(Ok(None), |sd| if sd < 0.0 { Err(bad("a standard deviation of 0 or more")) } else { Ok(Some(sd)) })
+                read
             };
             match kind {
                 Column::Id => row.id = cell.to_owned(),
                 Column::Racket => row.racket = Some(cell.to_owned()).filter(|c| !c.is_empty()),
                 Column::Ball => row.ball = Some(cell.to_owned()).filter(|c| !c.is_empty()),
-                Column::Sequence => {
-                    row.sequence = number()?.ok_or_else(|| bad("a number in every row; or leave the column out, and the rows' order counts"))?
-                }
+                Column::Sequence => match read {
+                    Some(sequence) => row.sequence = sequence,
+                    None => bad("a number in every row; or leave the column out, and the rows' order counts"),
+                },
                 Column::Group(g) => {
                     row.groups.insert(g.clone(), cell.to_owned());
                 }
+                Column::Nameless => {}
                 Column::Value { output, index, sd: false } => {
-                    let measured = number()?.map(|value| Measured { value, sd: None });
+                    let measured = number().map(|value| Measured { value, sd: None });
                     if *output { row.outputs[*index] = measured } else { row.inputs[*index] = measured }
                 }
-                Column::Value { output, index, sd: true } => sds.extend(deviation()?.map(|sd| (*output, *index, sd))),
-                Column::SharedSd(index) => row.shared_sd[*index] = deviation()?,
+                Column::Value { sd: true, .. } | Column::SharedSd(_) => match (number(), kind) {
+                    (Some(sd), _) if sd < 0.0 => bad("a standard deviation of 0 or more"),
+                    (sd, Column::SharedSd(index)) => row.shared_sd[*index] = sd,
+                    (sd, Column::Value { output, index, .. }) => sds.extend(sd.map(|sd| (*output, *index, sd))),
+                    _ => {}
+                },
             }
         }
         for (output, index, sd) in sds {
@@ -361,9 +400,9 @@ impl Header {
             row.id = (n + 1).to_string();
         }
         if row.id.is_empty() {
-            return Err(TableError::Cell { path: path.into(), line, column: "id".into(), seen: String::new(), allowed: "a name of its own for every impact" });
+            faults.add(|| RowFault::cell(line, "id", "", "a name of its own for every impact"));
         }
-        Ok(row)
+        row
     }
 }
 
@@ -386,22 +425,47 @@ impl ImpactTable {
             csv::ErrorKind::Utf8 { .. } => TableError::Encoding { path: path.into(), source },
             _ => TableError::Unreadable { path: path.into(), source },
         };
-        let mut csv = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(TableFile::new(reader));
-        let header = Header::of(csv.headers().map_err(unreadable)?, path)?;
+        // A row of another length is a fault like any other, and named with them.
+        let mut csv = csv::ReaderBuilder::new().trim(csv::Trim::All).flexible(true).from_reader(TableFile::new(reader));
+        let names = csv.headers().map_err(unreadable)?;
+        if names.is_empty() {
+            return Err(TableError::Empty { path: path.into() });
+        }
+        let header = Header::of(names, path)?;
         let most_rows = header.most_rows();
         let mut rows = Vec::new();
-        let mut ids = BTreeSet::new();
+        // The line in which each id stands.
+        let mut ids: BTreeMap<String, u64> = BTreeMap::new();
+        let (mut read, mut faults) = (0, RowFaults::default());
         for record in csv.records() {
             let record = record.map_err(unreadable)?;
             let line = record.position().map_or(0, csv::Position::line);
-            if rows.len() >= most_rows {
+            // What a spreadsheet makes of an emptied row is an empty line.
+            if record.iter().all(str::is_empty) {
+                continue;
+            }
+            if read >= most_rows {
                 return Err(TableError::TooLarge { path: path.into(), line, most: most_rows, grouping: header.grouping() });
             }
-            let row = header.row(&record, line, rows.len(), path)?;
-            if !ids.insert(row.id.clone()) {
-                return Err(TableError::SameId { path: path.into(), line, id: row.id });
+            read += 1;
+            if record.len() != header.names.len() {
+                faults.add(|| RowFault::Fields { line, seen: record.len(), allowed: header.names.len() });
+                continue;
             }
-            rows.push(row);
+            let row = header.row(&record, line, read - 1, &mut faults);
+            match ids.get(&row.id) {
+                Some(&first) if !row.id.is_empty() => faults.add(|| RowFault::same_id(line, &row.id, first)),
+                _ => {
+                    ids.insert(row.id.clone(), line);
+                }
+            }
+            // A table with a fault is refused whatever follows: the rest is read for its faults alone.
+            if faults.is_empty() {
+                rows.push(row);
+            }
+        }
+        if !faults.is_empty() {
+            return Err(TableError::Rows { path: path.into(), faults });
         }
         if rows.is_empty() {
             return Err(TableError::Empty { path: path.into() });
@@ -476,13 +540,19 @@ mod tests {
             ("impact_ (m)", ""),
             ("contact_tim", "contact_time"),
             ("Racket", "racket"),
+            ("Ball_in_vy_SD", "ball_in_vy_sd"),
+            ("ball_in_vy_sd (m/s)", "ball_in_vy_sd"),
+            ("ball_in_vy_std", "ball_in_vy_sd"),
+            ("Face_turn_x_sd", "face_turn_x_sd"),
             ("player", ""),
             ("balls", ""),
         ] {
             let refused = read(&format!("id,ball_in_vy,{column}\na,1,2\n")).err();
-            let meant = refused.as_ref().map_or("", |e| if let TableError::Misspelt { meant, .. } = e { *meant } else { "another fault" });
+            let meant = refused.as_ref().map_or("", |e| if let TableError::Misspelt { columns, .. } = e { &columns[0].1 } else { "another fault" });
             assert_eq!(meant, own, "{column}");
         }
+        let all = read("Id,Ball_in_vx,Ball_in_vx_sd,player\na,1,2,A\n").expect_err("three columns").to_string();
+        assert!(["3 columns", "`Id` (if it is `id`)", "`Ball_in_vx` (if it is `ball_in_vx`)", "`Ball_in_vx_sd` (if"].iter().all(|w| all.contains(w)), "{all}");
         // Where the column itself is there, the other is the table's own.
         let both = read("id,ball_in_vx,ball_in_vxx\na,1,2\n").expect("two columns");
         assert_eq!(both.rows[0].groups["ball_in_vxx"], "2");
@@ -517,6 +587,7 @@ mod tests {
             ("id,face_shift_z_sd\na,-2\n", "0 or more"),
             ("id\na\na\n", "stands twice"),
             ("id,ball_in_vz\n", "no impacts"),
+            ("", "no impacts"),
             ("name\na\n", "no column `id`"),
             ("id;ball_in_vz\na;-20,5\n", "part the fields by commas"),
             ("id,id\na,b\n", "stands twice in the header"),
@@ -529,6 +600,40 @@ mod tests {
             let message = read(text).expect_err(text).to_string();
             assert!(message.contains(word), "{message}");
         }
+    }
+
+    #[test]
+    fn fails_all_faults_of_a_table_are_told_at_once() {
+        let text = "id,sequence,ball_in_vz,ball_in_vz_sd\na,1,NaN,-2\nb,2,-20,0.5\nb,,\"20,5\",#N/A\nc,4,-20\n,5,1,0\nd,x,1,0\n";
+        let message = read(text).expect_err("faults").to_string();
+        let lines: Vec<&str> = message.lines().collect();
+        let told = [
+            "t.csv: 9 faults; mend them all, nothing of the table is used until then:",
+            "  line 2: `ball_in_vz` is \"NaN\"; allowed: a finite number, or empty when not measured",
+            "  line 2: `ball_in_vz_sd` is \"-2\"; allowed: a standard deviation of 0 or more",
+            "  line 4: `sequence` is \"\"; allowed: a number in every row; or leave the column out, and the rows' order counts",
+            "  line 4: `ball_in_vz` is \"20,5\"; allowed: a finite number, its decimals after a point, or empty when not measured",
+            "  line 4: `ball_in_vz_sd` is \"#N/A\"; allowed: a finite number, or empty when not measured",
+            "  line 4: id \"b\" stands twice (first in line 3); ids fix which impacts are held out, so each must be its own",
+            "  line 5: 3 fields; allowed: 4, as in the header; a field that holds a comma must stand in quotes, and decimals are written with a point",
+            "  line 6: `id` is \"\"; allowed: a name of its own for every impact",
+            "  line 7: `sequence` is \"x\"; allowed: a number in every row; or leave the column out, and the rows' order counts",
+        ];
+        assert_eq!(lines, told);
+        // A file of nothing but faults neither fills the screen nor the memory.
+        let many = format!("id,ball_in_vz\n{}", (0..500).map(|k| format!("s{k},{}\n", "x".repeat(100))).collect::<String>());
+        let message = read(&many).expect_err("500 faults").to_string();
+        assert!(message.lines().count() == 22 && message.contains(": 500 faults") && message.ends_with("\n  and 480 more"), "{message}");
+        assert!(message.contains(&format!("\"{}…\"", "x".repeat(60))), "{message}");
+    }
+
+    #[test]
+    fn what_a_spreadsheet_leaves_empty_is_no_fault() {
+        let sound = read("id,ball_in_vz\na,-20\nb,-21\n").expect("a table");
+        assert_eq!(read("\u{feff}id,ball_in_vz,,\r\na,-20,,\r\n,,,\r\nb,-21,,\r\n,,,\r\n").expect("the same"), sound);
+        // Another program's row numbers have no name either, and are no group of the user's.
+        assert_eq!(read(",id,ball_in_vz\n1,a,-20\n2,b,-21\n").expect("the same"), sound);
+        assert_eq!(read("ball_in_vz,\n-20,\n,\n-21,\n").expect("numbered").rows[1].id, "2");
     }
 
     #[test]

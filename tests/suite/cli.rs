@@ -186,7 +186,8 @@ fn fails_broken_tables_are_named_with_their_line() {
         ("id,ball_in_vz\n", &["impacts.csv", "no impacts"]),
         ("id,ball_in_vz\na,NaN\n", &["impacts.csv", "line 2", "ball_in_vz", "NaN"]),
         ("id,ball_in_vz\na,-20\nb,fast\n", &["impacts.csv", "line 3", "fast"]),
-        ("id,ball_in_vz\na,-20,7\n", &["impacts.csv"]),
+        ("id,ball_in_vz\na,-20,7\n", &["impacts.csv", "line 2: 3 fields; allowed: 2"]),
+        ("id,ball_in_vz\na,NaN\nb,fast\n", &["impacts.csv: 2 faults", "line 2: `ball_in_vz` is \"NaN\"", "line 3: `ball_in_vz` is \"fast\""]),
         ("BM\u{0}\u{1}\u{2}", &["impacts.csv"]),
     ] {
         bench.write("impacts.csv", table);

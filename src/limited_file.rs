@@ -112,7 +112,12 @@ impl<R: Read> Read for TableFile<R> {
 /// A whole text of at most `most` bytes.
 pub fn read_text(path: &Path, most: u64) -> io::Result<String> {
     let mut text = String::new();
-    LimitedFile::open(path, most)?.read_to_string(&mut text)?;
+    // An umlaut saved in another encoding: whoever reads of an invalid stream looks for a broken disk.
+    let encoding = |e: io::Error| match e.kind() {
+        io::ErrorKind::InvalidData => io::Error::new(e.kind(), "not a text in UTF-8; save it in that encoding"),
+        _ => e,
+    };
+    LimitedFile::open(path, most)?.read_to_string(&mut text).map_err(encoding)?;
     Ok(text)
 }
 
@@ -156,5 +161,7 @@ mod tests {
         assert_eq!(read_text(&path, 14).expect("fits"), "base = \"rigid\"");
         assert!(read_text(&path, 13).is_err());
         assert!(read_text(Path::new("/dev/zero"), 1 << 20).is_err_and(|e| e.to_string().contains("larger than 1 MB")));
+        std::fs::write(&path, b"name = \"M\xfcller\"").expect("written");
+        assert!(read_text(&path, 100).is_err_and(|e| e.to_string() == "not a text in UTF-8; save it in that encoding"));
     }
 }

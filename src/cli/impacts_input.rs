@@ -102,14 +102,17 @@ impl ImpactsInput {
         if timed {
             observations.notes.push("`contact_time` is left out: base \"rigid\" is an impulse and has none".to_owned());
         }
-        let library = ModelLibrary::new(model.clone(), &observations.gear);
         let table_hash = sha256_hex(&bytes);
         let mut provenance = Provenance::new(command).with_hash(&files.impacts, table_hash.clone()).with_hash(&files.model, sha256_hex(model_text.as_bytes()));
         for path in files.racket.iter().chain(&files.ball) {
             provenance = provenance.with_file(path).map_err(CliError::input)?;
         }
-        // Other groups held out are other data: errors on them are not to be set beside each other.
-        let data_hash = self.group.as_ref().map_or(table_hash.clone(), |column| sha256_hex(format!("{table_hash} by {column}").as_bytes()));
+        // Other groups held out are other data, and so are the rows that are left where a model cannot use all: errors on them are not to be set beside
+        // each other.
+        let mut data_hash = self.group.as_ref().map_or(table_hash.clone(), |column| sha256_hex(format!("{table_hash} by {column}").as_bytes()));
+        if !observations.lost_to_model.is_empty() {
+            data_hash = sha256_hex(format!("{data_hash} without {:?}", observations.lost_to_model).as_bytes());
+        }
         Ok(Loaded { table, observations, equipment, model, model_text, library, data_hash, provenance })
     }
 

@@ -8,8 +8,12 @@ pub enum ValidationError {
         "only {usable} of {rows} impacts can be used ({reason}); at least {needed} are needed to judge a model (`sweetspot predict` works with any number)"
     )]
     TooFew { usable: usize, rows: usize, needed: usize, reason: String },
-    #[error("no impact is held out for a check (all ids hash to the fit side); add impacts or leave out --group")]
+    #[error("the ids of all impacts hash to one side of the held-out split, and none is left to check or to fit with; add impacts")]
     NothingHeldOut,
+    #[error(
+        "all impacts are of one group of `{column}` ({name:?}), and groups stay whole: there is none to hold out beside one to fit; leave out --group, or name a column with several"
+    )]
+    OneGroup { column: String, name: String },
     #[error("the grouping column `{column}` is not in the table; it has: {seen}")]
     NoGroup { column: String, seen: String },
     #[error("the model cannot predict {failed} of {rows} impacts (first: {id:?}{}); check its parameters and the table's units", .why.as_ref().map_or_else(String::new, |w| format!(": {w}")))]

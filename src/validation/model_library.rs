@@ -2,9 +2,16 @@
 
 use super::error::ValidationError;
 use super::forward::{Asked, EffectOutline, Forward, FreeParameter, Library, Outputs, OwnEffect, Prediction, Prior, Strength, Tails};
-use super::observation::Gear;
+use super::observation::{Gear, Observations, TableOptions};
+use super::predicted::unpredicted;
 use super::screen::STRENGTH_PRIOR;
+use crate::equipment_set::EquipmentSet;
 use crate::impact::{Base, EffectKind, ImpactInput, ImpactOutput, Model, ModelError, Parameter, PreparedModel, Role, catalogue};
+use crate::impact_table::ImpactTable;
+
+/// Share of the impacts that a model may have no answer for. A few stand at a limit of physics (the ball does not approach); a model that fails for more
+/// would be judged by the impacts that suit it.
+const MOST_UNPREDICTED: f64 = 0.1;
 
 /// Width of the prior on a shape parameter that the fit may move, in typical sizes.
 const SHAPE_PRIOR: f64 = 1.0;
@@ -159,6 +166,24 @@ impl ModelLibrary {
             })
             .collect();
         ModelLibrary { current: ModelForward::new(model, gear), outlines }
+    }
+
+    /// A table made ready for this model: the rows for which the model as stated has no answer are left out and named, as rows that nothing can be made of
+    /// are.
+    ///
+    /// # Errors
+    /// As [`Observations::new`]; [`ValidationError::NoPrediction`] where the model has no answer for more than a tenth of the impacts.
+    pub fn on_table(model: &Model, set: &EquipmentSet, table: &ImpactTable, options: &TableOptions) -> Result<(Self, Observations), ValidationError> {
+        let all = Observations::new(table, &set.rackets, &set.balls, options)?;
+        let library = ModelLibrary::new(model.clone(), &all.gear);
+        let lost = unpredicted(library.current(), &all)?;
+        let Some(first) = all.impacts.iter().find(|o| lost.contains_key(&o.id)) else { return Ok((library, all)) };
+        let (failed, rows) = (lost.len(), all.impacts.len());
+        if failed as f64 > MOST_UNPREDICTED * rows as f64 {
+            return Err(ValidationError::NoPrediction { failed, rows, id: first.id.clone(), why: lost.get(&first.id).cloned() });
+        }
+        let rest = Observations::without(&lost, table, &set.rackets, &set.balls, options)?;
+        Ok((ModelLibrary::new(model.clone(), &rest.gear), rest))
     }
 
     /// Names of the effects in the current model.

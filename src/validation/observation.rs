@@ -96,6 +96,8 @@ pub struct Observations {
     pub output_noise: Vec<ColumnNoise>,
     /// Rows that could not be used: id and reason.
     pub unusable: Vec<(String, String)>,
+    /// Of these the ones that another model could use: they lack a column that this one asks for, or it has no answer for them.
+    pub lost_to_model: Vec<String>,
     /// The column by whose groups the impacts are held out, if by any.
     pub group: Option<String>,
     /// Whether outlying numbers keep their full weight.
@@ -117,6 +119,17 @@ impl Observations {
     /// Makes a table ready. Rows without ball and racket velocities and an impact position, with a value that no impact has, or with a racket or ball that
     /// is not among the given ones, are left out and named.
     pub fn new(table: &ImpactTable, rackets: &[Racket], balls: &[Ball], options: &TableOptions) -> Result<Self, ValidationError> {
+        Self::without(&BTreeMap::new(), table, rackets, balls, options)
+    }
+
+    /// [`Self::new`] without these rows (by id, with the reason) either.
+    pub fn without(
+        unpredicted: &BTreeMap<String, String>,
+        table: &ImpactTable,
+        rackets: &[Racket],
+        balls: &[Ball],
+        options: &TableOptions,
+    ) -> Result<Self, ValidationError> {
         if let Some(column) = &options.group
             && !table.rows.iter().any(|r| group_of(r, column).is_some())
         {
@@ -127,6 +140,9 @@ impl Observations {
         let racket_names: Vec<&str> = rackets.iter().map(|r| r.name.as_str()).collect();
         let ball_names: Vec<&str> = balls.iter().map(|b| b.name.as_str()).collect();
         let gear_of = |row: &ImpactRow| -> Result<(usize, usize), String> {
+            if let Some(why) = unpredicted.get(&row.id) {
+                return Err(why.clone());
+            }
             if let Some(why) = impossible(INPUTS.iter().zip(&row.inputs).chain(OUTPUTS.iter().zip(&row.outputs))) {
                 return Err(why);
             }
@@ -162,6 +178,7 @@ impl Observations {
             input_noise,
             output_noise,
             unusable,
+            lost_to_model: Vec::new(),
             group: options.group.clone(),
             keeps_outliers: false,
             notes: Vec::new(),
@@ -178,6 +195,9 @@ impl Observations {
                 Err(reason) => all.unusable.push((row.id.clone(), reason)),
             }
         }
+        let wanted: Vec<&str> = options.own_columns.iter().map(String::as_str).collect();
+        let lacks_column = table.rows.iter().filter(|row| lacking(&row.groups, &wanted).is_some()).map(|row| &row.id);
+        all.lost_to_model = unpredicted.keys().chain(lacks_column).cloned().collect();
         all.balance_groups(options);
         all.check(all_rows)?;
         all.share_sessions(table);
@@ -285,8 +305,11 @@ impl Observations {
             return Err(ValidationError::TooFew { usable: self.impacts.len(), rows, needed: FEWEST_IMPACTS, reason });
         }
         let held = self.impacts.iter().filter(|o| o.held_out).count();
-        if held == 0 {
-            return Err(ValidationError::NothingHeldOut);
+        if held == 0 || held == self.impacts.len() {
+            return Err(match (&self.group, self.impacts.first()) {
+                (Some(column), Some(first)) => ValidationError::OneGroup { column: column.clone(), name: first.held_by.clone() },
+                _ => ValidationError::NothingHeldOut,
+            });
         }
         if self.impacts.len() - held < FEWEST_IMPACTS - 4 {
             return Err(ValidationError::TooFew {

@@ -1,14 +1,41 @@
 //! What a model says of many impacts, and the difference between two states of it.
 
-use super::forward::{Asked, Inputs, Prediction};
+use super::error::ValidationError;
+use super::forward::{Asked, Forward, Inputs, Prediction};
 use super::linearise::Linearised;
-use super::observation::Observation;
+use super::observation::{Observation, Observations};
 use super::unseen_spin::{TRIED, TRIED_FOR_SLOPES, covariance, mean, spins, with_spin};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 
 /// Impacts per task: enough to fill the lanes of a time-stepped model, few enough to share a table between threads.
 pub const PIECE: usize = 32;
+
+/// Impacts for which the model as stated has no answer at their measured inputs (the ball does not approach, a user's formula gives no number), by id,
+/// with the reason.
+///
+/// # Errors
+/// A model that cannot be prepared at all.
+pub fn unpredicted(forward: &dyn Forward, observations: &Observations) -> Result<BTreeMap<String, String>, ValidationError> {
+    let stated: Vec<f64> = forward.parameters().iter().map(|p| p.value).collect();
+    let prediction = forward.prepare(&stated)?;
+    let p = prediction.as_ref();
+    let piece = |impacts: &[Observation]| {
+        let asked: Vec<(&Observation, Inputs)> = impacts.iter().map(|o| (o, o.inputs)).collect();
+        let answers = predict_measured(p, &asked);
+        let lost = impacts.iter().zip(answers).filter(|(_, answer)| answer.is_none());
+        lost.map(|(o, _)| (o.id.clone(), why_not(p, o))).collect::<Vec<_>>()
+    };
+    Ok(observations.impacts.par_chunks(PIECE).flat_map_iter(piece).collect())
+}
+
+/// Why an impact has no answer, at its measured inputs or with a spin that nobody measured.
+fn why_not(p: &dyn Prediction, o: &Observation) -> String {
+    let at = |inputs: Inputs| p.why_not(&Asked { gear: o.gear, order: o.order, own: o.own, inputs });
+    let with_unseen_spin = || spins(o, TRIED).filter(|_| o.has_open_spin()).find_map(|spin| at(with_spin(o.inputs, spin)));
+    at(o.inputs).or_else(with_unseen_spin).unwrap_or_else(|| "the model gives no finite number for an output that was measured".to_owned())
+}
 
 /// Predicted values of the measured outputs of each impact at its inputs, or `None` where the model has no answer. Of an
 /// impact whose spin is open the mean over the spins of play ([`super::unseen_spin`]).

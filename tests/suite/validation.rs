@@ -377,6 +377,7 @@ fn fails_tables_that_cannot_be_judged_say_why() {
         )
     };
     assert!(matches!(observe(&made.table, Some("player")), Err(ValidationError::NoGroup { .. })));
+    assert!(matches!(observe(&made.table, Some("ball")), Err(ValidationError::OneGroup { column, .. }) if column == "ball"));
     let mut short = made.table.clone();
     short.rows.truncate(5);
     assert!(matches!(observe(&short, None), Err(ValidationError::TooFew { usable: 5, .. })));
@@ -421,6 +422,10 @@ fn cli_rows_that_cannot_be_used_are_left_out_with_exit_1() {
     let mut made = table(Kind::Lab, 60, &[], 1, NoiseOptions::default());
     made.table.rows[3].racket = Some("another".into());
     made.table.rows[5].set("impact_x", None);
+    // Along the strings, whose impact no model can predict.
+    for still in ["ball_in_vz", "racket_in_vz", "racket_in_wx", "racket_in_wy"] {
+        made.table.rows[8].set(still, Some(Measured { value: 0.0, sd: None }));
+    }
     lay_out(&made, at);
     std::fs::write(at.join("model.toml"), FIRST_MODEL).unwrap();
     let commands = [
@@ -433,8 +438,40 @@ fn cli_rows_that_cannot_be_used_are_left_out_with_exit_1() {
         let files = [command, "--impacts", "impacts.csv", "--racket", "racket.toml", "--ball", "ball.toml", "--model", "model.toml"];
         let (status, said) = run(at, &[&files[..], more].concat());
         assert_eq!(status, 1, "{command}: {said}");
-        assert!(said.contains("\"another\"") && said.contains("`impact_x`") && at.join(result).exists(), "{command}: {said}");
+        let words = ["\"another\"", "`impact_x`", &format!("{}: no contact", made.table.rows[8].id)];
+        assert!(words.iter().all(|w| said.contains(w)) && at.join(result).exists(), "{command}: {said}");
+        if result.ends_with(".json") {
+            let result: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(at.join(result)).unwrap()).unwrap();
+            let left_out: Vec<&str> = result["left_out"].as_array().unwrap().iter().map(|l| l["id"].as_str().unwrap()).collect();
+            assert_eq!(left_out, [3, 8, 5].map(|k| made.table.rows[k].id.as_str()));
+            assert!(std::fs::read_to_string(at.join("report.html")).unwrap().contains(&format!("{} (no contact", made.table.rows[8].id)));
+        }
     }
+}
+
+/// A model that can use fewer rows is judged by others: its error is no step of the staircase.
+#[test]
+fn law_versions_judged_by_other_rows_are_not_set_beside_each_other() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let mut made = table(Kind::Lab, 60, &[], 1, NoiseOptions::default());
+    for (k, row) in made.table.rows.iter_mut().enumerate() {
+        row.groups.insert("tension".into(), if k % 4 == 0 { "NA".into() } else { format!("{}", 50 + k % 7) });
+    }
+    lay_out(&made, at);
+    let own = |column: &str| {
+        format!(
+            "{FIRST_MODEL}\n[effects.own]\nreplaces = \"restitution\"\nexpression = \"restitution * (1 - k * {column})\"\nk = {{ value = 0.0, fit = true }}\n"
+        )
+    };
+    let models = [("first.toml", FIRST_MODEL.to_owned(), 0), ("second.toml", own("impact_y"), 0), ("third.toml", own("column.tension / 500"), 1)];
+    let staircases = models.map(|(name, text, expected)| {
+        std::fs::write(at.join(name), text).unwrap();
+        let (status, said) = run(at, &["compare", "--impacts", "impacts.csv", "--racket", "racket.toml", "--ball", "ball.toml", "--model", name]);
+        assert_eq!(status, expected, "{said}");
+        said.contains("error on the same")
+    });
+    assert_eq!(staircases, [false, true, false]);
 }
 
 /// A model that asks for an offset no session has is fitted without any; the error told is that of the new file, not of the one before the fit.

@@ -202,13 +202,28 @@ impl<E: Into<TrackingError>> From<E> for Failure {
     }
 }
 
-/// What is wrong with the pictures of a shot that cannot be tracked, where some cannot be read.
-fn unreadable(clip: &Clip) -> Option<String> {
+/// Why a shot cannot be tracked: what stopped it, with the pictures of either camera that cannot be read, if any.
+fn with_unreadable(clip: &Clip, without: TrackingError) -> TrackingError {
     let mut buffer = FrameBuffer::default();
-    let pictures = (0..clip.len()).flat_map(|index| [(index, 0), (index, 1)]);
-    let whys: Vec<String> = pictures.filter_map(|(index, camera)| clip.read(index, camera, Rows::ALL, &mut buffer).err()).map(|e| e.to_string()).collect();
-    let first = whys.first()?;
-    Some(format!("{} of {} pictures cannot be read, the first: {first}", whys.len(), 2 * clip.len()))
+    let (mut lines, mut blind) = (Vec::new(), false);
+    for camera in CameraId::BOTH {
+        let (name, place) = (camera.name(), camera.index());
+        let there = clip.pairs.iter().filter(|pair| pair.files[place].is_some()).count();
+        let whys: Vec<String> = (0..clip.len()).filter_map(|index| clip.read(index, place, Rows::ALL, &mut buffer).err()).map(|e| e.to_string()).collect();
+        let Some(first) = whys.first() else { continue };
+        lines.push(if whys.len() == there {
+            format!("{name} camera: none of its {there} pictures can be read, the first: {first}")
+        } else {
+            format!("{name} camera: {} of its {there} pictures cannot be read, the first: {first}", whys.len())
+        });
+        blind |= whys.len() == there;
+    }
+    match lines.join("; ") {
+        none if none.is_empty() => without,
+        // What no pair of pictures shows says nothing of the racket.
+        pictures if blind => TrackingError::NoCamera { pictures },
+        pictures => TrackingError::Unreadable { pictures, without: without.to_string() },
+    }
 }
 
 /// Tracks one shot and writes what was found, unless an earlier run has done so from the same input.
@@ -245,11 +260,7 @@ fn one(
         Err(TrackingError::Cancelled) => return Err(TrackingError::Cancelled.into()),
         Err(e) => {
             set_earlier_aside(&shot.id, folder, said).map_err(Failure::All)?;
-            return Err(match unreadable(&clip) {
-                Some(pictures) => TrackingError::Unreadable { pictures, without: e.to_string() },
-                None => e,
-            }
-            .into());
+            return Err(with_unreadable(&clip, e).into());
         }
     };
     let spin = if arguments.no_spin { None } else { Some(measure_spin(&made.clip, &setup, &mut made.tracked)?) };

@@ -16,6 +16,8 @@ pub enum TrackingError {
     NoFrames,
     #[error("{pictures}; without them: {without}")]
     Unreadable { pictures: String, without: String },
+    #[error("{pictures}; a shot needs pictures of both cameras: copy the folder again, or leave the shot out")]
+    NoCamera { pictures: String },
     #[error("the racket file has no [markers]; add m1 to m5 (middle of each tape band, m, from the stringbed centre)")]
     NoMarkers,
     #[error(

@@ -242,6 +242,20 @@ fn cli_broken_pictures_in_shots_are_named_and_the_others_go_on() {
     assert!(impacts.contains(&ids[0]) && impacts.contains(&ids[1]) && !impacts.contains(&ids[2]), "{impacts}");
 }
 
+/// A shot that one camera alone saw is told so, not that the racket is not there.
+#[test]
+fn cli_a_camera_of_which_no_picture_can_be_read_is_named() {
+    let (_keep, session, ids) = sample(2);
+    let right = session.join("shots").join(&ids[0]).join("right");
+    let pictures = std::fs::read_dir(&right).unwrap().map(|e| std::fs::write(e.unwrap().path(), "no picture").unwrap()).count();
+    assert_eq!(sweetspot(&["calibrate", &text(&session)]).status.code(), Some(0));
+    let output = sweetspot(&["track", &text(&session), "--no-spin"]);
+    assert_eq!(output.status.code(), Some(1), "{}", said(&output));
+    let told = format!("{}: right camera: none of its {pictures} pictures can be read, the first: {}", ids[0], text(&picture(&right, 0)));
+    assert!(said(&output).contains(&told) && !said(&output).contains("no racket found"), "{}", said(&output));
+    assert!(session.join("results/shots").join(&ids[1]).join("tracks.csv").exists());
+}
+
 /// Whatever stands in the place of one shot's results is that shot's fault alone.
 #[test]
 fn cli_a_shot_whose_results_have_no_place_fails_and_the_others_go_on() {

@@ -11,7 +11,7 @@ use crate::report::{read_session_results, session_report};
 use crate::session::Session;
 use crate::validation::observation::FEWEST_IMPACTS;
 use nalgebra::Vector2;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
@@ -81,6 +81,9 @@ pub(super) struct Failure {
     /// Whether the step gave nothing at all; else it did without what failed.
     #[serde(skip)]
     ended: bool,
+    /// What to try, said once in the end.
+    #[serde(skip)]
+    hints: Vec<String>,
     /// Of the shots that failed, by id.
     pub shots: BTreeMap<String, String>,
 }
@@ -92,7 +95,7 @@ impl Failure {
             // What failed first is the cause of what failed after it.
             shots.entry(id).or_insert(reason);
         }
-        Failure { step, reason: error.message, ended: error.kind != Kind::SomeFailed, shots }
+        Failure { step, reason: error.message, ended: error.kind != Kind::SomeFailed, hints: error.hints, shots }
     }
 }
 
@@ -125,15 +128,21 @@ pub fn run(mut arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
         let session = match session {
             Ok(session) => session,
             Err(e) => {
-                let failed = vec![Failure { step: "open", reason: e.message, ended: true, shots: BTreeMap::new() }];
+                let failed = vec![Failure::of("open", e)];
                 outcomes.push(Outcome { session: folder.clone(), results, shots_measured: 0, diagnosis: None, failed });
                 continue;
             }
         };
         shell.say(format_args!("== {} ({})", session.name, session.root.display()));
-        let outcome = one_session(&session, &results, &arguments, shell)?;
+        let mut outcome = Outcome { session: session.root.clone(), results: results.clone(), shots_measured: 0, diagnosis: None, failed: Vec::new() };
         let model = arguments.model.clone().unwrap_or_else(|| results.join(RIGID_MODEL_FILE));
-        write_report(&session, &results, &model, &outcome, shell)?;
+        let made = one_session(&session, &results, &arguments, &mut outcome, shell).and_then(|()| write_report(&session, &results, &model, &outcome, shell));
+        match made {
+            Ok(()) => {}
+            Err(e) if e.kind == Kind::Interrupted => return Err(e),
+            // A folder that may not be written into, or a result that cannot be read back, is that session's fault alone.
+            Err(e) => outcome.failed.push(Failure::of("results", e)),
+        }
         outcomes.push(outcome);
     }
     shell.print_json(&outcomes)?;
@@ -145,12 +154,14 @@ pub fn run(mut arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
         return Ok(());
     }
     let message = failures.join("\n");
+    let hints: BTreeSet<String> = outcomes.iter_mut().flat_map(|o| &mut o.failed).flat_map(|f| std::mem::take(&mut f.hints)).collect();
     // As the steps by hand: shots that fail are named, input with which nothing could be begun is refused.
-    Err(if outcomes.iter().all(|o| o.shots_measured == 0 && o.failed.iter().any(|f| f.ended)) {
+    let error = if outcomes.iter().all(|o| o.failed.iter().any(|f| f.ended) && (o.shots_measured == 0 || o.failed.iter().any(|f| f.step == "results"))) {
         CliError::input(message)
     } else {
         CliError::some_failed(message)
-    })
+    };
+    Err(CliError { hints: hints.into_iter().collect(), ..error })
 }
 
 /// What came of each session, one line each: a season is more than a screen's length of steps.
@@ -175,7 +186,7 @@ fn sessions_text(outcomes: &[Outcome]) -> String {
 /// Of sessions none of which can be opened.
 fn none_opened(mut errors: Vec<CliError>) -> CliError {
     let message = errors.iter().map(|e| e.message.as_str()).collect::<Vec<_>>().join("\n");
-    let hints = errors.iter_mut().flat_map(|e| std::mem::take(&mut e.hints)).collect::<std::collections::BTreeSet<_>>();
+    let hints = errors.iter_mut().flat_map(|e| std::mem::take(&mut e.hints)).collect::<BTreeSet<_>>();
     CliError { hints: hints.into_iter().collect(), ..CliError::input(message) }
 }
 
@@ -277,12 +288,16 @@ pub(super) fn table_words<'a>(session: &'a Session, impacts: &'a Path, model: &'
     all.flat_map(|(flag, file)| [OsStr::new(flag), file.as_os_str()]).collect()
 }
 
-fn one_session(session: &Session, results: &Path, arguments: &Arguments, shell: &Shell) -> Result<Outcome, CliError> {
-    let mut outcome = Outcome { session: session.root.clone(), results: results.to_path_buf(), shots_measured: 0, diagnosis: None, failed: Vec::new() };
-    outcome.failed = match footage(session, results, &arguments.point, shell)? {
-        Footage::Measured(failed) => failed,
-        Footage::Ended(failed) => return Ok(Outcome { failed, ..outcome }),
+/// All steps of one session; what came of them stands in `outcome`, also where this ends early.
+fn one_session(session: &Session, results: &Path, arguments: &Arguments, outcome: &mut Outcome, shell: &Shell) -> Result<(), CliError> {
+    let (failed, measured) = match footage(session, results, &arguments.point, shell)? {
+        Footage::Measured(failed) => (failed, true),
+        Footage::Ended(failed) => (failed, false),
     };
+    outcome.failed = failed;
+    if !measured {
+        return Ok(());
+    }
     let impacts = results.join("impacts.csv");
     outcome.shots_measured = crate::impact_table::ImpactTable::read(&impacts)?.rows.len();
     let model = match &arguments.model {
@@ -320,7 +335,7 @@ fn one_session(session: &Session, results: &Path, arguments: &Arguments, shell: 
         let text = read_text(&results.join("diagnosis.json"), LARGEST_TABLE).map_err(CliError::input)?;
         outcome.diagnosis = Some(serde_json::from_str(&text).map_err(CliError::input)?);
     }
-    Ok(outcome)
+    Ok(())
 }
 
 #[cfg(test)]

@@ -256,6 +256,23 @@ fn cli_a_camera_of_which_no_picture_can_be_read_is_named() {
     assert!(session.join("results/shots").join(&ids[1]).join("tracks.csv").exists());
 }
 
+/// Of several sessions one whose results cannot be written leaves the others to go on.
+#[test]
+fn cli_a_session_whose_results_have_no_place_leaves_the_others_to_go_on() {
+    let (keep, first, _) = sample(1);
+    let second = keep.path().join("second");
+    copy(&first, &second);
+    std::fs::write(first.join("results"), "a file where the folder belongs").unwrap();
+    let output = sweetspot(&["validate", &text(&first), &text(&second), "--json"]);
+    assert_eq!(output.status.code(), Some(1), "{}", said(&output));
+    let outcomes: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!((outcomes[0]["shots_measured"].as_u64(), outcomes[1]["shots_measured"].as_u64()), (Some(0), Some(1)), "{outcomes}");
+    assert!(outcomes[0]["failed"].to_string().contains("cannot be written") && second.join("results/report.html").exists(), "{outcomes}");
+    assert!(said(&output).contains("try: check the free space"), "{}", said(&output));
+    // Alone it is as it was.
+    assert_eq!(sweetspot(&["validate", &text(&first)]).status.code(), Some(2));
+}
+
 /// Whatever stands in the place of one shot's results is that shot's fault alone.
 #[test]
 fn cli_a_shot_whose_results_have_no_place_fails_and_the_others_go_on() {

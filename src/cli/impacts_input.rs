@@ -4,13 +4,15 @@ use super::Shell;
 use super::error::CliError;
 use crate::equipment_set::EquipmentSet;
 use crate::impact::{Base, Model};
-use crate::impact_table::{ImpactTable, TableError, remarks};
+use crate::impact_table::{ImpactRow, ImpactTable, TableError, remarks};
+use crate::kinematics::past_racket;
 use crate::limited_file::{LARGEST_TABLE, LARGEST_TEXT, LimitedFile, read_text};
 use crate::provenance::{Provenance, VERSION, sha256_hex};
 use crate::validation::comparison::{Comparison, ParameterValue};
 use crate::validation::ledger::{Ledger, LedgerEntry, Refusal};
 use crate::validation::model_library::ModelLibrary;
 use crate::validation::observation::{Observations, TableOptions};
+use nalgebra::Vector2;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -36,6 +38,33 @@ impl ImpactFiles {
     pub fn measured(&self) -> impl Iterator<Item = &PathBuf> {
         std::iter::once(&self.impacts).chain(&self.racket).chain(&self.ball)
     }
+}
+
+/// How far beyond the racket's outline an impact may lie unremarked, m: a head is an ellipse to some millimetres only, and a place is measured to some.
+const BEYOND_M: f64 = 0.010;
+/// Impacts that a remark names.
+const NAMED: usize = 5;
+
+/// Impacts that the table puts beyond the racket, where a ball meets nothing: a model goes on as if the strings went on, and nobody should take its word for it.
+pub(super) fn beyond_racket(table: &ImpactTable, set: &EquipmentSet) -> Option<String> {
+    let past = |row: &ImpactRow| {
+        let place = Vector2::new(row.get("impact_x")?.value, row.get("impact_y")?.value);
+        let (r, b) = set.pick(row).ok()?;
+        let (racket, head) = (&set.rackets[r], &set.rackets[r].head);
+        // Most lie on the strings, and their distance from the edge need not be known.
+        let outside = (2.0 * place.x / head.inner_length_m).hypot(2.0 * place.y / head.inner_width_m) > 1.0;
+        Some(past_racket(racket, &set.balls[b], &place)).filter(|past| outside && *past > BEYOND_M)
+    };
+    let all: Vec<String> = table.rows.iter().filter_map(|row| Some(format!("{} by {:.0} mm", row.id, 1000.0 * past(row)?))).collect();
+    let more = if all.len() > NAMED { format!(" and {} more", all.len() - NAMED) } else { String::new() };
+    let named = all.iter().take(NAMED).map(String::as_str).collect::<Vec<_>>().join(", ");
+    (!all.is_empty()).then(|| {
+        format!(
+            "{} impacts lie beyond the racket ({named}{more}), where a ball meets nothing: `impact_x` (toward the handle) and `impact_y` are in m from the stringbed's centre; correct \
+             them, or leave these rows out",
+            all.len()
+        )
+    })
 }
 
 /// Of the bootstrap, where none is given.
@@ -97,8 +126,8 @@ impl ImpactsInput {
             });
         }
         let options = TableOptions { group: self.group.clone(), own_columns: model.own_columns().into_iter().map(str::to_owned).collect() };
-        let mut observations = Observations::new(&table, &equipment.rackets, &equipment.balls, &options)?;
-        observations.notes.splice(0..0, remarks(&table));
+        let (library, mut observations) = ModelLibrary::on_table(&model, &equipment, &table, &options)?;
+        observations.notes.splice(0..0, remarks(&table).into_iter().chain(beyond_racket(&table, &equipment)));
         if timed {
             observations.notes.push("`contact_time` is left out: base \"rigid\" is an impulse and has none".to_owned());
         }

@@ -53,6 +53,7 @@ pub use racket_bench::{
     twistweight_from_bifilar,
 };
 pub use racket_motion::{MotionEstimate, MovingRacket};
+pub use racket_outline::past_racket;
 pub use season::{GroupStatistic, RiseInterval, rise_table, season_statistics, season_to_csv};
 pub use shot::{
     ImpactTiming, MeasuredShot, MomentumVerdict, Quantities, Shot, ShotInput, ShotSpin, SpinComponent, SwingTiming, WindowReport, Windows, measure_shot,

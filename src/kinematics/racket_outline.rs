@@ -24,8 +24,9 @@ pub(super) fn past_head(racket: &Racket, ball: &Ball, place: &Vector2<f64>) -> f
     outside_strings(&racket.head, place) - 2.0 * racket.head.tube_radius_m - ball.radius_m()
 }
 
-/// The same of the whole racket: throat and handle lie, as wide as the throat is at its markers, between the head and the butt.
-pub(super) fn past_racket(racket: &Racket, ball: &Ball, place: &Vector2<f64>) -> f64 {
+/// The same of the whole racket: throat and handle lie, as wide as the throat is at its markers, between the head and the butt. `place` is local, m from the
+/// stringbed's centre.
+pub fn past_racket(racket: &Racket, ball: &Ball, place: &Vector2<f64>) -> f64 {
     let throat = racket.markers.as_ref().map_or(0.0, |m| m.m4[1].abs().max(m.m5[1].abs())) + racket.head.tube_radius_m;
     let beyond = Vector2::new((-place.x).max(place.x - racket.stringbed_centre_m), place.y.abs() - throat);
     past_head(racket, ball, place).min(beyond.map(|d| d.max(0.0)).norm() - ball.radius_m())

@@ -197,6 +197,25 @@ fn fails_broken_tables_are_named_with_their_line() {
     refused_table(&bench, &["impacts.csv"]);
 }
 
+/// A model predicts what no ball meets; who reads it is told.
+#[test]
+fn cli_impacts_beyond_the_racket_are_remarked() {
+    let bench = Bench::new();
+    let row = |id: &str, x: f64, y: f64| format!("{id},1,2,-25,0,0,0,0,0,0,{x},{y},8\n");
+    let header =
+        "id,ball_in_vx,ball_in_vy,ball_in_vz,racket_in_vx,racket_in_vy,racket_in_vz,racket_in_wx,racket_in_wy,racket_in_wz,impact_x,impact_y,ball_out_vz\n";
+    let arguments = bench.table("predict");
+    let predict = |rows: &[String]| {
+        bench.write("impacts.csv", format!("{header}{}", rows.concat()));
+        said(&sweetspot(&arguments.iter().map(String::as_str).collect::<Vec<_>>()))
+    };
+    // The middle, the frame, the throat; then a place beside the head and one in cm.
+    let sound = [row("a", 0.0, 0.0), row("b", 0.0, -0.135), row("c", 0.25, 0.03)];
+    assert!(!predict(&sound).contains("beyond the racket"), "{}", predict(&sound));
+    let told = predict(&[sound.concat(), row("d", 0.0, 0.2005), row("e", 0.45, 0.35)]);
+    assert!(told.contains("2 impacts lie beyond the racket (d by 20 mm, e by "), "{told}");
+}
+
 /// A ball whose lines could not be read has no spin: `predict` says what it takes instead, as `compare` does.
 #[test]
 fn cli_names_and_cells_of_files_are_told_without_what_steers_a_terminal() {

@@ -194,6 +194,18 @@ pub(super) fn pocket<T: Real>(at: &Contact<T>, laws: &Laws<T>) -> (Matrix3<T>, V
     (frame, frame.column(2) * (laws.ball_arm * -at.side))
 }
 
+/// Axes in which slip counts, in contact axes: those of the pocket as it stands at first touch and at release. A pocket is flat when the
+/// ball comes and flat again when it leaves, so that the ball slides along the face and holds the face, while the force between
+/// leans. `None` where both are the same.
+pub(super) fn slip_axes<T: Real>(laws: &Laws<T>, frame: &Matrix3<T>) -> Option<Matrix3<T>> {
+    // A dual of value 1 whose derivatives are wanted is not "one" to them: only a plain 1 skips this.
+    if laws.tilt_at_ends == T::one() || laws.tilt.iter().all(T::is_zero) {
+        return None;
+    }
+    let at_ends = rotation(&Vector3::new(-laws.tilt[1] * laws.tilt_at_ends, laws.tilt[0] * laws.tilt_at_ends, T::zero()));
+    Some(frame.tr_mul(&at_ends))
+}
+
 /// K in contact axes `frame`: change of the slip per unit of impulse along each of them, the normal one displaced by `offset`.
 pub(super) fn response<T: Real>(b: &Body<T>, laws: &Laws<T>, frame: &Matrix3<T>, arm: &Vector3<T>, lever: &Vector3<T>, offset: &Vector3<T>) -> Matrix3<T> {
     let by = |column: usize| -> Vector3<T> {
@@ -214,30 +226,40 @@ fn solve_general<T: Real>(at: &Contact<T>, laws: &Laws<T>) -> Impulse<T> {
     let (frame, arm) = pocket(at, laws);
     let u_world = relative_velocity(at, &arm);
     let u = frame.tr_mul(&u_world);
-    let slip = u.x.hypot(u.y);
+    let axes = slip_axes(laws, &frame);
+    let first = axes.map_or(u, |axes| axes.tr_mul(&u));
+    let slip = first.x.hypot(first.y);
     let slides = slip.value() > 0.0;
     // The normal force acts behind the centre, against the slip, and where an expression has moved it.
     let mut offset = frame.column(0) * laws.arm_offset[0] + frame.column(1) * laws.arm_offset[1];
     if slides && !laws.normal_offset.is_zero() {
-        offset -= (frame.column(0) * u.x + frame.column(1) * u.y) * (laws.normal_offset / slip);
+        offset -= (frame.column(0) * first.x + frame.column(1) * first.y) * (laws.normal_offset / slip);
     }
     let k = response(b, laws, &frame, &arm, &at.lever, &offset);
     // Relative velocity that the outside impulses take away.
     let outside_world = -(laws.drive / b.racket_mass) - laws.drive_twist.component_div(&b.racket_inertia).cross(&at.lever);
     let outside = frame.tr_mul(&outside_world);
     let e = laws.effective_restitution();
-    let after = laws.rebound([u.x, u.y]);
+    let after = laws.rebound([first.x, first.y]);
     let target = Vector3::new(after[0], after[1], -e * u.z) - u - outside;
-    let stick = T::solve(&k, &target);
+    let stick = match axes {
+        None => T::solve(&k, &target),
+        // The ball holds the strings as they are when it leaves; the normal law is that of the leaning force.
+        Some(axes) => {
+            let (mut held, now) = (axes.tr_mul(&k), axes.tr_mul(&(u + outside)));
+            held.set_row(2, &k.row(2));
+            T::solve(&held, &Vector3::new(after[0] - now.x, after[1] - now.y, target.z))
+        }
+    };
     let slide = || {
-        let t = if slides { [u.x / slip, u.y / slip] } else { [zero; 2] };
+        let t = if slides { [first.x / slip, first.y / slip] } else { [zero; 2] };
         // J = p (side ẑ − μ û); the normal row gives p.
         let row = k[(2, 2)] * at.side - laws.friction * (k[(2, 0)] * t[0] + k[(2, 1)] * t[1]);
         let p = target.z / row;
         let p = if p.value() < 0.0 { zero } else { p };
         let limit = laws.friction * p;
         if laws.sliding == Sliding::Exact {
-            let (j, regime) = slide_exactly([u.x, u.y], [k[(0, 0)], (k[(0, 1)] + k[(1, 0)]) * 0.5, k[(1, 1)]], laws.friction, p);
+            let (j, regime) = slide_exactly([first.x, first.y], [k[(0, 0)], (k[(0, 1)] + k[(1, 0)]) * 0.5, k[(1, 1)]], laws.friction, p);
             return (Vector3::new(j[0], j[1], p * at.side), regime);
         }
         (Vector3::new(-limit * t[0], -limit * t[1], p * at.side), Regime::Slide)

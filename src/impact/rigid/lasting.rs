@@ -7,7 +7,7 @@
 //! coefficient), and a ball that holds the strings holds them as they then stand. Coulomb's friction acts with every part, along
 //! the first slip until that is used up. A contact of no duration is the instantaneous one, but for balls on the edge of sliding.
 
-use super::collision::{Impulse, Regime, pocket, response};
+use super::collision::{Impulse, Regime, pocket, response, slip_axes};
 use super::contact::Contact;
 use super::laws::{Laws, Sliding};
 use crate::impact::real::{Real, rotation};
@@ -100,7 +100,8 @@ pub(super) fn collide_lasting<T: Real>(at: &Contact<T>, laws: &Laws<T>, instant:
         lever: at.lever,
         turn: Matrix3::identity(),
     };
-    let first = bodies.slip();
+    let axes = slip_axes(laws, &frame);
+    let first = axes.map_or_else(|| bodies.slip(), |axes| axes.tr_mul(&bodies.slip()));
     let size = first.x.hypot(first.y);
     let mut along = if size.value() > 0.0 { [first.x / size, first.y / size] } else { [zero; 2] };
     bodies.offset -= (frame.column(0) * along[0] + frame.column(1) * along[1]) * laws.normal_offset;
@@ -140,7 +141,9 @@ pub(super) fn collide_lasting<T: Real>(at: &Contact<T>, laws: &Laws<T>, instant:
         given += normal;
         let share = given / whole;
         bodies.push(normal, normal / whole);
-        let slip = bodies.slip();
+        // Slip along the face as it stands when the ball comes and when it leaves, by impulses along the leaning pocket.
+        let k = axes.map_or(k, |axes| axes.tr_mul(&k));
+        let slip = axes.map_or_else(|| bodies.slip(), |axes| axes.tr_mul(&bodies.slip()));
         let wish = [held_slip[0] * share - slip.x, held_slip[1] * share - slip.y];
         let det = k[(0, 0)] * k[(1, 1)] - k[(0, 1)] * k[(1, 0)];
         let stick = [(k[(1, 1)] * wish[0] - k[(0, 1)] * wish[1]) / det, (k[(0, 0)] * wish[1] - k[(1, 0)] * wish[0]) / det];

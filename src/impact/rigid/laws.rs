@@ -41,6 +41,8 @@ pub struct Laws<T = f64> {
     pub arm_offset: [T; 2],
     /// Tilt of the contact's normal: its x and y components (small angles, rad).
     pub tilt: [T; 2],
+    /// Share of that tilt at first touch and at release, where slip is told; 1: throughout.
+    pub tilt_at_ends: T,
     /// Impulse from outside on the racket's centre of mass, N s.
     pub drive: Vector3<T>,
     /// Angular impulse from outside on the racket, N m s.
@@ -68,6 +70,7 @@ impl<T: Real> Laws<T> {
             normal_offset: T::zero(),
             arm_offset: [T::zero(); 2],
             tilt: [T::zero(); 2],
+            tilt_at_ends: T::one(),
             drive: Vector3::zeros(),
             drive_twist: Vector3::zeros(),
             twist_hold: T::zero(),
@@ -109,6 +112,7 @@ impl<T: Real> Laws<T> {
             ("normal_offset", self.normal_offset.value()),
             ("tilt_x", self.tilt[0].value()),
             ("tilt_y", self.tilt[1].value()),
+            ("tilt_at_ends", self.tilt_at_ends.value()),
             ("mode_loss", self.mode_loss.value()),
             ("grip_hold", self.twist_hold.value()),
         ];

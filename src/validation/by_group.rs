@@ -201,6 +201,21 @@ fn parted<'a>(observations: &'a Observations, impacts: &[&'a Observation]) -> Ve
     parted
 }
 
+/// The groups of one column that are large enough among the impacts of the fit, and of each of `impacts` its place among these. What belongs to no such
+/// group goes with the last one, of the rest.
+pub(super) fn groups_of_column(observations: &Observations, impacts: &[&Observation], column: &str) -> Option<(Vec<String>, Vec<usize>)> {
+    let (_, labels) = labels(observations, impacts).into_iter().find(|(name, _)| name == column)?;
+    let mut count: BTreeMap<&str, usize> = BTreeMap::new();
+    labels.iter().zip(impacts).filter(|(_, o)| !o.held_out).filter_map(|(l, _)| l.as_deref()).for_each(|l| *count.entry(l).or_default() += 1);
+    let mut groups: Vec<String> = count.iter().filter(|(_, n)| **n >= FEWEST_IN_GROUP).map(|(l, _)| (*l).to_owned()).collect();
+    let rest = groups.len();
+    let of: Vec<usize> = labels.iter().map(|l| groups.iter().position(|g| Some(g.as_str()) == l.as_deref()).unwrap_or(rest)).collect();
+    if of.contains(&rest) {
+        groups.push("all others".to_owned());
+    }
+    (groups.len() >= 2).then_some((groups, of))
+}
+
 /// Tests the columns of groups, or takes those that are `known` to fail. `generic`: the whitened signatures of all smooth corrections.
 pub(super) fn group_test(
     fit: &Fit,

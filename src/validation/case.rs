@@ -6,7 +6,7 @@ use super::diagnosis::{CandidateReport, Diagnosis, NotVisible, Verdict};
 use super::error::ValidationError;
 use super::expression::local_spot;
 use super::fit::{Fit, FitOptions, fit};
-use super::forward::Library;
+use super::forward::{Library, Strength};
 use super::heldout::{error_of, linearise_held_out};
 use super::linearise::Linearised;
 use super::local_spot::SPOT_LEVEL;
@@ -18,9 +18,13 @@ use super::present::Present;
 use super::rank::{Reference, flexible_nuisance};
 use super::screen::{LIBRARY_LEVEL, Screening, screen_beyond};
 use super::structure::{BesideSmooth, STRUCTURE_LEVEL, StructureTest, structure_test};
+use super::terminal::short;
 
 /// The tests together (that of the groups only where there are any): how often nothing-missing is called missing, at most.
 const FALSE_ALARM_RATE: f64 = LIBRARY_LEVEL + STRUCTURE_LEVEL + SPOT_LEVEL + TERM_LEVEL;
+
+/// Deviation of a strength over its typical size, below which a strength of none is told from one too small to see.
+const SURELY_NONE: f64 = 0.25;
 
 /// When nothing is missing, all candidates together are no more likely than that.
 const ALL_CANDIDATES: f64 = 0.5;
@@ -114,6 +118,22 @@ impl<'a> Case<'a> {
         let mut notes = self.observations.notes.clone();
         note_groups(&self.structure, &mut notes);
         notes
+    }
+
+    /// Effects in the model of which these impacts show none although they would show a usual one, in words.
+    pub fn not_shown(&self) -> Vec<String> {
+        let c = self.structure.noise_scale;
+        let words = |name: &String| {
+            let own = || self.present.strengths.iter().filter(|(_, s)| s.parameter.split_once('.').is_some_and(|(effect, _)| effect == name));
+            let none = |(at, s): &(usize, Strength)| {
+                let sd = self.base.sd(*at, c);
+                (self.base.values[*at] - s.absent).abs() < 2.0 * sd && sd < SURELY_NONE * s.typical
+            };
+            let told = |(at, s): &(usize, Strength)| format!("{} {} ± {}", s.parameter, short(self.base.values[*at]), short(self.base.sd(*at, c)));
+            let each = own().map(told).collect::<Vec<_>>().join(", ");
+            own().all(none).then(|| format!("{name}, which the model has, does not show on these impacts and may be left out: {each}"))
+        };
+        self.present.names.iter().filter_map(words).collect()
     }
 
     /// What is known before any effect is tried: an adequate model.

@@ -130,6 +130,15 @@ pub struct Strength {
     pub jumps: bool,
 }
 
+/// A strength of an effect that a model holds fixed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FixedStrength {
+    pub effect: String,
+    /// The parameter's full name, in its own unit.
+    pub parameter: String,
+    pub value: f64,
+}
+
 /// What is known of an effect before it is added.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EffectOutline {
@@ -160,6 +169,11 @@ pub trait Library: Sync {
     /// The library that stands on the current model with these effects, its free parameters (as [`Library::with`] orders
     /// them) at `values`.
     fn extended(&self, effects: &[&str], values: &[f64]) -> Result<Box<dyn Library + '_>, ValidationError>;
+
+    /// The same with those strengths of the current model's effects fitted that it holds fixed, and these with their values; `None` where there are none.
+    fn with_fixed_strengths_freed(&self) -> Option<(Box<dyn Library + '_>, Vec<FixedStrength>)> {
+        None
+    }
 
     /// Whether the current model has an effect of that name, a user's own included.
     fn has_effect(&self, name: &str) -> bool;

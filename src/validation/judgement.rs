@@ -13,6 +13,7 @@ use super::fit::{FitOptions, Start, fit, fit_with_likely_offsets};
 use super::forward::FreeParameter;
 use super::heldout::{error_of, held_out_error, is_worth, log_evidence_of, taken_for_chance, taken_for_shared};
 use super::local_spot::SPOT_LEVEL;
+use super::own_strengths::{Found as FoundByGroup, OwnStrengths, own_strengths};
 use super::place::places;
 use super::rank::{Reference, Refit, added_parameters, form_overdispersion, gain_over};
 use super::refits::{FIRST_LEVEL, LARGEST_NOISE_SCALE, LOG_ODDS, Refits, SHARE, estimates, excess_at, share_removed};
@@ -52,6 +53,10 @@ pub(super) struct Judgement<'a> {
     alone: Option<Found>,
     beside: Option<Found>,
     c_of_formula: f64,
+    /// An effect whose strength is not alike in all groups.
+    own: Option<Box<OwnStrengths>>,
+    /// The held-out error with parameters of their own in each group, where these account for what is wrong.
+    with_own_parameters: Option<f64>,
     notes: Vec<String>,
 }
 
@@ -75,6 +80,8 @@ impl<'a> Judgement<'a> {
             after: case.error,
             alone: None,
             beside: None,
+            own: None,
+            with_own_parameters: None,
             notes: Vec::new(),
         };
         judgement.choose()?;
@@ -136,11 +143,39 @@ impl<'a> Judgement<'a> {
         Ok(at_best >= SHARE || share_removed(held(self.case.error), held(self.after)) >= SHARE || sound && likely)
     }
 
+    /// Where the model fails by groups and no effect of one strength for all accounts for it: one whose strength is each group's own, or the model's
+    /// own parameters.
+    pub fn ask_groups(&mut self) -> Result<(), ValidationError> {
+        if self.verdict != Verdict::Unexplained || self.case.structure.by_group.is_empty() {
+            return Ok(());
+        }
+        match own_strengths(&self.reference, self.refits.singles(), &self.case.structure, &self.case.held_out)? {
+            // Of effects in the model already the other forms are not known here.
+            Some(FoundByGroup::Effect(own)) if self.case.present.is_empty() => {
+                self.verdict = Verdict::EffectMissing;
+                self.chosen = None;
+                self.after = error_of(&own.held_out);
+                self.notes.push(own.words());
+                self.own = Some(own);
+            }
+            Some(FoundByGroup::Parameters { error, words }) => {
+                self.with_own_parameters = Some(error);
+                self.notes.push(words);
+            }
+            Some(FoundByGroup::Effect(_)) | None => {}
+        }
+        Ok(())
+    }
+
     /// A formula in the catalogue's place.
     pub fn look_for_formula(&mut self, wanted: bool) -> Result<(), ValidationError> {
-        if wanted && self.verdict != Verdict::Adequate {
+        if wanted && self.verdict != Verdict::Adequate && self.own.is_none() {
             let mut reference = self.reference;
-            self.alone = find_expression(&mut reference, &self.case.screening, excess_believed, &self.case.structure)?;
+            // What the groups' own parameters account for, a formula of something else only imitates; one of the column itself says more.
+            let imitates =
+                |f: &Found| self.with_own_parameters.is_some_and(|e| f.suggestion.heldout_error_after >= e && !f.suggestion.expression.contains("column."));
+            let found = find_expression(&mut reference, &self.case.screening, excess_believed, &self.case.structure)?;
+            self.alone = found.filter(|f| !imitates(f));
             self.c_of_formula = reference.c;
         }
         Ok(())
@@ -273,6 +308,14 @@ impl<'a> Judgement<'a> {
         }
         diagnosis.places = places(&case.seen, &likely.fit.impacts, &varied_coordinates(case.observations), &case.structure.by_group, c);
         diagnosis.candidates = self.candidates()?;
+        if let Some(own) = &self.own {
+            own.into_candidates(&mut diagnosis.candidates);
+            diagnosis.candidates.sort_by(|a, b| b.probability.total_cmp(&a.probability).then(a.effect.cmp(&b.effect)));
+            diagnosis.recommended = vec![own.effect.clone()];
+            diagnosis.structure_after = Some(own.structure.clone());
+            diagnosis.noise_floor = diagnosis.noise_floor.min(own.c.sqrt());
+            diagnosis.outliers = outliers(&case.seen, &own.fit.impacts, &case.held, &own.held_out);
+        }
         let believed = self.chosen.filter(|_| !self.refused);
         let mut goes_with_order = false;
         if let Some(best) = believed {
@@ -307,6 +350,7 @@ impl<'a> Judgement<'a> {
         }
         if self.verdict != Verdict::Adequate
             && !self.refused
+            && self.own.is_none()
             && let Some(why) = self.refits.refused_pair()
         {
             diagnosis.notes.push(why);
@@ -318,7 +362,7 @@ impl<'a> Judgement<'a> {
             diagnosis.notes.extend(slow_columns_words(&slow_columns(case.observations, &case.seen)));
         }
         // Names that take nothing away are not worth an experiment.
-        if self.verdict == Verdict::EffectMissing {
+        if self.verdict == Verdict::EffectMissing && self.own.is_none() {
             diagnosis.next_experiments = self.refits.next_experiments(&self.reference, &diagnosis.candidates)?;
         }
         diagnosis.words = verdict_words(&diagnosis);

@@ -33,6 +33,7 @@ pub mod noise;
 pub mod observation;
 mod one_sided;
 mod outliers_together;
+mod own_strengths;
 pub mod place;
 pub mod polynomial;
 pub mod predicted;

@@ -1,7 +1,7 @@
 //! A model file's model, as the statistics see it: [`Forward`] over its free parameters, [`Library`] over the catalogue.
 
 use super::error::ValidationError;
-use super::forward::{Asked, EffectOutline, Forward, FreeParameter, Library, Outputs, OwnEffect, Prediction, Prior, Strength, Tails};
+use super::forward::{Asked, EffectOutline, FixedStrength, Forward, FreeParameter, Library, Outputs, OwnEffect, Prediction, Prior, Strength, Tails};
 use super::observation::{Gear, Observations, TableOptions};
 use super::predicted::unpredicted;
 use super::screen::STRENGTH_PRIOR;
@@ -247,6 +247,24 @@ impl Library for ModelLibrary {
             o.excluded = Some("it is in the model already".to_owned());
         }
         Ok(Box::new(ModelLibrary { current, outlines }))
+    }
+
+    fn with_fixed_strengths_freed(&self) -> Option<(Box<dyn Library + '_>, Vec<FixedStrength>)> {
+        let model = &self.current.model;
+        let free = |name: &str| self.current.free.iter().any(|p| p.name == name);
+        let fixed: Vec<FixedStrength> = model
+            .effects()
+            .iter()
+            .flat_map(|e| model.effect_parameters(&e.name).map(|i| (e.name.clone(), &model.parameters()[i])))
+            .filter(|(_, p)| matches!(p.role, Role::Strength { .. }) && !free(&p.name))
+            .map(|(effect, p)| FixedStrength { effect, parameter: p.name.clone(), value: p.value })
+            .collect();
+        if fixed.is_empty() {
+            return None;
+        }
+        let names: Vec<String> = self.current.free.iter().map(|p| p.name.clone()).chain(fixed.iter().map(|f| f.parameter.clone())).collect();
+        let current = ModelForward::with_free(model.clone(), &self.current.gear, &names, names.len());
+        Some((Box::new(ModelLibrary { current, outlines: self.outlines.clone() }), fixed))
     }
 
     fn has_effect(&self, name: &str) -> bool {

@@ -136,7 +136,7 @@ pub fn log_evidence_over(base: &Fit, fit: &Fit, c: f64, one_sided: usize) -> f64
 /// alone, which is what gives the effect its name, the other half for all other combinations but none. Without it an effect
 /// pays for every strength its card lists, and loses against a narrower one that does the same. Each combination's evidence
 /// by the density ratio at absence (Dickey 1971), on the Laplace approximation.
-fn with_absent_strengths(fit: &Fit, strengths: &[(usize, bool)], c: f64) -> f64 {
+pub(super) fn with_absent_strengths(fit: &Fit, strengths: &[(usize, bool)], c: f64) -> f64 {
     let m = strengths.len();
     if !(2..=8).contains(&m) {
         return 0.0;

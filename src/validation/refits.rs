@@ -309,6 +309,11 @@ impl<'a> Refits<'a> {
         (half, (pair.refit.log_evidence - half).min(beyond))
     }
 
+    /// The single effects, as far as chance does not make them.
+    pub fn singles(&self) -> &[Refit] {
+        &self.singles
+    }
+
     /// Every model that stands: single effects, and pairs that earn their place.
     pub fn all(&self) -> impl Iterator<Item = &Refit> {
         self.singles.iter().chain(self.earned().map(|p| &p.refit))

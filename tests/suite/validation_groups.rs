@@ -4,6 +4,7 @@ use std::path::Path;
 use sweetspot::equipment::Racket;
 use sweetspot::impact::Model;
 use sweetspot::impact_table::ImpactRow;
+use sweetspot::synthetic::hidden::Hidden;
 use sweetspot::synthetic::impact_world::{Kind, SyntheticTable, TableSpec, generate_table};
 use sweetspot::synthetic::measurement::NoiseOptions;
 use sweetspot::synthetic::scenario::FIRST_MODEL;
@@ -248,4 +249,61 @@ fn truth_what_goes_with_speed_times_place_is_found() {
     let formula = d.suggested_expression.unwrap();
     // (The ball alone was changed, not the racket that it pushes off: no formula of the restitution takes all of it.)
     assert!(formula.expression.contains("approach_speed - ") && formula.share_removed > 0.9, "{formula:?}");
+}
+
+/// An effect that acts on the impacts of one player alone: with one strength for all it takes too little away to be named, with one for each group it
+/// is. Where the rebound alone is another, no effect is.
+#[test]
+fn truth_an_effect_in_one_group_alone_is_named_with_its_strength_in_each() {
+    for (effect, strength, seed) in [("hand-mass", "mass_kg", 3), ("frame-vibration", "amount", 4)] {
+        let spec = |hidden: Vec<Hidden>, seed: u64| TableSpec { kind: Kind::Lab, impacts: 200, hidden, seed, noise: NoiseOptions::default() };
+        let without = generate_table(&spec(Vec::new(), seed)).unwrap();
+        let mut made = generate_table(&spec(vec![Hidden::new(effect, 0.4)], seed + 100)).unwrap();
+        for (i, (row, other)) in made.table.rows.iter_mut().zip(&without.table.rows).enumerate() {
+            let bare = i.is_multiple_of(2);
+            if bare {
+                *row = ImpactRow { id: row.id.clone(), ..other.clone() };
+            }
+            row.groups.insert("player".into(), if bare { "free" } else { "held" }.to_owned());
+        }
+        let (_, d) = judged(&made, &TableOptions::default());
+        assert_eq!(d.verdict, Verdict::EffectMissing, "{effect}: {:?} {:?}", d.words, d.notes);
+        assert_eq!(d.recommended, [effect], "{:?}", d.words);
+        let named = &d.candidates[0];
+        assert!(named.effect == effect && named.probability > 0.5 && named.heldout_error_after < d.heldout_error, "{named:?}");
+        let of = |group: &str| named.parameters[&format!("{effect}.{strength} (player {group:?})")].clone();
+        assert!(of("held").value > 5.0 * of("held").sd && of("free").value < 0.3 * of("held").value, "{:?}", named.parameters);
+        assert!(d.notes.iter().any(|n| n.contains("not alike in all groups of `player`")), "{:?}", d.notes);
+    }
+    let lively = changed(200, 5, |i, row| {
+        by_turns(i, row);
+        if row.groups["player"] == "player 1" {
+            scaled(row, "ball_out_vz", 1.04);
+        }
+    });
+    let (_, d) = judged(&lively, &TableOptions::default());
+    assert_eq!(d.verdict, Verdict::Unexplained, "{:?} {:?}", d.words, d.notes);
+}
+
+/// A model that holds the strength of an effect fixed which nature has none of: no effect that could be added mends that, and none is named in its place.
+#[test]
+fn truth_a_wrong_strength_that_the_model_holds_fixed_is_told() {
+    let judged_with = |hidden: Vec<Hidden>, effects: &str| {
+        let made = generate_table(&TableSpec { kind: Kind::Lab, impacts: 160, hidden, seed: 9, noise: NoiseOptions::default() }).unwrap();
+        let observations = observations(&made, &TableOptions::default());
+        let model = Model::parse(&format!("{FIRST_MODEL}\n{effects}"), Path::new("model.toml")).unwrap();
+        diagnose(&ModelLibrary::new(model, &observations.gear), &observations, &DiagnoseOptions::default()).unwrap()
+    };
+    let wrong = "[effects.string-tilt]\nstrength = 1.0\n";
+    let d = judged_with(Vec::new(), wrong);
+    assert_eq!(d.verdict, Verdict::Unexplained, "{:?}", d.words);
+    assert!(d.words[1].contains("string-tilt.strength is") && d.words[1].contains("nothing is missing"), "{:?}", d.words);
+    assert!(d.recommended.is_empty() && d.candidates.iter().all(|c| c.probability < 0.5), "{:?}", d.candidates);
+    let d = judged_with(vec![Hidden::new("frame-vibration", 0.5)], wrong);
+    assert_eq!((d.verdict, d.recommended.clone()), (Verdict::EffectMissing, vec!["frame-vibration".to_owned()]), "{:?}", d.words);
+    assert!(d.words[1].contains("string-tilt.strength is"), "{:?}", d.words);
+    // Left to the fit, it is found to be none.
+    let d = judged_with(Vec::new(), "[effects.string-tilt]\nstrength = { value = 1.0, fit = true }\n");
+    assert_eq!(d.verdict, Verdict::Adequate, "{:?}", d.words);
+    assert!(d.notes.iter().any(|n| n.contains("string-tilt, which the model has, does not show")), "{:?}", d.notes);
 }

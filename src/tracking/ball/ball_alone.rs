@@ -10,7 +10,6 @@ use crate::tracking::ball::ball_choice::{Sighting, moves_in_racket};
 use crate::tracking::ball::ball_follower::Flight;
 use crate::tracking::ball::ball_pieces::{foretold, straight_pieces};
 use crate::tracking::ball::ball_presence;
-use crate::tracking::ball::ball_search;
 use crate::tracking::ball::ball_track::{BallScene, FASTEST_M_S};
 use crate::tracking::ball::part_of_racket::IN_THE_HEAD_M;
 use crate::tracking::ball::ray_flight::{Origin, RayFlight, RayPoint};
@@ -276,7 +275,9 @@ impl<S: FrameSource> Shot<'_, S> {
                 let c = camera.index();
                 let (Some(image), Some(behind), Some(radius)) = (&images[c], &stage.still[c], stage.ball.radius_px(camera, near)) else { return Vec::new() };
                 let number = self.source.number(*index) as f64;
-                ball_search::candidates(image, behind, radius)
+                stage
+                    .ball
+                    .candidates(image, camera, behind, radius)
                     .iter()
                     .filter_map(|place| stage.ball.outline_near(image, camera, place.uv, radius))
                     .map(|outline| RayPoint { index: *index, number, camera, uv: outline.uv })

@@ -2,6 +2,7 @@
 //! the radius known). Works on any surroundings, brighter or darker than the ball.
 
 use crate::footage::{GreyImage, GreyView};
+use crate::tracking::ball::dim_picture::Stretch;
 use nalgebra::Vector2;
 use std::cell::RefCell;
 
@@ -74,6 +75,22 @@ pub fn candidates(image: &GreyView, background: &GreyImage, radius_px: f64) -> V
         }
     }
     kept
+}
+
+/// [`candidates`] in a picture that uses little of the grey scale.
+pub fn candidates_in_dim(image: &GreyView, background: &GreyImage, radius_px: f64, stretch: &Stretch) -> Vec<BallCandidate> {
+    let (Some(image), Some(background)) = (stretch.whole(image), stretch.whole(&GreyView::of(background))) else { return Vec::new() };
+    candidates(&GreyView::of(&image), &background, radius_px)
+}
+
+/// [`nearby`] in a picture that uses little of the grey scale.
+pub fn nearby_in_dim(image: &GreyView, centre: Vector2<f64>, radius_px: f64, reach_px: i64, stretch: &Stretch) -> Option<Vector2<f64>> {
+    // All that is looked at, and what smoothing takes in around it.
+    let half = reach_px + radius_px.ceil() as i64 + 4;
+    let (x, y) = (centre.x.round() as i64, centre.y.round() as i64);
+    let part = stretch.part(image, (x - half, y - half), (x + half, y + half))?;
+    let corner = Vector2::new((x - half) as f64, (y - half) as f64);
+    nearby(&GreyView::of(&part), centre - corner, radius_px, reach_px).map(|place| place + corner)
 }
 
 /// The place within `reach_px` of `centre` with the most votes, whole pixels from it; `None` near the picture's border.

@@ -1,12 +1,13 @@
 //! Follows the ball from frame to frame in space: predicted place in both pictures, outline fit, one point from two rays.
 
 use crate::calibration::CameraId;
-use crate::footage::{GreyPatch, GreyView, Rows};
+use crate::footage::{GreyImage, GreyPatch, GreyView, Rows};
 use crate::tracking::ball::ball_fit::{self, BallFit, OutlineLevels};
 use crate::tracking::ball::ball_pressed::Flattening;
 use crate::tracking::ball::ball_ring::REACH_PX;
-use crate::tracking::ball::ball_search;
+use crate::tracking::ball::ball_search::{self, BallCandidate};
 use crate::tracking::ball::ball_shading::{BallShading, INSIDE_LIMB, LimbProfile};
+use crate::tracking::ball::dim_picture::Stretch;
 use crate::tracking::racket::racket_pose::View;
 use crate::tracking::track_file::ImagePoint;
 use nalgebra::{Point3, Vector2, Vector3};
@@ -74,12 +75,30 @@ pub struct BallScene<'a> {
     /// Whether a faint outline counts where the other camera's ray meets it: only once the ball's flight is known, or
     /// tracks of other things would live on.
     pub faint: bool,
+    /// How either camera's pictures are stretched where the ball is looked for.
+    pub dim: [Option<Stretch>; 2],
 }
 
 impl BallScene<'_> {
     /// Radius of the ball's outline in a picture, px, at a global place.
     pub fn radius_px(&self, camera: CameraId, at: &Point3<f64>) -> Option<f64> {
         outline_radius_px(self.view, camera, at, self.radius_m)
+    }
+
+    /// Places of a whole picture that may be the ball.
+    pub(in crate::tracking) fn candidates(&self, image: &GreyView, camera: CameraId, background: &GreyImage, radius_px: f64) -> Vec<BallCandidate> {
+        match &self.dim[camera.index()] {
+            Some(stretch) => ball_search::candidates_in_dim(image, background, radius_px, stretch),
+            None => ball_search::candidates(image, background, radius_px),
+        }
+    }
+
+    /// The place near another that is likest to be the ball.
+    fn nearby(&self, image: &GreyView, camera: CameraId, centre: Vector2<f64>, radius_px: f64, reach_px: i64) -> Option<Vector2<f64>> {
+        match &self.dim[camera.index()] {
+            Some(stretch) => ball_search::nearby_in_dim(image, centre, radius_px, reach_px, stretch),
+            None => ball_search::nearby(image, centre, radius_px, reach_px),
+        }
     }
 
     /// Good enough when the other camera says the same.
@@ -196,7 +215,7 @@ impl BallScene<'_> {
             // A clear outline where it was expected needs no search.
             if reach_px > 1
                 && found.as_ref().is_none_or(|f| f.outline < CLEAR_OUTLINE)
-                && let Some(start) = ball_search::nearby(image, centre, radius, i64::from(reach_px))
+                && let Some(start) = self.nearby(image, camera, centre, radius, i64::from(reach_px))
                 && found.as_ref().is_none_or(|f| (f.uv - start).norm() > SAME_OUTLINE_PX)
                 && let Some(other) = ball_fit::fit(image, start, radius, limb, settled, None).filter(near)
                 && found.as_ref().is_none_or(|f| other.outline > f.outline)
@@ -352,7 +371,7 @@ mod tests {
         let rig = rig();
         let view = View::new(&rig);
         let limb = LimbProfile::new(&BallShading::default(), 8.0, 0.55);
-        let scene = BallScene { view: &view, radius_m: 0.033, limb: [limb.clone(), limb], frame_rate_hz: 1000.0, faint: false };
+        let scene = BallScene { view: &view, radius_m: 0.033, limb: [limb.clone(), limb], frame_rate_hz: 1000.0, faint: false, dim: [None; 2] };
         let there = Point3::new(0.1, 1.05, 0.05);
         // The right camera shows another disc, 5 cm farther along the left one's ray.
         let other = there + view.ray(CameraId::Left, view.project(CameraId::Left, &there).expect("seen")).expect("a ray") * 0.05;

@@ -6,7 +6,7 @@
 use crate::calibration::CameraId;
 use crate::footage::{FrameBuffer, FrameSource, GreyImage, GreyView};
 use crate::tracking::ball::ball_fit::{self, BallFit};
-use crate::tracking::ball::ball_search::{self, BallCandidate};
+use crate::tracking::ball::ball_search::BallCandidate;
 use crate::tracking::ball::ball_track::{BallFrame, BallScene, FAINT_SHIFT_PX, FASTEST_M_S, ROUGH_PX, image_point};
 use crate::tracking::ball::ball_way::StraightLine;
 use crate::tracking::pictures::shot_frames::Shot;
@@ -99,7 +99,7 @@ impl<S: FrameSource> Shot<'_, S> {
             self.with_buffers(|buffers| {
                 let images = self.read(index, buffers)?;
                 let of = |c: CameraId| match (&images[c.index()], &still[c.index()], scene.radius_px(c, &self.focus)) {
-                    (Some(v), Some(b), Some(r)) => ball_search::candidates(v, b, r),
+                    (Some(v), Some(b), Some(r)) => scene.candidates(v, c, b, r),
                     _ => Vec::new(),
                 };
                 let (left, right) = rayon::join(|| of(CameraId::Left), || of(CameraId::Right));

@@ -25,6 +25,7 @@ pub(in crate::tracking) mod ball_track;
 pub(in crate::tracking) mod ball_way;
 pub(in crate::tracking) mod bounce;
 pub(in crate::tracking) mod contact_length;
+pub(in crate::tracking) mod dim_picture;
 pub(in crate::tracking) mod flight_sample;
 pub(in crate::tracking) mod free_flight;
 pub(in crate::tracking) mod half_volley;

@@ -9,6 +9,7 @@ use crate::tracking::ball::ball_pieces::{self, straight_pieces};
 use crate::tracking::ball::ball_presence;
 use crate::tracking::ball::ball_shading::{BallShading, LimbProfile};
 use crate::tracking::ball::ball_track::{BallFrame, BallScene};
+use crate::tracking::ball::dim_picture::Stretch;
 use crate::tracking::ball::free_flight::FreeFlight;
 use crate::tracking::pictures::shot_frames::{AT_ONCE, Shot, spread};
 use crate::tracking::racket::racket_scene::RacketFrame;
@@ -66,7 +67,7 @@ impl<S: FrameSource> Shot<'_, S> {
     pub(in crate::tracking) fn unlit_ball(&self) -> BallScene<'_> {
         let limb = LimbProfile::new(&BallShading::default(), 8.0, BALL_BLUR_PX);
         let radius_m = self.setup.ball.radius_m();
-        BallScene { view: self.view, radius_m, limb: [limb.clone(), limb], frame_rate_hz: self.setup.frame_rate_hz, faint: false }
+        BallScene { view: self.view, radius_m, limb: [limb.clone(), limb], frame_rate_hz: self.setup.frame_rate_hz, faint: false, dim: [None; 2] }
     }
 
     /// Frames in which the ball is looked for, in order; two more after each count as well.
@@ -120,8 +121,40 @@ impl<S: FrameSource> Shot<'_, S> {
         ball_choice::likeness(&looks, tried.iter().flatten().count(), self.setup.frame_rate_hz / every).score.is_infinite()
     }
 
-    /// Finds the ball that meets the racket and follows it both ways, beginning with what the first look found, if there was one.
+    /// Finds the ball that meets the racket and follows it both ways, beginning with what the first look found, if there was one. Where none
+    /// is seen that the strings turned and the pictures use little of the grey scale it is looked for once more in pictures that are stretched; what
+    /// is found so counts where it flies straight as a ball does, in more frames than what was found before.
     pub(in crate::tracking) fn find_and_follow_ball(
+        &self,
+        scene: &BallScene,
+        racket: &[Option<RacketFrame>],
+        still: &[Option<GreyImage>; 2],
+        ahead: Option<FirstLook>,
+    ) -> Result<Vec<Option<BallFrame>>, TrackingError> {
+        let found = self.find_ball(scene, racket, still, ahead)?;
+        if ball_pieces::turned(&self.sightings(&found, racket), self.setup.frame_rate_hz) {
+            return Ok(found);
+        }
+        let dim = self.stretches(still)?;
+        if dim.iter().all(Option::is_none) {
+            return Ok(found);
+        }
+        let again = self.find_ball(&BallScene { dim, ..scene.clone() }, racket, still, None)?;
+        let [before, now] = [&found, &again].map(|ball| self.frames_in_flight(ball, racket));
+        let flies = self.longest_flight(&again, racket) >= FLIES && 2 * now >= again.iter().flatten().count();
+        Ok(if flies && now > before { again } else { found })
+    }
+
+    /// How either camera's pictures are stretched, as the middle of the clip shows them.
+    fn stretches(&self, still: &[Option<GreyImage>; 2]) -> Result<[Option<Stretch>; 2], TrackingError> {
+        let Some(index) = self.looked_into().first().copied() else { return Ok([None; 2]) };
+        self.with_buffers(|buffers| {
+            let images = self.read(index, buffers)?;
+            Ok([0, 1].map(|c| Stretch::of(images[c].as_ref()?, still[c].as_ref()?)))
+        })
+    }
+
+    fn find_ball(
         &self,
         scene: &BallScene,
         racket: &[Option<RacketFrame>],

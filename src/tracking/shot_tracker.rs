@@ -2,6 +2,7 @@
 
 use crate::calibration::CameraId;
 use crate::footage::FrameSource;
+use crate::tracking::ball::ball_rays;
 use crate::tracking::ball::ball_track::BallFrame;
 use crate::tracking::ball::bounce::turned_unseen_words;
 use crate::tracking::ball::contact_length::frames_of_contact;
@@ -57,6 +58,7 @@ pub fn track_shot(source: &impl FrameSource, setup: &ShotSetup, cancel: &AtomicB
     // With stale pictures left out the ball is another.
     let any_stale = shot.stale.iter().flatten().any(|stale| *stale);
     let mut ball = shot.find_and_follow_ball(&scene, &racket, &still, Some(look).filter(|_| !any_stale))?;
+    notes.extend(ball_rays::drop_two_things(&view, &racket, &mut ball, setup.ball.radius_m()));
     face::settle(&view, &figure, &mut racket, &ball);
     let contact_frame = space_points::first_contact(source, &racket, &ball, setup.ball.radius_m());
     stray_ball::drop_strays(source, &view, &mut ball, contact_frame, setup.frame_rate_hz, stray_ball::OUTLINE_PX);

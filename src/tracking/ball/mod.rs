@@ -13,6 +13,7 @@ pub(in crate::tracking) mod ball_model;
 pub(in crate::tracking) mod ball_pieces;
 pub(in crate::tracking) mod ball_presence;
 pub(in crate::tracking) mod ball_pressed;
+pub(in crate::tracking) mod ball_rays;
 pub(in crate::tracking) mod ball_refine;
 pub(in crate::tracking) mod ball_ring;
 pub(in crate::tracking) mod ball_saturated;

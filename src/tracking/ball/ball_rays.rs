@@ -24,8 +24,7 @@ const SPAN: usize = 5;
 /// What the user should know of a ball that is none; it is taken away.
 pub fn drop_two_things(view: &View, racket: &[Option<RacketFrame>], ball: &mut [Option<BallFrame>], radius_m: f64) -> Option<String> {
     let apart_px = median(ball.iter().flatten().filter_map(|b| views_apart_px(view, b, radius_m)).collect())?;
-    // Rays of cameras a frame out of step pass each other by what the ball moves in that time at most, half of it in either view.
-    if apart_px <= APART_PX || !CameraId::BOTH.into_iter().any(|camera| pace_px(ball, camera).is_some_and(|pace| pace < 2.0 * apart_px)) {
+    if apart_px <= APART_PX || !CameraId::BOTH.into_iter().any(|camera| pace_px(ball, camera).is_some_and(|pace| pace < apart_px)) {
         return None;
     }
     let tape_px = median(racket.iter().flatten().filter(|r| r.stereo()).map(RacketFrame::miss_px).collect())?;

@@ -123,7 +123,7 @@ impl<S: FrameSource> Shot<'_, S> {
 
     /// Finds the ball that meets the racket and follows it both ways, beginning with what the first look found, if there was one. Where none
     /// is seen that the strings turned and the pictures use little of the grey scale it is looked for once more in pictures that are stretched; what
-    /// is found so counts where it flies straight as a ball does, in more frames than what was found before.
+    /// is found so counts where the strings turn it and it flies straight as a ball does, in more frames than what was found before.
     pub(in crate::tracking) fn find_and_follow_ball(
         &self,
         scene: &BallScene,
@@ -132,7 +132,8 @@ impl<S: FrameSource> Shot<'_, S> {
         ahead: Option<FirstLook>,
     ) -> Result<Vec<Option<BallFrame>>, TrackingError> {
         let found = self.find_ball(scene, racket, still, ahead)?;
-        if ball_pieces::turned(&self.sightings(&found, racket), self.setup.frame_rate_hz) {
+        let turned = |ball: &[Option<BallFrame>]| ball_pieces::turned(&self.sightings(ball, racket), self.setup.frame_rate_hz);
+        if turned(&found) {
             return Ok(found);
         }
         let dim = self.stretches(still)?;
@@ -142,7 +143,7 @@ impl<S: FrameSource> Shot<'_, S> {
         let again = self.find_ball(&BallScene { dim, ..scene.clone() }, racket, still, None)?;
         let [before, now] = [&found, &again].map(|ball| self.frames_in_flight(ball, racket));
         let flies = self.longest_flight(&again, racket) >= FLIES && 2 * now >= again.iter().flatten().count();
-        Ok(if flies && now > before { again } else { found })
+        Ok(if flies && now > before && turned(&again) { again } else { found })
     }
 
     /// How either camera's pictures are stretched, as the middle of the clip shows them.

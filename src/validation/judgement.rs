@@ -309,7 +309,7 @@ impl<'a> Judgement<'a> {
         diagnosis.places = places(&case.seen, &likely.fit.impacts, &varied_coordinates(case.observations), &case.structure.by_group, c);
         diagnosis.candidates = self.candidates()?;
         if let Some(own) = &self.own {
-            own.into_candidates(&mut diagnosis.candidates);
+            own.tell_candidates(&mut diagnosis.candidates);
             diagnosis.candidates.sort_by(|a, b| b.probability.total_cmp(&a.probability).then(a.effect.cmp(&b.effect)));
             diagnosis.recommended = vec![own.effect.clone()];
             diagnosis.structure_after = Some(own.structure.clone());

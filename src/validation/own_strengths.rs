@@ -13,7 +13,7 @@ use super::forward::{Asked, Forward, FreeParameter, Outputs, Prediction};
 use super::heldout::{error_of, linearise_held_out, log_evidence_of};
 use super::linearise::Linearised;
 use super::observation::{Observation, Observations};
-use super::rank::{Reference, Refit, gain_over, log_evidence_over, with_absent_strengths};
+use super::rank::{Reference, Refit, form_overdispersion, gain_over, log_evidence_over, with_absent_strengths};
 use super::refits::{LARGEST_NOISE_SCALE, LOG_ODDS, PRIOR, SHARE, excess_at, share_removed};
 use super::structure::{StructureTest, structure_test};
 use super::terminal::short;
@@ -221,7 +221,7 @@ pub(super) fn own_strengths(
     let groups = table.groups.len();
     // What the model has already, with a value in each group.
     let all: Vec<usize> = (0..reference.base.values.len()).collect();
-    let (parameters, _) = table.fit(reference, reference.library.with(&[])?, all, reference.base)?;
+    let (parameters, places) = table.fit(reference, reference.library.with(&[])?, all, reference.base)?;
     let mut c = reference.c.min(parameters.structure.noise_scale);
     let mut order: Vec<&Refit> = singles.iter().filter(|r| r.log_evidence > 0.0).collect();
     order.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
@@ -268,8 +268,10 @@ pub(super) fn own_strengths(
     if let Some(best) = found {
         let top = best.log_evidence;
         let prior = (PRIOR[1] / reference.library.effects().len().max(1) as f64).ln();
-        let weight = |evidence: f64| (evidence - top + prior).exp();
-        let others = (PRIOR[0].ln() + simplest.max(by_parameters) - top).exp();
+        // None of the cards is quite nature's form: what the best one leaves makes the others less unlikely.
+        let overdispersion = form_overdispersion(left(&best.fitted.structure), base.rank);
+        let weight = |evidence: f64| ((evidence - top) / overdispersion + prior).exp();
+        let others = (PRIOR[0].ln() + (simplest.max(by_parameters) - top) / overdispersion).exp();
         let sum: f64 = candidates.iter().map(|b| weight(b.log_evidence)).sum::<f64>() + others;
         let effect = best.effect.clone();
         let (structure, fit, held_out) = (best.fitted.structure.clone(), best.fitted.fit.clone(), best.fitted.held_out.clone());
@@ -286,7 +288,10 @@ pub(super) fn own_strengths(
     if share(&parameters.structure) < SHARE && !lowers(&parameters.held_out) || by_parameters < simplest + LOG_ODDS {
         return Ok(None);
     }
-    let each = parameters.values.iter().map(|(name, values)| format!("{name} {}", values_in_words(&table.groups, values, c))).collect::<Vec<_>>();
+    // What no group tells (friction where balls do not slide) is no finding.
+    let told_at = |k: usize| places.iter().all(|group| parameters.fit.is_informed(group[k]));
+    let told_by_all = parameters.values.iter().enumerate().filter(|(k, _)| told_at(*k));
+    let each = told_by_all.map(|(_, (name, values))| format!("{name} {}", values_in_words(&table.groups, values, c))).collect::<Vec<_>>();
     let error = error_of(&parameters.held_out);
     let words = format!(
         "with parameters of its own in each group of `{}` the model's error on held-out impacts falls from {error_before:.2} to {error:.2}: {}",
@@ -314,7 +319,7 @@ impl OwnStrengths {
     }
 
     /// Puts what strengths in each group say in the place of what one strength for all does.
-    pub fn into_candidates(&self, list: &mut [CandidateReport]) {
+    pub fn tell_candidates(&self, list: &mut [CandidateReport]) {
         for report in list.iter_mut() {
             report.probability = 0.0;
             let Some((own, probability)) = self.candidates.iter().find(|(b, _)| b.effect == report.effect) else { continue };

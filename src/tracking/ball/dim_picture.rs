@@ -107,14 +107,20 @@ mod tests {
 
     const SIZE: (usize, usize) = (160, 120);
 
-    /// A wall with a bright board; a disc at `centre`, `contrast` brighter than the wall; noise of 1.2 grey levels, all times `gain`.
+    /// A wall with a bright board and a dark gap below it; a disc at `centre`, `contrast` brighter than the wall; noise of 1.2 grey levels, all times `gain`.
     fn picture(seed: u64, disc: Option<(f64, f64)>, contrast: f64, gain: f64) -> GreyImage {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
         let mut noise = || (0..12).map(|_| rng.random_range(-0.5..0.5)).sum::<f64>() * 1.2;
         let pixels = (0..SIZE.0 * SIZE.1)
             .map(|i| {
                 let (x, y) = ((i % SIZE.0) as f64, (i / SIZE.0) as f64);
-                let wall = if y < 20.0 { 190.0 } else { 80.0 };
+                let wall = if y < 20.0 {
+                    190.0
+                } else if y < 26.0 {
+                    4.0
+                } else {
+                    80.0
+                };
                 let inside = disc.map_or(0.0, |(u, v)| (8.5 - (x - u).hypot(y - v)).clamp(0.0, 1.0));
                 (gain * (wall + inside * contrast) + noise()).round().clamp(0.0, 255.0) as u8
             })

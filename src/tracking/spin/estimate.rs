@@ -149,6 +149,9 @@ const NOISE_SHARE: f64 = 8.0;
 /// shape, the map's cells), px, and relative error of the rate. Measured on rendered balls (docs/spin-experiments.md, "Uncertainty").
 const MISFIT_PX: f64 = 0.012;
 const SYSTEMATIC_RATE: f64 = 0.003;
+/// The same along the turn itself, px: the map's prior holds down what is drawn on it, and a ball that turns less has less line on it
+/// (docs/spin-experiments.md, "Slow by a little").
+const ALONG_TURN_PX: f64 = 0.05;
 /// Maps with other cells over which the spin is averaged, and the share of one map's scatter that stays in the mean of all:
 /// dents that the pictures make lie at the same place on all (docs/spin-experiments.md, "Cells").
 const OTHER_CELLS: usize = 3;
@@ -282,7 +285,9 @@ fn stated(best: &Registration, held: &Matrix3<f64>, infos: &[ViewInfo]) -> Matri
     let map_noise = 1.0 + NOISE_SHARE * (best.noise / best.texture).powi(2);
     let own = larger(held, &best.scatter_covariance) + misfit(&best.model_covariance, infos);
     let centres = held * best.centre_scores * held;
-    own * map_noise + centres + best.omega * best.omega.transpose() * (SYSTEMATIC_RATE * SYSTEMATIC_RATE)
+    let rate = best.omega.norm();
+    let along_turn = turned_at_ends(ALONG_TURN_PX, infos).powi(2) / rate.max(1.0).powi(2) + SYSTEMATIC_RATE.powi(2);
+    own * map_noise + centres + best.omega * best.omega.transpose() * along_turn
 }
 
 /// Why a registration may not be believed.
@@ -383,10 +388,14 @@ fn widened(registrar: &Registrar, best: &Registration) -> Matrix3<f64> {
 /// displacement is a turn of as much; what pulls there pulls elsewhere too, and moves the spin by so much more as the markings hold it
 /// less: along a line that nearly slides along itself a hundredth of a pixel is worth many rad/s.
 fn misfit(held: &Matrix3<f64>, views: &[ViewInfo]) -> Matrix3<f64> {
-    let radius_px = views.iter().map(|v| v.radius_px).sum::<f64>() / views.len().max(1) as f64;
-    let turn = MISFIT_PX / radius_px.max(1.0) / (0.5 * span_s(views)).max(1e-6);
     let best_held = held.symmetric_eigenvalues().min().max(1e-12);
-    held * held * (turn / best_held).powi(2)
+    held * held * (turned_at_ends(MISFIT_PX, views) / best_held).powi(2)
+}
+
+/// The spin, rad/s, whose markings are displaced by `px` from one end of the views' window to its middle.
+fn turned_at_ends(px: f64, views: &[ViewInfo]) -> f64 {
+    let radius_px = views.iter().map(|v| v.radius_px).sum::<f64>() / views.len().max(1) as f64;
+    px / radius_px.max(1.0) / (0.5 * span_s(views)).max(1e-6)
 }
 
 fn span_s(views: &[ViewInfo]) -> f64 {

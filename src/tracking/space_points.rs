@@ -4,7 +4,7 @@ use crate::calibration::{CalibrationSpread, CameraId};
 use crate::footage::FrameSource;
 use crate::tracking::ball::ball_track::BallFrame;
 use crate::tracking::ball::ball_way::StraightLine;
-use crate::tracking::racket::face;
+use crate::tracking::racket::face::{self, Sighting};
 use crate::tracking::racket::racket_figure::RacketFigure;
 use crate::tracking::racket::racket_pose::View;
 use crate::tracking::racket::racket_scene::RacketFrame;
@@ -28,22 +28,17 @@ const AT_THE_HEAD_M: f64 = 0.05;
 
 /// First contact as a fractional frame number: the ball's centre, still in free flight, one radius from the string plane.
 ///
-/// A straight line through the last distances before contact; kinematics refines it. It is looked for back from where the ball is nearest to the
-/// head: the plane beyond it is crossed at other times too. `None` when the ball never comes that near while both are seen, nor leads there from both
+/// A straight line through the last distances before contact; kinematics refines it. It is looked for back from where the ball meets the
+/// head: the plane is crossed at other times too. `None` when the ball never comes that near while both are seen, nor leads there from both
 /// ends of a gap.
 pub fn first_contact(source: &impl FrameSource, racket: &[Option<RacketFrame>], ball: &[Option<BallFrame>], radius_m: f64) -> Option<f64> {
     let side = face::side_of_approach(racket, ball)?.signum();
+    let sighting = |i: usize| Some(Sighting::new(source.number(i) as f64, racket[i].as_ref()?, ball[i].as_ref()?));
+    let seen: Vec<Sighting> = (0..source.len()).filter_map(sighting).collect();
+    let met = face::meeting(&seen)?;
     // Frame number and place in the racket's axes, as seen from that side.
-    let seen: Vec<(bool, (f64, Point3<f64>))> = (0..source.len())
-        .filter_map(|i| {
-            let (pose, ball) = (racket[i].as_ref()?.pose.global_from_racket, ball[i].as_ref()?);
-            let local = pose.inverse() * ball.position;
-            Some((ball.stereo, (source.number(i) as f64, Point3::new(local.x, local.y, side * local.z))))
-        })
-        .collect();
-    let off_the_face = |i: &usize| face::off_the_face_m(&seen[*i].1.1);
-    let nearest = (0..seen.len()).min_by(|a, b| off_the_face(a).total_cmp(&off_the_face(b)))?;
-    let touching = (0..=nearest).rev().take_while(|i| seen[*i].1.1.z <= radius_m).last();
+    let seen: Vec<(bool, (f64, Point3<f64>))> = seen.iter().map(|s| (s.stereo, (s.number, Point3::new(s.local.x, s.local.y, side * s.local.z)))).collect();
+    let touching = (0..=met).rev().take_while(|i| seen[*i].1.1.z <= radius_m).last();
     // Frames in which the ball is clear of the strings.
     let clear = touching.map(|touching| &seen[touching.saturating_sub(TO_THE_CONTACT)..touching]).filter(|clear| clear.len() > 1);
     clear.and_then(|clear| StraightLine::through(clear.iter().map(|s| s.1)).number_at_height(radius_m)).or_else(|| {

@@ -5,12 +5,14 @@
 //! points to the side the ball comes from (physics: z toward the hitting side).
 
 use crate::tracking::ball::ball_track::BallFrame;
+use crate::tracking::ball::ball_way::StraightLine;
 use crate::tracking::pictures::shot_frames::AT_ONCE;
 use crate::tracking::racket::racket_figure::RacketFigure;
 use crate::tracking::racket::racket_pose::{View, fit_pose_in};
 use crate::tracking::racket::racket_scene::{ALL_BANDS, RacketFrame};
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector2, Vector3};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Partner of each marker under the half turn.
 const TWIN: [usize; 5] = [0, 2, 1, 4, 3];
@@ -30,6 +32,11 @@ const CLEAR_M: f64 = 0.05;
 const TOLD_APART_RAD: f64 = 0.5;
 /// Half of a racket's head, m, about.
 const HEAD_M: f64 = 0.17;
+/// Sightings on either side of a meeting that tell how the ball's way bends there, fewest of them, and the least bend that strings make, as a
+/// share of the faster way.
+const BESIDE: usize = 6;
+const FEWEST_BESIDE: usize = 2;
+const LEAST_BEND: f64 = 0.25;
 
 /// Whether the figure equals itself after half a turn about its long axis, as nearly as tape is measured.
 pub fn symmetric(figure: &RacketFigure) -> bool {
@@ -126,17 +133,60 @@ pub fn off_the_face_m(local: &Point3<f64>) -> f64 {
     local.z.hypot((local.x.hypot(local.y) - HEAD_M).max(0.0))
 }
 
-fn side_seen(racket: &[Option<RacketFrame>], ball: &[Option<BallFrame>], stereo: bool) -> Option<f64> {
-    let local = |(r, b): (&Option<RacketFrame>, &Option<BallFrame>)| {
-        let (pose, ball) = (r.as_ref()?.pose.global_from_racket, b.as_ref().filter(|b| b.stereo == stereo)?);
-        Some(pose.inverse() * ball.position)
+/// The ball seen beside the racket.
+#[derive(Debug, Clone, Copy)]
+pub struct Sighting {
+    /// Frame number.
+    pub number: f64,
+    /// By both cameras.
+    pub stereo: bool,
+    /// In the racket's axes, m.
+    pub local: Point3<f64>,
+    /// In global axes, m.
+    pub global: Point3<f64>,
+}
+
+impl Sighting {
+    pub fn new(number: f64, racket: &RacketFrame, ball: &BallFrame) -> Self {
+        let local = racket.pose.global_from_racket.inverse() * ball.position;
+        Sighting { number, stereo: ball.stereo, local, global: ball.position }
+    }
+}
+
+/// Which of the sightings, by time, is the nearest of the ball's meeting with the head. A racket that the impact has turned may swing its plane
+/// across the rebound: of several times that the ball comes near, the one at which its way bends most is the meeting.
+pub fn meeting(seen: &[Sighting]) -> Option<usize> {
+    let off = |i: usize| off_the_face_m(&seen[i].local);
+    let nearest = |among: Range<usize>| among.min_by(|a, b| off(*a).total_cmp(&off(*b)));
+    let begins = |i: &usize| off(*i) < CLEAR_M && (*i == 0 || off(i - 1) >= CLEAR_M);
+    let near = (0..seen.len()).filter(begins).map(|start| start..(start..seen.len()).find(|i| off(*i) >= CLEAR_M).unwrap_or(seen.len()));
+    let times: Vec<Range<usize>> = near.collect();
+    if times.len() < 2 {
+        return nearest(0..seen.len());
+    }
+    let bend = |time: &Range<usize>| -> Option<f64> {
+        let way = |beside: &[Sighting]| {
+            let places: Vec<_> = beside.iter().filter(|s| s.stereo).map(|s| (s.number, s.global)).collect();
+            (places.len() >= FEWEST_BESIDE).then(|| StraightLine::through(places.into_iter()).step)
+        };
+        let before = way(&seen[time.start.saturating_sub(BESIDE)..time.start])?;
+        let after = way(&seen[time.end..(time.end + BESIDE).min(seen.len())])?;
+        Some((after - before).norm() / before.norm().max(after.norm()).max(1e-9)).filter(|share| *share > LEAST_BEND)
     };
-    let seen: Vec<Point3<f64>> = racket.iter().zip(ball).filter_map(local).collect();
-    let nearest = (0..seen.len()).min_by(|a, b| off_the_face_m(&seen[*a]).total_cmp(&off_the_face_m(&seen[*b])))?;
+    let bent = times.into_iter().filter_map(|time| Some((bend(&time)?, time))).max_by(|a, b| a.0.total_cmp(&b.0));
+    bent.and_then(|(_, time)| nearest(time)).or_else(|| nearest(0..seen.len()))
+}
+
+fn side_seen(racket: &[Option<RacketFrame>], ball: &[Option<BallFrame>], stereo: bool) -> Option<f64> {
+    let sighting = |(i, (r, b)): (usize, (&Option<RacketFrame>, &Option<BallFrame>))| {
+        Some(Sighting::new(i as f64, r.as_ref()?, b.as_ref().filter(|b| b.stereo == stereo)?))
+    };
+    let seen: Vec<Sighting> = racket.iter().zip(ball).enumerate().filter_map(sighting).collect();
+    let met = meeting(&seen)?;
     let heights = |clear_m: f64| -> Vec<f64> {
-        let clear = |p: &&Point3<f64>| p.z.abs() > clear_m;
-        let before: Vec<f64> = seen[..=nearest].iter().rev().filter(clear).take(SIDE_FRAMES).map(|p| p.z).collect();
-        if before.is_empty() { seen[nearest..].iter().filter(clear).take(SIDE_FRAMES).map(|p| p.z).collect() } else { before }
+        let clear = |z: &f64| z.abs() > clear_m;
+        let before: Vec<f64> = seen[..=met].iter().rev().map(|s| s.local.z).filter(clear).take(SIDE_FRAMES).collect();
+        if before.is_empty() { seen[met..].iter().map(|s| s.local.z).filter(clear).take(SIDE_FRAMES).collect() } else { before }
     };
     let mut side = Some(heights(CLEAR_M)).filter(|h| !h.is_empty()).unwrap_or_else(|| heights(0.0));
     side.sort_by(f64::total_cmp);
@@ -212,6 +262,23 @@ mod tests {
             (0..120).map(|i| Some(BallFrame { points: [None; 2], position: Point3::new(0.1, 0.0, height(i)), stereo: true, flattening: None })).collect();
         settle(&View::new(&rig()), &figure(), &mut racket, &ball);
         assert!(racket[60].as_ref().is_some_and(|r| r.pose.normal().z > 0.9));
+    }
+
+    #[test]
+    fn law_a_plane_that_swings_across_the_rebound_is_no_second_meeting() {
+        // Comes at 20 mm a frame, is on the strings at frame 14, goes back at 8 mm; at frame 30 the racket, turned by the impact, passes it more closely.
+        let sighting = |i: u8| {
+            let number = f64::from(i);
+            let z = if i < 14 { 0.033 + 0.02 * (13.0 - number) } else { 0.033 + 0.008 * (number - 14.0) };
+            let height = if i < 22 { z } else { 0.008 * (30.0 - number) };
+            Sighting { number, stereo: true, local: Point3::new(0.02, 0.05, height), global: Point3::new(0.02, 0.05, z) }
+        };
+        let seen: Vec<Sighting> = (0..38).map(sighting).collect();
+        assert!((13..=14).contains(&meeting(&seen).expect("met")));
+        // Where no way bends the nearest counts, and of a single time always.
+        let straight: Vec<Sighting> = seen.iter().map(|s| Sighting { global: Point3::new(0.02, 0.05, 0.02 * s.number), ..*s }).collect();
+        assert_eq!(meeting(&straight), Some(30));
+        assert_eq!(meeting(&seen[24..]), Some(6));
     }
 
     #[test]

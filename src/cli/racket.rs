@@ -20,31 +20,31 @@ pub struct Arguments {
     /// Check this racket.toml; its mass and balance are used where none are given
     pub racket: Option<PathBuf>,
     /// Mass
-    #[arg(long, value_name = "KG")]
+    #[arg(long, allow_negative_numbers = true, value_name = "KG")]
     pub mass: Option<f64>,
     /// Centre of mass, from the butt
-    #[arg(long, value_name = "M")]
+    #[arg(long, allow_negative_numbers = true, value_name = "M")]
     pub balance: Option<f64>,
     /// Standard deviation of the balance
-    #[arg(long, value_name = "M", default_value_t = 0.001)]
+    #[arg(long, allow_negative_numbers = true, value_name = "M", default_value_t = 0.001)]
     pub balance_sd: f64,
     /// Two supports: place from the butt and reading of each
-    #[arg(long, num_args = 4, value_names = ["M1", "KG1", "M2", "KG2"], conflicts_with_all = ["mass", "balance"])]
+    #[arg(long, allow_negative_numbers = true, num_args = 4, value_names = ["M1", "KG1", "M2", "KG2"], conflicts_with_all = ["mass", "balance"])]
     pub scales: Option<Vec<f64>>,
     /// Pendulum across the face: pivot from the butt, period, its standard deviation
-    #[arg(long, num_args = 3, value_names = ["PIVOT_M", "S", "SD_S"])]
+    #[arg(long, allow_negative_numbers = true, num_args = 3, value_names = ["PIVOT_M", "S", "SD_S"])]
     pub swing_pendulum: Option<Vec<f64>>,
     /// Pendulum in the face's plane: pivot from the butt, period, its standard deviation
-    #[arg(long, num_args = 3, value_names = ["PIVOT_M", "S", "SD_S"])]
+    #[arg(long, allow_negative_numbers = true, num_args = 3, value_names = ["PIVOT_M", "S", "SD_S"])]
     pub spin_pendulum: Option<Vec<f64>>,
     /// Hung upright from two threads: half distances above and below, thread length, period, its standard deviation
-    #[arg(long, num_args = 5, value_names = ["ABOVE_M", "BELOW_M", "THREAD_M", "S", "SD_S"])]
+    #[arg(long, allow_negative_numbers = true, num_args = 5, value_names = ["ABOVE_M", "BELOW_M", "THREAD_M", "S", "SD_S"])]
     pub twist_threads: Option<Vec<f64>>,
     /// Swingweight read from a machine (RDC)
-    #[arg(long, value_name = "KG_CM2", conflicts_with = "swing_pendulum")]
+    #[arg(long, allow_negative_numbers = true, value_name = "KG_CM2", conflicts_with = "swing_pendulum")]
     pub swing_rdc: Option<f64>,
     /// Twistweight read from a machine (RDC)
-    #[arg(long, value_name = "KG_CM2", conflicts_with = "twist_threads")]
+    #[arg(long, allow_negative_numbers = true, value_name = "KG_CM2", conflicts_with = "twist_threads")]
     pub twist_rdc: Option<f64>,
     #[command(flatten)]
     pub photograph: PhotographArguments,
@@ -154,7 +154,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let missing = |what: &str| CliError::input(format!("no {what}")).hint("give --mass and --balance, or --scales, or a racket.toml that has them");
     let pendulum = |values: &Option<Vec<f64>>| -> Result<Option<Uncertain>, CliError> {
         let Some([pivot, period, sd]) = values.as_deref() else { return Ok(None) };
-        let p = Pendulum { pivot_from_butt_m: *pivot, period_s: *period, period_sd_s: sd.abs() };
+        let p = Pendulum { pivot_from_butt_m: *pivot, period_s: *period, period_sd_s: *sd };
         let (mass, balance) = (mass.ok_or_else(|| missing("mass"))?, balance.ok_or_else(|| missing("balance"))?);
         Ok(Some(swingweight_from_pendulum(mass, balance, arguments.balance_sd, &p)?))
     };
@@ -163,7 +163,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     bench.spinweight_kgm2 = pendulum(&arguments.spin_pendulum)?;
     bench.twistweight_kgm2 = machine(arguments.twist_rdc)?;
     if let Some([above, below, thread, period, sd]) = arguments.twist_threads.as_deref() {
-        let threads = Bifilar { half_distance_above_m: *above, half_distance_below_m: *below, thread_m: *thread, period_s: *period, period_sd_s: sd.abs() };
+        let threads = Bifilar { half_distance_above_m: *above, half_distance_below_m: *below, thread_m: *thread, period_s: *period, period_sd_s: *sd };
         bench.twistweight_kgm2 = Some(twistweight_from_bifilar(mass.ok_or_else(|| missing("mass"))?, &threads)?);
     }
     let of_file = |f: fn(&Racket) -> f64| file.as_ref().map(f);

@@ -41,9 +41,17 @@ pub enum BenchError {
 
 /// Gravity, m/s².
 const G: f64 = super::GRAVITY_M_S2;
+/// Where a pivot may be, from the butt: on the racket, or on what holds it.
+const PIVOT_M: (f64, f64) = (-1.0, 2.0);
 
 fn positive(name: &'static str, seen: f64) -> Result<f64, BenchError> {
     if seen.is_finite() && seen > 0.0 { Ok(seen) } else { Err(BenchError::Value { name, seen, allowed: "a finite number above 0" }) }
+}
+
+/// A standard deviation of `value`; as large as the value itself it says nothing, and what follows from it may be no number.
+fn deviation(name: &'static str, seen: f64, value: f64) -> Result<f64, BenchError> {
+    let allowed = "a standard deviation of 0 or more, smaller than the value it belongs to";
+    if seen >= 0.0 && seen < value { Ok(seen) } else { Err(BenchError::Value { name, seen, allowed }) }
 }
 
 /// Swingweight (about the axis 0.10 m from the butt) from a pendulum: I_pivot = M g d T²/4π², d the pivot's distance from
@@ -51,11 +59,15 @@ fn positive(name: &'static str, seen: f64) -> Result<f64, BenchError> {
 /// swingweight, one swinging in the face's plane the spinweight.
 pub fn swingweight_from_pendulum(mass: f64, balance: f64, balance_sd: f64, p: &Pendulum) -> Result<Uncertain, BenchError> {
     let (mass, balance, period) = (positive("mass_kg", mass)?, positive("balance_m", balance)?, positive("period_s", p.period_s)?);
+    let (balance_sd, period_sd) = (deviation("balance_sd", balance_sd, balance)?, deviation("period_sd_s", p.period_sd_s, period)?);
     let about_axis = |balance: f64, period: f64| {
         let d = (balance - p.pivot_from_butt_m).abs();
         let central = mass * G * d * (period / std::f64::consts::TAU).powi(2) - mass * d * d;
         (central, central + mass * (balance - SWINGWEIGHT_AXIS_FROM_BUTT_M).powi(2))
     };
+    if !(PIVOT_M.0..=PIVOT_M.1).contains(&p.pivot_from_butt_m) {
+        return Err(BenchError::Value { name: "pivot_from_butt_m", seen: p.pivot_from_butt_m, allowed: "-1 to 2, on the racket or what holds it" });
+    }
     let d = (balance - p.pivot_from_butt_m).abs();
     if !(d >= 0.05) {
         return Err(BenchError::PivotAtBalance { seen_m: d });
@@ -64,7 +76,7 @@ pub fn swingweight_from_pendulum(mass: f64, balance: f64, balance_sd: f64, p: &P
     if !(central > 0.0) {
         return Err(BenchError::Negative { seen: central });
     }
-    let by_period = about_axis(balance, period + p.period_sd_s).1 - value;
+    let by_period = about_axis(balance, period + period_sd).1 - value;
     let by_balance = about_axis(balance + balance_sd, period).1 - value;
     Ok(Uncertain { value, sd: by_period.hypot(by_balance) })
 }
@@ -80,8 +92,9 @@ pub fn twistweight_from_bifilar(mass: f64, b: &Bifilar) -> Result<Uncertain, Ben
     ] {
         positive(name, v)?;
     }
+    let period_sd = deviation("period_sd_s", b.period_sd_s, b.period_s)?;
     let value = mass * G * b.half_distance_above_m * b.half_distance_below_m * (b.period_s / std::f64::consts::TAU).powi(2) / b.thread_m;
-    Ok(Uncertain { value, sd: 2.0 * value * b.period_sd_s / b.period_s })
+    Ok(Uncertain { value, sd: 2.0 * value * period_sd / b.period_s })
 }
 
 /// Balance from two scales: the racket rests on supports at `first_m` and `second_m` from the butt that read masses in kg.
@@ -141,5 +154,14 @@ mod tests {
         assert!(matches!(swingweight_from_pendulum(0.33, 0.325, 0.0, &p(0.33, 1.0)), Err(BenchError::PivotAtBalance { .. })));
         assert!(matches!(swingweight_from_pendulum(0.33, 0.325, 0.0, &p(0.0, 0.3)), Err(BenchError::Negative { .. })));
         assert!(matches!(swingweight_from_pendulum(f64::NAN, 0.325, 0.0, &p(0.0, 1.0)), Err(BenchError::Value { name: "mass_kg", .. })));
+        for sd in [f64::NAN, f64::INFINITY, 1e308, -0.0011] {
+            let timed = Pendulum { period_sd_s: sd, ..p(0.0, 1.3) };
+            let of = |result: Result<Uncertain, BenchError>| if let Err(BenchError::Value { name, .. }) = result { name } else { "taken" };
+            assert_eq!(of(swingweight_from_pendulum(0.33, 0.325, 0.001, &timed)), "period_sd_s", "{sd}");
+            assert_eq!(of(swingweight_from_pendulum(0.33, 0.325, 0.001, &p(1e3 * sd, 1.3))), "pivot_from_butt_m", "{sd}");
+            assert_eq!(of(swingweight_from_pendulum(0.33, 0.325, sd, &p(0.0, 1.3))), "balance_sd", "{sd}");
+            let threads = Bifilar { half_distance_above_m: 0.1, half_distance_below_m: 0.1, thread_m: 1.0, period_s: 1.2, period_sd_s: sd };
+            assert_eq!(of(twistweight_from_bifilar(0.33, &threads)), "period_sd_s", "{sd}");
+        }
     }
 }

@@ -547,6 +547,15 @@ fn cli_a_bench_measurement_gives_the_files_lines_or_is_refused_and_is_compared_w
     // What 0.34 kg at 0.45 m from the butt alone have about the axis is more than that.
     refused(&["racket", "--mass", "0.34", "--balance", "0.45", "--swing-rdc", "325"], &["swingweight_kgm2 comes out as 0.032500", "above 0.041650"]);
     refused(&["racket"], &["nothing was measured"]);
+    // What has a sign is a number, not an option; a deviation has none.
+    refused(&["racket", "--mass", "-0.34"], &["mass_kg comes out as -0.34", "0.05 to 2 kg"]);
+    for (name, words) in [
+        ("period_sd_s", &["--swing-pendulum", "0.02", "1.3", "nan"][..]),
+        ("period_sd_s", &["--twist-threads", "0.1", "0.1", "1", "1.2", "-0.01"]),
+        ("balance_sd", &["--balance-sd", "inf", "--swing-pendulum", "0.02", "1.3", "0.01"]),
+    ] {
+        refused(&[&["racket", "--mass", "0.34", "--balance", "0.33"], words].concat(), &[name, "0 or more"]);
+    }
     let bench = Bench::new();
     let (code, message) = told(&[&text(&bench.path("racket.toml")), "--mass", "0.350", "--balance", "0.331"]);
     assert!(code == Some(0) && message.contains("mass_kg is measured +2.9 % off the file's 0.34") && !message.contains("balance_m is measured"), "{message}");

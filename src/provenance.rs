@@ -127,6 +127,24 @@ pub fn read_no_further(written: io::Result<()>) -> io::Result<()> {
     written.or_else(|e| if e.kind() == io::ErrorKind::BrokenPipe { Ok(()) } else { Err(e) })
 }
 
+/// Whether a result can have this name: no folder has it, and no file stands where its folder would be. Errors name the file.
+///
+/// The system's own words for the two, a busy device or a link across devices, tell nobody what to do.
+pub fn has_room(path: &Path) -> io::Result<()> {
+    let refused = |kind, why: String| Err(io::Error::new(kind, format!("{}: cannot be written ({why})", path.display())));
+    if std::fs::symlink_metadata(path).is_ok_and(|m| m.is_dir()) {
+        return refused(io::ErrorKind::IsADirectory, "it is a folder; name a file in it".to_owned());
+    }
+    match folder_of(path).ancestors().find(|p| p.exists()).filter(|p| !p.is_dir()) {
+        Some(file) => refused(io::ErrorKind::NotADirectory, format!("{} is a file, not a folder", file.display())),
+        None => Ok(()),
+    }
+}
+
+fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or_else(|| Path::new("."))
+}
+
 fn write_whole(path: &Path, bytes: &[u8], to_the_disk: bool) -> io::Result<()> {
     let named = |e: io::Error| io::Error::new(e.kind(), format!("{}: cannot be written ({e})", path.display()));
     // Opened a second time, a file behind such a name is written from its head on, over what it has.
@@ -142,7 +160,8 @@ fn write_whole(path: &Path, bytes: &[u8], to_the_disk: bool) -> io::Result<()> {
     if std::fs::symlink_metadata(path).is_ok_and(goes_on) {
         return std::fs::OpenOptions::new().write(true).open(path).and_then(|mut file| file.write_all(bytes)).map_err(named);
     }
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or_else(|| Path::new("."));
+    has_room(path)?;
+    let folder = folder_of(path);
     std::fs::create_dir_all(folder).map_err(named)?;
     let mut file = tempfile::Builder::new().prefix(".sweetspot-").suffix(".tmp").tempfile_in(folder).map_err(named)?;
     file.write_all(bytes).map_err(named)?;
@@ -185,6 +204,23 @@ mod tests {
         for e in [sha256_file(path).err(), Provenance::new("shots").with_file(path).err()] {
             assert!(e.is_some_and(|e| e.kind() == io::ErrorKind::NotFound && e.to_string().starts_with("no/such/tracks.csv: cannot be read (")));
         }
+    }
+
+    #[test]
+    fn what_stands_in_a_results_place_is_told() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let (file, within) = (folder.path().join("racket.toml"), folder.path().join("a"));
+        write_atomically(&file, b"kept").expect("written");
+        std::fs::create_dir(&within).expect("made");
+        let told = |path: &Path| write_atomically(path, b"new").expect_err("refused").to_string();
+        for path in [folder.path().to_path_buf(), within.clone(), within.join("..")] {
+            assert!(told(&path).ends_with("cannot be written (it is a folder; name a file in it)"), "{}", told(&path));
+        }
+        for path in [file.join("predictions.csv"), file.join("b/predictions.csv")] {
+            assert!(told(&path).contains("racket.toml is a file, not a folder"), "{}", told(&path));
+        }
+        assert_eq!(std::fs::read_to_string(&file).expect("readable"), "kept");
+        assert_eq!(std::fs::read_dir(folder.path()).expect("listed").count(), 2);
     }
 
     #[cfg(target_os = "linux")]

@@ -50,6 +50,10 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
         .hint("give -o a file"));
     }
     shell.keep(input.files.measured());
+    let output = arguments.output.clone().unwrap_or_else(|| auto_name(&input.files.model));
+    if arguments.auto {
+        shell.may_write(&output)?;
+    }
     let loaded = input.load("diagnose")?;
     let options = DiagnoseOptions { seed: input.seed, model: input.model_name(), expressions: !arguments.no_expression };
     let mut diagnosis = diagnose(&loaded.library, &loaded.observations, &options)?;
@@ -63,7 +67,6 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let mut last = (input.files.model.clone(), loaded.model_text.clone());
     let mut file = LedgerFile::read(&input.files.model, shell)?;
     if arguments.auto {
-        let output = arguments.output.clone().unwrap_or_else(|| auto_name(&input.files.model));
         let walk = Walk::new(&loaded.model_text, &input.files.model, &diagnosis, &loaded.observations, &options, arguments.most_effects)?;
         let story = Story { input, shell, loaded: &loaded, file: &mut file, output: &output, versions };
         let text;

@@ -31,6 +31,7 @@ const TIED: f64 = 0.9;
 pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let input = &arguments.input;
     shell.keep(input.files.measured());
+    shell.may_write(&arguments.output)?;
     let mut loaded = input.load("fit")?;
     loaded.observations.keeps_outliers = arguments.no_robust;
     let current = loaded.library.current();

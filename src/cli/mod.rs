@@ -157,6 +157,12 @@ impl Shell {
         Err(CliError::input(what).hint("name another file or folder for the result (-o, --out)"))
     }
 
+    /// Refuses a place for a result that [`Self::write`] would refuse: asked before the work, which may take long.
+    pub fn may_write(&self, path: &Path) -> Result<(), CliError> {
+        self.refuse_given(path)?;
+        crate::provenance::has_room(path).map_err(CliError::output)
+    }
+
     /// Writes a result whole or not at all.
     pub fn write(&self, path: &Path, bytes: &[u8]) -> Result<(), CliError> {
         self.refuse_given(path)?;

@@ -197,6 +197,23 @@ fn fails_broken_tables_are_named_with_their_line() {
     refused_table(&bench, &["impacts.csv"]);
 }
 
+#[test]
+fn fails_a_place_that_cannot_hold_the_result_is_refused_before_the_work() {
+    let bench = Bench::new();
+    // The table is too short for the work itself: that it is not told of shows what is asked first.
+    let (given, within) = (bench.path("impacts.csv"), bench.path("ball.toml/m.toml"));
+    let folder = bench.folder.path();
+    for (place, why) in [(given.as_path(), "given to read"), (folder, "it is a folder"), (&within, "ball.toml is a file, not a folder")] {
+        let place = text(place);
+        let words = [place.as_str(), why, "try:"];
+        for (command, more) in [("fit", &["-o", &place][..]), ("diagnose", &["--auto", "-o", &place])] {
+            let arguments = bench.table(command).into_iter().filter(|a| *a != "-o" && !a.ends_with("fitted.toml")).collect::<Vec<_>>();
+            refused(&arguments.iter().map(String::as_str).chain(more.iter().copied()).collect::<Vec<_>>(), &words);
+        }
+    }
+    assert!(!bench.path("out").exists());
+}
+
 /// A model predicts what no ball meets; who reads it is told.
 #[test]
 fn cli_impacts_beyond_the_racket_are_remarked() {

@@ -29,6 +29,8 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let input = &arguments.input;
     shell.keep(input.files.measured());
     let loaded = input.load("compare")?;
+    // A damaged one ends the command before it has written anything.
+    let mut file = LedgerFile::read(&input.files.model, shell)?;
     let mut comparison = compare(loaded.library.current(), &loaded.observations, &input.model_name(), input.seed)?;
     comparison.notes.extend(impossible_as_stated(&loaded)?.into_iter().map(|remark| format!("as stated: {remark}")));
     comparison.provenance = Some(loaded.provenance.clone());
@@ -36,7 +38,6 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let json = serde_json::to_string_pretty(&comparison).map_err(CliError::output)?;
     shell.write(&folder.join("compare.json"), json.as_bytes())?;
     shell.say(comparison_text(&comparison).trim_end());
-    let mut file = LedgerFile::read(&input.files.model, shell)?;
     let effects = loaded.library.effect_names();
     let version = Version {
         model: &input.files.model,

@@ -55,6 +55,8 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
         shell.may_write(&output)?;
     }
     let loaded = input.load("diagnose")?;
+    // A damaged one ends the command before it has written anything.
+    let mut file = LedgerFile::read(&input.files.model, shell)?;
     let options = DiagnoseOptions { seed: input.seed, model: input.model_name(), expressions: !arguments.no_expression };
     let mut diagnosis = diagnose(&loaded.library, &loaded.observations, &options)?;
     diagnosis.provenance = Some(loaded.provenance.clone());
@@ -65,7 +67,6 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let comparison = compare(loaded.library.current(), &loaded.observations, &input.model_name(), input.seed)?;
     let mut versions = Vec::new();
     let mut last = (input.files.model.clone(), loaded.model_text.clone());
-    let mut file = LedgerFile::read(&input.files.model, shell)?;
     if arguments.auto {
         let walk = Walk::new(&loaded.model_text, &input.files.model, &diagnosis, &loaded.observations, &options, arguments.most_effects)?;
         let story = Story { input, shell, loaded: &loaded, file: &mut file, output: &output, versions };

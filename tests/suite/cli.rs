@@ -214,6 +214,20 @@ fn fails_a_place_that_cannot_hold_the_result_is_refused_before_the_work() {
     assert!(!bench.path("out").exists());
 }
 
+#[test]
+fn fails_a_damaged_ledger_leaves_earlier_results_whole() {
+    let bench = Bench::new();
+    let rows: String = (0..40).map(|i| format!("i{i},1,2,-{},0,0,0,0,0,0,0.01,0.0{},{}\n", 20 + i % 7, i % 5, 7 + i % 7)).collect();
+    let racket = "racket_in_vx,racket_in_vy,racket_in_vz,racket_in_wx,racket_in_wy,racket_in_wz";
+    bench.write("impacts.csv", format!("id,ball_in_vx,ball_in_vy,ball_in_vz,{racket},impact_x,impact_y,ball_out_vz\n{rows}"));
+    bench.write("out/model-ledger.json", "{");
+    for (command, result) in [("compare", "out/compare.json"), ("diagnose", "out/diagnosis.json")] {
+        bench.write(result, "of an earlier run");
+        refused(&bench.table(command).iter().map(String::as_str).collect::<Vec<_>>(), &["model-ledger.json: not a ledger", "move it away"]);
+        assert_eq!(std::fs::read_to_string(bench.path(result)).unwrap(), "of an earlier run");
+    }
+}
+
 /// A model predicts what no ball meets; who reads it is told.
 #[test]
 fn cli_impacts_beyond_the_racket_are_remarked() {

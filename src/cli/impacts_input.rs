@@ -8,6 +8,7 @@ use crate::impact_table::{ImpactRow, ImpactTable, TableError, remarks};
 use crate::kinematics::past_racket;
 use crate::limited_file::{LARGEST_TABLE, LARGEST_TEXT, LimitedFile, read_text};
 use crate::provenance::{Provenance, VERSION, sha256_hex};
+use crate::validation::ValidationError;
 use crate::validation::comparison::{Comparison, ParameterValue};
 use crate::validation::ledger::{Ledger, LedgerEntry, Refusal};
 use crate::validation::model_library::ModelLibrary;
@@ -126,7 +127,7 @@ impl ImpactsInput {
             });
         }
         let options = TableOptions { group: self.group.clone(), own_columns: model.own_columns().into_iter().map(str::to_owned).collect() };
-        let (library, mut observations) = ModelLibrary::on_table(&model, &equipment, &table, &options)?;
+        let (library, mut observations) = ModelLibrary::on_table(&model, &equipment, &table, &options).map_err(|e| of_table(e, &files.impacts))?;
         observations.notes.splice(0..0, remarks(&table).into_iter().chain(beyond_racket(&table, &equipment)));
         if timed {
             observations.notes.push("`contact_time` is left out: base \"rigid\" is an impulse and has none".to_owned());
@@ -154,6 +155,18 @@ impl ImpactsInput {
         let impacts = &self.files.impacts;
         let folder = std::path::absolute(impacts).ok().and_then(|p| Some(file_name(p.parent()?))).filter(|f| !f.is_empty());
         format!("{} against {}{}", self.model_name(), folder.map_or_else(String::new, |f| format!("{f}/")), file_name(impacts))
+    }
+}
+
+/// What a table lacks is said of its file.
+fn of_table(error: ValidationError, table: &Path) -> CliError {
+    match error {
+        ValidationError::TooFew { .. }
+        | ValidationError::NothingHeldOut
+        | ValidationError::OneGroup { .. }
+        | ValidationError::NoGroup { .. }
+        | ValidationError::NoPrediction { .. } => CliError::input(format!("{}: {error}", table.display())),
+        other => other.into(),
     }
 }
 

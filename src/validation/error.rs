@@ -14,7 +14,7 @@ pub enum ValidationError {
         "all impacts are of one group of `{column}` ({name:?}), and groups stay whole: there is none to hold out beside one to fit; leave out --group, or name a column with several"
     )]
     OneGroup { column: String, name: String },
-    #[error("the grouping column `{column}` is not in the table; it has: {seen}")]
+    #[error("the table has no grouping column `{column}`; it has: {}; or leave out --group", if .seen.is_empty() { "none" } else { .seen })]
     NoGroup { column: String, seen: String },
     #[error("the model cannot predict {failed} of {rows} impacts (first: {id:?}{}); check its parameters and the table's units", .why.as_ref().map_or_else(String::new, |w| format!(": {w}")))]
     NoPrediction { failed: usize, rows: usize, id: String, why: Option<String> },

@@ -133,7 +133,8 @@ impl Observations {
         if let Some(column) = &options.group
             && !table.rows.iter().any(|r| group_of(r, column).is_some())
         {
-            let seen: Vec<&str> = table.rows.first().map(|r| r.groups.keys().map(String::as_str).collect()).unwrap_or_default();
+            let own = table.rows.first().into_iter().flat_map(|r| r.groups.keys().map(String::as_str));
+            let seen: Vec<&str> = own.chain(["racket", "ball"]).filter(|c| table.rows.iter().any(|r| group_of(r, c).is_some())).collect();
             return Err(ValidationError::NoGroup { column: column.clone(), seen: seen.join(", ") });
         }
         let all_rows = table.rows.len();
@@ -486,6 +487,10 @@ mod tests {
 
     /// Impacts all alike, one for each of these names in a column of the table's own.
     fn observed(column: &str, names: &[&str], options: &TableOptions) -> Observations {
+        observe(column, names, options).expect("usable")
+    }
+
+    fn observe(column: &str, names: &[&str], options: &TableOptions) -> Result<Observations, ValidationError> {
         let racket = toml::from_str(
             "name = \"r\"\nmass_kg = 0.33\nlength_m = 0.685\nbalance_m = 0.33\nstringbed_centre_m = 0.4975\nswingweight_kgm2 = 0.0325\n\
              twistweight_kgm2 = 0.0015\n[head]\ninner_length_m = 0.335\ninner_width_m = 0.255\n[strings]\ntension_lb = 60.0\n",
@@ -498,7 +503,7 @@ mod tests {
             text += &format!("i{i},1,2,-25,0,0,3,0,0,0,0.01,0.02,8,{name}\n");
         }
         let table = ImpactTable::from_reader(text.as_bytes(), Path::new("t.csv")).expect("a table");
-        Observations::new(&table, &[racket], &[ball], options).expect("usable")
+        Observations::new(&table, &[racket], &[ball], options)
     }
 
     fn times<'a>(n: usize, names: &[&'a str]) -> Vec<&'a str> {
@@ -518,6 +523,15 @@ mod tests {
             assert!(seen.impacts.iter().all(|o| o.held_out == held_out.contains(&o.groups["player"].as_str())), "{players:?}");
             let notes: Vec<&String> = seen.notes.iter().filter(|n| n.contains("hash to one side")).collect();
             assert!(notes.len() == usize::from(told.is_some()) && told.is_none_or(|told| notes[0].contains(told)), "{notes:?}");
+        }
+    }
+
+    #[test]
+    fn fails_a_grouping_column_that_is_none_is_told_with_those_there_are() {
+        for (column, told) in [("player", "it has: player;"), ("ball", "it has: ball;"), ("", "it has: none;")] {
+            let refused = observe(column, &["b"; 12], &TableOptions { group: Some("ball_in_vz".to_owned()), own_columns: Vec::new() });
+            let words = refused.err().map(|e| e.to_string()).unwrap_or_default();
+            assert!(words.contains("no grouping column `ball_in_vz`") && words.contains(told), "{words}");
         }
     }
 

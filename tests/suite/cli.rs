@@ -198,6 +198,17 @@ fn fails_broken_tables_are_named_with_their_line() {
 }
 
 #[test]
+fn fails_what_a_table_lacks_is_said_of_its_file() {
+    let bench = Bench::new();
+    for command in ["compare", "diagnose", "fit"] {
+        let arguments = bench.table(command);
+        let told: Vec<&str> = arguments.iter().map(String::as_str).collect();
+        refused(&told, &["impacts.csv: only", "of 2 impacts can be used"]);
+        refused(&[&told[..], &["--group", "player"]].concat(), &["impacts.csv: the table has no grouping column `player`; it has: none"]);
+    }
+}
+
+#[test]
 fn fails_a_place_that_cannot_hold_the_result_is_refused_before_the_work() {
     let bench = Bench::new();
     // The table is too short for the work itself: that it is not told of shows what is asked first.

@@ -261,7 +261,11 @@ fn inline(parameter: &Parameter) -> Item {
 /// # Errors
 /// The text is no valid model; the effect is unknown or already there.
 pub fn with_effect_added(text: &str, effect: &str, path: &Path) -> Result<String, ModelError> {
-    let model = Model::parse(text, path)?.with_effect(effect)?;
+    let model = Model::parse(text, path)?.with_effect(effect).map_err(|e| match e {
+        // An unknown name is nothing of the file's.
+        ModelError::UnknownEffect { .. } => e,
+        e => e.in_file(path),
+    })?;
     let mut document = parse_document(text, path)?;
     let mut table = Table::new();
     for index in model.effect_parameters(effect) {

@@ -350,6 +350,9 @@ fn cli_add_of_an_unknown_effect_names_the_nearest() {
     let bench = Bench::new();
     refused(&["add", "frame-vibrations", "--model", &text(&bench.path("model.toml")), "-o", &text(&bench.path("new.toml"))], &["frame-vibration"]);
     assert!(!bench.path("new.toml").exists());
+    bench.write("model.toml", format!("{MODEL}[effects.hand-mass]\n"));
+    let (model, new) = (text(&bench.path("model.toml")), text(&bench.path("new.toml")));
+    refused(&["add", "hand-mass", "--model", &model, "-o", &new], &["model.toml: effect `hand-mass` is in the model already"]);
 }
 
 #[cfg(feature = "vision")]

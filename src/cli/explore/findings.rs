@@ -199,7 +199,10 @@ pub fn findings(arguments: &Arguments) -> Result<Outcome, CliError> {
         return Err(CliError::input(format!("--shots is {}; allowed: 1 to 1000000", arguments.shots)));
     }
     let effects: Vec<&str> = model.effects().iter().map(|e| e.name.as_str()).collect();
-    let studies = Studies::new(&model, racket, &ball, arguments)?;
+    let studies = Studies::new(&model, racket, &ball, arguments).map_err(|e| match &arguments.model {
+        Some(path) => CliError { message: format!("{}: {}", path.display(), e.message), ..e },
+        None => e,
+    })?;
     let shot = &studies.shot;
     let subtitle = format!(
         "{}, {}, {}base \"{}\"{}; the mean forehand of the thesis's table 5.27: ball at {} m/s, centre of mass at {} m/s, swing {} rad/s, {} m/s across the face, {:.0} mm toward the tip",

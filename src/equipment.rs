@@ -5,6 +5,7 @@
 //! directions and their origin at the centre of mass (physics: `x_COM = stringbed_centre − balance` in local axes).
 
 use crate::limited_file::{LARGEST_TEXT, read_text};
+use crate::quantity::as_written;
 use nalgebra::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -23,7 +24,7 @@ pub enum EquipmentError {
     Unreadable { path: PathBuf, source: std::io::Error },
     #[error("{path}: {message}", path = .path.display())]
     Toml { path: PathBuf, message: String },
-    #[error("{path}: `{key}` = {seen}; allowed: {allowed}", path = .path.display())]
+    #[error("{path}: `{key}` = {}; allowed: {allowed}", as_written(*.seen), path = .path.display())]
     Value { path: PathBuf, key: String, seen: f64, allowed: String },
     #[error("{path}: `name` = {name:?} is also the name in {other}, which holds other values; a table names its {kind} by it: give each its own", path = .path.display(), other = .other.display())]
     SameName { path: PathBuf, other: PathBuf, kind: &'static str, name: String },

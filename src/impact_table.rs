@@ -14,6 +14,7 @@ pub use remarks::remarks;
 pub use row_fault::{RowFault, RowFaults};
 
 use crate::limited_file::{LARGEST_TABLE, LimitedFile, TableFile};
+use crate::quantity::as_written;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
@@ -97,11 +98,6 @@ fn largest(column: &str) -> f64 {
         "rad/s" => 1e4,
         _ => 500.0,
     }
-}
-
-/// A number as one would write it by hand.
-fn as_written(value: f64) -> String {
-    if value.abs() < 1e7 { format!("{value}") } else { format!("{value:e}") }
 }
 
 /// Why cells cannot be those of an impact: the first value, or deviation, that none can have.

@@ -9,6 +9,7 @@ use super::rigid::Sliding;
 use super::viscoelastic::{BallLaw, FrictionDirection, NormalForce, Release, StringLaw};
 use crate::limited_file::{LARGEST_TEXT, read_text};
 use crate::near_names::near_names;
+use crate::quantity::as_written;
 use std::path::Path;
 use toml_edit::{DocumentMut, InlineTable, Item, Table, TableLike, Value};
 
@@ -190,7 +191,7 @@ pub(crate) fn read_parameter(path: &Path, item: &Item, parameter: &mut Parameter
         v.filter(|v| v.is_finite()).ok_or_else(|| wrong(key, shown(item), "a finite number".into()))
     };
     let within = |key: &str, v: f64| -> Result<f64, ModelError> {
-        if v >= hard_min && v <= hard_max { Ok(v) } else { Err(wrong(key, v.to_string(), format!("{hard_min} to {hard_max}"))) }
+        if v >= hard_min && v <= hard_max { Ok(v) } else { Err(wrong(key, as_written(v), format!("{hard_min} to {hard_max}"))) }
     };
     let Some(table) = item.as_table_like() else {
         let v = item.as_float().or_else(|| item.as_integer().map(|i| i as f64));
@@ -219,7 +220,7 @@ pub(crate) fn read_parameter(path: &Path, item: &Item, parameter: &mut Parameter
         }
     }
     if !(parameter.value >= parameter.min && parameter.value <= parameter.max) {
-        return Err(wrong(&format!("{place}.value"), parameter.value.to_string(), format!("{} to {}", parameter.min, parameter.max)));
+        return Err(wrong(&format!("{place}.value"), as_written(parameter.value), format!("{} to {}", parameter.min, parameter.max)));
     }
     Ok(())
 }

@@ -1,6 +1,7 @@
 //! A racket's inertias from measurements on a bench (thesis 5.5.1 cites Brody et al. 2002; formulas derived here).
 
 use crate::equipment::SWINGWEIGHT_AXIS_FROM_BUTT_M;
+use crate::quantity::as_written;
 use serde::Serialize;
 
 /// A value with its standard deviation, SI.
@@ -31,7 +32,7 @@ pub struct Bifilar {
 
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum BenchError {
-    #[error("`{name}` is {seen}; allowed: {allowed}")]
+    #[error("`{name}` is {}; allowed: {allowed}", as_written(*.seen))]
     Value { name: &'static str, seen: f64, allowed: &'static str },
     #[error("the pivot is {seen_m:.4} m from the centre of mass; at least 0.05 m is needed, or the period says nothing")]
     PivotAtBalance { seen_m: f64 },

@@ -79,15 +79,26 @@ impl Model {
         }
         if let Some(item) = document.get("effects") {
             let table = item.as_table_like().ok_or_else(|| value("effects", shown(item), "tables [effects.<name>]"))?;
+            if table.len() > MOST_EFFECTS {
+                return Err(value("effects", format!("{} tables", table.len()), &format!("at most {MOST_EFFECTS}")));
+            }
             for (name, item) in table.iter() {
                 let place = format!("effects.{name}");
                 let own = item.as_table_like().ok_or_else(|| value(&place, shown(item), "a table"))?;
                 model = read_effect(path, &model, name, own)?;
             }
         }
+        let free = model.parameters().iter().filter(|p| p.fit).count();
+        if free > MOST_FREE {
+            return Err(value("fit", format!("true for {free} parameters"), &format!("at most {MOST_FREE}; no table of impacts tells more apart")));
+        }
         Ok(model)
     }
 }
+
+/// Most effects of a model and most free parameters: reading takes their number squared, a fit cubed, and a fit's matrices hold it squared.
+const MOST_EFFECTS: usize = 256;
+const MOST_FREE: usize = 500;
 
 /// One word out of a few, or nothing when the key is left out.
 fn read_choice<T>(path: &Path, table: &dyn TableLike, key: &str, names: &[&str], from_name: fn(&str) -> Option<T>) -> Result<Option<T>, ModelError> {

@@ -170,6 +170,21 @@ fn fails_expressions_say_where() {
 }
 
 #[test]
+fn fails_more_effects_or_free_parameters_than_a_fit_can_bear_are_refused() {
+    let effects = |n: usize, own: usize, fit: bool| -> String {
+        let names: Vec<String> = (0..own).map(|k| format!("k{k}")).collect();
+        let parameters: String = names.iter().map(|k| format!("{k} = {{ value = 0.0, fit = {fit} }}\n")).collect();
+        let formula = format!("expression = \"restitution + {}\"\nreplaces = \"restitution\"", names.join(" + "));
+        (0..n).map(|i| format!("[effects.e{i}]\n{formula}\n{parameters}")).collect()
+    };
+    let told = |text: &str| parse(text).unwrap_err().to_string();
+    assert!(told(&effects(257, 1, false)).contains("m.toml: `effects` is 257 tables; allowed: at most 256"));
+    let message = told(&effects(10, 60, true));
+    assert!(message.contains("m.toml: `fit` is true for 60") && message.contains("allowed: at most 500"), "{message}");
+    assert!(parse(&effects(10, 60, false)).is_ok());
+}
+
+#[test]
 fn fails_random_text_never_panics() {
     let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(26);
     let pieces = ["restitution", "impact_x", "(", ")", "+", "-", "*", "/", "^", "2", ".", "e", "max", ",", "sqrt(", " ", "é", "k", "1e5", "\\u0000"];

@@ -274,18 +274,24 @@ fn column(name: &str) -> Column {
 
 /// The column that an unknown name is but for capitals, a unit behind it, other signs between its words or one letter more or less, where the header
 /// has no such column.
-fn meant(name: &str, header: &[String]) -> Option<String> {
+fn meant(name: &str, own_names: &[String], header: &BTreeSet<&str>) -> Option<String> {
     if is_own_column(name) {
         return None;
     }
     let bare = name.split(['[', '(', ' ']).next().unwrap_or_default().trim_end_matches('_').to_lowercase();
     let letters = |name: &str| name.chars().filter(char::is_ascii_alphanumeric).collect::<String>();
     // Short names (`ball`) are one letter away from much.
-    let slip = |own: &str| own.contains('_') && bare.len() < 2 * own.len() && (letters(own) == letters(&bare) || one_letter_more_or_less(own, &bare));
+    let bare_letters = letters(&bare);
+    let slip = |own: &str| own.contains('_') && bare.len() < 2 * own.len() && (letters(own) == bare_letters || one_letter_more_or_less(own, &bare));
+    own_names.iter().find(|own| (**own == bare || slip(own)) && !header.contains(own.as_str())).cloned()
+}
+
+/// The names to which the table gives a meaning of its own.
+fn own_names() -> Vec<String> {
     let values = ["id", "racket", "ball", "sequence"].into_iter().chain(INPUTS).chain(OUTPUTS).map(str::to_owned);
     // A deviation that is taken for a group's column is as good as lost.
     let deviations = INPUTS.into_iter().chain(OUTPUTS).chain(SHARED).map(|c| format!("{c}_sd"));
-    values.chain(deviations).find(|own| (*own == bare || slip(own)) && !header.iter().any(|h| h == own))
+    values.chain(deviations).collect()
 }
 
 fn one_letter_more_or_less(a: &str, b: &str) -> bool {
@@ -311,7 +317,8 @@ impl Header {
         let numbered = !names.iter().any(|n| n == "id");
         // A file that holds no column of an impact is none.
         let parted = names.len() == 1 && names[0].contains([';', '\t']);
-        let misspelt: Vec<(String, String)> = names.iter().filter_map(|n| Some((n.clone(), meant(n, &names)?))).collect();
+        let (own_names, all): (_, BTreeSet<&str>) = (own_names(), names.iter().map(String::as_str).collect());
+        let misspelt: Vec<(String, String)> = names.iter().filter_map(|n| Some((n.clone(), meant(n, &own_names, &all)?))).collect();
         if numbered && !names.iter().any(|n| INPUTS.contains(&n.as_str())) && (parted || misspelt.is_empty()) {
             let numbers = names.iter().any(|n| n.parse::<f64>().is_ok());
             let remedy = if parted {

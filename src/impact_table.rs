@@ -108,8 +108,14 @@ pub fn impossible<'a>(mut cells: impl Iterator<Item = (&'a &'static str, &'a Opt
             let value = as_written(value);
             return Some(format!("`{name}` is {value} {unit}, allowed: up to {most} {unit} either way; give it in SI units, or correct the number"));
         }
-        // A deviation as large as all that is possible says nothing, and its square may be no number.
-        let sd = as_written(sd.filter(|sd| *sd > most)?);
+        // A deviation as large as all that is possible says nothing, and its square may be no number; one smaller than any measurement's is as bad.
+        let least = most / LARGEST_OVER_SD;
+        let sd = sd.filter(|sd| *sd > most || (*sd > 0.0 && *sd < least))?;
+        let (small, sd) = (sd < least, as_written(sd));
+        if small {
+            let allowed = format!("{} {unit} or more, or 0", as_written(least));
+            return Some(format!("`{name}_sd` is {sd} {unit}, allowed: {allowed}; leave the cell empty where the deviation is not known"));
+        }
         Some(format!("`{name}_sd` is {sd} {unit}, allowed: up to {most} {unit}; leave the cell empty where the deviation is not known"))
     })
 }
@@ -167,6 +173,8 @@ const MOST_GROUPING_CELLS: usize = 10_000_000;
 pub const LONGEST_NAME: usize = 256;
 /// Of a header in a message, letters.
 const MOST_SHOWN: usize = 400;
+/// A column's largest value over the smallest deviation beside 0: a fit to smaller ones fails by rounding.
+const LARGEST_OVER_SD: f64 = 1e10;
 
 /// A measured value with its standard deviation, where the table gives one.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -573,6 +581,9 @@ mod tests {
         let told = |text: &str| impossible(INPUTS.iter().zip(&read(text).expect("a table").rows[0].inputs));
         assert_eq!(told("id,ball_in_vz,ball_in_vz_sd\na,-20,0.5\n"), None);
         assert!(told("id,ball_in_vz,ball_in_vz_sd\na,-20,1e308\n").is_some_and(|why| why.contains("`ball_in_vz_sd` is 1e308 m/s, allowed: up to 500")));
+        assert_eq!(told("id,ball_in_vz,ball_in_vz_sd\na,-20,0\n"), None);
+        let tiny = told("id,ball_in_vz,ball_in_vz_sd\na,-20,1e-300\n");
+        assert!(tiny.is_some_and(|why| why.contains("`ball_in_vz_sd` is 1e-300 m/s, allowed: 5e-8 m/s or more, or 0")));
         assert!(told("id,ball_in_vz\na,-2000\n").is_some_and(|why| why.contains("`ball_in_vz` is -2000 m/s")));
     }
 

@@ -11,6 +11,8 @@ use serde::{Deserialize, Serialize};
 
 /// Points of a held-others curve.
 const CURVE_POINTS: usize = 21;
+/// Of a number that was written and read, relative.
+const ROUNDING: f64 = 1e-9;
 
 /// A second-order polynomial of one output.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -87,7 +89,9 @@ fn polynomial_fit(impacts: &[ImpactPoint], varied: &[usize], output: usize) -> O
         |list: &[&(&ImpactPoint, f64)]| (list.iter().map(|(i, v)| (v - row(&scaled(i)).dot(&coefficients)).powi(2)).sum::<f64>() / list.len() as f64).sqrt();
     let rmse_heldout = rms(&held);
     let held_mean = held.iter().map(|(_, v)| v).sum::<f64>() / held.len() as f64;
-    let held_variance = held.iter().map(|(_, v)| (v - held_mean).powi(2)).sum::<f64>() / held.len() as f64;
+    // An output that is the same in all impacts varies by rounding alone, and there is nothing to explain.
+    let rounding = (ROUNDING * held.iter().map(|(_, v)| v.abs()).fold(0.0, f64::max)).powi(2).max(f64::MIN_POSITIVE);
+    let held_variance = (held.iter().map(|(_, v)| (v - held_mean).powi(2)).sum::<f64>() / held.len() as f64).max(rounding);
     let effects = varied
         .iter()
         .enumerate()
@@ -110,7 +114,7 @@ fn polynomial_fit(impacts: &[ImpactPoint], varied: &[usize], output: usize) -> O
         output: OUTPUTS[output].to_owned(),
         rmse: rms(&seen),
         rmse_heldout,
-        r2_heldout: 1.0 - rmse_heldout * rmse_heldout / held_variance.max(1e-300),
+        r2_heldout: 1.0 - rmse_heldout * rmse_heldout / held_variance,
         n_terms: terms.len(),
         terms: terms
             .iter()
@@ -123,4 +127,24 @@ fn polynomial_fit(impacts: &[ImpactPoint], varied: &[usize], output: usize) -> O
             .collect(),
         effects,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::comparison::OutputPoint;
+    use super::*;
+
+    #[test]
+    fn law_an_output_that_is_the_same_in_all_impacts_is_explained() {
+        let impacts: Vec<ImpactPoint> = (0..40)
+            .map(|i| ImpactPoint {
+                id: i.to_string(),
+                held_out: i % 3 == 0,
+                inputs: (0..INPUTS.len()).map(|k| 1.0 + (i as f64 * (1.3 + 0.7 * k as f64)).sin()).collect(),
+                outputs: vec![OutputPoint { output: 2, measured: 0.1, predicted: 0.2, sd: 0.1 }],
+            })
+            .collect();
+        let fits = polynomial_fits(&impacts, &[2, 12]);
+        assert!(fits.len() == 1 && (fits[0].r2_heldout - 1.0).abs() < 1e-6, "{fits:?}");
+    }
 }

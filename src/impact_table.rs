@@ -100,6 +100,17 @@ fn largest(column: &str) -> f64 {
     }
 }
 
+/// Largest deviation of a column of [`SHARED`], and what is allowed in words: with a larger one, another unit's as a rule, an offset of the session
+/// takes up whatever a model misses.
+fn largest_shared(column: &str) -> (f64, &'static str) {
+    match unit(column) {
+        "rad" => (1.0, "a standard deviation of at most 1 rad, or empty when not known"),
+        "m" => (0.6, "a standard deviation of at most 0.6 m, or empty when not known"),
+        "s" => (0.2, "a standard deviation of at most 0.2 s, or empty when not known"),
+        _ => (1.0, "a standard deviation of at most 1, relative, or empty when not known"),
+    }
+}
+
 /// Why cells cannot be those of an impact: the first value, or deviation, that none can have.
 pub fn impossible<'a>(mut cells: impl Iterator<Item = (&'a &'static str, &'a Option<Measured>)>) -> Option<String> {
     cells.find_map(|(name, measured)| {
@@ -396,6 +407,7 @@ impl Header {
                 }
                 Column::Value { sd: true, .. } | Column::SharedSd(_) => match (number(), kind) {
                     (Some(sd), _) if sd < 0.0 => bad("a standard deviation of 0 or more"),
+                    (Some(sd), Column::SharedSd(index)) if sd > largest_shared(SHARED[*index]).0 => bad(largest_shared(SHARED[*index]).1),
                     (sd, Column::SharedSd(index)) => row.shared_sd[*index] = sd,
                     (sd, Column::Value { output, index, .. }) => sds.extend(sd.map(|sd| (*output, *index, sd))),
                     _ => {}
@@ -599,6 +611,8 @@ mod tests {
             ("id,ball_in_vz\na,NaN\n", "line 2: `ball_in_vz` is \"NaN\""),
             ("id,ball_in_vz,ball_in_vz_sd\na,1,-2\n", "0 or more"),
             ("id,face_shift_z_sd\na,-2\n", "0 or more"),
+            ("id,face_turn_x_sd\na,1e300\n", "line 2: `face_turn_x_sd` is \"1e300\"; allowed: a standard deviation of at most 1 rad"),
+            ("id,speed_scale_sd\na,1.5\n", "at most 1, relative"),
             ("id\na\na\n", "stands twice"),
             ("id,ball_in_vz\n", "no impacts"),
             ("", "no impacts"),

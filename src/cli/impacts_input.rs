@@ -115,6 +115,7 @@ impl ImpactsInput {
         let mut bytes = Vec::new();
         LimitedFile::open_given(&files.impacts, LARGEST_TABLE).and_then(|mut file| file.read_to_end(&mut bytes)).map_err(unreadable)?;
         let mut table = ImpactTable::from_reader(bytes.as_slice(), &files.impacts)?;
+        few_enough(table.rows.len(), &files.impacts)?;
         let equipment = EquipmentSet::read(&files.racket, &files.ball)?;
         let model_text =
             read_text(&files.model, LARGEST_TEXT).map_err(|e| CliError::input(format!("{}: cannot be read ({e}); check the name", files.model.display())))?;
@@ -156,6 +157,17 @@ impl ImpactsInput {
         let folder = std::path::absolute(impacts).ok().and_then(|p| Some(file_name(p.parent()?))).filter(|f| !f.is_empty());
         format!("{} against {}{}", self.model_name(), folder.map_or_else(String::new, |f| format!("{f}/")), file_name(impacts))
     }
+}
+
+/// Most impacts by which a model is judged or fitted: each takes some 60 kB on the way, and there must be an end before that of the memory.
+const MOST_JUDGED: usize = 100_000;
+
+fn few_enough(impacts: usize, table: &Path) -> Result<(), CliError> {
+    if impacts <= MOST_JUDGED {
+        return Ok(());
+    }
+    let what = format!("{}: {impacts} impacts; allowed to judge or fit a model: {MOST_JUDGED}", table.display());
+    Err(CliError::input(what).hint("leave some out, or give it in parts (`sweetspot predict` takes a million)"))
 }
 
 /// What a table lacks is said of its file.
@@ -328,6 +340,12 @@ fn date(seconds: u64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn fails_more_impacts_than_memory_can_be_counted_on_for() {
+        assert!(few_enough(MOST_JUDGED, Path::new("t.csv")).is_ok());
+        assert!(few_enough(MOST_JUDGED + 1, Path::new("t.csv")).is_err_and(|e| e.message.contains("t.csv: 100001 impacts; allowed")));
+    }
 
     #[test]
     fn truth_days_of_leap_years_and_of_others() {

@@ -34,13 +34,13 @@ impl LimitedFile {
 }
 
 #[cfg(unix)]
-fn is_pipe(path: &Path) -> bool {
+pub fn is_pipe(path: &Path) -> bool {
     use std::os::unix::fs::FileTypeExt;
     std::fs::metadata(path).is_ok_and(|m| m.file_type().is_fifo())
 }
 
 #[cfg(not(unix))]
-fn is_pipe(_: &Path) -> bool {
+pub fn is_pipe(_: &Path) -> bool {
     false
 }
 

@@ -1,6 +1,6 @@
 //! What made a result: version and input hashes, so that the same inputs give the same bytes and can be found again.
 
-use crate::limited_file::{LARGEST_TABLE, LimitedFile};
+use crate::limited_file::{LARGEST_TABLE, LimitedFile, is_pipe};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::io::{self, Read, Seek, SeekFrom, Write};
@@ -68,14 +68,22 @@ fn hex(digest: &[u8]) -> String {
 
 /// Writes a result file so that it is either whole or absent: temporary file in the same folder, then rename.
 ///
-/// Makes the folder when it is missing. Errors name the file.
+/// Makes the folder when it is missing. Errors name the file. A pipe that stands in its place is refused: opening it waits, for ever where nobody reads
+/// from it.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    refuse_pipe(path)?;
+    write_whole(path, bytes, true)
+}
+
+/// [`write_atomically`] to what the user named on the command line, a pipe too: they know who reads from it.
+pub fn write_given(path: &Path, bytes: &[u8]) -> io::Result<()> {
     write_whole(path, bytes, true)
 }
 
 /// [`write_atomically`] that leaves it to the system when the bytes reach the disk: for tables quickly made again, whose reader
 /// finds out after a power cut that they are not whole.
 pub fn write_soon(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    refuse_pipe(path)?;
     write_whole(path, bytes, false)
 }
 
@@ -143,6 +151,14 @@ pub fn has_room(path: &Path) -> io::Result<()> {
 
 fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or_else(|| Path::new("."))
+}
+
+fn refuse_pipe(path: &Path) -> io::Result<()> {
+    if std::fs::symlink_metadata(path).is_ok_and(|m| !m.is_symlink()) && is_pipe(path) && lent(path).is_none() {
+        let why = format!("{}: cannot be written (a pipe, not a file, stands there; move it away)", path.display());
+        return Err(io::Error::new(io::ErrorKind::InvalidInput, why));
+    }
+    Ok(())
 }
 
 fn write_whole(path: &Path, bytes: &[u8], to_the_disk: bool) -> io::Result<()> {
@@ -229,6 +245,17 @@ mod tests {
         let of = |code: i32| has_no_sync(&io::Error::from_raw_os_error(code));
         let (input_output, invalid, full, not_supported) = (5, 22, 28, 95);
         assert!(of(invalid) && of(not_supported) && !of(input_output) && !of(full));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn fails_a_pipe_in_a_results_place_is_not_waited_for() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let pipe = folder.path().join("predictions.csv");
+        assert!(std::process::Command::new("mkfifo").arg(&pipe).status().expect("run").success());
+        for write in [write_atomically, write_soon] {
+            assert!(write(&pipe, b"id\n").is_err_and(|e| e.to_string().contains("predictions.csv: cannot be written (a pipe, not a file")));
+        }
     }
 
     #[cfg(unix)]

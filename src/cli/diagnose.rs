@@ -157,7 +157,7 @@ impl Story<'_> {
             shell.say(format_args!("\n--auto: adding a formula ({words})\n  held-out error {before:.3} -> {after:.3}"));
             text = self.keep(&walk, &text, "added a formula")?;
         }
-        shell.write(self.output, text.as_bytes())?;
+        shell.write_given(self.output, text.as_bytes())?;
         let staircase = self.file.ledger.path_to(&sha256_hex(text.as_bytes()), &self.loaded.data_hash);
         shell.say(format_args!("\n{}", ledger_text(&staircase).trim_end()));
         shell.say(format_args!("verdict now: {}; model: {} (every version: {})", walk.diagnosis.verdict, self.output.display(), self.file.path.display()));
@@ -180,7 +180,7 @@ impl Story<'_> {
     fn keep(&mut self, walk: &Walk, parent: &str, step: &str) -> Result<String, CliError> {
         self.versions.push(walk.comparison()?);
         self.shell.write(&self.model_file(), walk.text.as_bytes())?;
-        self.shell.write(self.output, walk.text.as_bytes())?;
+        self.shell.write_given(self.output, walk.text.as_bytes())?;
         self.note(&walk.text, Some(sha256_hex(parent.as_bytes())), Some(step), Vec::new())?;
         Ok(walk.text.clone())
     }

@@ -56,7 +56,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     };
     let values: Vec<(String, f64)> = parameters.iter().map(|p| (p.name.clone(), p.value)).collect();
     let text = with_values(&loaded.model_text, &values, &input.files.model)?;
-    shell.write(&arguments.output, text.as_bytes())?;
+    shell.write_given(&arguments.output, text.as_bytes())?;
     for (p, old) in parameters.iter().zip(current.parameters()) {
         if p.undetermined {
             shell.say(format_args!(

@@ -169,6 +169,12 @@ impl Shell {
         crate::provenance::write_atomically(path, bytes).map_err(CliError::output)
     }
 
+    /// [`Self::write`] to a file that the user named (`-o`): a pipe is written to.
+    pub fn write_given(&self, path: &Path, bytes: &[u8]) -> Result<(), CliError> {
+        self.refuse_given(path)?;
+        crate::provenance::write_given(path, bytes).map_err(CliError::output)
+    }
+
     /// [`Self::write`] without waiting for the disk ([`crate::provenance::write_soon`]).
     pub fn write_soon(&self, path: &Path, bytes: &[u8]) -> Result<(), CliError> {
         crate::provenance::write_soon(path, bytes).map_err(CliError::output)

@@ -73,7 +73,7 @@ pub fn measure_photograph(photograph: &Path, a: &PhotographArguments, racket: &R
         shell.keep([photograph, path]);
         let mut bytes = std::io::Cursor::new(Vec::new());
         drawn(&image, &sheet, &places).write_to(&mut bytes, ImageFormat::Png).map_err(CliError::output)?;
-        shell.write(overlay, bytes.get_ref())?;
+        shell.write_given(overlay, bytes.get_ref())?;
     }
     if a.write {
         let text = read_text(path, LARGEST_TEXT).map_err(|e| CliError::input(format!("{}: cannot be read ({e})", path.display())))?;

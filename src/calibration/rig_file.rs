@@ -1,5 +1,6 @@
 //! `calibration.json` and `calibration.yml` (contract, section 3): reading, checking and writing a rig.
 
+use super::distortion::SHARED;
 use super::{CalibrationError, Camera, RigidTransform, StereoRig};
 use crate::footage::MAX_PIXELS;
 use crate::limited_file::{LARGEST_TEXT, read_text};
@@ -11,6 +12,9 @@ use std::path::Path;
 
 const MOST_CENTRE_PX: f64 = 1e6;
 const MOST_DISTORTION: f64 = 1e12;
+const MOST_SHIFT_M: f64 = 1e4;
+/// By how much a covariance may be off symmetry, or a correlation beyond 1, from rounding.
+const ROUNDING: f64 = 1e-6;
 
 impl StereoRig {
     /// Reads and checks `calibration.json`.
@@ -86,9 +90,20 @@ impl StereoRig {
             if !(off < 1e-3 && m.determinant() > 0.0) {
                 return Err(bad(name, format!("{r:?}"), "a rotation matrix"));
             }
-            if !t.iter().all(|v| v.is_finite()) {
-                return Err(bad(name, format!("{t:?}"), "finite shifts, m"));
+            if !t.iter().all(|v| v.abs() <= MOST_SHIFT_M) {
+                return Err(bad(name, format!("{t:?}"), "shifts of up to 10 km, m"));
             }
+        }
+        for (key, sd) in &self.global_from_left.sd {
+            if !sd.iter().all(|v| (0.0..=MOST_SHIFT_M).contains(v)) {
+                return Err(bad(&format!("global_from_left.sd.{key}"), format!("{sd:?}"), "deviations, 0 to 1e4"));
+            }
+        }
+        // Cameras of another program come without; one that is spoilt would be passed over, and every interval too narrow.
+        if let Some(fault) = self.more.get("covariance").filter(|c| !c.is_null()).and_then(covariance_fault) {
+            let allowed =
+                "a symmetric matrix of 24 rows and columns, nothing below 0 on its diagonal and no correlation beyond 1, as `sweetspot calibrate` writes it";
+            return Err(bad("covariance.matrix", fault, allowed));
         }
         let apart = self.t.iter().map(|v| v * v).sum::<f64>().sqrt();
         if !(apart > 0.0 && apart <= 100.0) {
@@ -151,8 +166,9 @@ impl StereoRig {
         };
         let camera = |m: &str, d: &str| -> Result<Camera, CalibrationError> {
             let (k, list) = (matrix(m)?, matrix(d)?);
-            if k.len() != 9 || k[1] != 0.0 {
-                return Err(wrong(format!("`{m}` must be a 3x3 camera matrix without skew")));
+            // Scaled or turned on its side it would be read as another camera.
+            if k.len() != 9 || [k[1], k[3], k[6], k[7]] != [0.0; 4] || k[8] != 1.0 {
+                return Err(wrong(format!("`{m}` is {k:?}; allowed: fx 0 cx, 0 fy cy, 0 0 1, a camera matrix without skew, row by row")));
             }
             if list.len() > 5 && list[5..].iter().any(|v| *v != 0.0) {
                 return Err(wrong(format!("`{d}` has {} terms; allowed: k1 k2 p1 p2 k3", list.len())));
@@ -172,6 +188,9 @@ impl StereoRig {
             .or_else(|| sequence(&text, "image_size"))
             .filter(|s| s.len() == 2)
             .ok_or_else(|| wrong("no `image_size: [ width, height ]`".into()))?;
+        if size.iter().any(|s| s.fract() != 0.0 || *s < 1.0) {
+            return Err(wrong(format!("`image_size` is {size:?}; allowed: whole numbers of pixels, 1 or more")));
+        }
         let rig = StereoRig {
             image_size: [size[0] as usize, size[1] as usize],
             left,
@@ -209,6 +228,25 @@ struct Measuring {
 #[derive(Deserialize)]
 struct Volume {
     reference_points_m: Option<serde_json::Value>,
+}
+
+/// What is wrong with the covariance of both cameras' parameters, as a message shows it.
+fn covariance_fault(covariance: &serde_json::Value) -> Option<String> {
+    let Some(rows) = covariance.get("matrix").and_then(|m| serde_json::from_value::<Vec<Vec<f64>>>(m.clone()).ok()) else {
+        return Some("no matrix of numbers".to_owned());
+    };
+    if let Some(odd) = rows.iter().map(Vec::len).chain([rows.len()]).find(|n| *n != SHARED) {
+        return Some(format!("a matrix with {odd} rows or columns"));
+    }
+    // The variances first: the rest is measured by them.
+    let mut pairs = (0..SHARED).map(|i| (i, i)).chain((0..SHARED).flat_map(|i| (0..SHARED).map(move |j| (i, j))));
+    pairs.find_map(|(i, j)| {
+        let most = (rows[i][i] * rows[j][j]).sqrt();
+        // Not a number where a variance is below 0.
+        let sound = rows[i][j].abs() <= most * (1.0 + ROUNDING) && (rows[i][j] - rows[j][i]).abs() <= most * ROUNDING && rows[i][i] >= 0.0;
+        (!sound)
+            .then(|| format!("{:e} in row {}, column {} ({:e} across, variances {:e} and {:e})", rows[i][j], i + 1, j + 1, rows[j][i], rows[i][i], rows[j][j]))
+    })
 }
 
 fn read_limited(path: &Path) -> Result<String, CalibrationError> {
@@ -279,7 +317,9 @@ mod tests {
         let (json, yml) = (folder.path().join("calibration.json"), folder.path().join("calibration.yml"));
         rig().write(&json).expect("written");
         assert_eq!(StereoRig::read(&json).expect("read"), rig());
-        let (covariance, volume) = (serde_json::json!({ "matrix": [[1.0]] }), serde_json::json!({ "reference_points_m": [[1.0, 2.0, 3.0]] }));
+        let one = nalgebra::DMatrix::<f64>::identity(SHARED, SHARED);
+        let rows: Vec<Vec<f64>> = one.row_iter().map(|row| row.iter().copied().collect()).collect();
+        let (covariance, volume) = (serde_json::json!({ "matrix": rows }), serde_json::json!({ "reference_points_m": [[1.0, 2.0, 3.0]] }));
         let needed: std::collections::BTreeMap<_, _> = [("covariance".to_owned(), covariance), ("volume".to_owned(), volume)].into();
         let reported = needed.clone().into_iter().chain([("boards".to_owned(), serde_json::json!([1, 2]))]).collect();
         StereoRig { more: reported, ..rig() }.write(&json).expect("written");
@@ -323,12 +363,61 @@ mod tests {
         assert!(told.contains("cameras.yml") && told.contains("`M1` is \"[ .Nan, 0.0,") && told.contains("finite numbers"), "{told}");
         let told = message(whole.replace("M2:", "K2:"));
         assert!(told.contains("no matrix `M2`; needed:"), "{told}");
+        let told = message(whole.replace("image_size: [ 512, 512 ]", "image_size: [ 512.5, -1 ]"));
+        assert!(told.contains("`image_size` is [512.5, -1.0]; allowed: whole numbers"), "{told}");
+    }
+
+    #[test]
+    fn fails_a_camera_matrix_scaled_or_by_columns() {
+        let folder = tempfile::tempdir().expect("folder");
+        let file = folder.path().join("cameras.yml");
+        let of = |k: [f64; 9]| {
+            let head = "M1: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n   data: ";
+            let whole = rig().to_opencv_yaml();
+            let (before, after) = whole.split_once(head).expect("has M1");
+            let after = after.split_once(']').expect("ends").1;
+            std::fs::write(&file, format!("{before}{head}{k:?}{after}")).expect("written");
+            StereoRig::read_opencv_yaml(&file).map(|rig| rig.left.cx).map_err(|e| e.to_string())
+        };
+        assert_eq!(of([3000.0, 0.0, 250.25, 0.0, 2998.5, 260.0, 0.0, 0.0, 1.0]), Ok(250.25));
+        for k in [[3000.0, 0.0, 0.0, 0.0, 2998.5, 0.0, 250.25, 260.0, 1.0], [6000.0, 0.0, 500.5, 0.0, 5997.0, 520.0, 0.0, 0.0, 2.0]] {
+            assert!(of(k).is_err_and(|e| e.contains("`M1` is [") && e.contains("row by row")), "{k:?}");
+        }
+    }
+
+    #[test]
+    fn fails_a_covariance_that_is_none() {
+        let rows = |spoil: fn(&mut Vec<Vec<f64>>)| {
+            let mut rows: Vec<Vec<f64>> = (0..SHARED).map(|i| (0..SHARED).map(|j| f64::from(i32::from(i == j))).collect()).collect();
+            spoil(&mut rows);
+            serde_json::json!({ "matrix": rows })
+        };
+        let check = |covariance: serde_json::Value| {
+            let more = [("covariance".to_owned(), covariance)].into();
+            StereoRig { more, ..rig() }.check(Path::new("calibration.json")).map_err(|e| e.to_string())
+        };
+        for sound in [rows(|_| {}), rows(|c| c[23][23] = 0.0), rows(|c| (c[3][5], c[5][3]) = (0.9, 0.9)), serde_json::Value::Null] {
+            assert_eq!(check(sound), Ok(()));
+        }
+        let spoilt: [(fn(&mut Vec<Vec<f64>>), &str); 6] = [
+            (|c| c[2][2] = -1.0, "variances -1e0"),
+            (|c| c[5][9] = 0.5, "5e-1 in row 6, column 10 (0e0 across"),
+            (|c| (c[3][5], c[5][3]) = (1.1, 1.1), "1.1e0 in row 4, column 6"),
+            (|c| c.truncate(3), "3 rows or columns"),
+            (|c| c[7].truncate(2), "2 rows or columns"),
+            (|c| c[7][7] = f64::NAN, "no matrix of numbers"),
+        ];
+        for (spoil, told) in spoilt {
+            let message = check(rows(spoil)).expect_err(told);
+            assert!(message.contains("`covariance.matrix` is ") && message.contains(told), "{told}: {message}");
+        }
+        assert!(check(serde_json::json!("x")).is_err());
     }
 
     #[test]
     fn fails_numbers_no_camera_can_have() {
         let path = Path::new("calibration.json");
-        let cases: [fn(&mut StereoRig); 8] = [
+        let cases: [fn(&mut StereoRig); 10] = [
             |r| r.left.fx = -1.0,
             |r| r.right.cx = f64::NAN,
             |r| r.left.cy = 1e300,
@@ -337,6 +426,8 @@ mod tests {
             |r| r.t = [0.0; 3],
             |r| r.t = [-3000.0, 0.0, 0.0],
             |r| r.image_size = [0, 5],
+            |r| r.global_from_left.t = [1e300, 0.0, 0.0],
+            |r| r.global_from_left.sd = [("t_m".to_owned(), [0.001, -0.001, 0.001])].into(),
         ];
         for spoil in cases {
             let mut bad = rig();

@@ -32,6 +32,8 @@ pub enum FootageError {
     Truncated { path: PathBuf, format: &'static str, what: String },
     #[error("{path}: the {format} picture is damaged ({what}); copy it again from the camera", path = .path.display())]
     Damaged { path: PathBuf, format: &'static str, what: String },
+    #[error("{path}: a kind of {format} picture that is not read ({what}); allowed: grey or colour of up to 16 whole bits a channel; save it as such", path = .path.display())]
+    Unsupported { path: PathBuf, format: &'static str, what: String },
     #[error("{path}: no number in the file name; frames are paired by the last digits of their names, so name it like frame_0012.bmp or move it away", path = .path.display())]
     NoNumber { path: PathBuf },
     #[error("{path}: the number in the file name is too long; allowed: up to {}", u64::MAX, path = .path.display())]
@@ -136,6 +138,8 @@ fn decode(bytes: &[u8], path: &Path) -> Result<Decoded, FootageError> {
         image::ImageError::Limits(_) => {
             FootageError::Damaged { path: path.into(), format: format_name, what: "it asks for more memory than any camera picture".into() }
         }
+        // Whole as it may be: another copy from the camera would not be read either.
+        image::ImageError::Unsupported(_) => FootageError::Unsupported { path: path.into(), format: format_name, what: e.to_string() },
         _ if e.to_string().to_lowercase().contains("eof") => truncated(path, format_name, "the file ends early"),
         _ => FootageError::Damaged { path: path.into(), format: format_name, what: e.to_string() },
     };
@@ -308,6 +312,15 @@ mod tests {
         bytes[22..26].copy_from_slice(&1_000_000_000i32.to_le_bytes());
         let e = decode(&bytes, Path::new("huge.bmp")).expect_err("too large");
         assert!(matches!(e, FootageError::Size { .. } | FootageError::Damaged { .. }), "{e}");
+    }
+
+    #[test]
+    fn fails_a_kind_of_picture_that_is_not_read_without_blaming_the_copy() {
+        let (mut bytes, _) = encoded(ImageFormat::Bmp);
+        // A JPEG picture in a bitmap's clothes.
+        bytes[30..34].copy_from_slice(&4u32.to_le_bytes());
+        let e = decode(&bytes, Path::new("a_1.bmp")).expect_err("not read").to_string();
+        assert!(e.starts_with("a_1.bmp: a kind of BMP picture that is not read (") && e.contains("save it as such") && !e.contains("copy it again"), "{e}");
     }
 
     #[test]

@@ -129,7 +129,8 @@ fn inputs(session: &Session, import: Option<&Path>) -> Result<Provenance, CliErr
     let boards: &[&str] = if import.is_some() { &[] } else { &["left", "right"] };
     for &camera in boards {
         for path in pictures(&session.board.images, camera)?.values() {
-            let hash = crate::provenance::sha256_file(path).map_err(CliError::input)?;
+            // One that cannot be read is told with its pair: the others need none of it.
+            let Ok(hash) = crate::provenance::sha256_file(path) else { continue };
             provenance.inputs.insert(format!("calib/{camera}/{}", path.file_name().unwrap_or_default().to_string_lossy()), hash);
         }
     }

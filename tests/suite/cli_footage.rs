@@ -76,6 +76,19 @@ fn cli_a_calibration_picture_of_another_size_is_left_out_with_its_reason() {
     refused(&["calibrate", &place], &["both cameras must give pictures of one size"]);
 }
 
+/// What cannot be read costs its own pair.
+#[cfg(target_os = "linux")]
+#[test]
+fn cli_a_calibration_picture_that_the_disk_does_not_give_is_left_out_with_its_reason() {
+    let (_keep, session, _) = sample(0);
+    let lost = picture(&session.join("calib/left"), 1);
+    std::fs::remove_file(&lost).unwrap();
+    // A file that is there and whose first byte cannot be had, as on a broken disk.
+    std::os::unix::fs::symlink("/proc/self/mem", &lost).unwrap();
+    let output = sweetspot(&["calibrate", &text(&session)]);
+    assert!(output.status.code() == Some(0) && said(&output).contains(&format!("{}: cannot be read", text(&lost))), "{}", said(&output));
+}
+
 #[test]
 fn cli_an_axes_frame_that_is_not_seen_leaves_the_boards_calibration() {
     let (_keep, session, _) = sample(0);

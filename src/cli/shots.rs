@@ -3,7 +3,7 @@
 use super::Shell;
 use super::error::{CliError, Kind};
 use super::set_aside::{listed, set_aside, set_judgements_aside, set_session_aside};
-use super::tracked_session::{TrackedSession, refuse_no_folder};
+use super::tracked_session::{TrackedSession, refuse_no_place};
 use crate::impact_table::{ImpactRow, ImpactTable};
 use crate::kinematics::{
     BalanceSeen, GroupStatistic, RiseInterval, SHOT_FILE, Shot, ShotInput, ShotRecord, ShotSpin, SpinComponent, SpinVector, measure_shot, mismatch_remark,
@@ -225,7 +225,7 @@ const DOUBT_COLUMN: &str = "in_doubt";
 
 fn one_shot(tracked: &TrackedSession, folder: &ShotFolder, arguments: &Arguments, shell: &Shell) -> Result<ShotRecord, CliError> {
     let place = tracked.place(folder);
-    refuse_no_folder(&place).map_err(CliError::input)?;
+    refuse_no_place(&place).map_err(CliError::input)?;
     let (tracks_file, spin_file, shot_file) = (place.join("tracks.csv"), place.join(SPIN_FILE), place.join(SHOT_FILE));
     if !tracks_file.exists() {
         return Err(CliError::input(format!("{}: no tracks; run `sweetspot track` first", tracks_file.display())));

@@ -3,7 +3,7 @@
 use super::Shell;
 use super::error::CliError;
 use super::set_aside::{listed, remove_if_there, set_all_aside, set_aside};
-use super::tracked_session::{refuse_no_folder, rig_to_measure_with, warn_of_old_calibration};
+use super::tracked_session::{refuse_no_place, rig_to_measure_with, warn_of_old_calibration};
 use crate::calibration::{CameraId, StereoRig};
 use crate::footage::{Clip, FrameBuffer, FrameSource, Rows};
 use crate::kinematics::{SHOT_FILE, ShotRecord};
@@ -236,7 +236,7 @@ fn one(
     folder: &Path,
     (shell, bar, said): (&Shell, &ProgressBar, &mut Said),
 ) -> Result<ShotSummary, Failure> {
-    refuse_no_folder(folder)?;
+    refuse_no_place(folder)?;
     let provenance = LazyLock::new(|| provenance(session, shot, rig.1, &clip));
     if !shell.args.force {
         let record = TrackRecord::read(folder);

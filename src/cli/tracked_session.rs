@@ -4,10 +4,11 @@ use super::Shell;
 use super::error::CliError;
 use crate::calibration::{CalibrationError, StereoRig};
 use crate::equipment::Racket;
-use crate::kinematics::{AirSeen, BalanceSeen, MeasureSettings, ShotMotion, TapeErrors, evenly, measure_motion};
+use crate::kinematics::{AirSeen, BalanceSeen, MeasureSettings, SHOT_FILE, ShotMotion, TapeErrors, evenly, measure_motion};
 use crate::provenance::sha256_file;
 use crate::session::{Session, ShotFolder};
-use crate::tracking::{RacketFigure, Throat, TrackRecord, TrackingError, Tracks};
+use crate::tracking::spin::SPIN_FILE;
+use crate::tracking::{RacketFigure, TRACK_FILE, Throat, TrackRecord, TrackingError, Tracks};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -41,9 +42,19 @@ fn hinted(e: CalibrationError) -> CliError {
     CliError::from(e).hint("run `sweetspot calibrate SESSION` first; with --force it writes the file anew")
 }
 
-/// Refuses what stands where a shot's folder of results belongs and is no folder: that shot has no place, the others have theirs.
-pub fn refuse_no_folder(place: &Path) -> Result<(), TrackingError> {
-    if std::fs::symlink_metadata(place).is_ok() && !place.is_dir() { Err(TrackingError::NoPlace { path: place.to_path_buf() }) } else { Ok(()) }
+/// Refuses what stands where a shot's folder of results belongs and is no folder, or where a file in it belongs and is none (a folder, a pipe): that shot
+/// has no place, the others have theirs.
+pub fn refuse_no_place(place: &Path) -> Result<(), TrackingError> {
+    let Ok(folder) = std::fs::symlink_metadata(place) else { return Ok(()) };
+    if !folder.is_dir() && !place.is_dir() {
+        return Err(TrackingError::NoPlace { path: place.to_path_buf() });
+    }
+    // A link is replaced, whatever it leads to. Tracks may be somebody's work, and are read first.
+    let taken = |path: &PathBuf| std::fs::symlink_metadata(path).is_ok_and(|m| !m.is_file() && !m.is_symlink());
+    match ["points.csv", SPIN_FILE, TRACK_FILE, SHOT_FILE].map(|name| place.join(name)).into_iter().find(taken) {
+        Some(path) => Err(TrackingError::NoFile { path }),
+        None => Ok(()),
+    }
 }
 
 /// Shots per racket that are asked what all share.

@@ -47,6 +47,8 @@ pub enum TrackingError {
     Exchanged { found: String },
     #[error("{path}: is no folder, and the shot's results belong into one of this name; move it away", path = .path.display())]
     NoPlace { path: PathBuf },
+    #[error("{path}: is no file, and one of the shot's results belongs there; move it away", path = .path.display())]
+    NoFile { path: PathBuf },
     #[error("{path}: cannot be read ({source}), and may hold points corrected by hand; make it readable, or move it away", path = .path.display())]
     Earlier { path: PathBuf, source: std::io::Error },
     #[error("interrupted")]

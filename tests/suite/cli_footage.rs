@@ -304,6 +304,11 @@ fn cli_a_shot_whose_results_have_no_place_fails_and_the_others_go_on() {
     assert!(told.contains("tracks.csv: cannot be read") && told.contains("make it readable, or move it away"), "{told}");
     assert!(results.join(&ids[2]).join("shot.json").exists());
     assert_eq!(std::fs::read_to_string(results.join(&ids[0])).unwrap(), "no folder");
+    std::fs::remove_dir(results.join(&ids[1]).join("tracks.csv")).unwrap();
+    std::fs::create_dir(results.join(&ids[1]).join("points.csv")).unwrap();
+    let told = said(&sweetspot(&["track", &place, "--force", "--no-spin"]));
+    assert!(told.contains("points.csv: is no file") && told.contains(&format!("{}: ", ids[2])), "{told}");
+    assert!(results.join(&ids[2]).join("tracks.csv").exists());
 }
 
 /// Shots that are tracked at the same time, the first of them refused at once: what is said, and written, is as if they had come one by one.

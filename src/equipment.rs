@@ -4,7 +4,7 @@
 //! stringbed centre, x toward the handle, y from marker 2 to marker 3, z = x × y. Body coordinates have the same
 //! directions and their origin at the centre of mass (physics: `x_COM = stringbed_centre − balance` in local axes).
 
-use crate::limited_file::{LARGEST_TEXT, read_text};
+use crate::limited_file::{LARGEST_TEXT, parser_words, read_text};
 use crate::quantity::as_written;
 use nalgebra::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -290,7 +290,7 @@ pub fn read_all<T: Named>(paths: &[PathBuf], read: impl Fn(&Path) -> Result<T, E
 
 fn read_toml<T: for<'de> Deserialize<'de>>(path: &Path) -> Result<T, EquipmentError> {
     let text = read_text(path, LARGEST_TEXT).map_err(|source| EquipmentError::Unreadable { path: path.into(), source })?;
-    toml::from_str(&text).map_err(|e| EquipmentError::Toml { path: path.into(), message: e.to_string() })
+    toml::from_str(&text).map_err(|e| EquipmentError::Toml { path: path.into(), message: parser_words(&e) })
 }
 
 fn in_range(path: &Path, key: &str, seen: f64, lo: f64, hi: f64) -> Result<(), EquipmentError> {

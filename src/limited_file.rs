@@ -9,6 +9,9 @@ pub const LARGEST_TEXT: u64 = 64 << 20;
 /// Largest table, and largest result read back, bytes.
 pub const LARGEST_TABLE: u64 = 1 << 30;
 
+/// Most characters shown of a line of a file.
+const LONGEST_LINE: usize = 200;
+
 /// A file that ends in an error where it is larger than it may be.
 pub struct LimitedFile {
     file: BufReader<File>,
@@ -33,6 +36,7 @@ impl LimitedFile {
     }
 }
 
+/// Whether a pipe stands under this name.
 #[cfg(unix)]
 pub fn is_pipe(path: &Path) -> bool {
     use std::os::unix::fs::FileTypeExt;
@@ -121,9 +125,22 @@ pub fn read_text(path: &Path, most: u64) -> io::Result<String> {
     Ok(text)
 }
 
+/// A parser's message as part of another: without the line's end after it, and of a file that is one endless line only as much as anybody reads.
+pub fn parser_words(e: &dyn std::fmt::Display) -> String {
+    let shown = |line: &str| line.chars().take(LONGEST_LINE).collect::<String>();
+    e.to_string().trim_end().lines().map(shown).collect::<Vec<_>>().join("\n")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn law_a_parsers_message_is_short_and_ends_with_a_word() {
+        let e = toml::from_str::<toml::Table>(&format!("a = {}", "[".repeat(100_000))).expect_err("too deep");
+        let words = parser_words(&e);
+        assert!(words.len() < 1000 && words.starts_with("TOML parse error at line 1") && !words.ends_with('\n'), "{words}");
+    }
 
     #[test]
     fn law_lines_end_alike_whatever_system_wrote_them() {

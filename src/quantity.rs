@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 /// Turns a minute in a radian a second.
 pub const RPM: f64 = 60.0 / std::f64::consts::TAU;
 
-/// A number as one would write it by hand, not with hundreds of zeros.
+/// A number as one would write it by hand, for a message: 5e-324 and 1e308 not in three hundred digits.
 pub fn as_written(value: f64) -> String {
     if value == 0.0 || (1e-7..1e7).contains(&value.abs()) { format!("{value}") } else { format!("{value:e}") }
 }
@@ -29,11 +29,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn law_no_number_is_written_with_hundreds_of_zeros() {
-        let usual = [(-0.34, "-0.34"), (0.0, "0"), (500.0, "500")];
-        let odd = [(1e308, "1e308"), (-5e-324, "-5e-324"), (f64::NAN, "NaN"), (f64::INFINITY, "inf")];
-        for (value, text) in usual.into_iter().chain(odd) {
-            assert_eq!(as_written(value), text);
-        }
+    fn truth_a_number_in_a_message_is_short() {
+        let shown = [0.0, -0.0579, 16.0, 5e-324, 1e308, f64::NAN, f64::NEG_INFINITY].map(as_written);
+        assert_eq!(shown, ["0", "-0.0579", "16", "5e-324", "1e308", "NaN", "-inf"]);
     }
 }

@@ -5,7 +5,8 @@
 
 use crate::equipment::{Ball, EquipmentError, Named, Racket, read_all};
 use crate::impact_table::{LONGEST_NAME, is_own_column};
-use crate::limited_file::{LARGEST_TEXT, read_text};
+use crate::limited_file::{LARGEST_TEXT, parser_words, read_text};
+use crate::quantity::as_written;
 use serde::Deserialize;
 use std::ffi::OsString;
 use std::path::{Component, Path, PathBuf};
@@ -163,29 +164,24 @@ impl Session {
     pub fn open(root: &Path) -> Result<Self, SessionError> {
         let file = root.join("session.toml");
         let text = read_text(&file, LARGEST_TEXT).map_err(|source| SessionError::Unreadable { path: file.clone(), source })?;
-        let table: SessionFile = toml::from_str(&text).map_err(|e| SessionError::Toml { path: file.clone(), message: e.to_string() })?;
+        let table: SessionFile = toml::from_str(&text).map_err(|e| SessionError::Toml { path: file.clone(), message: parser_words(&e) })?;
         let check = |ok: bool, key: &'static str, seen: String, allowed: &'static str| {
             if ok { Ok(()) } else { Err(SessionError::Value { path: file.clone(), key, seen, allowed }) }
         };
-        check(
-            table.frame_rate_hz.is_finite() && table.frame_rate_hz > 0.0 && table.frame_rate_hz <= 1e7,
-            "frame_rate_hz",
-            table.frame_rate_hz.to_string(),
-            "above 0, up to 1e7",
-        )?;
-        check(table.exposure_s >= 0.0 && table.exposure_s * table.frame_rate_hz <= 1.0, "exposure_s", table.exposure_s.to_string(), "0 to one frame period")?;
+        check((1.0..=1e7).contains(&table.frame_rate_hz), "frame_rate_hz", as_written(table.frame_rate_hz), "pictures a second, 1 to 1e7")?;
+        check(table.exposure_s >= 0.0 && table.exposure_s * table.frame_rate_hz <= 1.0, "exposure_s", as_written(table.exposure_s), "0 to one frame period")?;
         let c = &table.calibration;
         check((3..=100).contains(&c.board_columns), "calibration.board_columns", c.board_columns.to_string(), "3 to 100 inner corners")?;
         check((3..=100).contains(&c.board_rows), "calibration.board_rows", c.board_rows.to_string(), "3 to 100 inner corners")?;
-        check(c.square_m.is_finite() && c.square_m > 0.0 && c.square_m < 10.0, "calibration.square_m", c.square_m.to_string(), "above 0, below 10 m")?;
+        check(c.square_m.is_finite() && c.square_m > 0.0 && c.square_m < 10.0, "calibration.square_m", as_written(c.square_m), "above 0, below 10 m")?;
         if let Some(a) = &table.axes {
             for (key, v) in [("axes.arm_u_m", a.arm_u_m), ("axes.arm_w_m", a.arm_w_m)] {
-                check(v.is_finite() && v > 0.0 && v < 100.0, key, v.to_string(), "above 0, below 100 m")?;
+                check(v.is_finite() && v > 0.0 && v < 100.0, key, as_written(v), "above 0, below 100 m")?;
             }
             check(
                 (a.arm_u_m - a.arm_w_m).abs() > 0.01 * a.arm_u_m.max(a.arm_w_m),
                 "axes.arm_w_m",
-                a.arm_w_m.to_string(),
+                as_written(a.arm_w_m),
                 "a length that differs from arm_u_m by more than 1 %, so that the arms tell themselves apart",
             )?;
         }
@@ -267,7 +263,7 @@ impl Session {
             ShotFile::default()
         } else {
             let text = read_text(&file, LARGEST_TEXT).map_err(|source| SessionError::UnreadableShot { path: file.clone(), source })?;
-            toml::from_str(&text).map_err(|e| SessionError::Toml { path: file.clone(), message: e.to_string() })?
+            toml::from_str(&text).map_err(|e| SessionError::Toml { path: file.clone(), message: parser_words(&e) })?
         };
         let racket = match &own.racket {
             Some(name) => named(&inside(&self.root, &file, "racket", name)?, &mut self.racket_files, Racket::read)?,
@@ -304,7 +300,7 @@ impl Session {
         };
         let impact_frame = own.impact_frame.map(frame_number).transpose()?;
         if let Some(torque) = own.grip_torque.filter(|t| !GRIP_TORQUES.contains(t)) {
-            return Err(SessionError::Value { path: file, key: "grip_torque", seen: torque.to_string(), allowed: "0 to 100 N m" });
+            return Err(SessionError::Value { path: file, key: "grip_torque", seen: as_written(torque), allowed: "0 to 100 N m" });
         }
         let groups = own.groups.iter().map(|(k, v)| (k.clone(), v.as_str().map_or_else(|| v.to_string(), str::to_owned))).collect();
         Ok(ShotFolder { id: id.to_owned(), order, path, racket, ball, impact_frame, note: own.note, grip_torque_n_m: own.grip_torque, groups })
@@ -436,6 +432,27 @@ mod tests {
         let why = |id: &str| session.broken_shots.iter().find(|(broken, _)| broken == id).map_or("", |(_, why)| why);
         assert!(why("a").contains("\" player\" begins or ends with a space") && why("b").contains("\"\""), "{:?}", session.broken_shots);
         assert!(why(" ").contains("rename it") && why("s1 ").contains("rename it") && why("d").contains("300 bytes"), "{:?}", session.broken_shots);
+    }
+
+    #[test]
+    fn fails_rates_at_which_no_camera_sees_an_impact() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let root = folder.path();
+        let sample = Path::new(env!("CARGO_MANIFEST_DIR")).join("footage-samples/session");
+        for file in ["racket.toml", "ball.toml"] {
+            std::fs::copy(sample.join(file), root.join(file)).expect("copied");
+        }
+        let settings = std::fs::read_to_string(sample.join("session.toml")).expect("read");
+        let line = settings.lines().find(|l| l.starts_with("frame_rate_hz")).expect("has a rate");
+        for (rate, seen) in [("1e-4", "0.0001"), ("5e-324", "5e-324"), ("inf", "inf"), ("nan", "NaN"), ("-1000.0", "-1000")] {
+            std::fs::write(root.join("session.toml"), settings.replace(line, &format!("frame_rate_hz = {rate}"))).expect("written");
+            let told = Session::open(root).expect_err("no rate").to_string();
+            assert!(told.contains(&format!("`frame_rate_hz` is {seen}; allowed: pictures a second, 1 to 1e7")), "{told}");
+        }
+        // More may be said after a parser's message.
+        std::fs::write(root.join("session.toml"), "name = nan").expect("written");
+        let told = Session::open(root).expect_err("no text").to_string();
+        assert!(told.contains("session.toml: ") && !told.ends_with('\n'), "{told:?}");
     }
 
     #[test]

@@ -7,7 +7,7 @@ use super::model::{Base, Model};
 use super::parameter::Parameter;
 use super::rigid::Sliding;
 use super::viscoelastic::{BallLaw, FrictionDirection, NormalForce, Release, StringLaw};
-use crate::limited_file::{LARGEST_TEXT, read_text};
+use crate::limited_file::{LARGEST_TEXT, parser_words, read_text};
 use crate::near_names::near_names;
 use crate::quantity::as_written;
 use std::path::Path;
@@ -237,7 +237,7 @@ pub(crate) fn read_parameter(path: &Path, item: &Item, parameter: &mut Parameter
 }
 
 fn parse_document(text: &str, path: &Path) -> Result<DocumentMut, ModelError> {
-    text.parse().map_err(|e: toml_edit::TomlError| ModelError::Toml { path: path.into(), message: e.to_string() })
+    text.parse().map_err(|e: toml_edit::TomlError| ModelError::Toml { path: path.into(), message: parser_words(&e) })
 }
 
 pub(crate) fn only_keys(path: &Path, place: &str, table: &dyn TableLike, known: &[&str]) -> Result<(), ModelError> {

@@ -83,7 +83,7 @@ pub fn track_shot(source: &impl FrameSource, setup: &ShotSetup, cancel: &AtomicB
 fn unseen(tracks: &Tracks) -> Vec<String> {
     let seen = |target: &Target| tracks.points.iter().any(|p| p.target == *target && p.point.is_some());
     let words = |target: Target| match target {
-        Target::Ball => "no ball was found; is it in the clip, and of the size in ball.toml?".to_owned(),
+        Target::Ball => "no ball was found; is it in the clip, of the size in ball.toml, and frame_rate_hz that of the recording?".to_owned(),
         marker => format!("{} was seen in no picture; is its tape on, and where racket.toml says?", marker.name()),
     };
     Target::ALL.into_iter().filter(|target| !seen(target)).map(words).collect()

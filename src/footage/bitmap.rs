@@ -153,6 +153,22 @@ fn layout(head: &[u8], length: u64) -> Option<Layout> {
     (grey_ramp && colours == 256 && whole).then_some(Layout { length, offset, width, height: height_px, stride, flipped: height > 0 })
 }
 
+/// Where the pixels begin, and where header and palette end, of a bitmap of any kind whose pixels begin within these: they would be read as pixels.
+pub fn pixels_within_header(head: &[u8]) -> Option<(u64, u64)> {
+    let u32_at = |i: usize| Some(u64::from(u32::from_le_bytes(head.get(i..i + 4)?.try_into().ok()?)));
+    let u16_at = |i: usize| Some(u64::from(u16::from_le_bytes(head.get(i..i + 2)?.try_into().ok()?)));
+    let (offset, header) = (u32_at(10)?, u32_at(14)?);
+    // The oldest header has sizes of two bytes, colours of three, and does not count them.
+    let (bits, colours, colour_bytes) = if header == 12 { (u16_at(24)?, 0, 3) } else { (u16_at(28)?, u32_at(46)?, 4) };
+    let palette = match bits {
+        1..=8 if colours == 0 => colour_bytes << bits,
+        1..=8 => colour_bytes * colours,
+        _ => 0,
+    };
+    let end = 14 + header + palette;
+    (offset < end).then_some((offset, end))
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::{GreyImage, read_grey};

@@ -1,5 +1,6 @@
 //! One picture read by content (BMP, PNG, TIFF, JPEG), and the numbered pictures of a folder.
 
+use super::bitmap::pixels_within_header;
 use image::{ColorType, ImageDecoder, ImageFormat, ImageReader, Limits};
 use std::io::{Cursor, Read};
 use std::path::{Path, PathBuf};
@@ -145,6 +146,12 @@ fn decode(bytes: &[u8], path: &Path) -> Result<Decoded, FootageError> {
     };
     if format == ImageFormat::Jpeg && !jpeg_is_whole(bytes) {
         return Err(truncated(path, format_name, "the end marker is missing"));
+    }
+    if format == ImageFormat::Bmp
+        && let Some((offset, end)) = pixels_within_header(bytes)
+    {
+        let what = format!("its pixels begin at byte {offset}, within its header and palette of {end}");
+        return Err(FootageError::Damaged { path: path.into(), format: format_name, what });
     }
     let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
     let mut limits = Limits::default();
@@ -312,6 +319,18 @@ mod tests {
         bytes[22..26].copy_from_slice(&1_000_000_000i32.to_le_bytes());
         let e = decode(&bytes, Path::new("huge.bmp")).expect_err("too large");
         assert!(matches!(e, FootageError::Size { .. } | FootageError::Damaged { .. }), "{e}");
+    }
+
+    #[test]
+    fn fails_a_bitmap_whose_header_would_be_read_as_pixels() {
+        let (bytes, _) = encoded(ImageFormat::Bmp);
+        let begin = u32::from_le_bytes(bytes[10..14].try_into().expect("four bytes"));
+        for (offset, sound) in [(begin, true), (begin - 4, false), (10, false), (0, false)] {
+            let mut bytes = bytes.clone();
+            bytes[10..14].copy_from_slice(&offset.to_le_bytes());
+            let read = decode(&bytes, Path::new("a_1.bmp")).map_err(|e| e.to_string());
+            assert!(if sound { read.is_ok() } else { read.is_err_and(|e| e.contains(&format!("its pixels begin at byte {offset}, within"))) }, "{offset}");
+        }
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! `track.json`: what became of a shot's pictures, and from what it was made.
 
 use super::{Flattening, InStep, PointState, PressedFrame, RacketFigure, ShotSetup, Throat, contact_frames};
-use crate::limited_file::{LARGEST_TABLE, read_text};
+use crate::limited_file::{LARGEST_TEXT, read_text};
 use crate::provenance::Provenance;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -78,7 +78,7 @@ impl ShotSummary {
 impl TrackRecord {
     /// What an earlier run wrote down in a shot's folder of results, if it did.
     pub fn read(folder: &Path) -> Option<Self> {
-        serde_json::from_str(&read_text(&folder.join(TRACK_FILE), LARGEST_TABLE).ok()?).ok()
+        serde_json::from_str(&read_text(&folder.join(TRACK_FILE), LARGEST_TEXT).ok()?).ok()
     }
 
     /// What tracking saw of the throat, where that can be.

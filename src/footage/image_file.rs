@@ -25,7 +25,7 @@ pub enum FootageError {
     Empty { path: PathBuf },
     #[error("{path}: {bytes} bytes; allowed: up to {MAX_BYTES}", path = .path.display())]
     FileTooLarge { path: PathBuf, bytes: u64 },
-    #[error("{path}: not a picture by its content (it begins with {begins:?}); allowed: BMP, PNG, TIFF, JPEG", path = .path.display())]
+    #[error("{path}: not a picture by its content (it begins with \"{begins}\"); allowed: BMP, PNG, TIFF, JPEG", path = .path.display())]
     UnknownFormat { path: PathBuf, begins: String },
     #[error("{path}: {width}x{height} px; allowed: 1 to {MAX_SIDE_PX} px a side and {MAX_PIXELS} px in all", path = .path.display())]
     Size { path: PathBuf, width: u32, height: u32 },
@@ -161,15 +161,17 @@ fn decode(bytes: &[u8], path: &Path) -> Result<Decoded, FootageError> {
     reader.limits(limits);
     let decoder = match reader.into_decoder() {
         Ok(decoder) => decoder,
-        Err(image::ImageError::Limits(_)) => {
-            // The limit error does not say the size; a second look at the header does.
-            let (width, height) = ImageReader::with_format(Cursor::new(bytes), format).into_dimensions().unwrap_or((0, 0));
-            return Err(FootageError::Size { path: path.into(), width, height });
+        Err(e @ image::ImageError::Limits(_)) => {
+            // The limit error does not say the size; a second look at the header does, unless something else is too large.
+            return Err(match ImageReader::with_format(Cursor::new(bytes), format).into_dimensions() {
+                Ok((width, height)) if !is_picture_size(width, height) => FootageError::Size { path: path.into(), width, height },
+                _ => failed(e),
+            });
         }
         Err(e) => return Err(failed(e)),
     };
     let (width, height) = decoder.dimensions();
-    if width == 0 || height == 0 || width > MAX_SIDE_PX || height > MAX_SIDE_PX || u64::from(width) * u64::from(height) > MAX_PIXELS {
+    if !is_picture_size(width, height) {
         return Err(FootageError::Size { path: path.into(), width, height });
     }
     let color = decoder.color_type();
@@ -180,6 +182,10 @@ fn decode(bytes: &[u8], path: &Path) -> Result<Decoded, FootageError> {
         _ if color.bytes_per_pixel() > color.channel_count() => Decoded::Deep { width, height, values: image.into_luma16().into_raw() },
         _ => Decoded::Grey(GreyImage { width, height, pixels: image.into_luma8().into_raw() }),
     })
+}
+
+fn is_picture_size(width: u32, height: u32) -> bool {
+    [width, height].iter().all(|side| (1..=MAX_SIDE_PX).contains(side)) && u64::from(width) * u64::from(height) <= MAX_PIXELS
 }
 
 /// The numbered pictures of a folder, sorted by number. The number is the last run of digits in the name.

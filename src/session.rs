@@ -173,10 +173,10 @@ impl Session {
         let c = &table.calibration;
         check((3..=100).contains(&c.board_columns), "calibration.board_columns", c.board_columns.to_string(), "3 to 100 inner corners")?;
         check((3..=100).contains(&c.board_rows), "calibration.board_rows", c.board_rows.to_string(), "3 to 100 inner corners")?;
-        check(c.square_m.is_finite() && c.square_m > 0.0 && c.square_m < 10.0, "calibration.square_m", as_written(c.square_m), "above 0, below 10 m")?;
+        check((1e-4..10.0).contains(&c.square_m), "calibration.square_m", as_written(c.square_m), "0.0001 m or more, below 10 m")?;
         if let Some(a) = &table.axes {
             for (key, v) in [("axes.arm_u_m", a.arm_u_m), ("axes.arm_w_m", a.arm_w_m)] {
-                check(v.is_finite() && v > 0.0 && v < 100.0, key, as_written(v), "above 0, below 100 m")?;
+                check((1e-3..100.0).contains(&v), key, as_written(v), "0.001 m or more, below 100 m")?;
             }
             check(
                 (a.arm_u_m - a.arm_w_m).abs() > 0.01 * a.arm_u_m.max(a.arm_w_m),
@@ -435,7 +435,7 @@ mod tests {
     }
 
     #[test]
-    fn fails_rates_at_which_no_camera_sees_an_impact() {
+    fn fails_rates_and_boards_with_which_no_camera_sees_an_impact() {
         let folder = tempfile::tempdir().expect("a folder");
         let root = folder.path();
         let sample = Path::new(env!("CARGO_MANIFEST_DIR")).join("footage-samples/session");
@@ -449,6 +449,9 @@ mod tests {
             let told = Session::open(root).expect_err("no rate").to_string();
             assert!(told.contains(&format!("`frame_rate_hz` is {seen}; allowed: pictures a second, 1 to 1e7")), "{told}");
         }
+        std::fs::write(root.join("session.toml"), settings.replace("square_m = ", "square_m = 1e-9 # ")).expect("written");
+        let told = Session::open(root).expect_err("no board").to_string();
+        assert!(told.contains("`calibration.square_m` is 1e-9; allowed: 0.0001 m or more"), "{told}");
         // More may be said after a parser's message.
         std::fs::write(root.join("session.toml"), "name = nan").expect("written");
         let told = Session::open(root).expect_err("no text").to_string();

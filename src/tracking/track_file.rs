@@ -3,11 +3,16 @@
 use crate::calibration::CameraId;
 use crate::footage::LARGEST_FRAME_NUMBER;
 use crate::limited_file::{LARGEST_TABLE, LimitedFile, TableFile};
+use crate::quantity::as_written;
 use nalgebra::{Point3, Vector2, Vector3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
+
+/// Furthest a point may lie from the first pixel, px: some pictures' widths beyond the largest picture's border. Deviations reach as far.
+const FURTHEST_PX: f64 = 1e5;
+const SDS_PX: std::ops::RangeInclusive<f64> = 1e-5..=FURTHEST_PX;
 
 #[derive(Debug, thiserror::Error)]
 pub enum TrackFileError {
@@ -101,8 +106,11 @@ impl Tracks {
                 (_, Some(u), Some(v)) => {
                     // A point clicked by hand rarely comes with its own deviation: half a pixel (thesis, chapter 3).
                     let sd = Vector2::new(row.u_sd.unwrap_or(0.5), row.v_sd.unwrap_or(0.5));
-                    if !(u.is_finite() && v.is_finite() && sd.x > 0.0 && sd.y > 0.0 && sd.norm().is_finite()) {
-                        return bad("u, v must be finite and their deviations above 0");
+                    if ![u, v].iter().all(|w| w.abs() <= FURTHEST_PX) {
+                        return Err(format!("u, v are {}, {}; allowed: up to 1e5 px either way", as_written(u), as_written(v)));
+                    }
+                    if !sd.iter().all(|s| SDS_PX.contains(s)) {
+                        return Err(format!("u_sd, v_sd are {}, {}; allowed: 1e-5 to 1e5 px", as_written(sd.x), as_written(sd.y)));
                     }
                     Some(ImagePoint { uv: Vector2::new(u, v), sd })
                 }
@@ -290,6 +298,10 @@ mod tests {
         let row = |frame: u64| format!("{frame},left,m1,1.0,2.0,0.1,0.1,measured\n");
         assert_eq!(read(&(row(8) + &row(7))), Ok(2));
         assert!(read(&(row(7) + &row(7))).is_err_and(|e| e.contains("frame 7 has two rows of left m1")));
+        for (written, told) in [("1.0", "u, v are 1e300, 2; allowed"), ("0.1,0.1", "u_sd, v_sd are 1e300, 1e300; allowed: 1e-5 to 1e5 px")] {
+            let wild = if written == "1.0" { "1e300" } else { "1e300,1e300" };
+            assert!(read(&row(7).replacen(written, wild, 1)).is_err_and(|e| e.contains("line 2: ") && e.contains(told)), "{told}");
+        }
         assert!(read(&row(u64::MAX)).is_err_and(|e| e.contains("line 2: frame 18446744073709551615; allowed: up to 9007199254740992")));
         std::fs::write(&path, "frame,t,target,x,y,z,x_sd,y_sd,z_sd,residual_px\n9,0,m2,0,0,0,1,1,1,0\n8,0,ball,0,0,0,1,1,1,0\n8,0,m1,0,0,0,1,1,1,0\n")
             .expect("written");

@@ -155,14 +155,21 @@ impl StereoRig {
             return Err(wrong("a FileStorage in XML; allowed: YAML (write it under a name that ends with .yml)".into()));
         }
         let matrix = |name: &str| {
-            opencv_matrix(&text, name).ok_or_else(|| {
+            let list = opencv_matrix(&text, name).ok_or_else(|| {
                 wrong(match entry(&text, name) {
                     Some((_, block)) => {
                         format!("`{name}` is {:?}; allowed: a matrix of finite numbers; write the file anew with the program it is from", shown(&block))
                     }
                     None => format!("no matrix `{name}`; needed: M1 D1 M2 D2 R T image_size"),
                 })
-            })
+            })?;
+            match entry(&text, name).and_then(|(_, block)| shape(&block)) {
+                Some([rows, columns]) if rows * columns != list.len() as f64 => Err(wrong(format!(
+                    "`{name}` has {} numbers for {rows:?} rows and {columns:?} columns; write the file anew with the program it is from",
+                    list.len()
+                ))),
+                _ => Ok(list),
+            }
         };
         let camera = |m: &str, d: &str| -> Result<Camera, CalibrationError> {
             let (k, list) = (matrix(m)?, matrix(d)?);
@@ -258,6 +265,12 @@ fn opencv_matrix(text: &str, name: &str) -> Option<Vec<f64>> {
     let (_, block) = entry(text, name)?;
     let data = block.split_once("data:")?.1;
     numbers(data)
+}
+
+/// How many rows and columns a matrix has, where its block says so.
+fn shape(block: &str) -> Option<[f64; 2]> {
+    let count = |key: &str| block.lines().find_map(|l| l.trim().strip_prefix(key))?.trim().parse().ok();
+    Some([count("rows:")?, count("cols:")?])
 }
 
 /// What stands in a block where numbers belong, for a message.
@@ -363,6 +376,8 @@ mod tests {
         assert!(told.contains("cameras.yml") && told.contains("`M1` is \"[ .Nan, 0.0,") && told.contains("finite numbers"), "{told}");
         let told = message(whole.replace("M2:", "K2:"));
         assert!(told.contains("no matrix `M2`; needed:"), "{told}");
+        let told = message(whole.replacen("rows: 3", "rows: 30", 1));
+        assert!(told.contains("`M1` has 9 numbers for 30.0 rows and 3.0 columns"), "{told}");
         let told = message(whole.replace("image_size: [ 512, 512 ]", "image_size: [ 512.5, -1 ]"));
         assert!(told.contains("`image_size` is [512.5, -1.0]; allowed: whole numbers"), "{told}");
     }

@@ -6,7 +6,7 @@
 
 use crate::limited_file::{LARGEST_TEXT, parser_words, read_text};
 use crate::quantity::as_written;
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Point3, Vector2, Vector3};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -47,6 +47,13 @@ pub struct Head {
     pub inner_width_m: f64,
     #[serde(default = "default_tube_radius_m")]
     pub tube_radius_m: f64,
+}
+
+impl Head {
+    /// Whether a place in the face, m along x and y from the stringbed's centre, lies inside the strings' ellipse.
+    pub fn is_strung_at(&self, place: &Vector2<f64>) -> bool {
+        (2.0 * place.x / self.inner_length_m).hypot(2.0 * place.y / self.inner_width_m) < 1.0
+    }
 }
 
 fn default_tube_radius_m() -> f64 {
@@ -304,6 +311,17 @@ fn refused(path: &Path, key: &str, seen: f64, allowed: String) -> EquipmentError
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn truth_the_strings_end_at_half_the_heads_inner_axes() {
+        let head = Head { inner_length_m: 0.335, inner_width_m: 0.255, tube_radius_m: 0.010 };
+        // At (0.6, 0.8) of the half axes 0.1675 and 0.1275 m the edge is reached, far inside their rectangle.
+        for (x, y, strung) in
+            [(0.0, 0.0, true), (0.167, 0.0, true), (-0.168, 0.0, false), (0.0, -0.127, true), (0.0, 0.128, false), (0.100, 0.101, true), (-0.101, 0.103, false)]
+        {
+            assert_eq!(head.is_strung_at(&Vector2::new(x, y)), strung, "{x}, {y}");
+        }
+    }
 
     #[test]
     fn fails_a_ball_with_its_decimal_point_astray() {

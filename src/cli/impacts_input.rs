@@ -51,10 +51,12 @@ pub(super) fn beyond_racket(table: &ImpactTable, set: &EquipmentSet) -> Option<S
     let past = |row: &ImpactRow| {
         let place = Vector2::new(row.get("impact_x")?.value, row.get("impact_y")?.value);
         let (r, b) = set.pick(row).ok()?;
-        let (racket, head) = (&set.rackets[r], &set.rackets[r].head);
+        let racket = &set.rackets[r];
         // Most lie on the strings, and their distance from the edge need not be known.
-        let outside = (2.0 * place.x / head.inner_length_m).hypot(2.0 * place.y / head.inner_width_m) > 1.0;
-        Some(past_racket(racket, &set.balls[b], &place)).filter(|past| outside && *past > BEYOND_M)
+        if racket.head.is_strung_at(&place) {
+            return None;
+        }
+        Some(past_racket(racket, &set.balls[b], &place)).filter(|past| *past > BEYOND_M)
     };
     let all: Vec<String> = table.rows.iter().filter_map(|row| Some(format!("{} by {:.0} mm", row.id, 1000.0 * past(row)?))).collect();
     let more = if all.len() > NAMED { format!(" and {} more", all.len() - NAMED) } else { String::new() };

@@ -15,8 +15,7 @@ pub(super) fn outside_strings(head: &Head, place: &Vector2<f64>) -> f64 {
         Vector2::new(a * angle.cos(), b * angle.sin())
     };
     let nearest = (0..POINTS).map(|k| (edge(k) - place).norm()).fold(f64::INFINITY, f64::min);
-    let inside = (place.x / a).powi(2) + (place.y / b).powi(2) < 1.0;
-    if inside { -nearest } else { nearest }
+    if head.is_strung_at(place) { -nearest } else { nearest }
 }
 
 /// By how much a ball whose centre is over the place passes the head, m; 0 or less where it touches it.

@@ -65,12 +65,11 @@ fn hidden_contact(seen: &[(f64, Point3<f64>)], radius_m: f64) -> Option<f64> {
 /// Numbers of the frames in which the ball is in contact: its centre, measured by both cameras, is nearer to the string plane
 /// than one radius, over the stringbed. Before and after them it flies freely; no track is smoothed across them.
 pub fn contact_frames(source: &impl FrameSource, setup: &ShotSetup, shot: &ShotTracks) -> Vec<u64> {
-    let (radius, head) = (setup.ball.radius_m(), &setup.racket.head);
+    let radius = setup.ball.radius_m();
     let touches = |i: &usize| {
         let (racket, ball) = (shot.racket.get(*i)?.as_ref()?, shot.ball.get(*i)?.as_ref()?);
         let local = racket.pose.global_from_racket.inverse() * ball.position;
-        let over_strings = (2.0 * local.x / head.inner_length_m).hypot(2.0 * local.y / head.inner_width_m) < 1.0;
-        (ball.stereo && over_strings && local.z.abs() < radius).then(|| source.number(*i))
+        (ball.stereo && setup.racket.head.is_strung_at(&local.xy().coords) && local.z.abs() < radius).then(|| source.number(*i))
     };
     (0..source.len()).filter_map(|i| touches(&i)).collect()
 }

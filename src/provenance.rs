@@ -161,6 +161,17 @@ fn refuse_pipe(path: &Path) -> io::Result<()> {
     Ok(())
 }
 
+/// Whether what stands under a name goes on there when it is written to. A terminal, a pipe or a device is written to, never replaced by a file; nor is a name
+/// by which the system lends one. Any other link is replaced: it may lead out of the folder.
+fn goes_on(path: &Path, there: &std::fs::Metadata) -> bool {
+    if there.is_symlink() { lent(path).is_some() } else { !there.is_file() && !there.is_dir() }
+}
+
+/// Whether [`write_atomically`] would put its file in the place of one that stands there.
+pub fn is_replaced(path: &Path) -> bool {
+    std::fs::symlink_metadata(path).is_ok_and(|there| !there.is_dir() && !goes_on(path, &there))
+}
+
 fn write_whole(path: &Path, bytes: &[u8], to_the_disk: bool) -> io::Result<()> {
     let named = |e: io::Error| io::Error::new(e.kind(), format!("{}: cannot be written ({e})", path.display()));
     // Opened a second time, a file behind such a name is written from its head on, over what it has.
@@ -170,10 +181,7 @@ fn write_whole(path: &Path, bytes: &[u8], to_the_disk: bool) -> io::Result<()> {
         Some(Lent::Stderr) => return whole(Box::new(io::stderr())),
         _ => {}
     }
-    // A terminal, a pipe or a device is written to, never replaced by a file; nor is a name by which the system lends one. Any other link is replaced:
-    // it may lead out of the folder.
-    let goes_on = |m: std::fs::Metadata| if m.is_symlink() { lent(path).is_some() } else { !m.is_file() && !m.is_dir() };
-    if std::fs::symlink_metadata(path).is_ok_and(goes_on) {
+    if std::fs::symlink_metadata(path).is_ok_and(|there| goes_on(path, &there)) {
         return std::fs::OpenOptions::new().write(true).open(path).and_then(|mut file| file.write_all(bytes)).map_err(named);
     }
     has_room(path)?;

@@ -1,6 +1,7 @@
 //! `sweetspot add`.
 
 use super::Shell;
+use super::earlier_output::Output;
 use super::error::CliError;
 use crate::impact::model_file::with_effect_added;
 use crate::impact::{Base, Model, ModelError, effect_card};
@@ -24,7 +25,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let unreadable = |e: std::io::Error| ModelError::Unreadable { path: arguments.model.clone(), message: e.to_string() };
     let text = read_text(&arguments.model, LARGEST_TEXT).map_err(unreadable)?;
     let changed = with_effect_added(&text, &arguments.effect, &arguments.model)?;
-    shell.write_given(&arguments.output, changed.as_bytes())?;
+    shell.write_output(&arguments.output, Output::Model, changed.as_bytes())?;
     let card = effect_card(&arguments.effect);
     shell.print_json(&serde_json::json!({ "model": arguments.output.to_string_lossy(), "added": card }))?;
     let free: Vec<&str> = card.iter().flat_map(|c| c.parameters).filter(|p| p.fit).map(|p| p.name).collect();

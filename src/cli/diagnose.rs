@@ -1,6 +1,7 @@
 //! `sweetspot diagnose`.
 
 use super::Shell;
+use super::earlier_output::Output;
 use super::error::CliError;
 use super::impacts_input::{DEFAULT_SEED, ImpactFiles, ImpactsInput, LedgerFile, Loaded, Version};
 use crate::impact::Model;
@@ -52,7 +53,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     shell.keep(input.files.measured());
     let output = arguments.output.clone().unwrap_or_else(|| auto_name(&input.files.model));
     if arguments.auto {
-        shell.may_write(&output)?;
+        shell.check_output(&output, Output::Model)?;
     }
     let loaded = input.load("diagnose")?;
     // A damaged one ends the command before it has written anything.
@@ -157,7 +158,7 @@ impl Story<'_> {
             shell.say(format_args!("\n--auto: adding a formula ({words})\n  held-out error {before:.3} -> {after:.3}"));
             text = self.keep(&walk, &text, "added a formula")?;
         }
-        shell.write_given(self.output, text.as_bytes())?;
+        shell.write_output(self.output, Output::Model, text.as_bytes())?;
         let staircase = self.file.ledger.path_to(&sha256_hex(text.as_bytes()), &self.loaded.data_hash);
         shell.say(format_args!("\n{}", ledger_text(&staircase).trim_end()));
         shell.say(format_args!("verdict now: {}; model: {} (every version: {})", walk.diagnosis.verdict, self.output.display(), self.file.path.display()));
@@ -179,8 +180,10 @@ impl Story<'_> {
     /// Writes the version that the walk has come to into a file of its own and notes it in the ledger under that name; its text.
     fn keep(&mut self, walk: &Walk, parent: &str, step: &str) -> Result<String, CliError> {
         self.versions.push(walk.comparison()?);
-        self.shell.write(&self.model_file(), walk.text.as_bytes())?;
-        self.shell.write_given(self.output, walk.text.as_bytes())?;
+        let version = self.model_file();
+        self.shell.check_output(&version, Output::Model)?;
+        self.shell.write(&version, walk.text.as_bytes())?;
+        self.shell.write_output(self.output, Output::Model, walk.text.as_bytes())?;
         self.note(&walk.text, Some(sha256_hex(parent.as_bytes())), Some(step), Vec::new())?;
         Ok(walk.text.clone())
     }

@@ -1,6 +1,7 @@
 //! `sweetspot fit`.
 
 use super::Shell;
+use super::earlier_output::Output;
 use super::error::CliError;
 use super::impacts_input::ImpactsInput;
 use crate::impact::model_file::with_values;
@@ -31,7 +32,7 @@ const TIED: f64 = 0.9;
 pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let input = &arguments.input;
     shell.keep(input.files.measured());
-    shell.may_write(&arguments.output)?;
+    shell.check_output(&arguments.output, Output::Model)?;
     let mut loaded = input.load("fit")?;
     loaded.observations.keeps_outliers = arguments.no_robust;
     let current = loaded.library.current();
@@ -56,7 +57,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     };
     let values: Vec<(String, f64)> = parameters.iter().map(|p| (p.name.clone(), p.value)).collect();
     let text = with_values(&loaded.model_text, &values, &input.files.model)?;
-    shell.write_given(&arguments.output, text.as_bytes())?;
+    shell.write_output(&arguments.output, Output::Model, text.as_bytes())?;
     for (p, old) in parameters.iter().zip(current.parameters()) {
         if p.undetermined {
             shell.say(format_args!(

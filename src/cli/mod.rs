@@ -3,6 +3,7 @@
 //! A command parses and checks everything, loads, makes one library call, writes (temporary file, then rename) and
 //! summarises on stderr; `--json` puts the result on stdout.
 
+mod earlier_output;
 pub mod error;
 mod impacts_input;
 mod plain_text;
@@ -12,6 +13,7 @@ mod threads;
 mod tracked_session;
 
 use clap::{Args, Parser};
+use earlier_output::{Output, refuse_another_kind};
 use error::CliError;
 use plain_text::plain;
 use std::io::{IsTerminal, Write};
@@ -157,22 +159,26 @@ impl Shell {
         Err(CliError::input(what).hint("name another file or folder for the result (-o, --out)"))
     }
 
-    /// Refuses a place for a result that [`Self::write`] would refuse: asked before the work, which may take long.
-    pub fn may_write(&self, path: &Path) -> Result<(), CliError> {
-        self.refuse_given(path)?;
-        crate::provenance::has_room(path).map_err(CliError::output)
-    }
-
     /// Writes a result whole or not at all.
     pub fn write(&self, path: &Path, bytes: &[u8]) -> Result<(), CliError> {
         self.refuse_given(path)?;
         crate::provenance::write_atomically(path, bytes).map_err(CliError::output)
     }
 
-    /// [`Self::write`] to a file that the user named (`-o`): a pipe is written to.
-    pub fn write_given(&self, path: &Path, bytes: &[u8]) -> Result<(), CliError> {
+    /// Refuses a name that is not free for such an output, or one that [`Self::write`] would refuse: asked before the work whose result it is for.
+    pub fn check_output(&self, path: &Path, output: Output) -> Result<(), CliError> {
         self.refuse_given(path)?;
-        crate::provenance::write_given(path, bytes).map_err(CliError::output)
+        crate::provenance::has_room(path).map_err(CliError::output)?;
+        refuse_another_kind(path, output)
+    }
+
+    /// [`Self::write`] where an earlier output of the kind may stand, and nothing else. A pipe that the user named is written to; they know who reads it.
+    pub fn write_output(&self, path: &Path, output: Output, bytes: &[u8]) -> Result<(), CliError> {
+        self.check_output(path, output)?;
+        match output {
+            Output::Predictions => self.write(path, bytes),
+            Output::Model | Output::Picture => crate::provenance::write_given(path, bytes).map_err(CliError::output),
+        }
     }
 
     /// [`Self::write`] without waiting for the disk ([`crate::provenance::write_soon`]).

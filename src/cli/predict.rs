@@ -1,6 +1,7 @@
 //! `sweetspot predict`.
 
 use super::Shell;
+use super::earlier_output::Output;
 use super::error::CliError;
 use super::impacts_input::{ImpactFiles, beyond_racket};
 use crate::equipment_set::EquipmentSet;
@@ -31,16 +32,16 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     // An impulse has no contact time.
     let timed = results.iter().flatten().any(|o| o.contact_time.is_some());
     let columns = if timed { &OUTPUTS[..] } else { &OUTPUTS[..OUTPUTS.len() - 1] };
-    shell.write(&path, predictions_csv(&rows, columns)?.as_bytes())?;
+    shell.write_output(&path, Output::Predictions, predictions_csv(&rows, columns)?.as_bytes())?;
     let mut failed: Vec<String> = results.iter().filter_map(|r| r.as_ref().err().map(ToString::to_string)).collect();
     let unpredicted = failed.len();
     if arguments.sensitivities {
         let derivatives = differentiate_table(&model, &set, &table)?;
         let rows: Vec<(&str, &Result<RowSensitivity, RowError>)> = table.rows.iter().map(|r| r.id.as_str()).zip(&derivatives).collect();
         let beside = shell.results_beside(impacts);
-        shell.write(&beside.join("sensitivities.csv"), sensitivities_csv(&rows, &model, columns)?.as_bytes())?;
+        shell.write_output(&beside.join("sensitivities.csv"), Output::Predictions, sensitivities_csv(&rows, &model, columns)?.as_bytes())?;
         let path = beside.join("predictions_sd.csv");
-        shell.write(&path, deviations_csv(&rows, columns)?.as_bytes())?;
+        shell.write_output(&path, Output::Predictions, deviations_csv(&rows, columns)?.as_bytes())?;
         shell.say(format_args!("derivatives and deviations: {}", path.display()));
         // Of an impact without prediction the reason is told already.
         let lost = results.iter().zip(&derivatives).filter(|(r, _)| r.is_ok()).filter_map(|(_, d)| d.as_ref().err());

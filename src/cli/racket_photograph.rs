@@ -1,6 +1,7 @@
 //! The part of `sweetspot racket` that measures markers from a photograph on a ruled sheet.
 
 use super::Shell;
+use super::earlier_output::Output;
 use super::error::CliError;
 use crate::equipment::Racket;
 use crate::footage::{GreyImage, read_grey};
@@ -49,6 +50,10 @@ pub fn measure_photograph(photograph: &Path, a: &PhotographArguments, racket: &R
     let height = a.camera_height.filter(|h| (0.2..=20.0).contains(h)).ok_or_else(|| {
         CliError::input(format!("--camera-height is {:?}; allowed: 0.2 to 20 m", a.camera_height)).hint("measure it from the sheet to the lens")
     })?;
+    if let Some(overlay) = &a.overlay {
+        shell.keep([photograph, path]);
+        shell.check_output(overlay, Output::Picture)?;
+    }
     let image = read_grey(photograph)?;
     let sheet = GridPhotograph::find(&image, a.square)?;
     shell.say(format_args!(
@@ -70,10 +75,9 @@ pub fn measure_photograph(photograph: &Path, a: &PhotographArguments, racket: &R
         }
     }
     if let Some(overlay) = &a.overlay {
-        shell.keep([photograph, path]);
         let mut bytes = std::io::Cursor::new(Vec::new());
         drawn(&image, &sheet, &places).write_to(&mut bytes, ImageFormat::Png).map_err(CliError::output)?;
-        shell.write_given(overlay, bytes.get_ref())?;
+        shell.write_output(overlay, Output::Picture, bytes.get_ref())?;
     }
     if a.write {
         let text = read_text(path, LARGEST_TEXT).map_err(|e| CliError::input(format!("{}: cannot be read ({e})", path.display())))?;

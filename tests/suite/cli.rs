@@ -355,6 +355,41 @@ fn cli_add_of_an_unknown_effect_names_the_nearest() {
     refused(&["add", "hand-mass", "--model", &model, "-o", &new], &["model.toml: effect `hand-mass` is in the model already"]);
 }
 
+#[test]
+fn fails_no_output_replaces_a_file_of_another_kind() {
+    let bench = Bench::new();
+    let at = |name: &str| text(&bench.path(name));
+    let add = |output: &str| ["add", "hand-mass", "--model", &at("model.toml"), "-o", &at(output)].map(str::to_owned);
+    for (file, kind) in
+        [("racket.toml", "a racket file"), ("ball.toml", "a ball file"), ("session.toml", "a session file"), ("impacts.csv", "an impacts table")]
+    {
+        let before = std::fs::read(bench.path(file)).unwrap();
+        refused(&add(file).each_ref().map(String::as_str), &[file, "is there already", kind, "allowed in its place: a model file", "try:"]);
+        assert_eq!(std::fs::read(bench.path(file)).unwrap(), before);
+    }
+    // An earlier output makes room, the model that was read too; so does a name with nothing under it.
+    bench.write("new.toml", "");
+    for output in ["new.toml", "new.toml", "model.toml"] {
+        let written = sweetspot(&add(output).each_ref().map(String::as_str));
+        assert!(written.status.success(), "{}", said(&written));
+    }
+    // Nothing that was given, and nothing of another kind, is lost to `fit`, `diagnose --auto` and `predict`.
+    bench.write("model.toml", MODEL);
+    bench.write("others.toml", RACKET);
+    for (command, output) in [("fit", "others.toml"), ("fit", "racket.toml"), ("diagnose", "others.toml")] {
+        let mut arguments: Vec<String> = bench.table(command).into_iter().map(|a| if a == at("fitted.toml") { at(output) } else { a }).collect();
+        if command == "diagnose" {
+            arguments.extend(["--auto".to_owned(), "-o".to_owned(), at(output)]);
+        }
+        let words = if output == "racket.toml" { "would replace it" } else { "is a racket file" };
+        refused(&arguments.iter().map(String::as_str).collect::<Vec<_>>(), &[output, words, "try:"]);
+        assert_eq!(std::fs::read_to_string(bench.path(output)).unwrap(), RACKET);
+    }
+    std::fs::create_dir(bench.path("out")).unwrap();
+    std::fs::copy(bench.path("impacts.csv"), bench.path("out/predictions.csv")).unwrap();
+    refused(&bench.table("predict").iter().map(String::as_str).collect::<Vec<_>>(), &["predictions.csv", "is an impacts table"]);
+}
+
 #[cfg(feature = "vision")]
 #[test]
 fn fails_text_and_cut_off_pictures_are_named() {

@@ -166,7 +166,15 @@ fn read_expression(path: &Path, model: &Model, name: &str, table: &dyn TableLike
         parameter.rescale_own();
         parameters.push(parameter);
     }
-    model.with_expression(name, &replaces, &expression, parameters)
+    let keys: Vec<String> = parameters.iter().map(|p| p.key().to_owned()).collect();
+    let model = model.with_expression(name, &replaces, &expression, parameters)?;
+    // A fit would leave it where it is, and its user would believe that it acts.
+    let own = model.effects().iter().find(|e| e.name == name).and_then(|e| e.expression.as_deref());
+    let idle = own.and_then(|own| keys.iter().enumerate().find(|(index, _)| !own.uses_parameter(*index)));
+    match idle {
+        Some((_, key)) => Err(wrong(key, "not in the expression".into(), "a parameter that it names; write it there, or take it out of the file")),
+        None => Ok(model),
+    }
 }
 
 fn read_parameters(path: &Path, model: &mut Model, table: &dyn TableLike, effect: Option<&str>, cards: &[ParameterCard]) -> Result<(), ModelError> {

@@ -150,6 +150,8 @@ fn fails_expressions_say_where() {
         ("expression = \"1\"", ["effects.mine.replaces", "missing"]),
         ("expression = \"k\"\nreplaces = \"restitution\"\nk = { value = 2.0, min = 3.0, max = 4.0 }", ["effects.mine.k.value", "3 to 4"]),
         ("expression = \"k\"\nreplaces = \"restitution\"\nk = \"a\"", ["effects.mine.k", "a number"]),
+        ("expression = \"restitution - k\"\nreplaces = \"restitution\"\nk = 0.1\nk2 = 0.2", ["`effects.mine.k2`", "not in the expression"]),
+        ("expression = \"column.k\"\nreplaces = \"restitution\"\nk = 0.1", ["`effects.mine.k`", "not in the expression"]),
         ("expression = \"1 +\"\nreplaces = \"restitution\"", ["ends", "1 +"]),
         ("expression = \"0.9 restitution\"\nreplaces = \"restitution\"", ["a product is written `a * b`", "      ^"]),
         ("expression = \"2 (restitution)\"\nreplaces = \"restitution\"", ["a product is written `a * b`", "    ^"]),

@@ -55,6 +55,11 @@ impl ExpressionEffect {
         self.expression.own_columns().iter().map(String::as_str)
     }
 
+    /// Whether its own parameter at this place, in the order given to [`Self::new`], stands in the expression.
+    pub(crate) fn uses_parameter(&self, index: usize) -> bool {
+        self.expression.uses_parameter(index)
+    }
+
     /// Whether it changes the bodies or the outcome, and not the contact itself.
     pub(crate) fn acts_around_contact(&self) -> bool {
         matches!(self.channel.access::<f64>(), Access::Body(..) | Access::Output(..))

@@ -111,6 +111,11 @@ impl Expression {
         self.uses_node
     }
 
+    /// Whether the value of its own parameter at this place is asked for anywhere.
+    pub(super) fn uses_parameter(&self, index: usize) -> bool {
+        self.program.iter().any(|op| matches!(op, Op::Parameter(own) if *own == index))
+    }
+
     /// The columns of a table that it asks for, beside the usual ones.
     pub fn own_columns(&self) -> &[String] {
         &self.own_columns

@@ -36,6 +36,18 @@ pub const BALANCE_M: (f64, f64) = (0.05, 1.5);
 pub const SWINGWEIGHT_KGM2: (f64, f64) = (1e-4, 0.5);
 pub const TWISTWEIGHT_KGM2: (f64, f64) = (1e-5, 0.1);
 
+/// Tension that a file may state, lb: looser strings hold no ball, and no machine pulls more.
+const TENSION_LB: (f64, f64) = (5.0, 100.0);
+/// Beyond it, lb (35 kg), hardly any racket is strung; a number of newtons may be.
+const TIGHT_LB: f64 = 77.0;
+/// Below it a number may well be one of kilograms, lb: of a tennis racket (40 to 65 lb, 18 to 30 kg), and of the light ones of other games, which are strung looser.
+const LOOSE_LB: f64 = 36.0;
+const LOOSE_OF_A_LIGHT_RACKET_LB: f64 = 15.0;
+/// Rackets of badminton and squash are lighter, those of tennis heavier, kg.
+const LIGHT_KG: f64 = 0.2;
+const LB_OF_A_KILOGRAM: f64 = 2.204_623;
+const LB_OF_A_NEWTON: f64 = 0.224_809;
+
 /// Mass of a ball over its volume: from balls of foam and large ones full of air (80 of table tennis, 90 of basketball) to solid ones (1100 of golf, 1700 of
 /// billiards), with room on both sides.
 const BALL_DENSITY_KG_M3: (f64, f64) = (20.0, 2500.0);
@@ -127,7 +139,7 @@ impl Racket {
         need("head.inner_length_m", self.head.inner_length_m, 0.05, self.length_m)?;
         need("head.inner_width_m", self.head.inner_width_m, 0.05, self.length_m)?;
         need("head.tube_radius_m", self.head.tube_radius_m, 0.0, 0.05)?;
-        need("strings.tension_lb", self.strings.tension_lb, 1.0, 120.0)?;
+        self.check_tension(path)?;
         let beyond = self.length_m - self.stringbed_centre_m - 0.5 * self.head.inner_length_m;
         if !(BEYOND_STRINGS_M.0..=BEYOND_STRINGS_M.1).contains(&beyond) {
             let allowed = format!(
@@ -138,6 +150,31 @@ impl Racket {
         }
         self.check_inertia(path)?;
         self.markers.as_ref().map_or(Ok(()), |markers| self.check_markers(markers, path))
+    }
+
+    fn check_tension(&self, path: &Path) -> Result<(), EquipmentError> {
+        let (key, seen, (least, most)) = ("strings.tension_lb", self.strings.tension_lb, TENSION_LB);
+        if (least..=most).contains(&seen) {
+            return Ok(());
+        }
+        let newtons = seen * LB_OF_A_NEWTON;
+        let meant = if (least..=most).contains(&newtons) { format!("; if {seen} is in newtons, write {newtons:.1}") } else { String::new() };
+        Err(refused(path, key, seen, format!("{least} to {most} lb (1 kg is 2.205 lb, 1 N 0.2248 lb){meant}")))
+    }
+
+    /// What makes one doubt that the tension is in lb, in words: for who takes the strings' stiffness from it. A loose tennis racket and one whose tension is in
+    /// kg have the same number, so that none is refused for it.
+    pub fn tension_doubt(&self) -> Option<String> {
+        let (lb, kg) = (self.strings.tension_lb, self.mass_kg);
+        let loose = if kg < LIGHT_KG { LOOSE_OF_A_LIGHT_RACKET_LB } else { LOOSE_LB };
+        let doubt = if lb < loose {
+            format!("loose strings for a racket of {kg} kg; if that is in kg, write {:.1}", lb * LB_OF_A_KILOGRAM)
+        } else if lb > TIGHT_LB {
+            format!("tighter than rackets are strung; if that is in newtons, write {:.1}", lb * LB_OF_A_NEWTON)
+        } else {
+            return None;
+        };
+        Some(format!("racket {:?}: `tension_lb` = {lb} are {doubt}", self.name))
     }
 
     fn check_inertia(&self, path: &Path) -> Result<(), EquipmentError> {
@@ -321,6 +358,37 @@ mod tests {
         {
             assert_eq!(head.is_strung_at(&Vector2::new(x, y)), strung, "{x}, {y}");
         }
+    }
+
+    #[test]
+    fn fails_a_tension_in_another_unit_is_told() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("racket.toml");
+        let racket = |mass: f64, tension: f64| {
+            let inertias = format!("swingweight_kgm2 = {}\ntwistweight_kgm2 = {}", 0.0956 * mass, 0.0044 * mass);
+            let text = format!(
+                "name = \"r\"\nmass_kg = {mass}\nlength_m = 0.685\nbalance_m = 0.33\nstringbed_centre_m = 0.4975\n{inertias}\n\
+                 head = {{ inner_length_m = 0.335, inner_width_m = 0.255 }}\nstrings = {{ tension_lb = {tension} }}\n"
+            );
+            std::fs::write(&path, text).expect("written");
+            Racket::read(&path)
+        };
+        // Tennis, 40 to 70 lb; badminton and squash, 16 to 35 lb.
+        for (mass, tension) in [(0.34, 40.0), (0.30, 70.0), (0.34, 36.0), (0.09, 24.0), (0.15, 16.0)] {
+            assert_eq!(racket(mass, tension).expect("a usual racket").tension_doubt(), None, "{mass} kg, {tension} lb");
+        }
+        // In kg, and in newtons of a badminton racket; a player's 25 lb have the number of 25 kg, and are taken.
+        for (mass, tension, meant) in [(0.34, 25.0, "in kg, write 55.1"), (0.09, 11.0, "in kg, write 24.3"), (0.09, 98.0, "in newtons, write 22.0")] {
+            let doubt = racket(mass, tension).expect("taken").tension_doubt().expect("doubted");
+            assert!(doubt.contains(meant), "{doubt}");
+        }
+        for (tension, told) in
+            [(245.0, "if 245 is in newtons, write 55.1"), (2.0, "allowed: 5 to 100 lb"), (600.0, "allowed: 5 to 100 lb"), (-5.0, "allowed: 5")]
+        {
+            let refused = racket(0.34, tension).expect_err("no tension").to_string();
+            assert!(refused.contains("`strings.tension_lb`") && refused.contains(told), "{refused}");
+        }
+        assert!(racket(0.34, f64::NAN).is_err());
     }
 
     #[test]

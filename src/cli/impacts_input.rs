@@ -2,6 +2,7 @@
 
 use super::Shell;
 use super::error::CliError;
+use crate::equipment::Racket;
 use crate::equipment_set::EquipmentSet;
 use crate::impact::{Base, Model};
 use crate::impact_table::{ImpactRow, ImpactTable, TableError, remarks};
@@ -70,6 +71,12 @@ pub(super) fn beyond_racket(table: &ImpactTable, set: &EquipmentSet) -> Option<S
     })
 }
 
+/// Rackets whose tension may be in another unit, where the model takes the stiffness of the strings from it.
+pub(super) fn doubtful_tensions(model: &Model, set: &EquipmentSet) -> Vec<String> {
+    let doubts = set.rackets.iter().filter(|_| model.takes_tension()).filter_map(Racket::tension_doubt);
+    doubts.map(|doubt| format!("{doubt}; the model takes the strings' stiffness from it")).collect()
+}
+
 /// Of the bootstrap, where none is given.
 pub const DEFAULT_SEED: u64 = 20_080_101;
 
@@ -131,7 +138,7 @@ impl ImpactsInput {
         }
         let options = TableOptions { group: self.group.clone(), own_columns: model.own_columns().into_iter().map(str::to_owned).collect() };
         let (library, mut observations) = ModelLibrary::on_table(&model, &equipment, &table, &options).map_err(|e| of_table(e, &files.impacts))?;
-        observations.notes.splice(0..0, remarks(&table).into_iter().chain(beyond_racket(&table, &equipment)));
+        observations.notes.splice(0..0, remarks(&table).into_iter().chain(beyond_racket(&table, &equipment)).chain(doubtful_tensions(&model, &equipment)));
         if timed {
             observations.notes.push("`contact_time` is left out: base \"rigid\" is an impulse and has none".to_owned());
         }

@@ -3,7 +3,7 @@
 use super::Shell;
 use super::earlier_output::Output;
 use super::error::CliError;
-use super::impacts_input::{ImpactFiles, beyond_racket};
+use super::impacts_input::{ImpactFiles, beyond_racket, doubtful_tensions};
 use crate::equipment_set::EquipmentSet;
 use crate::impact::batch::{LimitedLaws, RowError, RowSensitivity, differentiate_table, gained_energies, limited_laws, predict_table, without_spin};
 use crate::impact::{ImpactOutput, Model};
@@ -62,7 +62,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
             "file": path.to_string_lossy(),
         }))?;
     }
-    for remark in remarks(&table).into_iter().chain(beyond_racket(&table, &set)) {
+    for remark in remarks(&table).into_iter().chain(beyond_racket(&table, &set)).chain(doubtful_tensions(&model, &set)) {
         shell.say(remark);
     }
     if !spinless.is_empty() {

@@ -201,6 +201,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
         }
     }
     if let Some(r) = &file {
+        bench.remarks.extend(r.tension_doubt());
         let i = r.inertia_kg_m2();
         bench.racket = Some(Checked { name: r.name.clone(), inertia_x_kg_m2: i.x, inertia_y_kg_m2: i.y, inertia_z_kg_m2: i.z });
         shell.say(format_args!("{}: valid; about the centre of mass I_x {:.5}, I_y {:.5}, I_z {:.5} kg m²", r.name, i.x, i.y, i.z));

@@ -228,6 +228,11 @@ impl Model {
         &self.effects
     }
 
+    /// Whether the stringbed's stiffness is the one that the racket's tension gives.
+    pub fn takes_tension(&self) -> bool {
+        self.base == Base::Viscoelastic && self.stiffness_from_tension
+    }
+
     /// The columns of a table that its expressions ask for, beside the usual ones.
     pub fn own_columns(&self) -> Vec<&str> {
         let mut names: Vec<&str> = self.effects.iter().filter_map(|e| e.expression.as_ref()).flat_map(|e| e.own_columns()).collect();

@@ -260,6 +260,21 @@ fn cli_impacts_beyond_the_racket_are_remarked() {
 
 /// A ball whose lines could not be read has no spin: `predict` says what it takes instead, as `compare` does.
 #[test]
+fn cli_a_tension_in_kilograms_is_remarked_where_the_model_takes_it() {
+    let bench = Bench::new();
+    bench.write("racket.toml", RACKET.replace("tension_lb = 60.0", "tension_lb = 27.0"));
+    let remarked = |model: &str| {
+        bench.write("model.toml", model);
+        let output = sweetspot(&bench.table("predict").iter().map(String::as_str).collect::<Vec<_>>());
+        assert!(output.status.success(), "{}", said(&output));
+        said(&output).contains("`tension_lb` = 27 are loose strings for a racket of 0.34 kg; if that is in kg, write 59.5")
+    };
+    let models = [MODEL, "base = \"viscoelastic\"\n", "base = \"viscoelastic\"\nparameters = { kS0 = 39e3 }\n"];
+    assert_eq!(models.map(remarked), [false, true, false]);
+    assert!(said(&sweetspot(&["racket", &text(&bench.path("racket.toml"))])).contains("write 59.5"));
+}
+
+#[test]
 fn cli_names_and_cells_of_files_are_told_without_what_steers_a_terminal() {
     let bench = Bench::new();
     for table in

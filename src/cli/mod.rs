@@ -8,6 +8,7 @@ pub mod error;
 mod impacts_input;
 mod plain_text;
 mod racket_photograph;
+mod same_reasons;
 mod set_aside;
 mod threads;
 mod tracked_session;
@@ -272,31 +273,34 @@ pub fn main() -> ExitCode {
     let _ = ctrlc::try_set_handler(move || {
         if at_once {
             let e = CliError::interrupted_at_once();
-            fail(&e);
+            fail(&e, false);
             std::process::exit(e.exit_code().into());
         }
         if flag.swap(true, Ordering::Relaxed) {
             std::process::exit(2); // second Ctrl-C: at once
         }
     });
+    let json = cli.shell.json;
     if let Err(e) = threads::start(cli.shell.threads) {
-        return fail(&e);
+        return fail(&e, json);
     }
     let to_stdout = cli.command.output().is_some_and(crate::provenance::is_stdout);
     if to_stdout && cli.shell.json {
-        return fail(&CliError::input("--json and a file that is stdout: both would stand there").hint("leave one of them out, or name another file"));
+        return fail(&CliError::input("--json and a file that is stdout: both would stand there").hint("leave one of them out, or name another file"), json);
     }
     let shell =
         Shell { stdout_is_taken: cli.shell.json || to_stdout, out_was_asked: cli.shell.out.is_some(), args: cli.shell, given: Mutex::default(), cancelled };
     match dispatch(cli.command, &shell) {
         Ok(()) => ExitCode::SUCCESS,
-        Err(e) => fail(&e),
+        Err(e) => fail(&e, json),
     }
 }
 
-fn fail(e: &CliError) -> ExitCode {
+/// Says what failed; `whole` where a program may read it, line by line.
+fn fail(e: &CliError, whole: bool) -> ExitCode {
     let mut err = std::io::stderr();
-    let _ = writeln!(err, "error: {}", plain(e.message.trim_end()));
+    let message = e.message.trim_end();
+    let _ = writeln!(err, "error: {}", plain(&if whole { message.to_owned() } else { same_reasons::grouped(message) }));
     for hint in &e.hints {
         let _ = writeln!(err, "  try: {}", plain(hint));
     }

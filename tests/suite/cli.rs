@@ -260,6 +260,25 @@ fn cli_impacts_beyond_the_racket_are_remarked() {
 
 /// A ball whose lines could not be read has no spin: `predict` says what it takes instead, as `compare` does.
 #[test]
+fn cli_what_all_rows_lack_is_told_once_and_json_keeps_all() {
+    let bench = Bench::new();
+    let rows: String = (1..=300).map(|k| format!("r{k},1,2,-25,0.01\n")).collect();
+    bench.write("impacts.csv", format!("id,ball_in_vx,ball_in_vy,ball_in_vz,impact_x\n{rows}"));
+    let mut arguments = bench.table("predict");
+    let told = |arguments: &[String]| sweetspot(&arguments.iter().map(String::as_str).collect::<Vec<_>>());
+    let shown = told(&arguments);
+    assert_eq!(shown.status.code(), Some(1));
+    let errors = String::from_utf8_lossy(&shown.stderr).into_owned();
+    assert_eq!(errors.lines().filter(|l| l.contains("was not measured")).count(), 3, "{errors}");
+    assert!(errors.contains("and 297 more for the same reason: r4, r5, ") && errors.contains(", r300"), "{errors}");
+    arguments.push("--json".to_owned());
+    let output = told(&arguments);
+    let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(json["failed"].as_array().unwrap().len(), 300);
+    assert_eq!(String::from_utf8_lossy(&output.stderr).lines().filter(|l| l.contains("was not measured")).count(), 300);
+}
+
+#[test]
 fn cli_a_tension_in_kilograms_is_remarked_where_the_model_takes_it() {
     let bench = Bench::new();
     bench.write("racket.toml", RACKET.replace("tension_lb = 60.0", "tension_lb = 27.0"));

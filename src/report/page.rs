@@ -126,7 +126,7 @@ impl Section {
         let _ = write!(self.body, "<div class=\"figures{class}\">");
         for (svg, caption) in figures {
             let caption = if caption.is_empty() { String::new() } else { format!("<figcaption>{}</figcaption>", escape(caption)) };
-            let _ = write!(self.body, "<figure>{svg}{caption}</figure>");
+            let _ = write!(self.body, "<figure>{}{caption}</figure>", svg.replacen(chart::OWN_STYLE, "", 1));
         }
         self.body.push_str("</div>");
         self

@@ -2,7 +2,7 @@
 
 use super::report_mock::{comparison, diagnosis, ledger_entry};
 use sweetspot::equipment::{Head, Racket, Strings};
-use sweetspot::report::chart::{Chart, Colour, Points, Scene};
+use sweetspot::report::chart::{Chart, Colour, Line, Points, Scene, Symbol};
 use sweetspot::report::{Report, Section, Table, comparison_report, diagnosis_report};
 use sweetspot::validation::Verdict;
 
@@ -117,6 +117,30 @@ fn law_heavy_scatter_stays_small() {
     let svg = Chart::new("900 points").add(Points::new(&many).x_error(&vec![0.2; 900]).y_error(&vec![0.2; 900])).to_svg();
     // 12 outputs against 14 inputs must fit in 5 MB.
     assert!(svg.len() * 12 * 14 < 5_000_000, "{} bytes", svg.len());
+}
+
+/// A session's report holds some twenty series of thirty frames per shot: each mark is paid for three hundred times.
+#[test]
+fn law_marks_cost_few_bytes_and_none_where_nothing_moves() {
+    // A target that rests for half of the time and then moves off, as markers do.
+    let at: Vec<(f64, f64)> = (0..100).map(|k| (f64::from(k), f64::from((k - 50).max(0)).powi(2))).collect();
+    let resting: Vec<(f64, f64)> = at.iter().map(|p| (p.0.max(50.0), p.1)).collect();
+    let bytes = |at: &[(f64, f64)], symbol: Symbol| {
+        let drawn = |at: &[(f64, f64)]| Chart::new("").add(Points::new(at).symbol(symbol)).to_svg().len();
+        (drawn(at) - drawn(&[at[0], at[99]])) as f64 / 98.0
+    };
+    for (symbol, most) in
+        [(Symbol::Circle, 10.0), (Symbol::Square, 14.0), (Symbol::Diamond, 16.0), (Symbol::Triangle, 22.0), (Symbol::Plus, 26.0), (Symbol::Cross, 32.0)]
+    {
+        let (moving, half) = (bytes(&at, symbol), bytes(&resting, symbol));
+        assert!(moving < most && half < 0.6 * moving, "{symbol:?}: {moving} and {half} bytes a mark");
+    }
+    let path = |at: &[(f64, f64)]| Chart::new("").add(Line::new(at)).to_svg().len();
+    let line = path(&at) - path(&[at[0], at[99]]);
+    assert!(line < 8 * 98, "{line} bytes for 98 points");
+    // In a page the style says once what each figure says where it stands alone.
+    let (own, page) = (Chart::new("").to_svg(), Report::new("").section(Section::new("a", "b").figure(&Chart::new("").to_svg(), "")).finish());
+    assert!(own.contains("font-size=\"11\"") && !page.contains("font-size=\"11\"") && page.contains("font-size: 11px"));
 }
 
 pub fn keep(name: &str, page: &str) {

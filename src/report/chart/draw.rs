@@ -3,7 +3,7 @@
 use super::axis::Scale;
 use super::layer::{Arrows, Band, Bars, Cells, Label, Line, Picture, Points, Rule, Shape, Symbol};
 use super::palette::{Colour, diverging, sequential};
-use super::svg::{Anchor, Svg, TEXT, polyline, px, text_width};
+use super::svg::{Anchor, Form, Path, Svg, TEXT, polyline, px, text_width};
 use std::fmt::Write;
 
 /// The area between the axes and the way from values to pixels.
@@ -62,25 +62,33 @@ pub(super) fn stroke(colour: Colour, width: f64, dashes: &str) -> String {
 /// All marks of a series as one element: a page with thousands of points stays small.
 pub(super) fn marks(at: &[(f64, f64)], symbol: Symbol, size: f64, colour: Colour) -> String {
     let r = 0.5 * size;
-    let mut d = String::with_capacity(12 * at.len());
-    for &(x, y) in at {
-        let _ = match symbol {
-            Symbol::Circle => write!(d, "M{} {}h0", px(x), px(y)),
-            Symbol::Ring => write!(d, "M{} {}a{r2} {r2} 0 1 0 {w} 0a{r2} {r2} 0 1 0 -{w} 0", px(x - r), px(y), r2 = px(r), w = px(size)),
-            Symbol::Square => write!(d, "M{} {}h{s}v{s}h-{s}z", px(x - 0.9 * r), px(y - 0.9 * r), s = px(1.8 * r)),
-            Symbol::Triangle => write!(d, "M{} {}l{a} {b}h-{w}z", px(x), px(y - 1.15 * r), a = px(1.1 * r), b = px(2.0 * r), w = px(2.2 * r)),
-            Symbol::Diamond => write!(d, "M{} {}l{a} {a}l-{a} {a}l-{a} -{a}z", px(x), px(y - 1.25 * r), a = px(1.25 * r)),
-            Symbol::Cross => write!(d, "M{} {}l{s} {s}m0 -{s}l-{s} {s}", px(x - r), px(y - r), s = px(size)),
-            Symbol::Plus => write!(d, "M{} {}h{s}m-{h} -{h}v{s}", px(x - 1.2 * r), px(y), s = px(2.4 * r), h = px(1.2 * r)),
-        };
-    }
+    // A square is a stroke as wide as it is long; a diamond is one on its corner.
+    let (square, diamond) = (1.8 * r, 1.25 * r);
+    let form = match symbol {
+        Symbol::Circle => Form::new((0.0, 0.0), &[('h', &[0.0])]),
+        Symbol::Ring => {
+            let half = |way: f64| [r, r, 0.0, 1.0, 0.0, way * size, 0.0];
+            Form::new((-r, 0.0), &[('a', &half(1.0)), ('a', &half(-1.0))])
+        }
+        Symbol::Square => Form::new((-0.5 * square, 0.0), &[('h', &[square])]),
+        Symbol::Triangle => Form::new((0.0, -1.15 * r), &[('l', &[1.1 * r, 2.0 * r]), ('h', &[-2.2 * r]), ('z', &[])]),
+        Symbol::Diamond => Form::new((-0.5 * diamond, -0.5 * diamond), &[('l', &[diamond, diamond])]),
+        Symbol::Cross => Form::new((-r, -r), &[('l', &[size, size]), ('m', &[0.0, -size]), ('l', &[-size, size])]),
+        Symbol::Plus => Form::new((-1.2 * r, 0.0), &[('h', &[2.4 * r]), ('m', &[-1.2 * r, -1.2 * r]), ('v', &[2.4 * r])]),
+    };
+    let mut path = Path::default();
+    path.stamp(&form, at.iter().copied());
+    let d = path.d;
     if d.is_empty() {
         return d;
     }
+    let stroked = |width: f64| format!("fill=\"none\" stroke=\"{colour}\" stroke-width=\"{}\"", px(width));
     let style = match symbol {
-        Symbol::Circle => format!("fill=\"none\" stroke=\"{colour}\" stroke-width=\"{}\" stroke-linecap=\"round\"", px(size)),
-        Symbol::Cross | Symbol::Plus | Symbol::Ring => format!("fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.3\""),
-        _ => format!("fill=\"{colour}\""),
+        Symbol::Circle => format!("{} stroke-linecap=\"round\"", stroked(size)),
+        Symbol::Square => stroked(square),
+        Symbol::Diamond => stroked(std::f64::consts::SQRT_2 * diamond),
+        Symbol::Cross | Symbol::Plus | Symbol::Ring => stroked(1.3),
+        Symbol::Triangle => format!("fill=\"{colour}\""),
     };
     format!("<path d=\"{d}\" {style} opacity=\"{}\"/>", if at.len() > 100 { 0.6 } else { 0.9 })
 }
@@ -104,7 +112,7 @@ fn finite(p: (f64, f64)) -> bool {
 }
 
 pub(super) fn points(svg: &mut Svg, plane: &Plane, layer: &Points, colour: Colour) {
-    let mut bars = String::new();
+    let mut bars = Path::default();
     let (mut inside, mut outside) = (Vec::new(), Vec::new());
     for (i, &value) in layer.at.iter().enumerate().filter(|(_, v)| finite(**v)) {
         let at = plane.at(value);
@@ -121,11 +129,12 @@ pub(super) fn points(svg: &mut Svg, plane: &Plane, layer: &Points, colour: Colou
         {
             // A whisker inside its mark would only cost bytes.
             if let Some((a, b)) = plane.clip(plane.at(a), plane.at(b)).filter(|(a, b)| (a.0 - b.0).hypot(a.1 - b.1) > layer.size) {
-                let _ = if a.0 == b.0 { write!(bars, "M{} {}V{}", px(a.0), px(a.1), px(b.1)) } else { write!(bars, "M{} {}H{}", px(a.0), px(a.1), px(b.0)) };
+                bars.move_to(a);
+                bars.line_to(b);
             }
         }
     }
-    svg.path(&bars, &format!("{} stroke-opacity=\"{}\"", stroke(colour, 1.0, ""), if layer.at.len() > 100 { 0.35 } else { 0.7 }));
+    svg.path(&bars.d, &format!("{} stroke-opacity=\"{}\"", stroke(colour, 1.0, ""), if layer.at.len() > 100 { 0.35 } else { 0.7 }));
     svg.raw(&marks(&inside, layer.symbol, layer.size, colour));
     svg.raw(&marks(&outside, Symbol::Ring, layer.size.max(4.0), colour));
     for (label, &value) in layer.labels.iter().zip(&layer.at).filter(|(l, v)| !l.is_empty() && finite(**v)) {
@@ -176,20 +185,25 @@ pub(super) fn band(svg: &mut Svg, plane: &Plane, layer: &Band, colour: Colour) {
 }
 
 pub(super) fn bars(svg: &mut Svg, plane: &Plane, layer: &Bars, colour: Colour) {
-    let (mut d, mut whiskers) = (String::new(), String::new());
+    let (mut d, mut whiskers) = (Path::default(), Path::default());
     for (i, &(from, to, height)) in layer.bars.iter().enumerate().filter(|(_, b)| b.0.is_finite() && b.1.is_finite() && b.2.is_finite()) {
         let (a, b) = (plane.clamp(plane.at((from, height))), plane.clamp(plane.at((to, 0.0))));
         if (a.1 - b.1).abs() > 0.05 {
-            let _ = write!(d, "M{} {}V{}H{}V{}z", px(a.0), px(b.1), px(a.1), px(b.0), px(b.1));
+            d.move_to((a.0, b.1));
+            [a, (b.0, a.1), b].into_iter().for_each(|p| d.line_to(p));
+            d.close();
         }
         if let Some(sd) = layer.errors.get(i).filter(|s| s.is_finite() && **s > 0.0) {
             let middle = 0.5 * (from + to);
             let (a, b) = (plane.clamp(plane.at((middle, height - sd))), plane.clamp(plane.at((middle, height + sd))));
-            let _ = write!(whiskers, "M{} {}V{}m-3 0h6M{} {}h6", px(a.0), px(a.1), px(b.1), px(a.0 - 3.0), px(a.1));
+            for (from, to) in [(a, b), ((b.0 - 3.0, b.1), (b.0 + 3.0, b.1)), ((a.0 - 3.0, a.1), (a.0 + 3.0, a.1))] {
+                whiskers.move_to(from);
+                whiskers.line_to(to);
+            }
         }
     }
-    svg.path(&d, &format!("fill=\"{colour}\" fill-opacity=\"0.45\" stroke=\"{colour}\" stroke-width=\"1\""));
-    svg.path(&whiskers, "fill=\"none\" stroke=\"currentColor\"");
+    svg.path(&d.d, &format!("fill=\"{colour}\" fill-opacity=\"0.45\" stroke=\"{colour}\" stroke-width=\"1\""));
+    svg.path(&whiskers.d, "fill=\"none\" stroke=\"currentColor\"");
 }
 
 pub(super) fn cells(svg: &mut Svg, plane: &Plane, layer: &Cells) {
@@ -200,24 +214,29 @@ pub(super) fn cells(svg: &mut Svg, plane: &Plane, layer: &Cells) {
     };
     // One path per colour step keeps the file small; 40 steps are finer than the eye.
     const STEPS: usize = 40;
-    let mut by_step = vec![String::new(); STEPS + 1];
+    let mut by_step: Vec<Path> = (0..=STEPS).map(|_| Path::default()).collect();
     let mut numbers = Vec::new();
     for &(x, y, value) in layer.at.iter().filter(|c| c.0.is_finite() && c.1.is_finite() && c.2.is_finite()) {
         let a = plane.clamp(plane.at((x - 0.5 * layer.cell.0, y - 0.5 * layer.cell.1)));
         let b = plane.clamp(plane.at((x + 0.5 * layer.cell.0, y + 0.5 * layer.cell.1)));
         let step = (((value - low) / (high - low)).clamp(0.0, 1.0) * STEPS as f64).round() as usize;
-        let _ = write!(by_step[step], "M{} {}H{}V{}H{}z", px(a.0), px(a.1), px(b.0), px(b.1), px(a.0));
+        by_step[step].move_to(a);
+        [(b.0, a.1), b, (a.0, b.1)].into_iter().for_each(|p| by_step[step].line_to(p));
+        by_step[step].close();
         numbers.push((0.5 * (a.0 + b.0), 0.5 * (a.1 + b.1), value));
     }
-    for (step, d) in by_step.iter().enumerate() {
+    for (step, path) in by_step.iter().enumerate() {
         let paint = colour(low + (high - low) * step as f64 / STEPS as f64);
         // The stroke closes the hair lines between neighbours.
-        svg.path(d, &format!("fill=\"{paint}\" stroke=\"{paint}\" stroke-width=\"0.8\""));
+        svg.path(&path.d, &format!("fill=\"{paint}\" stroke=\"{paint}\" stroke-width=\"0.8\""));
     }
     // Edges tell a dark cell from a blank one on dark paper, and a pale one on white; many cells tell it by their number.
     const MOST_EDGED: usize = 400;
     if numbers.len() <= MOST_EDGED {
-        svg.path(&by_step.concat(), "fill=\"none\" stroke=\"currentColor\" stroke-width=\"0.6\" stroke-opacity=\"0.45\"");
+        svg.path(
+            &by_step.iter().map(|path| path.d.as_str()).collect::<String>(),
+            "fill=\"none\" stroke=\"currentColor\" stroke-width=\"0.6\" stroke-opacity=\"0.45\"",
+        );
     }
     if layer.numbered {
         for (x, y, value) in numbers {

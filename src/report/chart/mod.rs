@@ -33,3 +33,4 @@ pub(in crate::report) use palette::dark_style;
 pub use palette::{Colour, SERIES, diverging, sequential};
 pub use plot::{Chart, Legend};
 pub use scene::Scene;
+pub(in crate::report) use svg::OWN_STYLE;

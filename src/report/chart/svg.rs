@@ -1,19 +1,13 @@
 //! The few SVG marks that charts need, written compactly.
 
+mod path;
+
 use crate::report::markup::escape;
+pub(super) use path::{Form, Path, px};
 use std::fmt::Write;
 
-/// Text size of labels, px of the view box.
+/// Text size of labels, px of the view box; [`OWN_STYLE`] states it.
 pub(super) const TEXT: f64 = 11.0;
-
-/// A coordinate to a tenth of a pixel, without a needless fraction.
-pub(super) fn px(v: f64) -> String {
-    let tenths = (v * 10.0).round();
-    if tenths == 0.0 {
-        return "0".to_owned();
-    }
-    if tenths % 10.0 == 0.0 { format!("{}", tenths / 10.0) } else { format!("{:.1}", tenths / 10.0) }
-}
 
 /// Width of a text, px; an estimate good to some 10 % for sans-serif fonts.
 pub(super) fn text_width(text: &str, size: f64) -> f64 {
@@ -88,6 +82,10 @@ impl Anchor {
     }
 }
 
+/// How a figure's text and lines look where it stands alone; in a page the style says it once for all.
+pub(in crate::report) const OWN_STYLE: &str =
+    " font-family=\"system-ui,-apple-system,'Segoe UI',Roboto,'Helvetica Neue',Arial,sans-serif\" font-size=\"11\" fill=\"currentColor\"";
+
 /// An SVG document under construction.
 pub(super) struct Svg {
     out: String,
@@ -101,9 +99,7 @@ impl Svg {
         let label = escape(title);
         let _ = write!(
             out,
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {w} {h}\" width=\"{w}\" height=\"{h}\" role=\"img\" aria-label=\"{label}\" \
-             font-family=\"system-ui,-apple-system,'Segoe UI',Roboto,'Helvetica Neue',Arial,sans-serif\" font-size=\"{}\" fill=\"currentColor\"><title>{label}</title>",
-            px(TEXT)
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {w} {h}\" width=\"{w}\" height=\"{h}\" role=\"img\" aria-label=\"{label}\"{OWN_STYLE}><title>{label}</title>"
         );
         if !description.is_empty() {
             let _ = write!(out, "<desc>{}</desc>", escape(description));
@@ -157,18 +153,19 @@ impl Svg {
     }
 }
 
-/// `M x y L x y ...`, a new piece at every gap (`None`).
+/// The piece of a path through points, a new one at every gap (`None`).
 pub(super) fn polyline(points: impl IntoIterator<Item = Option<(f64, f64)>>) -> String {
-    let mut d = String::new();
+    let mut path = Path::default();
     let mut pen_down = false;
     for p in points {
         match p {
-            Some((x, y)) => {
-                let _ = write!(d, "{}{} {}", if pen_down { 'L' } else { 'M' }, px(x), px(y));
+            Some(p) if pen_down => path.line_to(p),
+            Some(p) => {
+                path.move_to(p);
                 pen_down = true;
             }
             None => pen_down = false,
         }
     }
-    d
+    path.d
 }

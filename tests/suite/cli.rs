@@ -282,6 +282,8 @@ fn cli_what_all_rows_lack_is_told_once_and_json_keeps_all() {
 fn cli_a_tension_in_kilograms_is_remarked_where_the_model_takes_it() {
     let bench = Bench::new();
     bench.write("racket.toml", RACKET.replace("tension_lb = 60.0", "tension_lb = 27.0"));
+    let racket = ["vx", "vy", "vz", "wx", "wy", "wz"].map(|c| format!("racket_in_{c}")).join(",");
+    bench.write("impacts.csv", format!("id,ball_in_vx,ball_in_vy,ball_in_vz,impact_x,impact_y,{racket}\na,1,2,-25,0.01,0.02,0,0,0,0,0,0\n"));
     let remarked = |model: &str| {
         bench.write("model.toml", model);
         let output = sweetspot(&bench.table("predict").iter().map(String::as_str).collect::<Vec<_>>());
@@ -356,7 +358,7 @@ fn cli_predict_refuses_impossible_laws_and_tells_of_energy_from_nowhere() {
     assert!(message.contains("more energy after the impact than before in 2 impacts"), "{message}");
     let (code, message) = predict("ball_out_vz", "ball_out_vz * (k + 1)");
     assert!(code == Some(0) && !message.contains("more energy"), "{message}");
-    let (code, message) = predict("friction", "-friction");
+    let (code, message) = predict("friction", "k - friction");
     assert!(code == Some(0) && message.contains("friction below 0, taken as 0, in 2 impacts (the first: -0."), "{message}");
 }
 

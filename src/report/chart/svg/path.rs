@@ -17,7 +17,8 @@ pub fn px(v: f64) -> String {
 type Tenths = (i64, i64);
 
 fn tenths(v: f64) -> i64 {
-    (10.0 * v).round() as i64
+    // Beyond any sheet; differences of such places must not overflow.
+    (10.0 * v).round().clamp(-1e9, 1e9) as i64
 }
 
 /// A path under construction; it begins with a place on the sheet, so that paths may be joined.

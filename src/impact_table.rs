@@ -114,8 +114,8 @@ fn largest_shared(column: &str) -> (f64, &'static str) {
     }
 }
 
-/// A column's largest value over the smallest deviation beside 0: a fit to smaller ones fails by rounding.
-const LARGEST_OVER_SD: f64 = 1e10;
+/// A column's largest value over the smallest deviation beside 0: no number has as many digits, and a fit to smaller deviations fails by rounding.
+const LARGEST_OVER_SD: f64 = 1e15;
 
 /// Why cells cannot be those of an impact: the first value, or deviation, that none can have.
 pub fn impossible<'a>(mut cells: impl Iterator<Item = (&'a &'static str, &'a Option<Measured>)>) -> Option<String> {
@@ -416,7 +416,7 @@ mod tests {
         assert!(told("id,ball_in_vz,ball_in_vz_sd\na,-20,1e308\n").is_some_and(|why| why.contains("`ball_in_vz_sd` is 1e308 m/s, allowed: up to 500")));
         assert_eq!(told("id,ball_in_vz,ball_in_vz_sd\na,-20,0\n"), None);
         let tiny = told("id,ball_in_vz,ball_in_vz_sd\na,-20,1e-300\n");
-        assert!(tiny.is_some_and(|why| why.contains("`ball_in_vz_sd` is 1e-300 m/s, allowed: 5e-8 m/s or more, or 0")));
+        assert!(tiny.is_some_and(|why| why.contains("`ball_in_vz_sd` is 1e-300 m/s, allowed: 5e-13 m/s or more, or 0")));
         assert!(told("id,ball_in_vz\na,-2000\n").is_some_and(|why| why.contains("`ball_in_vz` is -2000 m/s")));
     }
 

@@ -151,7 +151,7 @@ const MISFIT_PX: f64 = 0.012;
 const SYSTEMATIC_RATE: f64 = 0.003;
 /// The same along the turn itself, px: the map's prior holds down what is drawn on it, and a ball that turns less has less line on it
 /// (docs/spin-experiments.md, "Slow by a little").
-const ALONG_TURN_PX: f64 = 0.05;
+const ALONG_TURN_PX: f64 = 0.035;
 /// Maps with other cells over which the spin is averaged, and the share of one map's scatter that stays in the mean of all:
 /// dents that the pictures make lie at the same place on all (docs/spin-experiments.md, "Cells").
 const OTHER_CELLS: usize = 3;

@@ -149,9 +149,9 @@ const NOISE_SHARE: f64 = 8.0;
 /// shape, the map's cells), px, and relative error of the rate. Measured on rendered balls (docs/spin-experiments.md, "Uncertainty").
 const MISFIT_PX: f64 = 0.012;
 const SYSTEMATIC_RATE: f64 = 0.003;
-/// The same along the turn itself, px: the map's prior holds down what is drawn on it, and a ball that turns less has less line on it
-/// (docs/spin-experiments.md, "Slow by a little").
-const ALONG_TURN_PX: f64 = 0.035;
+/// The same along the turn itself, px, where as much is left unexplained as the markings explain: the map's prior holds down what is drawn on it, and a ball
+/// that turns less has less line on it (docs/spin-experiments.md, "Slow by a little").
+const ALONG_TURN_PX: f64 = 0.2;
 /// Maps with other cells over which the spin is averaged, and the share of one map's scatter that stays in the mean of all:
 /// dents that the pictures make lie at the same place on all (docs/spin-experiments.md, "Cells").
 const OTHER_CELLS: usize = 3;
@@ -286,7 +286,7 @@ fn stated(best: &Registration, held: &Matrix3<f64>, infos: &[ViewInfo]) -> Matri
     let own = larger(held, &best.scatter_covariance) + misfit(&best.model_covariance, infos);
     let centres = held * best.centre_scores * held;
     let rate = best.omega.norm();
-    let along_turn = turned_at_ends(ALONG_TURN_PX, infos).powi(2) / rate.max(1.0).powi(2) + SYSTEMATIC_RATE.powi(2);
+    let along_turn = turned_at_ends(ALONG_TURN_PX * unexplained(best), infos).powi(2) / rate.max(1.0).powi(2) + SYSTEMATIC_RATE.powi(2);
     own * map_noise + centres + best.omega * best.omega.transpose() * along_turn
 }
 

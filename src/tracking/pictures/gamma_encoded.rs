@@ -23,7 +23,7 @@ const FEWEST_RANGES: usize = 3;
 const ROUNDING: f64 = 1.0 / 12.0;
 /// Scatter of a range's logarithm whatever its pixels, and with their number (what moves is not spread evenly over the ranges).
 const SCATTER: (f64, f64) = (0.02, 3.0);
-/// Power of grey below which the pictures are told, and by how many of its deviations (of 58 cameras in linear light none is below 0,
+/// Power of grey below which each camera's pictures are told, and by how many of its deviations (of 58 cameras in linear light none is below 0,
 /// with γ = 0.45 all are below -0.7).
 const TOLD: (f64, f64) = (-0.6, 3.0);
 
@@ -89,13 +89,19 @@ impl NoiseByGrey {
     }
 }
 
+/// The power of grey of pictures that are not linear in light, from each camera's power and one over its variance. A camera that sees an arm moving over dark
+/// ground has it too: cameras are set alike, so that the other must say the same.
+fn told(cameras: &[(f64, f64)]) -> Option<f64> {
+    let information: f64 = cameras.iter().map(|(_, i)| i).sum();
+    let power = cameras.iter().map(|(p, i)| p * i).sum::<f64>() / information;
+    (cameras.iter().all(|(p, _)| *p < TOLD.0) && -power * information.sqrt() > TOLD.1).then_some(power)
+}
+
 impl<S: FrameSource> Shot<'_, S> {
     /// What the user should know of pictures that are not linear in light.
     pub(in crate::tracking) fn gamma_encoded(&self) -> Option<String> {
         let cameras: Vec<(f64, f64)> = CameraId::BOTH.into_iter().filter_map(|camera| self.noise_by_grey(camera).power()).collect();
-        let information: f64 = cameras.iter().map(|(_, i)| i).sum();
-        let power = cameras.iter().map(|(p, i)| p * i).sum::<f64>() / information;
-        (power < TOLD.0 && -power * information.sqrt() > TOLD.1).then(|| {
+        told(&cameras).map(|power| {
             format!(
                 "the pictures' noise falls where they are brighter (variance with grey to the power {power:.1}), as in pictures that are encoded with a gamma and not linear in light: places and spin of the ball are less certain than stated (spin by up to seven times); record with gamma 1"
             )
@@ -124,6 +130,14 @@ mod tests {
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
     use rand_distr::{Distribution, Normal};
+
+    #[test]
+    fn law_both_cameras_must_say_that_the_light_is_pressed() {
+        assert!(told(&[(-1.0, 22.0), (-0.8, 22.0)]).is_some_and(|power| (power + 0.9).abs() < 1e-9));
+        assert_eq!(told(&[(-1.7, 22.0), (0.15, 22.0)]), None);
+        assert_eq!(told(&[(-1.0, 1.0), (-0.8, 1.0)]), None);
+        assert!(told(&[(-1.0, 22.0)]).is_some() && told(&[]).is_none());
+    }
 
     /// The power of two pictures of a scene of all lights, a part of which moves, written with a gamma.
     fn power(gamma: f64, photons: f64, electronics: f64) -> Option<(f64, f64)> {

@@ -26,6 +26,8 @@ const SCATTER: (f64, f64) = (0.02, 3.0);
 /// Power of grey below which each camera's pictures are told, and by how many of its deviations (of 58 cameras in linear light none is below 0,
 /// with γ = 0.45 all are below -0.7).
 const TOLD: (f64, f64) = (-0.6, 3.0);
+/// Pictures that a camera may miss before it is not asked.
+const MOST_MISSING: usize = 8;
 
 /// Differences between two pictures, by range of their mean grey.
 struct NoiseByGrey {
@@ -108,15 +110,17 @@ impl<S: FrameSource> Shot<'_, S> {
         })
     }
 
-    /// Of two neighbouring pictures, before most of what moves comes.
+    /// Of the first two neighbouring pictures from a quarter of the clip on, before most of what moves comes.
     fn noise_by_grey(&self, camera: CameraId) -> NoiseByGrey {
         let mut noise = NoiseByGrey::none();
-        let index = self.source.len() / 4;
+        let start = self.source.len() / 4;
         self.with_buffers(|[one, other]| {
-            let a = self.read_one(index, camera.index(), Rows::ALL, one).ok().flatten();
-            let b = if index + 1 < self.source.len() { self.read_one(index + 1, camera.index(), Rows::ALL, other).ok().flatten() } else { None };
-            if let Some((a, b)) = a.zip(b) {
-                noise.add(&a, &b);
+            for index in start..(start + MOST_MISSING).min(self.source.len().saturating_sub(1)) {
+                let a = self.read_one(index, camera.index(), Rows::ALL, one).ok().flatten();
+                let b = if a.is_some() { self.read_one(index + 1, camera.index(), Rows::ALL, other).ok().flatten() } else { None };
+                if let Some((a, b)) = a.zip(b) {
+                    return noise.add(&a, &b);
+                }
             }
         });
         noise

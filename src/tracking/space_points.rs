@@ -35,7 +35,7 @@ pub fn first_contact(source: &impl FrameSource, racket: &[Option<RacketFrame>], 
     let side = face::side_of_approach(racket, ball)?.signum();
     let sighting = |i: usize| Some(Sighting::new(source.number(i) as f64, racket[i].as_ref()?, ball[i].as_ref()?));
     let seen: Vec<Sighting> = (0..source.len()).filter_map(sighting).collect();
-    let met = face::meeting(&seen)?;
+    let met = face::first_on_the_head(&seen, radius_m)?;
     // Frame number and place in the racket's axes, as seen from that side.
     let seen: Vec<(bool, (f64, Point3<f64>))> = seen.iter().map(|s| (s.stereo, (s.number, Point3::new(s.local.x, s.local.y, side * s.local.z)))).collect();
     let touching = (0..=met).rev().take_while(|i| seen[*i].1.1.z <= radius_m).last();

@@ -153,9 +153,17 @@ impl Sighting {
     }
 }
 
-/// Which of the sightings, by time, is the nearest of the ball's meeting with the head. A racket that the impact has turned may swing its plane
-/// across the rebound: of several times that the ball comes near, the one at which its way bends most is the meeting.
-pub fn meeting(seen: &[Sighting]) -> Option<usize> {
+/// Which of the sightings, by time, is the ball's on the head: the first that is as near as one radius where it meets it, else the nearest. A racket that the impact
+/// has turned may swing its plane across the rebound: of several times that the ball comes near, the one at which its way bends most is the meeting.
+pub fn first_on_the_head(seen: &[Sighting], radius_m: f64) -> Option<usize> {
+    let nearest = meeting(seen)?;
+    let near = |i: &usize| off_the_face_m(&seen[*i].local) < CLEAR_M;
+    let time = (0..=nearest).rev().take_while(near);
+    Some(time.filter(|i| off_the_face_m(&seen[*i].local) < radius_m).last().unwrap_or(nearest))
+}
+
+/// The nearest sighting of the meeting.
+fn meeting(seen: &[Sighting]) -> Option<usize> {
     let off = |i: usize| off_the_face_m(&seen[i].local);
     let nearest = |among: Range<usize>| among.min_by(|a, b| off(*a).total_cmp(&off(*b)));
     let begins = |i: &usize| off(*i) < CLEAR_M && (*i == 0 || off(i - 1) >= CLEAR_M);
@@ -269,12 +277,16 @@ mod tests {
         // Comes at 20 mm a frame, is on the strings at frame 14, goes back at 8 mm; at frame 30 the racket, turned by the impact, passes it more closely.
         let sighting = |i: u8| {
             let number = f64::from(i);
-            let z = if i < 14 { 0.033 + 0.02 * (13.0 - number) } else { 0.033 + 0.008 * (number - 14.0) };
+            let z = if i < 14 { 0.034 + 0.02 * (13.0 - number) } else { 0.025 + 0.008 * (number - 14.0) };
             let height = if i < 22 { z } else { 0.008 * (30.0 - number) };
             Sighting { number, stereo: true, local: Point3::new(0.02, 0.05, height), global: Point3::new(0.02, 0.05, z) }
         };
         let seen: Vec<Sighting> = (0..38).map(sighting).collect();
-        assert!((13..=14).contains(&meeting(&seen).expect("met")));
+        assert_eq!((meeting(&seen), first_on_the_head(&seen, 0.033)), (Some(14), Some(14)));
+        // The plane follows the rebound so closely that the ball is not clear of it between: the first touch counts, not the nearest.
+        let followed: Vec<Sighting> =
+            seen.iter().map(|s| Sighting { local: Point3::new(0.02, 0.05, if s.number > 15.0 { s.local.z.min(0.04) } else { s.local.z }), ..*s }).collect();
+        assert_eq!((meeting(&followed), first_on_the_head(&followed, 0.033)), (Some(30), Some(14)));
         // Where no way bends the nearest counts, and of a single time always.
         let straight: Vec<Sighting> = seen.iter().map(|s| Sighting { global: Point3::new(0.02, 0.05, 0.02 * s.number), ..*s }).collect();
         assert_eq!(meeting(&straight), Some(30));

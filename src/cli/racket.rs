@@ -15,36 +15,38 @@ use std::path::PathBuf;
 /// Gives the lines for racket.toml that follow from what was measured: mass and balance from two scales, swingweight and
 /// spinweight from a pendulum or a machine, twistweight from two threads, the markers from a photograph of the racket on a
 /// ruled sheet. With a racket.toml, checks it.
+// A negative value is refused by name, not taken for an option.
 #[derive(Debug, clap::Args)]
+#[command(allow_negative_numbers = true)]
 pub struct Arguments {
     /// Check this racket.toml; its mass and balance are used where none are given
     pub racket: Option<PathBuf>,
     /// Mass
-    #[arg(long, allow_negative_numbers = true, value_name = "KG")]
+    #[arg(long, value_name = "KG")]
     pub mass: Option<f64>,
     /// Centre of mass, from the butt
-    #[arg(long, allow_negative_numbers = true, value_name = "M")]
+    #[arg(long, value_name = "M")]
     pub balance: Option<f64>,
     /// Standard deviation of the balance
-    #[arg(long, allow_negative_numbers = true, value_name = "M", default_value_t = 0.001)]
+    #[arg(long, value_name = "M", default_value_t = 0.001)]
     pub balance_sd: f64,
     /// Two supports: place from the butt and reading of each
-    #[arg(long, allow_negative_numbers = true, num_args = 4, value_names = ["M1", "KG1", "M2", "KG2"], conflicts_with_all = ["mass", "balance"])]
+    #[arg(long, num_args = 4, value_names = ["M1", "KG1", "M2", "KG2"], conflicts_with_all = ["mass", "balance"])]
     pub scales: Option<Vec<f64>>,
     /// Pendulum across the face: pivot from the butt, period, its standard deviation
-    #[arg(long, allow_negative_numbers = true, num_args = 3, value_names = ["PIVOT_M", "S", "SD_S"])]
+    #[arg(long, num_args = 3, value_names = ["PIVOT_M", "S", "SD_S"])]
     pub swing_pendulum: Option<Vec<f64>>,
     /// Pendulum in the face's plane: pivot from the butt, period, its standard deviation
-    #[arg(long, allow_negative_numbers = true, num_args = 3, value_names = ["PIVOT_M", "S", "SD_S"])]
+    #[arg(long, num_args = 3, value_names = ["PIVOT_M", "S", "SD_S"])]
     pub spin_pendulum: Option<Vec<f64>>,
     /// Hung upright from two threads: half distances above and below, thread length, period, its standard deviation
-    #[arg(long, allow_negative_numbers = true, num_args = 5, value_names = ["ABOVE_M", "BELOW_M", "THREAD_M", "S", "SD_S"])]
+    #[arg(long, num_args = 5, value_names = ["ABOVE_M", "BELOW_M", "THREAD_M", "S", "SD_S"])]
     pub twist_threads: Option<Vec<f64>>,
     /// Swingweight read from a machine (RDC)
-    #[arg(long, allow_negative_numbers = true, value_name = "KG_CM2", conflicts_with = "swing_pendulum")]
+    #[arg(long, value_name = "KG_CM2", conflicts_with = "swing_pendulum")]
     pub swing_rdc: Option<f64>,
     /// Twistweight read from a machine (RDC)
-    #[arg(long, allow_negative_numbers = true, value_name = "KG_CM2", conflicts_with = "twist_threads")]
+    #[arg(long, value_name = "KG_CM2", conflicts_with = "twist_threads")]
     pub twist_rdc: Option<f64>,
     #[command(flatten)]
     pub photograph: PhotographArguments,

@@ -21,10 +21,10 @@ pub struct PhotographArguments {
     #[arg(long, value_name = "U,V", value_parser = parse_pixel, num_args = 1)]
     pub tape: Vec<Vector2<f64>>,
     /// Height of the camera's lens above the sheet
-    #[arg(long, allow_negative_numbers = true, value_name = "M")]
+    #[arg(long, value_name = "M")]
     pub camera_height: Option<f64>,
     /// Side of the sheet's squares
-    #[arg(long, allow_negative_numbers = true, value_name = "M", default_value_t = 0.01)]
+    #[arg(long, value_name = "M", default_value_t = 0.01)]
     pub square: f64,
     /// Writes the photograph with everything found drawn in (PNG)
     #[arg(long, value_name = "F")]

@@ -4,7 +4,7 @@ use super::racket_motion::MovingRacket;
 use super::sighting::FrameClock;
 use crate::calibration::{CameraId, StereoRig};
 use crate::reconstruction::{Triangulated, Triangulator};
-use crate::tracking::{BALL_ERRORS_ALIKE, MarkerObservation, Target, Tracks, View, fit_pose_in};
+use crate::tracking::{BALL_ERRORS_ALIKE, MarkerObservation, Target, Tracks, View, fit_pose};
 use nalgebra::Isometry3;
 use std::collections::BTreeMap;
 
@@ -34,7 +34,7 @@ pub fn frame_views(rig: &StereoRig, tracks: &Tracks, moving: &MovingRacket, cloc
             .flat_map(|&camera| Target::MARKERS.map(|t| (camera, t)))
             .filter_map(|(camera, t)| Some(MarkerObservation { camera, marker: t.index(), point: tracks.get(frame, camera, t)? }))
             .collect();
-        let pose = fit_pose_in(&view, &moving.figure, &observations, last.as_ref()).ok().map(|p| p.global_from_racket);
+        let pose = fit_pose(&view, &moving.figure, &observations, last.as_ref()).ok().map(|p| p.global_from_racket);
         last = pose.or(last);
         views.insert(frame, FrameView { t: clock.time_s(frame), ball: point(Target::Ball), pose });
     }

@@ -6,7 +6,7 @@
 use super::shot_motion::ShotMotion;
 use crate::calibration::{CameraId, StereoRig};
 use crate::reconstruction::Triangulator;
-use crate::tracking::{BALL_ERRORS_ALIKE, ImagePoint, MarkerObservation, SpacePoint, Target, Tracks, View, fit_pose_in};
+use crate::tracking::{BALL_ERRORS_ALIKE, ImagePoint, MarkerObservation, SpacePoint, Target, Tracks, View, fit_pose};
 use std::collections::BTreeMap;
 
 /// Every point that both cameras saw, sorted by frame and target.
@@ -65,7 +65,7 @@ pub fn on_rigid_racket(rig: &StereoRig, tracks: &Tracks, motion: &ShotMotion, si
         if CameraId::BOTH.iter().any(|c| observations.iter().all(|o| o.camera != *c)) {
             continue;
         }
-        let Ok(pose) = fit_pose_in(&view, figure, &observations, Some(&start)) else { continue };
+        let Ok(pose) = fit_pose(&view, figure, &observations, Some(&start)) else { continue };
         for (marker, target) in Target::MARKERS.into_iter().enumerate() {
             let misses: Vec<f64> = observations
                 .iter()

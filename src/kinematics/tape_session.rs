@@ -7,7 +7,7 @@
 //! direction that leaves least is taken.
 
 use crate::calibration::StereoRig;
-use crate::tracking::{MarkerObservation, RacketFigure, Target, Throat, Tracks, View, fit_pose_in};
+use crate::tracking::{MarkerObservation, RacketFigure, Target, Throat, Tracks, View, fit_pose};
 use nalgebra::Vector2;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -99,7 +99,7 @@ fn frames(tracks: &Tracks) -> Vec<Vec<MarkerObservation>> {
 fn mean_residuals(view: &View, figure: &RacketFigure, shot: &[Vec<MarkerObservation>]) -> Bands {
     let mut sums: BTreeMap<(usize, usize), (Vector2<f64>, f64)> = BTreeMap::new();
     for seen in shot {
-        let Ok(pose) = fit_pose_in(view, figure, seen, None) else { continue };
+        let Ok(pose) = fit_pose(view, figure, seen, None) else { continue };
         for o in seen {
             let (p, _) = figure.patch_in_global(o.marker, &pose.global_from_racket, view.eye(o.camera));
             let Some(uv) = view.project(o.camera, &p) else { continue };

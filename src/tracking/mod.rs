@@ -29,7 +29,7 @@ pub use exports::overlay::Overlay;
 pub use pictures::camera_shake::{camera_shake, shake_words};
 pub use pictures::in_step::{InStep, Offset, SyncMode, offset, track_in_step};
 pub use racket::racket_figure::{RacketFigure, Throat, VISIBLE_DEPTH};
-pub use racket::racket_pose::{MarkerObservation, PoseError, RacketPose, View, fit_pose, fit_pose_in};
+pub use racket::racket_pose::{MarkerObservation, PoseError, RacketPose, View, fit_pose};
 pub use racket::racket_scene::RacketFrame;
 pub use racket::rigid_points::rigid_from_points;
 pub use shot_spin::measure_spin;

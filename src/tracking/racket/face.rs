@@ -8,7 +8,7 @@ use crate::tracking::ball::ball_track::BallFrame;
 use crate::tracking::ball::ball_way::StraightLine;
 use crate::tracking::pictures::shot_frames::AT_ONCE;
 use crate::tracking::racket::racket_figure::RacketFigure;
-use crate::tracking::racket::racket_pose::{View, fit_pose_in};
+use crate::tracking::racket::racket_pose::{View, fit_pose};
 use crate::tracking::racket::racket_scene::{ALL_BANDS, RacketFrame};
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector2, Vector3};
 use rayon::prelude::*;
@@ -62,7 +62,7 @@ fn twin(view: &View, figure: &RacketFigure, frame: &RacketFrame) -> RacketFrame 
     }
     let start = turned(&frame.pose.global_from_racket);
     // Of a figure that is quite symmetric the covariance stays: it is about the global axes, and the origin lies on the axis of the half turn.
-    match fit_pose_in(view, figure, &out.observations(), Some(&start)) {
+    match fit_pose(view, figure, &out.observations(), Some(&start)) {
         Ok(pose) if !frame.foretold => out.pose = pose,
         _ => out.pose.global_from_racket = start,
     }
@@ -112,7 +112,7 @@ fn told_by_figure(view: &View, figure: &RacketFigure, racket: &[Option<RacketFra
     let missed = |frame: &RacketFrame| {
         let mut all = frame.observations();
         all.iter_mut().for_each(|o| o.point.sd = Vector2::repeat(1.0));
-        Some(fit_pose_in(view, figure, &all, Some(&frame.pose.global_from_racket)).ok()?.chi2)
+        Some(fit_pose(view, figure, &all, Some(&frame.pose.global_from_racket)).ok()?.chi2)
     };
     let whole = racket.par_iter().with_max_len(AT_ONCE).flatten_iter().filter(|frame| frame.count() == ALL_BANDS);
     let misses: Vec<(f64, f64)> = whole.filter_map(|frame| Some((missed(frame)?, missed(&twin(view, figure, frame))?))).collect();
@@ -315,7 +315,7 @@ mod tests {
             let points = crate::calibration::CameraId::BOTH.map(|camera| std::array::from_fn(|marker| Some(point(camera, marker))));
             let unfitted = RacketPose { global_from_racket: pose, covariance: Matrix6::identity(), chi2: 0.0, dof: 14 };
             let mut frame = RacketFrame { pose: unfitted, points, foretold: false };
-            frame.pose = fit_pose_in(&view, stated, &frame.observations(), Some(&pose)).expect("seen");
+            frame.pose = fit_pose(&view, stated, &frame.observations(), Some(&pose)).expect("seen");
             let frame = if turned_first { twin(&view, stated, &frame) } else { frame };
             let mut racket = vec![Some(frame); 20];
             settle(&view, stated, &mut racket, &ball);

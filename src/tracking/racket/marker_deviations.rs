@@ -2,7 +2,7 @@
 
 use crate::tracking::pictures::shot_frames::AT_ONCE;
 use crate::tracking::racket::racket_figure::RacketFigure;
-use crate::tracking::racket::racket_pose::{MarkerObservation, View, fit_pose_in};
+use crate::tracking::racket::racket_pose::{MarkerObservation, View, fit_pose};
 use crate::tracking::racket::racket_scene::RacketFrame;
 use rayon::prelude::*;
 
@@ -33,7 +33,7 @@ pub fn settle(view: &View, figure: &RacketFigure, frames: &mut [Option<RacketFra
     };
     let refit = |frame: &mut RacketFrame| {
         if !frame.foretold
-            && let Ok(pose) = fit_pose_in(view, figure, &frame.observations(), Some(&frame.pose.global_from_racket))
+            && let Ok(pose) = fit_pose(view, figure, &frame.observations(), Some(&frame.pose.global_from_racket))
         {
             frame.pose = pose;
         }

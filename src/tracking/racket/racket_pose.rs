@@ -35,9 +35,7 @@ impl RacketPose {
     pub fn misfit(&self) -> f64 {
         self.chi2 / self.dof.max(1) as f64
     }
-}
 
-impl RacketPose {
     /// Global position and 3x3 covariance (m²) of a point given in local racket axes.
     pub fn point(&self, local: &Point3<f64>) -> (Point3<f64>, Matrix3<f64>) {
         let arm = self.global_from_racket.rotation * local.coords;
@@ -147,12 +145,7 @@ impl<'a> View<'a> {
 /// seen by both cameras (at least three, not in line) give one.
 ///
 /// # Errors  [`PoseError`]; the fit never answers with an unsettled or undetermined pose.
-pub fn fit_pose(rig: &StereoRig, figure: &RacketFigure, observations: &[MarkerObservation], start: Option<&Isometry3<f64>>) -> Result<RacketPose, PoseError> {
-    fit_pose_in(&View::new(rig), figure, observations, start)
-}
-
-/// [`fit_pose`] with the cameras already prepared, for one call per frame.
-pub fn fit_pose_in(view: &View, figure: &RacketFigure, observations: &[MarkerObservation], start: Option<&Isometry3<f64>>) -> Result<RacketPose, PoseError> {
+pub fn fit_pose(view: &View, figure: &RacketFigure, observations: &[MarkerObservation], start: Option<&Isometry3<f64>>) -> Result<RacketPose, PoseError> {
     let mut seen = [false; 5];
     for o in observations.iter().filter(|o| o.marker < 5) {
         seen[o.marker] = true;
@@ -382,7 +375,7 @@ pub(crate) mod tests {
         let (rig, f) = (rig(), figure());
         let view = View::new(&rig);
         let o = observe(&view, &f, &pose(), 0.1, || 0.0, |_, _| true);
-        let fit = fit_pose(&rig, &f, &o, None).expect("fits");
+        let fit = fit_pose(&view, &f, &o, None).expect("fits");
         assert!((fit.global_from_racket.translation.vector - pose().translation.vector).norm() < 1e-8);
         assert!(fit.global_from_racket.rotation.angle_to(&pose().rotation) < 1e-7);
         assert!(fit.chi2 < 1e-8 && fit.dof == 14);
@@ -395,7 +388,7 @@ pub(crate) mod tests {
         let o = observe(&view, &f, &pose(), 0.1, || 0.0, |c, m| if c == CameraId::Left { m == 0 || m == 1 } else { m == 4 || m == 1 });
         let mut start = pose();
         start.translation.vector += Vector3::new(0.01, -0.02, 0.015);
-        let fit = fit_pose(&rig, &f, &o, Some(&start)).expect("fits");
+        let fit = fit_pose(&view, &f, &o, Some(&start)).expect("fits");
         assert!((fit.global_from_racket.translation.vector - pose().translation.vector).norm() < 1e-6);
     }
 
@@ -406,7 +399,7 @@ pub(crate) mod tests {
         let off = |mm: f64| Foretold::within(Translation3::new(0.0, 1e-3 * mm, 0.0) * pose(), 0.01, 0.002);
         // Two markers: the turn about the line through them is free.
         let two = observe(&view, &f, &pose(), 0.05, || 0.0, |_, marker| marker < 2);
-        assert!(fit_pose_in(&view, &f, &two, Some(&off(2.0).pose)).is_err());
+        assert!(fit_pose(&view, &f, &two, Some(&off(2.0).pose)).is_err());
         let fit = fit_pose_near(&view, &f, &two, &off(2.0)).expect("fits");
         for marker in 0..2 {
             let apart = (fit.global_from_racket * f.points[marker] - pose() * f.points[marker]).norm();
@@ -432,7 +425,7 @@ pub(crate) mod tests {
             let mut truth = pose();
             truth.rotation = tilt * truth.rotation;
             let o = observe(&view, &f, &truth, 0.1, || gauss.sample(&mut rng), |c, m| !(c == CameraId::Right && m == 3));
-            let fit = fit_pose_in(&view, &f, &o, None).expect("fits");
+            let fit = fit_pose(&view, &f, &o, None).expect("fits");
             let w = (truth.rotation * fit.global_from_racket.rotation.inverse()).scaled_axis();
             let t = truth.translation.vector - fit.global_from_racket.translation.vector;
             let e = Vector6::new(w.x, w.y, w.z, t.x, t.y, t.z);
@@ -457,7 +450,7 @@ pub(crate) mod tests {
         let view = View::new(&rig);
         let misfit = |seen: &RacketFigure| {
             let o = observe(&view, seen, &pose(), 0.1, || 0.0, |_, _| true);
-            fit_pose(&rig, &f, &o, None).map_or(f64::INFINITY, |fit| fit.misfit())
+            fit_pose(&view, &f, &o, None).map_or(f64::INFINITY, |fit| fit.misfit())
         };
         assert!(misfit(&f) < 1e-6 && misfit(&mirrored) > 100.0, "{} {}", misfit(&f), misfit(&mirrored));
     }
@@ -467,10 +460,10 @@ pub(crate) mod tests {
         let (rig, mut f) = (rig(), figure());
         let view = View::new(&rig);
         let o = observe(&view, &f, &pose(), 0.1, || 0.0, |_, m| m < 2);
-        assert!(matches!(fit_pose(&rig, &f, &o, None), Err(PoseError::TooFew { markers: 2, points: 4 })));
+        assert!(matches!(fit_pose(&view, &f, &o, None), Err(PoseError::TooFew { markers: 2, points: 4 })));
         f.points[1] = Point3::new(0.0, 0.0, 0.0);
         f.points[2] = Point3::new(0.1, 0.0, 0.0);
         let o = observe(&view, &f, &pose(), 0.1, || 0.0, |_, m| m < 3);
-        assert!(fit_pose(&rig, &f, &o, None).is_err());
+        assert!(fit_pose(&view, &f, &o, None).is_err());
     }
 }

@@ -8,7 +8,7 @@
 use crate::calibration::CameraId;
 use crate::tracking::racket::face;
 use crate::tracking::racket::racket_figure::RacketFigure;
-use crate::tracking::racket::racket_pose::{MarkerObservation, RacketPose, View, fit_pose_in};
+use crate::tracking::racket::racket_pose::{MarkerObservation, RacketPose, View, fit_pose};
 use crate::tracking::racket::rigid_points::Triangle;
 use crate::tracking::tape::band_search::BandCandidate;
 use crate::tracking::tape::visible_patches::VisiblePatches;
@@ -294,7 +294,7 @@ fn follow(view: &View, figure: &RacketFigure, seen: &Seen, rough: &Isometry3<f64
             observations.push(MarkerObservation { camera, marker, point: ImagePoint { uv: band.uv, sd: Vector2::new(0.7, 0.7) } });
             strength += band.contrast;
         }
-        let fit = fit_pose_in(view, figure, &observations, Some(&pose)).ok()?;
+        let fit = fit_pose(view, figure, &observations, Some(&pose)).ok()?;
         pose = fit.global_from_racket;
         fitted = Some((observations.len(), strength, fit));
     }

@@ -3,7 +3,7 @@
 use crate::calibration::CameraId;
 use crate::footage::GreyView;
 use crate::tracking::racket::band_near::find;
-use crate::tracking::racket::racket_pose::{MarkerObservation, RacketPose, fit_pose_in};
+use crate::tracking::racket::racket_pose::{MarkerObservation, RacketPose, fit_pose};
 use crate::tracking::racket::racket_scene::{RacketFrame, RacketScene};
 use crate::tracking::tape::band::BandFit;
 use crate::tracking::track_file::ImagePoint;
@@ -174,7 +174,7 @@ pub(super) fn agree(scene: &RacketScene, fits: &mut Vec<(CameraId, usize, BandFi
             return None;
         }
         let observations = observations_of(fits);
-        let pose = fit_pose_in(scene.view, scene.figure, &observations, Some(start)).ok()?;
+        let pose = fit_pose(scene.view, scene.figure, &observations, Some(start)).ok()?;
         match worst_miss(scene, &observations, &pose)? {
             (i, z) if z > OUTLIER => {
                 fits.remove(i);

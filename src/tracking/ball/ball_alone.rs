@@ -6,9 +6,9 @@
 
 use crate::calibration::CameraId;
 use crate::footage::{FrameBuffer, FrameSource, GreyView};
-use crate::tracking::ball::ball_choice::{Sighting, moves_in_racket};
+use crate::tracking::ball::ball_choice::Sighting;
 use crate::tracking::ball::ball_follower::Flight;
-use crate::tracking::ball::ball_pieces::{foretold, straight_pieces};
+use crate::tracking::ball::ball_pieces::foretold;
 use crate::tracking::ball::ball_presence;
 use crate::tracking::ball::ball_track::{BallScene, FASTEST_M_S};
 use crate::tracking::ball::part_of_racket::IN_THE_HEAD_M;
@@ -210,9 +210,7 @@ impl<S: FrameSource> Shot<'_, S> {
             let found =
                 if hovers { self.hovering_in_one(stage, &frames, &indices, &origin)? } else { self.clear_in_one(stage, &indices, &origin, SPEEDS_M_S)? };
             let Some(mut found) = found else { continue };
-            let seen = self.sightings(&found.frames, stage.racket);
-            let pieces = straight_pieces(&seen, self.setup.frame_rate_hz).into_iter().filter(|p| moves_in_racket(p, self.setup.frame_rate_hz));
-            let Some(longest) = pieces.max_by_key(Vec::len) else { continue };
+            let Some(longest) = self.flights_of(&found.frames, stage.racket).into_iter().max_by_key(Vec::len) else { continue };
             if longest.len() >= FEWEST && best.as_ref().is_none_or(|b| longest.len() > b.0) {
                 found.keep_only(&longest);
                 best = Some((longest.len(), found));

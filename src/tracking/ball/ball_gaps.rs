@@ -175,7 +175,7 @@ impl<S: FrameSource> Shot<'_, S> {
     }
 
     /// The straight pieces of what was followed that move as a ball does.
-    fn flights_of(&self, frames: &[Option<BallFrame>], racket: &[Option<RacketFrame>]) -> Vec<Piece> {
+    pub(in crate::tracking) fn flights_of(&self, frames: &[Option<BallFrame>], racket: &[Option<RacketFrame>]) -> Vec<Piece> {
         let rate = self.setup.frame_rate_hz;
         straight_pieces(&self.sightings(frames, racket), rate).into_iter().filter(|p| moves_in_racket(p, rate)).collect()
     }
@@ -285,12 +285,9 @@ impl<S: FrameSource> Shot<'_, S> {
     /// strings.
     fn flight_in(&self, stage: &Stage, gap: &Range<usize>, flight: &Flight) -> Result<Option<Flight>, TrackingError> {
         let Stage { ball: scene, racket, still } = *stage;
-        let known = self.sightings(&flight.frames, racket);
-        let first_lost = self.source.number(gap.start) as f64;
-        let before: Vec<&Sighting> = known.iter().rev().filter(|k| k.number < first_lost).collect();
-        let after: Vec<&Sighting> = known.iter().filter(|k| k.number > first_lost).collect();
+        let (earlier, later): (Vec<Sighting>, Vec<Sighting>) = self.sightings(&flight.frames, racket).into_iter().partition(|k| k.index < gap.start);
+        let (before, after): (Vec<&Sighting>, Vec<&Sighting>) = (earlier.iter().rev().collect(), later.iter().collect());
         let rate = self.setup.frame_rate_hz;
-        let (earlier, later): (Vec<Sighting>, Vec<Sighting>) = known.iter().copied().partition(|k| k.number < first_lost);
         let (last_piece, next_piece) = (straight_pieces(&earlier, rate).pop(), straight_pieces(&later, rate).into_iter().next());
         let met = |piece: &Piece| {
             last_piece.as_ref().is_some_and(|known| meet(known, piece, rate)) || next_piece.as_ref().is_some_and(|known| meet(piece, known, rate))
@@ -308,10 +305,9 @@ impl<S: FrameSource> Shot<'_, S> {
                     }
                     let forth = self.follower_along(scene, (first + apart, three[1]), (first + 2 * apart, three[2]), first + 2 * apart + 1..gap.end, true, 1);
                     let back = self.follower_along(scene, (first + apart, three[1]), (first, three[0]), gap.start..first, false, 1);
-                    let (back, forth) = rayon::join(|| self.follow_to_the_end(back), || self.follow_to_the_end(forth));
-                    let mut found = self.whole_flight(first, &three, [back?, forth?]);
+                    let mut found = self.whole_flight(first, &three, self.both_to_the_end([back, forth])?);
                     let seen = self.sightings(&found.frames, racket);
-                    let pieces: Vec<Piece> = straight_pieces(&seen, rate).into_iter().filter(|p| moves_in_racket(p, rate)).collect();
+                    let pieces = self.flights_of(&found.frames, racket);
                     let ends = [(before.first(), seen.iter().collect::<Vec<_>>()), (after.first(), seen.iter().rev().collect())];
                     let meets: Vec<bool> = ends.iter().filter_map(|(known, found)| meets(found, known.as_ref()?, rate)).collect();
                     if let Some(piece) = pieces.iter().find(|p| met(p)) {

@@ -25,6 +25,7 @@ pub mod impact;
 pub mod impact_table;
 pub mod kinematics;
 pub mod limited_file;
+mod median;
 mod near_names;
 pub mod provenance;
 pub mod quantity;

@@ -7,6 +7,7 @@
 
 use crate::calibration::homography;
 use crate::footage::GreyImage;
+use crate::median::upper_median;
 use nalgebra::{Matrix2, Matrix3, Point3, Vector2, Vector3};
 use std::collections::{BTreeMap, VecDeque};
 
@@ -81,9 +82,7 @@ impl GridPhotograph {
         for _ in 0..3 {
             map.fit(&used, square_m).ok_or(GridError::TooFew { found: used.len() })?;
             let off = |(uv, at): &(Vector2<f64>, (i64, i64))| (map.to_sheet(uv) / square_m - Vector2::new(at.0 as f64, at.1 as f64)).norm();
-            let mut sizes: Vec<f64> = used.iter().map(off).collect();
-            sizes.sort_by(f64::total_cmp);
-            let limit = (4.0 * sizes[sizes.len() / 2]).max(0.01);
+            let limit = (4.0 * upper_median(used.iter().map(off)).unwrap_or(0.0)).max(0.01);
             used = patches
                 .iter()
                 .map(|p| (p.centre, map.to_sheet(&p.centre) / square_m))
@@ -301,9 +300,7 @@ fn patches(image: &GreyImage) -> Vec<Patch> {
 
 /// The largest set of patches that lie on one lattice, with their places in it.
 fn largest_lattice(patches: &[Patch]) -> Vec<(usize, (i64, i64))> {
-    let mut sides: Vec<f64> = patches.iter().map(|p| p.side_px).collect();
-    sides.sort_by(f64::total_cmp);
-    let Some(cell) = sides.get(sides.len() / 2).map(|s| 1.5 * s) else { return Vec::new() };
+    let Some(cell) = upper_median(patches.iter().map(|p| p.side_px)).map(|side| 1.5 * side) else { return Vec::new() };
     let key = |p: &Vector2<f64>| ((p.x / cell).floor() as i64, (p.y / cell).floor() as i64);
     let mut shelves: BTreeMap<(i64, i64), Vec<usize>> = BTreeMap::new();
     for (k, p) in patches.iter().enumerate() {

@@ -6,6 +6,7 @@ use super::racket_outline::{outside_strings, past_head};
 use super::sighting::FrameClock;
 use super::straight_line::{Line, straight_line};
 use crate::equipment::{Ball, Racket};
+use crate::median::upper_median;
 use nalgebra::{Isometry3, Point3, center};
 use std::collections::BTreeMap;
 
@@ -97,9 +98,7 @@ fn velocity_jump(frames: &BTreeMap<u64, FrameView>, at: u64) -> f64 {
 
 /// Whether half of the places lie near their line: those on both sides of an impact do not.
 fn is_straight(flight: &[(f64, Point3<f64>)]) -> bool {
-    let mut misses: Vec<f64> = flight.iter().map(|(t, p)| (p - straight_line(flight, *t).0).norm()).collect();
-    misses.sort_by(f64::total_cmp);
-    misses.get(misses.len() / 2).is_some_and(|miss| *miss < STRAIGHT_M)
+    upper_median(flight.iter().map(|(t, p)| (p - straight_line(flight, *t).0).norm())).is_some_and(|miss| miss < STRAIGHT_M)
 }
 
 /// Where two flights meet in a gap.

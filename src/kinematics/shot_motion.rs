@@ -20,6 +20,7 @@ use super::tape_session::TapeErrors;
 use super::{FitError, KinematicsError};
 use crate::calibration::{CameraId, StereoRig};
 use crate::equipment::{Ball, Racket};
+use crate::median::upper_median;
 use crate::tracking::{HALF_COURT_CONTACT_S, RacketFigure, Target, Tracks, View, camera_shake, frames_of_contact, shake_words, turned_late};
 use nalgebra::{Isometry3, Point3, Vector3};
 use std::collections::BTreeMap;
@@ -470,12 +471,7 @@ impl Bench<'_> {
                 rates.push((a.rotation.inverse() * b.rotation).scaled_axis() / (t1 - t0));
             }
         }
-        let median = |k: usize| {
-            let mut v: Vec<f64> = rates.iter().map(|r| r[k]).collect();
-            v.sort_by(f64::total_cmp);
-            v.get(v.len() / 2).copied().unwrap_or(0.0)
-        };
-        let rate = Vector3::new(median(0), median(1), median(2));
+        let rate = Vector3::from_fn(|k, _| upper_median(rates.iter().map(|r| r[k])).unwrap_or(0.0));
         let nearest = poses.iter().min_by(|a, b| (a.0 - reference_t).abs().total_cmp(&(b.0 - reference_t).abs()));
         let (t, pose) = nearest.copied().unwrap_or((reference_t, Isometry3::identity()));
         let dt = reference_t - t;
@@ -507,10 +503,8 @@ fn most_flexible(view: &MotionView<'_>, start: &MotionState) -> Result<LawResult
 
 /// Drops points whose deviation stands out from the others (scaled by their median); `false` when none does.
 fn drop_outliers(seen: &mut Vec<Sighting>, deviations: &[f64]) -> bool {
-    let mut sorted = deviations.to_vec();
-    sorted.sort_by(f64::total_cmp);
     // The median length of a two-dimensional Gaussian deviation is √(2 ln 2) = 1.177.
-    let scale = (sorted.get(sorted.len() / 2).copied().unwrap_or(0.0) / 1.177).max(0.3);
+    let scale = (upper_median(deviations.iter().copied()).unwrap_or(0.0) / 1.177).max(0.3);
     let keep: Vec<bool> = deviations.iter().map(|d| *d <= OUTLIER * scale).collect();
     let before = seen.len();
     let mut i = 0;

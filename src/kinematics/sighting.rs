@@ -1,6 +1,7 @@
 //! What the cameras saw of one body in one window: image points with times, grouped by target and camera.
 
 use crate::calibration::CameraId;
+use crate::median::upper_median;
 use crate::tracking::{Target, Tracks};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector2, Vector3};
 
@@ -263,9 +264,8 @@ pub(crate) fn deviations(sightings: &[Sighting], misfit_px: &[Vector2<f64>], com
     let mut out = vec![0.0; sightings.len()];
     for range in groups(sightings) {
         for axis in 0..2 {
-            let mut values: Vec<f64> = range.clone().map(|i| misfit_px[i][axis]).collect();
-            values.sort_by(f64::total_cmp);
-            let shift = values[values.len() / 2].clamp(-3.0 * common.constant_px, 3.0 * common.constant_px);
+            let usual = upper_median(range.clone().map(|i| misfit_px[i][axis])).unwrap_or(0.0);
+            let shift = usual.clamp(-3.0 * common.constant_px, 3.0 * common.constant_px);
             for i in range.clone() {
                 out[i] += ((misfit_px[i][axis] - shift) / sightings[i].sd[axis]).powi(2);
             }

@@ -5,6 +5,7 @@
 //! ball it is not, even before something as bright, for a ball has a dark side and lines.
 
 use crate::footage::GreyView;
+use crate::median::upper_median;
 use nalgebra::Vector2;
 
 /// How far from the centre pixels are asked, in radii: well inside the outline.
@@ -62,12 +63,12 @@ fn change_between(image: &GreyView, still: &GreyView, centre: &Vector2<f64>, [in
 pub fn absent(changes: &[[Option<f64>; 2]]) -> Vec<(usize, usize, f64)> {
     let mut out = Vec::new();
     for camera in 0..2 {
-        let mut sorted: Vec<f64> = changes.iter().filter_map(|c| c[camera]).collect();
-        if sorted.len() < FEWEST {
+        let known: Vec<f64> = changes.iter().filter_map(|c| c[camera]).collect();
+        if known.len() < FEWEST {
             continue;
         }
-        sorted.sort_by(f64::total_cmp);
-        let least = LEAST_SHARE * sorted[sorted.len() / 2];
+        let Some(usual) = upper_median(known) else { continue };
+        let least = LEAST_SHARE * usual;
         out.extend(changes.iter().enumerate().filter(|(_, c)| c[camera].is_some_and(|c| c < least)).map(|(index, _)| (index, camera, least)));
     }
     out

@@ -7,6 +7,7 @@
 //! rays meet whatever the pictures' instants are. If they do not, and the tape's do, these are two things.
 
 use crate::calibration::CameraId;
+use crate::median::upper_median;
 use crate::tracking::ball::ball_track::{BallFrame, outline_radius_px};
 use crate::tracking::racket::racket_pose::View;
 use crate::tracking::racket::racket_scene::RacketFrame;
@@ -52,9 +53,8 @@ fn pace_px(ball: &[Option<BallFrame>], camera: CameraId) -> Option<f64> {
 }
 
 /// The middle of these; `None` of too few.
-fn median(mut values: Vec<f64>) -> Option<f64> {
-    let middle = values.len() / 2;
-    (values.len() >= FEWEST).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
+fn median(values: Vec<f64>) -> Option<f64> {
+    if values.len() < FEWEST { None } else { upper_median(values) }
 }
 
 #[cfg(test)]

@@ -2,6 +2,7 @@
 
 use crate::calibration::CameraId;
 use crate::footage::FrameSource;
+use crate::median::upper_median;
 use crate::tracking::ball::ball_track::{BallFrame, FASTEST_M_S};
 use crate::tracking::ball::ray_flight::RayPoint;
 use crate::tracking::pictures::shot_frames::Shot;
@@ -68,12 +69,7 @@ impl<S: FrameSource> Shot<'_, S> {
             Some((eye - ray * (eye.z / ray.z)).xy())
         };
         let places: Vec<Point2<f64>> = points.iter().filter_map(in_plane).collect();
-        let middle = |of: fn(&Point2<f64>) -> f64| {
-            let mut along: Vec<f64> = places.iter().map(of).collect();
-            along.sort_by(f64::total_cmp);
-            along.get(along.len() / 2).copied()
-        };
-        let (Some(x), Some(y)) = (middle(|p| p.x), middle(|p| p.y)) else { return false };
+        let (Some(x), Some(y)) = (upper_median(places.iter().map(|p| p.x)), upper_median(places.iter().map(|p| p.y))) else { return false };
         let keep = places.iter().filter(|p| (p.x - x).hypot(p.y - y) < KEEPS_M).count();
         keep as f64 > MOST_KEEP * places.len() as f64
     }

@@ -8,6 +8,7 @@
 
 use crate::calibration::CameraId;
 use crate::footage::FrameSource;
+use crate::median::upper_median;
 use crate::tracking::ball::ball_track::BallFrame;
 use crate::tracking::ball::bounce::Flights;
 use crate::tracking::pictures::shot_frames::AT_ONCE;
@@ -199,10 +200,8 @@ fn foretold(near: &[&(f64, ImagePoint)], time: f64, bend_px: f64) -> Option<(Vec
         let curve = inverse * g;
         let misses: Vec<f64> = near.iter().map(|(t, p)| (p.uv - curve.tr_mul(&row(*t))).norm() / deviation(p)).collect();
         weights = misses.iter().map(|z| (HUBER / z.max(1e-9)).min(1.0)).collect();
-        let mut sorted = misses;
-        sorted.sort_by(f64::total_cmp);
         // The median length of two normal numbers is 1.18 deviations.
-        let scale = (sorted[sorted.len() / 2] / 1.18).max(1.0);
+        let scale = (upper_median(misses)? / 1.18).max(1.0);
         found = Some((curve.row(0).transpose(), inverse[(0, 0)].sqrt() * scale));
     }
     found

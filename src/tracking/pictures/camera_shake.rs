@@ -6,6 +6,7 @@
 //! what the bands' scatter about their mean says, and are taken off.
 
 use crate::calibration::CameraId;
+use crate::median::upper_median;
 use crate::tracking::track_file::{Target, Tracks};
 use nalgebra::Vector2;
 use std::collections::BTreeMap;
@@ -60,8 +61,7 @@ fn shake(pictures: &BTreeMap<u64, Bands>) -> Option<f64> {
         return None;
     }
     let own = (own / (30.0 * common.len() as f64)).max(0.0);
-    let mid = common.len() / 2;
-    let all = *common.select_nth_unstable_by(mid, f64::total_cmp).1 / MEDIAN;
+    let all = upper_median(common)? / MEDIAN;
     let shake = (all - own).max(0.0).sqrt();
     (all > TIMES * own && shake > LEAST_PX).then_some(shake)
 }

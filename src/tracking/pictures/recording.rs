@@ -1,6 +1,7 @@
 //! Faults of a recording that the pictures themselves show: a picture that repeats the one before, a dark or washed-out one.
 
 use crate::footage::{FrameSource, GreyView};
+use crate::median::upper_median;
 
 /// Every this many rows count for the fingerprint: noise makes any two pictures differ within a few rows.
 const ROW_STEP: usize = 4;
@@ -120,9 +121,7 @@ pub struct MeanGreys {
 }
 
 fn median(values: impl Iterator<Item = f64>) -> f64 {
-    let mut sorted: Vec<f64> = values.collect();
-    sorted.sort_by(f64::total_cmp);
-    sorted.get(sorted.len() / 2).copied().unwrap_or(NO_LIGHT)
+    upper_median(values).unwrap_or(NO_LIGHT)
 }
 
 /// Less than a share of the usual mean grey. Below one grey level there is no light to speak of: a dark curtain makes such pictures.

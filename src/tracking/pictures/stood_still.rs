@@ -1,5 +1,6 @@
 //! Pictures that a recorder stored once more, told by the racket: it stands still for a frame in one camera while it moves in the other.
 
+use crate::median::upper_median;
 use crate::tracking::racket::racket_scene::RacketFrame;
 use crate::tracking::track_file::ImagePoint;
 
@@ -108,9 +109,8 @@ fn frames_late(frames: &[Option<RacketFrame>], [a, i, b]: [usize; 3], camera: us
         let share = (at[m]?.uv - from[m]?.uv).dot(&way) / way.norm_squared();
         (way.norm() > STILL_PX.1 * frames).then(|| (i - a) as f64 - share * frames)
     };
-    let mut late: Vec<f64> = (0..from.len()).filter_map(late).collect();
-    late.sort_by(f64::total_cmp);
-    (late.len() >= 2).then(|| late[late.len() / 2])
+    let late: Vec<f64> = (0..from.len()).filter_map(late).collect();
+    if late.len() < 2 { None } else { upper_median(late) }
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@
 //! poses apart, and m2/m3 (m4/m5) are exchanged between them. The whole shot then takes one of them, by convention: z
 //! points to the side the ball comes from (physics: z toward the hitting side).
 
+use crate::median::upper_median;
 use crate::tracking::ball::ball_track::BallFrame;
 use crate::tracking::ball::ball_way::StraightLine;
 use crate::tracking::pictures::shot_frames::AT_ONCE;
@@ -196,9 +197,7 @@ fn side_seen(racket: &[Option<RacketFrame>], ball: &[Option<BallFrame>], stereo:
         let before: Vec<f64> = seen[..=met].iter().rev().map(|s| s.local.z).filter(clear).take(SIDE_FRAMES).collect();
         if before.is_empty() { seen[met..].iter().map(|s| s.local.z).filter(clear).take(SIDE_FRAMES).collect() } else { before }
     };
-    let mut side = Some(heights(CLEAR_M)).filter(|h| !h.is_empty()).unwrap_or_else(|| heights(0.0));
-    side.sort_by(f64::total_cmp);
-    side.get(side.len() / 2).copied()
+    upper_median(heights(CLEAR_M)).or_else(|| upper_median(heights(0.0)))
 }
 
 #[cfg(test)]

@@ -2,6 +2,7 @@
 
 use crate::calibration::CameraId;
 use crate::footage::{FrameBuffer, FrameSource, GreyView, Rows};
+use crate::median::upper_median;
 use crate::tracking::pictures::recording::{Fingerprint, Fingerprints};
 use crate::tracking::pictures::shot_frames::{PATIENCE, Shot, spread};
 use crate::tracking::racket::band_near::LEAST_CONTRAST;
@@ -229,12 +230,10 @@ impl<S: FrameSource> Shot<'_, S> {
         let mut least_contrast = [0.0; 2];
         for camera in CameraId::BOTH {
             let image = images[camera.index()].as_ref()?;
-            let mut contrasts: Vec<f64> = (0..5)
+            let contrasts = (0..5)
                 .filter(|m| frame.points[camera.index()][*m].is_some())
-                .filter_map(|m| BandView::at(self.view, &self.figure, &frame.pose.global_from_racket, camera, m)?.contrast(image, &self.shape, 0.0, 0.0))
-                .collect();
-            contrasts.sort_by(f64::total_cmp);
-            least_contrast[camera.index()] = LEAST_CONTRAST * contrasts.get(contrasts.len() / 2)?;
+                .filter_map(|m| BandView::at(self.view, &self.figure, &frame.pose.global_from_racket, camera, m)?.contrast(image, &self.shape, 0.0, 0.0));
+            least_contrast[camera.index()] = LEAST_CONTRAST * upper_median(contrasts)?;
         }
         Some(RacketStart { index, frame, least_contrast, clear: false })
     }

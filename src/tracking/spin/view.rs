@@ -1,6 +1,7 @@
 //! One picture of the ball, and its pixels as directions on the sphere.
 
 use crate::calibration::{CameraId, StereoRig};
+use crate::median::upper_median;
 use nalgebra::{Matrix2, Matrix3, Point3, Vector2, Vector3};
 
 /// A rectangle of 8-bit grey pixels: the whole frame or a crop around the ball. Pixel `(column, row)` of the patch is
@@ -198,9 +199,8 @@ fn smooth_centres(views: &[BallView]) -> (Vec<Vector2<f64>>, Vec<CentreErrors>) 
                 let fitted = solution.transpose() * basis(views[i].time_s);
                 centres[i] = Vector2::new(fitted[0], fitted[1]);
             }
-            let mut misses: Vec<f64> = keep.iter().map(|&i| (centres[i] - views[i].centre_px).norm()).collect();
-            misses.sort_by(f64::total_cmp);
-            let limit = (4.0 * misses[misses.len() / 2]).max(0.15);
+            let Some(usual) = upper_median(keep.iter().map(|&i| (centres[i] - views[i].centre_px).norm())) else { break };
+            let limit = (4.0 * usual).max(0.15);
             keep = own.iter().copied().filter(|&i| (centres[i] - views[i].centre_px).norm() <= limit).collect();
             if keep.len() < terms + 2 {
                 break;

@@ -29,12 +29,7 @@ pub fn frame_views(rig: &StereoRig, tracks: &Tracks, moving: &MovingRacket, cloc
             let (l, r) = (tracks.get(frame, CameraId::Left, target)?, tracks.get(frame, CameraId::Right, target)?);
             space.triangulate_alike(&l, &r, BALL_ERRORS_ALIKE).ok()
         };
-        let observations: Vec<MarkerObservation> = CameraId::BOTH
-            .iter()
-            .flat_map(|&camera| Target::MARKERS.map(|t| (camera, t)))
-            .filter_map(|(camera, t)| Some(MarkerObservation { camera, marker: t.index(), point: tracks.get(frame, camera, t)? }))
-            .collect();
-        let pose = fit_pose(&view, &moving.figure, &observations, last.as_ref()).ok().map(|p| p.global_from_racket);
+        let pose = fit_pose(&view, &moving.figure, &MarkerObservation::in_frame(tracks, frame), last.as_ref()).ok().map(|p| p.global_from_racket);
         last = pose.or(last);
         views.insert(frame, FrameView { t: clock.time_s(frame), ball: point(Target::Ball), pose });
     }

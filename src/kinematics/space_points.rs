@@ -55,12 +55,7 @@ pub fn on_rigid_racket(rig: &StereoRig, tracks: &Tracks, motion: &ShotMotion, si
     let mut out: BTreeMap<(u64, Target), SpacePoint> = single.iter().map(|p| ((p.frame, p.target), *p)).collect();
     for (frame, seen) in &motion.frames {
         let Some(start) = seen.pose else { continue };
-        let mut observations = Vec::with_capacity(10);
-        for camera in CameraId::BOTH {
-            for (marker, target) in Target::MARKERS.into_iter().enumerate() {
-                observations.extend(tracks.get(*frame, camera, target).map(|point| MarkerObservation { camera, marker, point }));
-            }
-        }
+        let observations = MarkerObservation::in_frame(tracks, *frame);
         // From one camera alone depth is poor, and no marker has a point of its own either.
         if CameraId::BOTH.iter().any(|c| observations.iter().all(|o| o.camera != *c)) {
             continue;

@@ -86,13 +86,8 @@ pub fn evenly(n: usize, most: usize) -> impl Iterator<Item = usize> {
 
 /// The frames of a shot that show nearly every band.
 fn frames(tracks: &Tracks) -> Vec<Vec<MarkerObservation>> {
-    let mut by_frame: BTreeMap<u64, Vec<MarkerObservation>> = BTreeMap::new();
-    for p in tracks.points.iter().filter(|p| p.target != Target::Ball) {
-        if let Some(point) = p.point {
-            by_frame.entry(p.frame).or_default().push(MarkerObservation { camera: p.camera, marker: p.target.index(), point });
-        }
-    }
-    let full: Vec<Vec<MarkerObservation>> = by_frame.into_values().filter(|o| o.len() >= FEWEST_BANDS).collect();
+    let seen = tracks.frames().into_iter().map(|frame| MarkerObservation::in_frame(tracks, frame));
+    let full: Vec<Vec<MarkerObservation>> = seen.filter(|o| o.len() >= FEWEST_BANDS).collect();
     evenly(full.len(), FRAMES).map(|i| full[i].clone()).collect()
 }
 

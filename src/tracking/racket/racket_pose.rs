@@ -8,7 +8,7 @@ use crate::tracking::cholesky::Cholesky;
 use crate::tracking::racket::foretold_pose::{Foretold, moved, turn_and_shift};
 use crate::tracking::racket::racket_figure::RacketFigure;
 use crate::tracking::racket::rigid_points::rigid_from_points;
-use crate::tracking::track_file::ImagePoint;
+use crate::tracking::track_file::{ImagePoint, Target, Tracks};
 use nalgebra::{Isometry3, Matrix2x3, Matrix3, Matrix6, Point3, SMatrix, Vector2, Vector3};
 
 /// One marker in one image: the centroid of the visible tape.
@@ -18,6 +18,14 @@ pub struct MarkerObservation {
     /// 0 to 4 for m1 to m5.
     pub marker: usize,
     pub point: ImagePoint,
+}
+
+impl MarkerObservation {
+    /// All of one frame, by camera and marker.
+    pub fn in_frame(tracks: &Tracks, frame: u64) -> Vec<Self> {
+        let bands = CameraId::BOTH.into_iter().flat_map(|camera| Target::MARKERS.map(|target| (camera, target)));
+        bands.filter_map(|(camera, target)| Some(MarkerObservation { camera, marker: target.index(), point: tracks.get(frame, camera, target)? })).collect()
+    }
 }
 
 /// Pose with its covariance: rotation vector about the global axes (rad), then translation (m).

@@ -7,7 +7,7 @@
 //! How long a window these laws hold over is asked of the points: `bending_p` tests them against a path whose acceleration
 //! changes freely. A bounce, a net cord, a barrel or a wrongly tracked stretch within the window bends it.
 
-use super::least_squares::{Problem, Solution, SolveError, chi2_tail_3, solve};
+use super::least_squares::{Problem, Solution, SolveError, chi2_tail_3, probabilities, solve};
 use super::sighting::{CommonError, Sighting, Whitener, deviations, persistence};
 use crate::calibration::{CameraId, StereoRig};
 use crate::equipment::Ball;
@@ -254,9 +254,7 @@ pub(crate) fn average_flight(view: &FlightView<'_>, mut results: Vec<FlightResul
     }
     results.sort_by(|a, b| b.ln_evidence.total_cmp(&a.ln_evidence));
     let best = results.first()?.clone();
-    let mut weights: Vec<f64> = results.iter().map(|r| (r.ln_evidence - best.ln_evidence).exp()).collect();
-    let total: f64 = weights.iter().sum();
-    weights.iter_mut().for_each(|w| *w /= total);
+    let weights = probabilities(results.iter().map(|r| r.ln_evidence));
     let vector = |r: &FlightResult| {
         let (p, v) = (r.state.position, r.state.velocity);
         SMatrix::<f64, 6, 1>::new(p.x, p.y, p.z, v.x, v.y, v.z)

@@ -37,6 +37,14 @@ pub(crate) fn chi2_tail_3(x: f64) -> f64 {
     statrs::function::erf::erfc((0.5 * x).sqrt()) + (2.0 * x / std::f64::consts::PI).sqrt() * (-0.5 * x).exp()
 }
 
+/// Probabilities of rival laws, the likeliest first, from the logarithms of their evidence.
+pub(crate) fn probabilities(ln_evidence: impl Iterator<Item = f64> + Clone) -> Vec<f64> {
+    let best = ln_evidence.clone().next().unwrap_or(0.0);
+    let weights: Vec<f64> = ln_evidence.map(|ln| (ln - best).exp()).collect();
+    let total: f64 = weights.iter().sum();
+    weights.iter().map(|w| w / total).collect()
+}
+
 const MOST_STEPS: usize = 60;
 
 /// Minimises; derivatives are central differences of 1e-4 of the natural size (the projection is smooth: the error of

@@ -5,7 +5,7 @@
 //! state goes on from there. Which law holds is a matter of evidence: each law's marginal likelihood weighs its result,
 //! and the spread between laws is part of the uncertainty.
 
-use super::least_squares::{Problem, Solution, SolveError, solve};
+use super::least_squares::{Problem, Solution, SolveError, probabilities, solve};
 use super::motion_law::MotionLaw;
 use super::motion_state::{MotionState, Part};
 use super::sighting::{CommonError, Sighting, Whitener, deviations, persistence};
@@ -267,7 +267,7 @@ pub(crate) fn motion_persistence(view: &MotionView<'_>, result: &LawResult) -> f
 pub struct MotionEstimate {
     pub reference_t: f64,
     pub state: MotionState,
-    /// Acceleration of the centre of mass, global axes.
+    /// Acceleration of the stated balance point, global axes.
     pub acceleration: Vector3<f64>,
     /// Angular acceleration, body axes.
     pub rate_dot_body: Vector3<f64>,
@@ -299,9 +299,7 @@ pub struct FreeLever {
 pub(crate) fn average(racket: &MovingRacket, mut results: Vec<LawResult>, reference_t: f64) -> Option<MotionEstimate> {
     results.sort_by(|a, b| b.ln_evidence.total_cmp(&a.ln_evidence));
     let best = results.first()?.clone();
-    let mut weights: Vec<f64> = results.iter().map(|r| (r.ln_evidence - best.ln_evidence).exp()).collect();
-    let total: f64 = weights.iter().sum();
-    weights.iter_mut().for_each(|w| *w /= total);
+    let weights = probabilities(results.iter().map(|r| r.ln_evidence));
     let offset = |r: &LawResult| -> SMatrix<f64, 12, 1> {
         let turn = (r.state.global_from_racket * best.state.global_from_racket.inverse()).scaled_axis();
         let parts = [r.state.com - best.state.com, turn, r.state.velocity - best.state.velocity, r.state.rate_body - best.state.rate_body];

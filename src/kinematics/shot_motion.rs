@@ -270,7 +270,7 @@ impl Bench<'_> {
         // A frame stays out until the ball has surely left: its shape still swings and the crossing has its own error.
         let guard = 0.5 * self.settings.exposure_s + 0.0002;
         let mut start = shot.first_contact_t + SURELY_FREE_S;
-        let mut contact = shot.first_contact_t + 0.005;
+        let mut contact = shot.first_contact_t + USUAL_CONTACT_S;
         let mut settled = false;
         let slow_hand = self.slow_hand(shot);
         let all = if self.settings.first_look { MotionLaw::TOLD_FREE.to_vec() } else { MotionLaw::after_contact() };

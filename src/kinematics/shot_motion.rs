@@ -121,6 +121,8 @@ pub struct ShotMotion {
 pub const FEWEST_FRAMES: usize = 4;
 /// Most rounds in which windows and contact settle on each other.
 const ROUNDS: usize = 6;
+/// They have when the same frames are in them and the contact moves by less than this, s.
+const SETTLED_S: f64 = 2e-4;
 /// Contact lasts 3 to 7 ms (docs/impact.md, base visco-elastic); frames this long after first contact are surely free again.
 pub(crate) const SURELY_FREE_S: f64 = 0.0075;
 /// Usual length of a contact, s, for when its end is not seen.
@@ -128,6 +130,8 @@ pub(crate) const USUAL_CONTACT_S: f64 = 0.005;
 /// Deviations (in scaled standard deviations over both axes) beyond which a point is an outlier. Among 500 good points
 /// one is beyond 4.2 in every ten shots (Rayleigh).
 const OUTLIER: f64 = 4.2;
+/// Most rounds in which outliers are dropped.
+const OUTLIER_ROUNDS: usize = 5;
 /// A window of the ball is shortened while a path that obeys its laws would bend as much in fewer than one shot of a thousand
 /// (half a window knows the velocity three times worse: shortening must be worth it),
 pub(crate) const BENDS_P: f64 = 0.001;
@@ -235,7 +239,7 @@ impl Bench<'_> {
                 break;
             }
             contact += dt;
-            settled = round == ROUNDS - 2 || self.same_frames(end, contact - guard) && dt.abs() < 2e-4;
+            settled = round == ROUNDS - 2 || self.same_frames(end, contact - guard) && dt.abs() < SETTLED_S;
             end = contact - guard;
         }
         let (ball_in, racket_in, contact) = fits.ok_or(KinematicsError::NoCrossing { when: "before" })?;
@@ -287,7 +291,7 @@ impl Bench<'_> {
                 (shot.ball_out, shot.racket_out) = (Some(ball_out), Some(racket_out));
                 break;
             }
-            settled = round == ROUNDS - 2 || self.same_frames(start, next + guard) && (next - contact).abs() < 2e-4;
+            settled = round == ROUNDS - 2 || self.same_frames(start, next + guard) && (next - contact).abs() < SETTLED_S;
             contact = next;
             start = contact + guard;
         }
@@ -383,7 +387,7 @@ impl Bench<'_> {
             let view = self.flight_view(seen, reference_t, scale);
             FlightLaw::ALL.iter().map(|law| fit_flight(&view, *law, &start).map_err(failed)).collect()
         };
-        for _ in 0..5 {
+        for _ in 0..OUTLIER_ROUNDS {
             let results = fit(&seen, 1.0)?;
             let Some(richest) = results.last() else { break };
             let deviations = flight_deviations(&self.flight_view(&seen, reference_t, 1.0), richest);
@@ -428,7 +432,7 @@ impl Bench<'_> {
         let total = seen.len();
         let failed = |source| KinematicsError::Fit { body: "racket", when: when.word(), source: FitError::from(source) };
         let mut richest = most_flexible(&self.motion_view(&seen, when, rate, reference_t, 1.0), &start).map_err(failed)?;
-        for _ in 0..5 {
+        for _ in 0..OUTLIER_ROUNDS {
             let deviations = sighting_deviations(&self.motion_view(&seen, when, rate, reference_t, 1.0), &richest);
             if !drop_outliers(&mut seen, &deviations) {
                 break;

@@ -313,11 +313,13 @@ pub fn outline_radius_px(view: &View, camera: CameraId, at: &Point3<f64>, radius
     Some(radius_m * 0.5 * ((j * a).norm() + (j * b).norm()))
 }
 
+/// Places along a side of a mean picture: about as many as a ball has pixels.
+const MEAN_SIDE: usize = 15;
 /// The places of a mean picture that tell the light, in ball radii; those near the outline do not.
 static MEAN_PLACES: LazyLock<Vec<Option<(f64, f64)>>> =
-    LazyLock::new(|| (0..225).map(|i| Some(MeanDisc::place(i)).filter(|(x, y)| x.hypot(*y) < INSIDE_LIMB)).collect());
+    LazyLock::new(|| (0..MEAN_SIDE * MEAN_SIDE).map(|i| Some(MeanDisc::place(i)).filter(|(x, y)| x.hypot(*y) < INSIDE_LIMB)).collect());
 
-/// A mean picture of the ball's disc on a grid of 15 x 15 places.
+/// A mean picture of the ball's disc on a grid of places as wide as the disc, [`MEAN_SIDE`] to a side.
 #[derive(Debug, Clone)]
 pub struct MeanDisc {
     cells: Vec<(f64, f64)>,
@@ -325,13 +327,14 @@ pub struct MeanDisc {
 
 impl Default for MeanDisc {
     fn default() -> Self {
-        MeanDisc { cells: vec![(0.0, 0.0); 225] }
+        MeanDisc { cells: vec![(0.0, 0.0); MEAN_SIDE * MEAN_SIDE] }
     }
 }
 
 impl MeanDisc {
     fn place(i: usize) -> (f64, f64) {
-        ((i % 15) as f64 / 7.0 - 1.0, (i / 15) as f64 / 7.0 - 1.0)
+        let at = |k: usize| k as f64 / (MEAN_SIDE / 2) as f64 - 1.0;
+        (at(i % MEAN_SIDE), at(i / MEAN_SIDE))
     }
 
     /// Adds the pictures of another mean.

@@ -86,7 +86,7 @@ pub fn track_in_step(clip: &Clip, setup: &ShotSetup, mode: SyncMode, cancel: &At
     };
     let first = match track_shot(clip, setup, cancel, progress) {
         Ok(tracked) => Ok(as_paired(clip, tracked)),
-        Err(e) if matches!(e, TrackingError::NoRacket { .. }) => Err(e),
+        Err(e @ TrackingError::NoRacket { .. }) => Err(e),
         Err(e) => return Err(e),
     };
     let tracked_as = |clip: &Clip| match track_shot(clip, setup, cancel, &|_| ()) {

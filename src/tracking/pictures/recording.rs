@@ -1,5 +1,6 @@
 //! Faults of a recording that the pictures themselves show: a picture that repeats the one before, a dark or washed-out one.
 
+use crate::calibration::CameraId;
 use crate::footage::{FrameSource, GreyView};
 use crate::median::upper_median;
 
@@ -142,9 +143,9 @@ pub fn washed_out(means: &[MeanGreys; 2], index: usize) -> [bool; 2] {
 /// What the user should know about stale pictures.
 pub fn notes(source: &impl FrameSource, stale: &[[bool; 2]]) -> Vec<String> {
     let mut out = Vec::new();
-    for (camera, name) in ["left", "right"].iter().enumerate() {
-        for i in (0..stale.len()).filter(|i| stale[*i][camera]) {
-            out.push(format!("{name} frame {} repeats the frame before; its points are left out", source.number(i)));
+    for camera in CameraId::BOTH {
+        for i in (0..stale.len()).filter(|i| stale[*i][camera.index()]) {
+            out.push(format!("{} frame {} repeats the frame before; its points are left out", camera.name(), source.number(i)));
         }
     }
     out
@@ -153,8 +154,8 @@ pub fn notes(source: &impl FrameSource, stale: &[[bool; 2]]) -> Vec<String> {
 /// Frames whose picture is much darker or brighter than the clip's usual one, with what it is.
 pub fn dark_or_bright(source: &impl FrameSource, means: &[MeanGreys; 2]) -> Vec<String> {
     let mut out = Vec::new();
-    for (means, name) in means.iter().zip(["left", "right"]) {
-        let usual = means.usual;
+    for (means, camera) in means.iter().zip(CameraId::BOTH) {
+        let (usual, name) = (means.usual, camera.name());
         for (i, mean) in means.by_frame.iter().enumerate() {
             let Some(mean) = *mean else { continue };
             let what = if is_darker(mean, usual, FACTOR) {

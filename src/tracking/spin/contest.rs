@@ -1,7 +1,6 @@
 //! Which of the rates the search has found is the ball's, and whether it clearly is.
 
 use super::registration::{Effort, Registrar, Registration};
-use super::search::Candidate;
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
@@ -46,14 +45,14 @@ pub(super) fn stands_still(omega: &Vector3<f64>, span_s: f64) -> bool {
     omega.norm() * span_s < 0.3
 }
 
-/// Registers the candidates on a coarse map and finds whether one clearly wins. Rivals closer than a twelfth of the rate
+/// Registers the candidates (rad/s) on a coarse map and finds whether one clearly wins. Rivals closer than a twelfth of the rate
 /// are the same valley, whose width is the covariance's business.
-pub(super) fn contest(coarse: &Registrar, candidates: &[Candidate], span_s: f64) -> Option<Contest> {
+pub(super) fn contest(coarse: &Registrar, candidates: &[Vector3<f64>], span_s: f64) -> Option<Contest> {
     let apart = |a: &Vector3<f64>, b: &Vector3<f64>| (a - b).norm() > f64::max(a.norm() / 12.0, 0.15 / span_s.max(1e-6));
     let mut fits: Vec<(Vector3<f64>, Registration)> = Vec::new();
-    for c in candidates {
-        if fits.len() < CONTESTANTS && fits.iter().all(|(start, f)| apart(start, &c.omega) && apart(&f.omega, &c.omega)) {
-            fits.push((c.omega, coarse.refine(c.omega, &COARSE)));
+    for omega in candidates {
+        if fits.len() < CONTESTANTS && fits.iter().all(|(start, f)| apart(start, omega) && apart(&f.omega, omega)) {
+            fits.push((*omega, coarse.refine(*omega, &COARSE)));
         }
     }
     let noise = fits.iter().map(|(_, f)| f.noise).min_by(f64::total_cmp)?;

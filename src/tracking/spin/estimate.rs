@@ -2,7 +2,7 @@
 
 use super::contest::{Contest, contest, stands_still};
 use super::registration::{Effort, FoundMarkings, Registrar, Registration};
-use super::search::{Beam, Candidate, Search};
+use super::search::{Beam, Search};
 use super::shading::{Mark, Shading, divide_out};
 use super::sphere_map::SphereMap;
 use super::view::{BallView, Sample, ViewInfo, sample_views};
@@ -201,7 +201,7 @@ impl FoundSpin {
                 let contest = Contest { omega, flat: Matrix3::zeros(), ..start.contest.clone() };
                 Self::refined(contest, &infos, &marks, &shading, settings)
             }
-            _ => Self::among(&possible.into_iter().map(|omega| Candidate { omega }).collect::<Vec<_>>(), &infos, &marks, &shading, settings),
+            _ => Self::among(&possible, &infos, &marks, &shading, settings),
         }
     }
 
@@ -229,7 +229,7 @@ impl FoundSpin {
     }
 
     /// Which of the candidates is the ball's spin: on a coarse map, from every second pixel, without blur.
-    fn among(candidates: &[Candidate], infos: &[ViewInfo], marks: &[Mark], shading: &Shading, settings: &SpinSettings) -> Self {
+    fn among(candidates: &[Vector3<f64>], infos: &[ViewInfo], marks: &[Mark], shading: &Shading, settings: &SpinSettings) -> Self {
         let few: Vec<Mark> = marks.iter().copied().step_by(2).collect();
         let coarse_map = SphereMap::new(COARSE_EDGE);
         let coarse = Registrar::new(&coarse_map, infos, &few, shading, None);

@@ -148,12 +148,6 @@ struct Place {
     so_far: f32,
 }
 
-/// A rate, rad/s.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Candidate {
-    pub omega: Vector3<f64>,
-}
-
 impl<'a> Search<'a> {
     pub fn new(views: &'a [ViewInfo], marks: &[Mark], frame_s: f64) -> Self {
         let cameras: Vec<OneCamera> = CameraId::BOTH.iter().filter_map(|c| OneCamera::new(*c, views, marks, frame_s)).collect();
@@ -215,7 +209,7 @@ impl<'a> Search<'a> {
     }
 
     /// The best rates below `limit_rad_s`, best first, distinct on the scale the whole window resolves.
-    pub fn candidates(&self, limit_rad_s: f64, beam: Beam) -> Vec<Candidate> {
+    pub fn candidates(&self, limit_rad_s: f64, beam: Beam) -> Vec<Vector3<f64>> {
         let mut length = FIRST_APART.min(self.longest);
         if length == 0 {
             return Vec::new();
@@ -276,7 +270,7 @@ impl<'a> Search<'a> {
         let mut ranked: Vec<_> = distinct(ranked, 1.5 * step, RANKED).into_par_iter().with_max_len(1).map(|c| self.descend(c.0, 0.5 * step)).collect();
         ranked.sort_by(|a, b| a.1.total_cmp(&b.1));
         let apart = STEP_RAD / (self.longest as f64 * self.frame_s);
-        distinct(ranked, apart, RANKED).into_iter().map(|c| Candidate { omega: c.0 }).collect()
+        distinct(ranked, apart, RANKED).into_iter().map(|c| c.0).collect()
     }
 
     /// Moves to the best of the neighbours (faces of a cube of ±step, then ±step/2) until none is better.

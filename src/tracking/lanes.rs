@@ -3,6 +3,12 @@
 /// How many.
 pub const LANES: usize = 16;
 
+/// As many values as stand side by side, from here on.
+#[inline(always)]
+pub fn lanes(values: &[f32], at: usize) -> Option<&[f32; LANES]> {
+    values.get(at..at + LANES)?.first_chunk()
+}
+
 #[derive(Clone, Copy)]
 #[repr(align(64))]
 pub struct Lanes(pub [f32; LANES]);

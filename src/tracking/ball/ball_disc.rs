@@ -4,7 +4,7 @@
 //! pixel either way, and blurred by two passes of a normal curve that stands for lens and pixel together. Moving the centre by
 //! part of a pixel needs the second step only, and the derivatives come with it.
 
-use crate::tracking::lanes::{LANES, Lanes};
+use crate::tracking::lanes::{LANES, Lanes, lanes};
 use nalgebra::Vector2;
 use std::ops::Range;
 
@@ -291,12 +291,6 @@ impl pulp::NullaryFnOnce for Gather<'_> {
         }
         out
     }
-}
-
-/// As many values as stand side by side, from here on.
-#[inline(always)]
-pub fn lanes(values: &[f32], at: usize) -> Option<&[f32; LANES]> {
-    values.get(at..at + LANES)?.first_chunk()
 }
 
 /// Adds `weight` times one array to another; quickest where lengths are multiples of [`WIDE`].

@@ -1,9 +1,9 @@
 //! What lies behind the ball in one picture: continued inward from just outside the outline, with the help of the clip's median
 //! picture where that is what is seen outside.
 
-use crate::tracking::ball::ball_disc::{WIDE, lanes};
+use crate::tracking::ball::ball_disc::WIDE;
 use crate::tracking::ball::ball_model::BallPicture;
-use crate::tracking::lanes::{LANES, Lanes};
+use crate::tracking::lanes::{LANES, Lanes, lanes};
 use nalgebra::Vector2;
 
 /// Pixels show the surroundings from so many deviations of the blur outside the outline (up to 1.5 % of the ball) to so many pixels, at

@@ -4,6 +4,7 @@
 //! the widest registers the processor has, in single precision: a picture has eight bits. Products are fused with their sums and
 //! sums run in sixteen fixed lanes, so that every processor gives the same bits.
 
+use crate::tracking::lanes::LANES;
 use crate::tracking::racket::racket_figure::VISIBLE_DEPTH;
 use crate::tracking::tape::tape_light::BandShade;
 
@@ -15,8 +16,6 @@ pub const LEVELS: usize = 8;
 pub const UNKNOWNS: usize = 2 + LEVELS;
 /// Pixels taken in one step; arrays are filled up to whole steps. All that one step computes stays in the nearest cache.
 const STEP: usize = 32;
-/// Sums that run side by side.
-const LANES: usize = 16;
 /// One value for each of the pixels of a step.
 type Step = [f32; STEP];
 /// Products of two of the columns of the design and of the residual, each pair once.

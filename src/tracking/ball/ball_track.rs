@@ -128,9 +128,7 @@ impl BallScene<'_> {
         CameraId::BOTH.map(|camera| {
             let (Some(uv), Some(radius)) = (self.view.project(camera, predicted), self.radius_px(camera, predicted)) else { return Rows::ALL };
             let half = radius + REACH_PX + 2.0 * CLOSE_PX + 1.0;
-            let row = |v: f64| v.clamp(0.0, self.view.rig.image_size[1] as f64) as usize;
-            let first = row((uv.y - half).floor());
-            Rows::span(first, row((uv.y + half).ceil() + 1.0) - first)
+            Rows::of([self.view.rows(uv.y - half, uv.y + half + 1.0)])
         })
     }
 

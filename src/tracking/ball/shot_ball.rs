@@ -389,9 +389,7 @@ impl<S: FrameSource> Shot<'_, S> {
 
     /// The rows between two places and `more` beyond them, px.
     pub(in crate::tracking) fn rows_between(&self, a: f64, b: f64, more: f64) -> Rows {
-        let row = |v: f64| v.clamp(0.0, self.setup.rig.image_size[1] as f64) as usize;
-        let first = row((a.min(b) - more).floor());
-        Rows::span(first, row((a.max(b) + more).ceil()) - first)
+        Rows::of([self.view.rows(a.min(b) - more, a.max(b) + more)])
     }
 }
 

@@ -63,11 +63,10 @@ impl RacketScene<'_> {
 impl ExpectedBands {
     /// The rows of both pictures that [`confirm`] looks at.
     pub fn rows(&self, scene: &RacketScene, known: &KnownBands) -> [Rows; 2] {
-        let limit = |v: f64| v.clamp(0.0, scene.view.rig.image_size[1] as f64) as usize;
         let rows = |(band, known): (&BandView, &Known)| {
             // A band not seen before is searched around where the others say it is.
             let half = band.half_height(scene.shape) + CONFIRMED_PX + if known.seen { 0.5 } else { 2.5 };
-            (limit((band.centre.y - half).floor()), limit((band.centre.y + half).ceil() + 1.0))
+            scene.view.rows(band.centre.y - half, band.centre.y + half + 1.0)
         };
         [0, 1].map(|c| Rows::of(self.0[c].iter().zip(&known.0[c]).map(rows)))
     }

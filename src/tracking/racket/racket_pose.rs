@@ -127,6 +127,12 @@ impl<'a> View<'a> {
         Some(self.rotation[camera.index()].tr_mul(&Vector3::new(n.x, n.y, 1.0)).normalize())
     }
 
+    /// The rows of a picture that lie between two heights, px: the first, and the one after the last.
+    pub fn rows(&self, top: f64, bottom: f64) -> (usize, usize) {
+        let row = |v: f64| v.clamp(0.0, self.rig.image_size[1] as f64) as usize;
+        (row(top.floor()), row(bottom.ceil()))
+    }
+
     /// The middle of the volume both cameras look at: where the rays through the picture centres come nearest.
     pub fn focus(&self) -> Option<Point3<f64>> {
         let centre = Vector2::new(0.5 * self.rig.image_size[0] as f64, 0.5 * self.rig.image_size[1] as f64);

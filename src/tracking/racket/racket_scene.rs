@@ -76,9 +76,7 @@ impl RacketScene<'_> {
         // The search, a move by as much in the fit, and once more from there; half a band in any direction.
         let band_m = self.shape.white_half_m + self.shape.black_m + 2.0 * self.figure.tube_radius_m.into_iter().fold(0.0, f64::max);
         let margin = size * band_m + 3.0 * f64::from(reach_px) + 8.0;
-        let row = |v: f64| v.clamp(0.0, self.view.rig.image_size[1] as f64) as usize;
-        let first = row((top - margin).floor());
-        Some(Rows::span(first, row((bottom + margin).ceil()) - first))
+        Some(Rows::of([self.view.rows(top - margin, bottom + margin)]))
     }
 
     /// Largest distance between a marker's images at two poses, px; infinite where one is behind a camera.

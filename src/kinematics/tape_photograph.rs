@@ -321,37 +321,31 @@ fn two_classes(grey: &[f64]) -> Option<f64> {
 /// Dark places without what is thinner than [`THIN_M`].
 fn opened(window: &Window, threshold: f64) -> Vec<bool> {
     let dark: Vec<bool> = window.grey.iter().map(|g| *g < threshold).collect();
-    let reach = (0.5 * THIN_M / STEP_M) as i64;
+    let reach = (0.5 * THIN_M / STEP_M) as u64;
     dilated(window, &dilated(window, &dark, reach, false), reach, true)
 }
 
 /// Square dilation of the `value` pixels by `reach` cells (of the others it is an erosion), along rows, then columns.
-fn dilated(window: &Window, mask: &[bool], reach: i64, value: bool) -> Vec<bool> {
+fn dilated(window: &Window, mask: &[bool], reach: u64, value: bool) -> Vec<bool> {
     let side = window.side() as i64;
     let mut out = mask.to_vec();
     for axis in 0..2 {
         let from = out.clone();
         let at = |a: i64, b: i64| (if axis == 0 { b * side + a } else { a * side + b }) as usize;
         for b in 0..side {
-            let mut last = i64::MIN / 2;
-            let mut spread = |a: i64, out: &mut Vec<bool>| {
-                if from[at(a, b)] == value {
-                    last = a;
-                }
-                if (a - last).abs() <= reach {
-                    out[at(a, b)] = value;
+            let mut spread = |along: &mut dyn Iterator<Item = i64>| {
+                let mut last = None;
+                for a in along {
+                    if from[at(a, b)] == value {
+                        last = Some(a);
+                    }
+                    if last.is_some_and(|last| a.abs_diff(last) <= reach) {
+                        out[at(a, b)] = value;
+                    }
                 }
             };
-            (0..side).for_each(|a| spread(a, &mut out));
-            let mut last = i64::MAX / 2;
-            for a in (0..side).rev() {
-                if from[at(a, b)] == value {
-                    last = a;
-                }
-                if (last - a).abs() <= reach {
-                    out[at(a, b)] = value;
-                }
-            }
+            spread(&mut (0..side));
+            spread(&mut (0..side).rev());
         }
     }
     out

@@ -41,7 +41,7 @@ pub use air_seen::AirSeen;
 pub use balance_seen::BalanceSeen;
 pub use ball_flight::{FlightEstimate, FlightLaw};
 pub use characteristics::point_name;
-pub use contact::{BodyMotion, PointMotion, ball_in_racket, crossing};
+pub use contact::{BodyMotion, PointMotion};
 pub use frame_rate::{FrameRateStudy, SlowerCamera, TipPath, frame_rate_study};
 pub use frame_view::FrameView;
 pub use grid_photograph::{GridError, GridPhotograph};
@@ -63,10 +63,10 @@ pub use shot_motion::{FEWEST_FRAMES, GRAVITY_M_S2, MeasureSettings, ShotMotion, 
 pub use shot_state::SpinVector;
 pub use sighting::{CommonError, FrameClock};
 pub use space_points::space_points;
-pub use sweet_spot::{centre_of_percussion, dead_spot, effective_mass, ideal_point};
+pub use sweet_spot::effective_mass;
 pub use tape_photograph::{TapeError, TapePlace, markers_of, tape_places};
 pub use tape_session::{TapeErrors, evenly};
-pub use thesis_path::{RacketAxes, ThesisShot, thesis_shot};
+pub use thesis_path::ThesisShot;
 
 /// Why a shot's characteristics cannot be given.
 #[derive(Debug, thiserror::Error)]

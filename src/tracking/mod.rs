@@ -31,7 +31,6 @@ pub use pictures::in_step::{InStep, Offset, SyncMode, offset, track_in_step};
 pub use racket::racket_figure::{RacketFigure, Throat, VISIBLE_DEPTH};
 pub use racket::racket_pose::{MarkerObservation, PoseError, RacketPose, View, fit_pose};
 pub use racket::racket_scene::RacketFrame;
-pub use racket::rigid_points::rigid_from_points;
 pub use shot_spin::measure_spin;
 pub use shot_tracker::track_shot;
 pub use shot_tracks::{ShotSetup, ShotTracks, TrackingError};

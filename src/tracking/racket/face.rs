@@ -203,20 +203,10 @@ fn side_seen(racket: &[Option<RacketFrame>], ball: &[Option<BallFrame>], stereo:
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::tracking::racket::racket_figure::tests::figure;
     use crate::tracking::racket::racket_pose::{RacketPose, tests::rig};
     use crate::tracking::track_file::ImagePoint;
-    use nalgebra::{Matrix6, Unit};
-
-    fn figure() -> RacketFigure {
-        let points = [(0.17, 0.0), (0.0, 0.13), (0.0, -0.13), (-0.2, 0.05), (-0.2, -0.05)].map(|(x, y)| Point3::new(x, y, 0.0));
-        RacketFigure {
-            points,
-            tube: [Unit::new_normalize(Vector3::x()); 5],
-            bend: [Vector3::zeros(); 5],
-            throat_markers: [false, false, false, true, true],
-            tube_radius_m: [0.01; 5],
-        }
-    }
+    use nalgebra::Matrix6;
 
     #[test]
     fn law_the_depth_that_one_camera_guesses_does_not_choose_the_face() {

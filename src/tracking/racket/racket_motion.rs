@@ -145,6 +145,18 @@ mod tests {
         RacketFrame { pose, points: [[None; 5]; 2], foretold }
     }
 
+    /// Good to 1 mrad and 0.2 mm.
+    fn sure() -> Matrix6<f64> {
+        diagonal((1e-6, 4e-8))
+    }
+
+    /// Followed through the swing up to frame 10.
+    fn followed() -> RacketMotion {
+        let mut motion = RacketMotion::start(0.0, &seen(swung(0.0), sure(), false).pose, RATE_HZ);
+        (1..=10).for_each(|frame| motion.go_on(f64::from(frame), &seen(swung(f64::from(frame)), sure(), false)));
+        motion
+    }
+
     #[test]
     fn law_a_racket_is_foretold_to_what_it_states() {
         let mut rng = ChaCha8Rng::seed_from_u64(5);
@@ -175,9 +187,7 @@ mod tests {
 
     #[test]
     fn truth_a_racket_that_goes_on_is_foretold_for_a_dozen_frames() {
-        let sd = Matrix6::from_diagonal(&Vector6::new(1e-3, 1e-3, 1e-3, 2e-4, 2e-4, 2e-4).map(|sd| sd * sd));
-        let mut motion = RacketMotion::start(0.0, &seen(swung(0.0), sd, false).pose, RATE_HZ);
-        (1..=10).for_each(|frame| motion.go_on(f64::from(frame), &seen(swung(f64::from(frame)), sd, false)));
+        let motion = followed();
         for ahead in [1.0, 4.0, 12.0] {
             let off = turn_and_shift(&motion.foretold(10.0 + ahead).pose, &swung(10.0 + ahead));
             assert!(off.rows(0, 3).norm() < 1e-3 * ahead && off.rows(3, 3).norm() < 1e-4 * ahead, "{ahead}: {off}");
@@ -186,9 +196,7 @@ mod tests {
 
     #[test]
     fn law_turned_back_it_is_foretold_where_it_came_from() {
-        let sd = Matrix6::from_diagonal(&Vector6::new(1e-3, 1e-3, 1e-3, 2e-4, 2e-4, 2e-4).map(|sd| sd * sd));
-        let mut motion = RacketMotion::start(0.0, &seen(swung(0.0), sd, false).pose, RATE_HZ);
-        (1..=10).for_each(|frame| motion.go_on(f64::from(frame), &seen(swung(f64::from(frame)), sd, false)));
+        let motion = followed();
         let back = motion.turned_back();
         for ago in [1.0, 4.0, 8.0] {
             let before = back.foretold(10.0 - ago);
@@ -201,11 +209,8 @@ mod tests {
     #[test]
     fn law_what_the_bands_do_not_tell_goes_on_as_it_went() {
         // For three frames one camera alone shows it: depth (x) and one tilt are off by what that camera cannot tell.
-        let sure = Matrix6::from_diagonal(&Vector6::new(1e-3, 1e-3, 1e-3, 2e-4, 2e-4, 2e-4).map(|sd| sd * sd));
-        let mut unsure = sure;
+        let (mut unsure, mut motion) = (sure(), followed());
         (unsure[(1, 1)], unsure[(3, 3)]) = (0.08f64.powi(2), 0.03f64.powi(2));
-        let mut motion = RacketMotion::start(0.0, &seen(swung(0.0), sure, false).pose, RATE_HZ);
-        (1..=10).for_each(|frame| motion.go_on(f64::from(frame), &seen(swung(f64::from(frame)), sure, false)));
         for (frame, wrong) in [(11.0, 0.02), (12.0, -0.03), (13.0, 0.03)] {
             motion.go_on(frame, &seen(moved(&swung(frame), &[0.0, 2.0 * wrong, 0.0, wrong, 0.0, 0.0]), unsure, false));
         }
@@ -215,7 +220,6 @@ mod tests {
 
     #[test]
     fn law_an_impact_changes_the_velocity_within_some_frames() {
-        let sd = Matrix6::from_diagonal(&Vector6::new(1e-3, 1e-3, 1e-3, 2e-4, 2e-4, 2e-4).map(|sd| sd * sd));
         // It loses 6 m/s in 4 ms.
         let at = |frame: f64| {
             let pose = swung(frame);
@@ -223,9 +227,9 @@ mod tests {
             let lost = 6.0 * (ms * ms / 8.0 + (frame - 14.0).max(0.0)) / RATE_HZ;
             Isometry3::from_parts(Translation3::from(pose.translation.vector + Vector3::x() * lost), pose.rotation)
         };
-        let mut motion = RacketMotion::start(0.0, &seen(at(0.0), sd, false).pose, RATE_HZ);
+        let mut motion = RacketMotion::start(0.0, &seen(at(0.0), sure(), false).pose, RATE_HZ);
         for frame in 1..=18 {
-            motion.go_on(f64::from(frame), &seen(at(f64::from(frame)), sd, false));
+            motion.go_on(f64::from(frame), &seen(at(f64::from(frame)), sure(), false));
         }
         let off = turn_and_shift(&motion.foretold(19.0).pose, &at(19.0));
         assert!(off.rows(3, 3).norm() < 5e-4, "{off}");

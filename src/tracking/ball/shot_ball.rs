@@ -33,6 +33,8 @@ const TURNED_M: f64 = 1.0;
 const MET_M: f64 = 0.5;
 /// A thing that flew straight in as many frames at a stretch, and in half of those in which it was seen, may be the ball.
 const FLIES: usize = 8;
+/// What was seen in fewer frames is like nothing.
+const FEWEST_LIKE: usize = 6;
 
 /// A thing is followed for so long, s, before the racket is asked whether it is a part of it.
 const TRIAL_S: f64 = 0.012;
@@ -52,6 +54,25 @@ pub struct FirstLook<'s> {
     pub flights: Vec<FreeFlight>,
     /// The first of them tried both ways.
     pub tried: Option<[Tried<'s>; 2]>,
+}
+
+/// The flight most like the ball's so far.
+struct Likeliest {
+    /// Less is more like it, m.
+    score: f64,
+    flight: Flight,
+    /// Nothing else need be looked for.
+    clear: bool,
+    /// The strings turned it.
+    turned: bool,
+    /// All that was followed and may be the ball, or a part of its way.
+    claimed: Vec<Vec<Option<BallFrame>>>,
+}
+
+/// A free flight followed to its ends, or until it shows that it is none.
+enum Followed {
+    MayBeTheBall(Flight),
+    NoBall(Vec<Option<BallFrame>>),
 }
 
 /// A flight tried one way.
@@ -131,7 +152,7 @@ impl<S: FrameSource> Shot<'_, S> {
         still: &[Option<GreyImage>; 2],
         ahead: Option<FirstLook>,
     ) -> Result<Vec<Option<BallFrame>>, TrackingError> {
-        let found = self.find_ball(scene, racket, still, ahead)?;
+        let found = self.find_ball(&Stage { ball: scene, racket, still }, ahead)?;
         let turned = |ball: &[Option<BallFrame>]| ball_pieces::turned(&self.sightings(ball, racket), self.setup.frame_rate_hz);
         if turned(&found) {
             return Ok(found);
@@ -140,7 +161,7 @@ impl<S: FrameSource> Shot<'_, S> {
         if dim.iter().all(Option::is_none) {
             return Ok(found);
         }
-        let again = self.find_ball(&BallScene { dim, ..scene.clone() }, racket, still, None)?;
+        let again = self.find_ball(&Stage { ball: &BallScene { dim, ..scene.clone() }, racket, still }, None)?;
         let [before, now] = [&found, &again].map(|ball| self.frames_in_flight(ball, racket));
         let flies = self.longest_flight(&again, racket) >= FLIES && 2 * now >= again.iter().flatten().count();
         Ok(if flies && now > before && turned(&again) { again } else { found })
@@ -155,22 +176,44 @@ impl<S: FrameSource> Shot<'_, S> {
         })
     }
 
-    fn find_ball(
-        &self,
-        scene: &BallScene,
-        racket: &[Option<RacketFrame>],
-        still: &[Option<GreyImage>; 2],
-        ahead: Option<FirstLook>,
-    ) -> Result<Vec<Option<BallFrame>>, TrackingError> {
+    /// The ball that meets the racket, measured with its light.
+    fn find_ball(&self, stage: &Stage, ahead: Option<FirstLook>) -> Result<Vec<Option<BallFrame>>, TrackingError> {
+        let racket = stage.racket;
+        let Likeliest { mut flight, clear, claimed, .. } = self.likeliest_flight(stage, ahead)?;
+        if clear {
+            self.take_in_other_half(&mut flight, &claimed, racket);
+            return self.remeasure_ball(stage, flight);
+        }
+        let seen = flight.frames.iter().flatten().count();
+        let flies = self.stands_in(&claimed, racket, 0)
+            || self.longest_flight(&flight.frames, racket) >= FLIES && 2 * self.frames_in_flight(&flight.frames, racket) >= seen;
+        self.keep_free_flight(stage.ball, &mut flight, &claimed, racket)?;
+        let followed = self.remeasure_ball(stage, flight)?;
+        if flies {
+            return Ok(followed);
+        }
+        let found = match self.flight_to_the_racket(stage, false)? {
+            None => self.flight_to_the_racket(stage, true)?,
+            found => found,
+        };
+        let Some(mut found) = found else { return Ok(followed) };
+        self.mean_discs_again(stage.ball, &mut found)?;
+        let found = self.remeasure_ball(stage, found)?;
+        let frames = [&followed, &found].map(|ball| self.frames_in_flight(ball, racket));
+        Ok(if frames[1] > frames[0] { found } else { followed })
+    }
+
+    /// Of the free flights in the frames looked into, followed both ways, the one most like the ball's.
+    fn likeliest_flight(&self, stage: &Stage, ahead: Option<FirstLook>) -> Result<Likeliest, TrackingError> {
+        let Stage { ball: scene, racket, still } = *stage;
         let n = self.source.len();
         let (mut flights_ahead, mut tried_ahead) = ahead.map_or((None, None), |ahead| (Some(ahead.flights), ahead.tried));
-        let mut best = (f64::INFINITY, Flight { frames: vec![None; n], means: Default::default(), kept: vec![None; n] });
-        let (mut clear, mut turned) = (false, false);
-        let mut claimed: Vec<Vec<Option<BallFrame>>> = Vec::new();
+        let none = Flight { frames: vec![None; n], means: Default::default(), kept: vec![None; n] };
+        let mut best = Likeliest { score: f64::INFINITY, flight: none, clear: false, turned: false, claimed: Vec::new() };
         // What is told to be no ball.
         let mut told: Vec<Vec<Option<BallFrame>>> = Vec::new();
         for against_another in [false, true] {
-            if clear || against_another && self.stands_in(&claimed, racket, 0) {
+            if best.clear || against_another && self.stands_in(&best.claimed, racket, 0) {
                 break;
             }
             let mut order: VecDeque<usize> = self.looked_into().into();
@@ -180,91 +223,77 @@ impl<S: FrameSource> Shot<'_, S> {
                     None if against_another => self.flights_against_another(first, scene)?,
                     None => self.flights_from(first, scene, still)?,
                 };
-                for FreeFlight { balls: flight, clear: told_clearly } in flights {
-                    if claimed.iter().chain(&told).any(|t| stands_at(t, first + self.apart(), &flight[1], self.apart())) {
+                for flight in flights {
+                    if best.claimed.iter().chain(&told).any(|t| stands_at(t, first + self.apart(), &flight.balls[1], self.apart())) {
                         continue;
                     }
-                    let ways = match tried_ahead.take() {
-                        Some(ways) => ways,
-                        None => {
-                            let tried_out = |forth: bool| self.tried_out(scene, first, &flight, forth);
-                            let (back, forth) = rayon::join(|| tried_out(false), || tried_out(true));
-                            [back?, forth?]
+                    let track = match self.follow_free_flight(stage, first, &flight, tried_ahead.take())? {
+                        Followed::MayBeTheBall(track) => track,
+                        Followed::NoBall(frames) => {
+                            told.push(frames);
+                            continue;
                         }
                     };
-                    // What goes with the racket shows it soon.
-                    let tried = self.followed(first, &flight, ways.iter().flat_map(|way| way.seen.iter().copied()));
-                    if self.is_part_of_the_racket(&tried, racket) {
-                        told.push(tried);
-                        continue;
-                    }
-                    // What faint outlines tell is another thing in seven cases of ten, and moves as no ball does.
-                    if !told_clearly && self.moves_as_no_ball(&tried, racket) {
-                        told.push(tried);
-                        continue;
-                    }
-                    let track = self.whole_flight(first, &flight, self.both_to_the_end(ways.map(|way| way.follower))?);
-                    if self.is_part_of_the_racket(&track.frames, racket) {
-                        told.push(track.frames);
-                        continue;
-                    }
-                    let count = track.frames.iter().flatten().count();
-                    if count >= 6 {
-                        let seen = self.sightings(&track.frames, racket);
-                        let likeness = ball_choice::likeness(&seen, count, self.setup.frame_rate_hz);
-                        let met = ball_pieces::turned(&seen, self.setup.frame_rate_hz);
-                        let score = likeness.score - if met { TURNED_M } else { 0.0 };
-                        claimed.push(track.frames.clone());
-                        // Less clear than what it is the other half of, it does not stand in its stead.
-                        let halves = || self.stands_in(&[best.1.frames.clone(), track.frames.clone()], racket, LONG_FLIGHT);
-                        if score < best.0 && !(clear && !likeness.clear && halves()) {
-                            best = (score, track);
-                            clear = likeness.clear;
-                            turned = met;
-                            // Its other half is nearest where it was lost; if it is not there, the rest of this frame is.
-                            let beyond = if turned { Vec::new() } else { self.beyond_the_strings(&seen, if clear { FLIES } else { LONG_FLIGHT }) };
-                            if !beyond.is_empty() {
-                                order.push_front(first);
-                                beyond.into_iter().rev().for_each(|index| order.push_front(index));
-                                break;
-                            }
+                    if let Some(seen) = self.take_if_likelier(&mut best, track, racket) {
+                        // Its other half is nearest where it was lost; if it is not there, the rest of this frame is.
+                        let beyond = if best.turned { Vec::new() } else { self.beyond_the_strings(&seen, if best.clear { FLIES } else { LONG_FLIGHT }) };
+                        if !beyond.is_empty() {
+                            order.push_front(first);
+                            beyond.into_iter().rev().for_each(|index| order.push_front(index));
+                            break;
                         }
-                    } else {
-                        claimed.push(track.frames);
                     }
-                    if clear && turned {
+                    if best.clear && best.turned {
                         break;
                     }
                 }
                 // In a long clip nothing else flies to the strings and away for so long.
-                if clear && turned || self.stands_in(&claimed, racket, LONG_FLIGHT) {
+                if best.clear && best.turned || self.stands_in(&best.claimed, racket, LONG_FLIGHT) {
                     break;
                 }
             }
         }
-        let mut flight = best.1;
-        let stage = Stage { ball: scene, racket, still };
-        if clear {
-            self.take_in_other_half(&mut flight, &claimed, racket);
-            return self.remeasure_ball(&stage, flight);
-        }
-        let seen = flight.frames.iter().flatten().count();
-        let flies = self.stands_in(&claimed, racket, 0)
-            || self.longest_flight(&flight.frames, racket) >= FLIES && 2 * self.frames_in_flight(&flight.frames, racket) >= seen;
-        self.keep_free_flight(scene, &mut flight, &claimed, racket)?;
-        let followed = self.remeasure_ball(&stage, flight)?;
-        if flies {
-            return Ok(followed);
-        }
-        let found = match self.flight_to_the_racket(&stage, false)? {
-            None => self.flight_to_the_racket(&stage, true)?,
-            found => found,
+        Ok(best)
+    }
+
+    /// Follows a free flight in three frames, the first of them `first`, both ways to its ends, beginning with what was tried out of it.
+    fn follow_free_flight(&self, stage: &Stage, first: usize, flight: &FreeFlight, tried: Option<[Tried; 2]>) -> Result<Followed, TrackingError> {
+        let FreeFlight { balls, clear: told_clearly } = flight;
+        let ways = match tried {
+            Some(ways) => ways,
+            None => {
+                let tried_out = |forth: bool| self.tried_out(stage.ball, first, balls, forth);
+                let (back, forth) = rayon::join(|| tried_out(false), || tried_out(true));
+                [back?, forth?]
+            }
         };
-        let Some(mut found) = found else { return Ok(followed) };
-        self.mean_discs_again(scene, &mut found)?;
-        let found = self.remeasure_ball(&stage, found)?;
-        let frames = [&followed, &found].map(|ball| self.frames_in_flight(ball, racket));
-        Ok(if frames[1] > frames[0] { found } else { followed })
+        // What goes with the racket shows it soon. What faint outlines tell is another thing in seven cases of ten, and moves as no ball does.
+        let tried = self.followed(first, balls, ways.iter().flat_map(|way| way.seen.iter().copied()));
+        if self.is_part_of_the_racket(&tried, stage.racket) || !told_clearly && self.moves_as_no_ball(&tried, stage.racket) {
+            return Ok(Followed::NoBall(tried));
+        }
+        let track = self.whole_flight(first, balls, self.both_to_the_end(ways.map(|way| way.follower))?);
+        Ok(if self.is_part_of_the_racket(&track.frames, stage.racket) { Followed::NoBall(track.frames) } else { Followed::MayBeTheBall(track) })
+    }
+
+    /// Takes what was followed for the ball's flight if it is more like it than what was so far; then answers with where both cameras saw it.
+    fn take_if_likelier(&self, best: &mut Likeliest, track: Flight, racket: &[Option<RacketFrame>]) -> Option<Vec<Sighting>> {
+        best.claimed.push(track.frames.clone());
+        let count = track.frames.iter().flatten().count();
+        if count < FEWEST_LIKE {
+            return None;
+        }
+        let seen = self.sightings(&track.frames, racket);
+        let likeness = ball_choice::likeness(&seen, count, self.setup.frame_rate_hz);
+        let turned = ball_pieces::turned(&seen, self.setup.frame_rate_hz);
+        let score = likeness.score - if turned { TURNED_M } else { 0.0 };
+        // Less clear than what it is the other half of, it does not stand in its stead.
+        let halves = || self.stands_in(&[best.flight.frames.clone(), track.frames.clone()], racket, LONG_FLIGHT);
+        if !(score < best.score) || best.clear && !likeness.clear && halves() {
+            return None;
+        }
+        (best.score, best.flight, best.clear, best.turned) = (score, track, likeness.clear, turned);
+        Some(seen)
     }
 
     /// Where both cameras saw a thing that was followed.

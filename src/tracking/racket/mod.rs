@@ -7,6 +7,7 @@ pub(in crate::tracking) mod known_bands;
 pub(in crate::tracking) mod lost_racket;
 pub(in crate::tracking) mod marker_deviations;
 pub(in crate::tracking) mod racket_figure;
+pub(in crate::tracking) mod racket_follower;
 pub(in crate::tracking) mod racket_foretold;
 pub(in crate::tracking) mod racket_motion;
 pub(in crate::tracking) mod racket_near;

@@ -1,16 +1,13 @@
-//! The racket of a shot: found in some frame, its light and figure learnt there, followed from there both ways.
+//! The racket of a shot: found in some frame, its light and figure learnt there, from where it is followed both ways.
 
 use crate::calibration::CameraId;
-use crate::footage::{FrameBuffer, FrameSource, GreyView, Rows};
+use crate::footage::{FrameBuffer, FrameSource, GreyView};
 use crate::median::upper_median;
 use crate::tracking::pictures::recording::{Fingerprint, Fingerprints};
-use crate::tracking::pictures::shot_frames::{PATIENCE, Shot, spread};
+use crate::tracking::pictures::shot_frames::{Shot, spread};
 use crate::tracking::racket::band_near::LEAST_CONTRAST;
-use crate::tracking::racket::known_bands::{self, KnownBands};
-use crate::tracking::racket::lost_racket::LostRacket;
 use crate::tracking::racket::racket_figure::RacketFigure;
-use crate::tracking::racket::racket_foretold::Expected;
-use crate::tracking::racket::racket_motion::RacketMotion;
+use crate::tracking::racket::racket_follower::OneWay;
 use crate::tracking::racket::racket_scene::RacketFrame;
 use crate::tracking::racket::racket_search;
 use crate::tracking::racket::racket_track;
@@ -56,25 +53,6 @@ pub(in crate::tracking) const MOST_BEFORE_SOME_GO: usize = 400;
 pub(in crate::tracking) const STILL_PX: f64 = 1.5;
 /// in so large a share of the frames.
 const STILL_SHARE: f64 = 0.6;
-/// Frames without the racket before it is looked for where it can have got to,
-const FIRST_LOOK: usize = 2;
-/// and most frames between two such looks: it crosses the volume in sixty.
-const FARTHEST_LOOKS: usize = 20;
-
-/// So many frames it is looked for near where it is foretold, in one of so many.
-const LONGEST_NEAR: usize = 40;
-const EVERY_NEAR: usize = 2;
-
-/// Frames that a camera has not shown it, after which its depth has gone astray, and from one time to the next that it is looked for there.
-const STRAYED: usize = 3;
-/// Most frames in a row whose pose is told by few bands and what was foretold.
-const LONGEST_FORETOLD: usize = 200;
-/// Farthest that a racket followed is looked for from where it is expected, px: with a camera that did not see it, its depth is not known well.
-const MOST_REACH_PX: i32 = 7;
-
-/// The racket in the frames of one direction, and every picture's fingerprint.
-pub type OneWay = (Vec<(usize, RacketFrame)>, Vec<(usize, [Option<Fingerprint>; 2])>);
-
 /// The racket where it was found, and the contrast its bands must have, by camera.
 pub struct RacketStart {
     pub(in crate::tracking) index: usize,
@@ -374,16 +352,6 @@ impl<S: FrameSource> Shot<'_, S> {
         Ok(again.unwrap_or(start))
     }
 
-    /// Follows the racket from the frame where it was found to the clip's end or to its beginning.
-    pub(in crate::tracking) fn follow_racket(&self, start: &RacketStart, forth: bool) -> Result<OneWay, TrackingError> {
-        let told = |_: &usize| (self.progress)(1);
-        if forth {
-            self.follow_racket_one_way(start, (start.index + 1..self.source.len()).inspect(told))
-        } else {
-            self.follow_racket_one_way(start, (0..start.index).rev().inspect(told))
-        }
-    }
-
     /// The racket of all frames, and every picture's fingerprint.
     pub(in crate::tracking) fn both_ways(&self, start: &RacketStart, ways: [OneWay; 2]) -> Result<(Vec<Option<RacketFrame>>, Fingerprints), TrackingError> {
         let n = self.source.len();
@@ -415,132 +383,5 @@ impl<S: FrameSource> Shot<'_, S> {
             racket[index] = expected.and_then(|p| racket_track::measure(&self.scene(), &images, &p, 2, &start.least_contrast));
         }
         Ok(())
-    }
-
-    fn follow_racket_one_way(&self, start: &RacketStart, indices: impl Iterator<Item = usize>) -> Result<OneWay, TrackingError> {
-        self.follow_racket_through(start, None, indices, true)
-    }
-
-    /// Once lost it is looked for near where it is foretold and where it can have got to, in frames ever farther apart. From where it is found, and from where its
-    /// bands alone tell its pose again, it is followed back into the frames without it and those in which it was foretold: what more of it is seen so
-    /// counts. Without `look_for` it is given up after [`PATIENCE`] frames.
-    pub(in crate::tracking) fn follow_racket_through(
-        &self,
-        start: &RacketStart,
-        moves: Option<RacketMotion>,
-        indices: impl Iterator<Item = usize>,
-        look_for: bool,
-    ) -> Result<OneWay, TrackingError> {
-        let scene = self.scene();
-        let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
-        let mut out: Vec<(usize, RacketFrame)> = Vec::new();
-        let found_at = |index: usize, frame: &RacketFrame| RacketMotion::start(self.source.number(index) as f64, &frame.pose, self.setup.frame_rate_hz);
-        // It has been seen to move.
-        let mut goes_on = moves.is_some();
-        let mut motion = moves.unwrap_or_else(|| found_at(start.index, &start.frame));
-        let mut prints = Vec::new();
-        // The bands seen in the frame before, as long as they are seen where they are expected.
-        let mut known: Option<KnownBands> = None;
-        let mut lost = 0;
-        let mut look_next = FIRST_LOOK;
-        // Frames since its bands alone told its pose: those without it, the last so many, and those in which it was foretold.
-        let mut between: Vec<usize> = Vec::new();
-        let mut still = None;
-        // Frames since its bands alone told its pose, and since either camera showed it.
-        let (mut foretold_for, mut unseen) = (0, [0usize; 2]);
-        for index in indices {
-            if !look_for && lost > PATIENCE {
-                break;
-            }
-            let now = self.source.number(index) as f64;
-            let mut found = None;
-            let saw_it = unseen.map(|frames| frames == 0);
-            let astray = unseen.iter().any(|frames| *frames > 0 && frames.is_multiple_of(STRAYED));
-            let foretold = motion.foretold(now);
-            let predicted = foretold.pose;
-            let reach = match goes_on {
-                false => 5,
-                true if saw_it.contains(&false) => MOST_REACH_PX,
-                true => (3 + 2 * lost as i32).min(MOST_REACH_PX),
-            };
-            let expected = lost <= PATIENCE;
-            if expected
-                && let Some(known) = &mut known
-                && let Some(bands) = scene.expected(&predicted)
-            {
-                let images = self.read_rows(index, bands.rows(&scene, known), &mut buffers)?;
-                found = known_bands::confirm(&scene, &images, &predicted, &bands, &start.least_contrast, known);
-                if found.is_some() {
-                    prints.push((index, images.map(|v| v.map(|v| Fingerprint::of(&v)))));
-                }
-            }
-            if found.is_none() {
-                known = None;
-                let rows = if expected { CameraId::BOTH.map(|c| scene.rows(c, &predicted, reach)) } else { [Rows::ALL; 2] };
-                let images = self.read_rows(index, rows, &mut buffers)?;
-                if images.iter().all(Option::is_none) {
-                    continue;
-                }
-                prints.push((index, images.map(|v| v.map(|v| Fingerprint::of(&v)))));
-                if expected {
-                    let by_few = foretold_for < LONGEST_FORETOLD;
-                    let look = Expected { foretold, goes_on, by_few, reach_px: reach, saw_it, astray };
-                    (found, known) = look.find(&scene, images, &start.least_contrast);
-                }
-            }
-            let (mut near, mut afresh) = (false, false);
-            if found.is_none() && look_for && lost >= FIRST_LOOK {
-                let since = between.len().checked_sub(lost).and_then(|first| between.get(first)).copied().unwrap_or(index);
-                let mut racket = LostRacket { since, frames: lost, last_seen: (motion.number(), *motion.pose()), foretold, still: still.take() };
-                if lost <= LONGEST_NEAR && lost.is_multiple_of(EVERY_NEAR) {
-                    found = self.look_near(index, &mut racket, &start.least_contrast, &mut buffers)?;
-                    near = found.is_some();
-                }
-                if found.is_none() && lost >= look_next {
-                    found = self.look_for_racket(index, &mut racket, &start.least_contrast, &mut buffers)?;
-                    look_next = lost + 1 + (lost / 2).min(FARTHEST_LOOKS);
-                }
-                still = racket.still;
-                afresh = found.is_some();
-            }
-            match found {
-                Some(frame) => {
-                    for (unseen, points) in unseen.iter_mut().zip(&frame.points) {
-                        *unseen = if points.iter().any(Option::is_some) { 0 } else { *unseen + 1 };
-                    }
-                    goes_on = near || lost <= PATIENCE;
-                    if goes_on {
-                        motion.go_on(now, &frame);
-                    } else {
-                        motion = found_at(index, &frame);
-                    }
-                    if look_for && !between.is_empty() && (afresh || !frame.foretold) {
-                        let found = RacketStart { index, frame: frame.clone(), ..*start };
-                        let back = goes_on.then(|| motion.turned_back());
-                        for (index, frame) in self.follow_racket_through(&found, back, between.iter().rev().copied(), false)?.0 {
-                            match out.iter_mut().rev().find(|(there, _)| *there == index) {
-                                Some((_, before)) if before.count() >= frame.count() => {}
-                                Some((_, before)) => *before = frame,
-                                None => out.push((index, frame)),
-                            }
-                        }
-                    }
-                    foretold_for = if frame.foretold { foretold_for + 1 } else { 0 };
-                    (lost, look_next) = (0, FIRST_LOOK);
-                    still = None;
-                    if frame.foretold && !afresh {
-                        between.push(index);
-                    } else {
-                        between.clear();
-                    }
-                    out.push((index, frame));
-                }
-                None => {
-                    lost += 1;
-                    between.push(index);
-                }
-            }
-        }
-        Ok((out, prints))
     }
 }

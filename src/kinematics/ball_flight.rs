@@ -8,7 +8,7 @@
 //! changes freely. A bounce, a net cord, a barrel or a wrongly tracked stretch within the window bends it.
 
 use super::least_squares::{Problem, Solution, SolveError, chi2_tail_3, probabilities, solve};
-use super::sighting::{CommonError, Sighting, Whitener, deviations, persistence};
+use super::sighting::{CommonError, Sighting, UsedSightings, Whitener, deviations, persistence};
 use crate::calibration::{CameraId, StereoRig};
 use crate::equipment::Ball;
 use nalgebra::{DVector, Isometry3, Matrix6, Point3, SMatrix, Vector2, Vector3};
@@ -234,19 +234,21 @@ pub struct FlightEstimate {
     pub covariance: Matrix6<f64>,
     pub laws: Vec<(FlightLaw, f64)>,
     pub best: FlightResult,
-    pub noise_scale: f64,
-    pub frames: usize,
-    pub rejected: usize,
-    /// From the reference time to the farthest frame, s.
-    pub length_s: f64,
+    pub used: UsedSightings,
     /// Probability of points that bend as much if gravity, drag and lift were all; `None` when the points do not tell.
     pub bending_p: Option<f64>,
     /// Whether farther points were left out because the whole path bends more than the laws.
     pub shortened: bool,
 }
 
-/// Averages the laws; `air_odds` is the session's prior odds of air against none (1 when nothing is known).
-pub(crate) fn average_flight(view: &FlightView<'_>, mut results: Vec<FlightResult>, air_odds: f64) -> Option<FlightEstimate> {
+/// Averages the laws; `air_odds` is the session's prior odds of air against none (1 when nothing is known). `used` and `bending_p` tell of the points.
+pub(crate) fn average_flight(
+    view: &FlightView<'_>,
+    mut results: Vec<FlightResult>,
+    air_odds: f64,
+    used: UsedSightings,
+    bending_p: Option<f64>,
+) -> Option<FlightEstimate> {
     for r in &mut results {
         if r.law == FlightLaw::Air {
             r.ln_evidence += air_odds.ln();
@@ -278,11 +280,8 @@ pub(crate) fn average_flight(view: &FlightView<'_>, mut results: Vec<FlightResul
         covariance,
         laws: results.iter().zip(&weights).map(|(r, w)| (r.law, *w)).collect(),
         best,
-        noise_scale: 1.0,
-        frames: 0,
-        rejected: 0,
-        length_s: 0.0,
-        bending_p: None,
+        used,
+        bending_p,
         shortened: false,
     })
 }

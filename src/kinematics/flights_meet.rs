@@ -80,6 +80,7 @@ impl Passing {
 #[cfg(test)]
 mod tests {
     use super::super::ball_flight::{FlightLaw, FlightResult, FlightState};
+    use super::super::sighting::UsedSightings;
     use super::*;
     use nalgebra::{Matrix6, Point3};
 
@@ -96,10 +97,7 @@ mod tests {
             covariance,
             laws: Vec::new(),
             best: FlightResult { law: FlightLaw::Gravity, state, covariance, ln_evidence: 0.0, chi2: 0.0, cost: 0.0 },
-            noise_scale: 1.0,
-            frames: 10,
-            rejected: 0,
-            length_s: 0.02,
+            used: UsedSightings { frames: 10, rejected: 0, length_s: 0.02, noise_scale: 1.0 },
             bending_p: None,
             shortened: false,
         }

@@ -61,7 +61,7 @@ pub use shot::{
 pub use shot_file::{SHOT_FILE, ShotFileError, ShotRecord};
 pub use shot_motion::{FEWEST_FRAMES, GRAVITY_M_S2, MeasureSettings, ShotMotion, measure_motion};
 pub use shot_state::SpinVector;
-pub use sighting::{CommonError, FrameClock};
+pub use sighting::{CommonError, FrameClock, UsedSightings};
 pub use space_points::space_points;
 pub use sweet_spot::effective_mass;
 pub use tape_photograph::{TapeError, TapePlace, markers_of, tape_places};

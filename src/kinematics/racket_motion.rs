@@ -8,7 +8,7 @@
 use super::least_squares::{Problem, Solution, SolveError, probabilities, solve};
 use super::motion_law::MotionLaw;
 use super::motion_state::{MotionState, Part};
-use super::sighting::{CommonError, Sighting, Whitener, deviations, persistence};
+use super::sighting::{CommonError, Sighting, UsedSightings, Whitener, deviations, persistence};
 use crate::calibration::{CameraId, StereoRig};
 use crate::tracking::RacketFigure;
 use nalgebra::{DVector, Isometry3, Matrix3, Point3, SMatrix, UnitQuaternion, Vector2, Vector3};
@@ -276,11 +276,7 @@ pub struct MotionEstimate {
     pub laws: Vec<(MotionLaw, f64)>,
     /// The best law's own state, for poses at other times.
     pub best: LawResult,
-    pub noise_scale: f64,
-    pub frames: usize,
-    pub rejected: usize,
-    /// From the reference time to the farthest frame, s.
-    pub length_s: f64,
+    pub used: UsedSightings,
     /// Where a racket that flew freely says its centre of mass lies.
     pub lever: Option<FreeLever>,
 }
@@ -296,7 +292,7 @@ pub struct FreeLever {
 }
 
 /// Averages results by evidence; the spread between them joins the covariance.
-pub(crate) fn average(racket: &MovingRacket, mut results: Vec<LawResult>, reference_t: f64) -> Option<MotionEstimate> {
+pub(crate) fn average(racket: &MovingRacket, mut results: Vec<LawResult>, reference_t: f64, used: UsedSightings) -> Option<MotionEstimate> {
     results.sort_by(|a, b| b.ln_evidence.total_cmp(&a.ln_evidence));
     let best = results.first()?.clone();
     let weights = probabilities(results.iter().map(|r| r.ln_evidence));
@@ -332,18 +328,5 @@ pub(crate) fn average(racket: &MovingRacket, mut results: Vec<LawResult>, refere
         let covariance = r.lever_covariance?;
         Some(FreeLever { lever: racket.lever(&r.state), covariance, probability: free })
     });
-    Some(MotionEstimate {
-        reference_t,
-        state,
-        acceleration,
-        rate_dot_body: rate_dot,
-        covariance,
-        laws,
-        best,
-        noise_scale: 1.0,
-        frames: 0,
-        rejected: 0,
-        length_s: 0.0,
-        lever,
-    })
+    Some(MotionEstimate { reference_t, state, acceleration, rate_dot_body: rate_dot, covariance, laws, best, used, lever })
 }

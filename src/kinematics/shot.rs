@@ -1,6 +1,7 @@
 //! One shot measured: motions, contact, every characteristic with its uncertainty, and its row of the impacts table.
 
 use super::KinematicsError;
+use super::ball_flight::FlightEstimate;
 use super::calibration_share::CalibrationShare;
 use super::characteristics::{ShotEquipment, characteristics};
 use super::contact::BodyMotion;
@@ -8,9 +9,11 @@ use super::face_pose::face_pose_sd;
 use super::flights_meet::Passing;
 use super::least_squares::chi2_tail_3;
 use super::marker_distance::{MarkerDistance, marker_distances, mismatch_remark};
+use super::racket_motion::MotionEstimate;
 use super::racket_outline::{outside_strings, past_racket};
 use super::shot_motion::{BENDS_P, MeasureSettings, ShotMotion, USUAL_CONTACT_S, measure_motion};
 use super::shot_state::{BALANCE_SD_M, LEAVING_FLAT_SD_S, Measure, SPEED_SCALE_SD, SPIN_SCALE_SD, SpinVector, UncertainShot};
+use super::sighting::UsedSightings;
 use super::space_points::{on_rigid_racket, space_points};
 use super::thesis_path::{ThesisShot, thesis_shot};
 use crate::calibration::{CalibrationSpread, StereoRig};
@@ -410,24 +413,21 @@ fn remarks(
 }
 
 fn windows(m: &ShotMotion) -> Windows {
-    let flight = |f: &super::FlightEstimate| WindowReport {
-        frames: f.frames,
-        length_s: f.length_s,
-        bending_p: f.bending_p,
-        shortened: f.shortened,
-        rejected_points: f.rejected,
-        noise_scale: f.noise_scale,
-        laws: f.laws.iter().map(|(l, p)| (l.word().to_owned(), *p)).collect(),
-    };
-    let motion = |f: &super::MotionEstimate| WindowReport {
-        frames: f.frames,
-        length_s: f.length_s,
+    let window = |used: &UsedSightings, laws: Vec<(String, f64)>| WindowReport {
+        frames: used.frames,
+        length_s: used.length_s,
+        rejected_points: used.rejected,
+        noise_scale: used.noise_scale,
+        laws,
         bending_p: None,
         shortened: false,
-        rejected_points: f.rejected,
-        noise_scale: f.noise_scale,
-        laws: f.laws.iter().map(|(l, p)| (l.word(), *p)).collect(),
     };
+    let flight = |f: &FlightEstimate| WindowReport {
+        bending_p: f.bending_p,
+        shortened: f.shortened,
+        ..window(&f.used, f.laws.iter().map(|(l, p)| (l.word().to_owned(), *p)).collect())
+    };
+    let motion = |f: &MotionEstimate| window(&f.used, f.laws.iter().map(|(l, p)| (l.word(), *p)).collect());
     Windows {
         ball_in: flight(&m.ball_in),
         racket_in: motion(&m.racket_in),

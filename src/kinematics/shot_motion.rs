@@ -14,7 +14,7 @@ use super::least_squares::SolveError;
 use super::motion_law::{MotionLaw, Pace};
 use super::motion_state::MotionState;
 use super::racket_motion::{LawResult, MotionEstimate, MotionView, MovingRacket, average, fit_law, motion_persistence, sighting_deviations};
-use super::sighting::{CommonError, FrameClock, Sighting, sightings};
+use super::sighting::{CommonError, FrameClock, Sighting, UsedSightings, frames_in, sightings};
 use super::straight_line::straight_line;
 use super::tape_session::TapeErrors;
 use super::{FitError, KinematicsError};
@@ -259,7 +259,7 @@ impl Bench<'_> {
         };
         if let Some(t) = turned {
             shot.ball_in.shortened = true;
-            let (before_ms, frames) = (1e3 * (contact - t), shot.ball_in.frames);
+            let (before_ms, frames) = (1e3 * (contact - t), shot.ball_in.used.frames);
             shot.remarks
                 .push(format!("a half-volley: the court turned the ball {before_ms:.1} ms before the strings; its velocity there is told by {frames} frames"));
         }
@@ -352,14 +352,14 @@ impl Bench<'_> {
     /// The ball over the longest window in which its laws hold, from the contact outward.
     fn flight(&self, frames: &BTreeMap<u64, FrameView>, when: When, from: f64, to: f64, reference_t: f64) -> Result<FlightEstimate, KinematicsError> {
         let mut estimate = self.flight_within(frames, when, from, to, reference_t)?;
-        while estimate.bending_p.is_some_and(|p| p < BENDS_P) && estimate.frames > FEWEST_UNBENT {
-            let length = SHORTENED * estimate.length_s;
+        while estimate.bending_p.is_some_and(|p| p < BENDS_P) && estimate.used.frames > FEWEST_UNBENT {
+            let length = SHORTENED * estimate.used.length_s;
             let (from, to) = match when {
                 When::Before => (reference_t - length, to),
                 When::After { .. } => (from, reference_t + length),
             };
             match self.flight_within(frames, when, from, to, reference_t) {
-                Ok(shorter) if shorter.frames >= FEWEST_UNBENT && shorter.length_s < estimate.length_s => {
+                Ok(shorter) if shorter.used.frames >= FEWEST_UNBENT && shorter.used.length_s < estimate.used.length_s => {
                     estimate = FlightEstimate { shortened: true, ..shorter }
                 }
                 _ => break,
@@ -403,10 +403,8 @@ impl Bench<'_> {
         let scale = fit(&seen, 1.0)?.last().map_or(1.0, |r| asked(8)(&plain, r));
         let results = fit(&seen, scale)?;
         let view = self.flight_view(&seen, reference_t, scale);
-        let mut estimate = average_flight(&view, results, self.settings.air_odds).ok_or(KinematicsError::NoPoints)?;
-        (estimate.noise_scale, estimate.frames, estimate.rejected) = (scale, frames_in(&seen), total - seen.len());
-        (estimate.length_s, estimate.bending_p) = (reach(&seen, reference_t), bending_p(&plain, &start, asked(11)));
-        Ok(estimate)
+        let used = UsedSightings::of(&seen, total, reference_t, scale);
+        average_flight(&view, results, self.settings.air_odds, used, bending_p(&plain, &start, asked(11))).ok_or(KinematicsError::NoPoints)
     }
 
     fn flight_view<'b>(&'b self, sightings: &'b [Sighting], reference_t: f64, noise_scale: f64) -> FlightView<'b> {
@@ -442,10 +440,7 @@ impl Bench<'_> {
         let scale = noise_scale(richest.chi2, 2 * seen.len(), 24) * motion_persistence(&self.motion_view(&seen, when, rate, reference_t, 1.0), &richest);
         let view = self.motion_view(&seen, when, rate, reference_t, scale);
         let results: Vec<_> = laws.iter().filter_map(|law| fit_law(&view, *law, &richest.state).ok()).collect();
-        let mut estimate = average(&self.moving, results, reference_t).ok_or(KinematicsError::NoPoints)?;
-        (estimate.noise_scale, estimate.frames, estimate.rejected) = (scale, frames_in(&seen), total - seen.len());
-        estimate.length_s = reach(&seen, reference_t);
-        Ok(estimate)
+        average(&self.moving, results, reference_t, UsedSightings::of(&seen, total, reference_t, scale)).ok_or(KinematicsError::NoPoints)
     }
 
     fn motion_view<'b>(&'b self, sightings: &'b [Sighting], when: When, rate_rad_s: f64, reference_t: f64, noise_scale: f64) -> MotionView<'b> {
@@ -524,16 +519,4 @@ fn noise_scale(chi2: f64, residuals: usize, parameters: usize) -> f64 {
     const OWN_WORD: f64 = 10.0;
     let freedom = residuals.saturating_sub(parameters) as f64;
     ((chi2 + OWN_WORD) / (freedom + OWN_WORD)).sqrt().max(0.05)
-}
-
-/// Longest time between a sighting and the reference time, s.
-fn reach(seen: &[Sighting], reference_t: f64) -> f64 {
-    seen.iter().map(|s| (s.t - reference_t).abs()).fold(0.0, f64::max)
-}
-
-fn frames_in(seen: &[Sighting]) -> usize {
-    let mut frames: Vec<u64> = seen.iter().map(|s| s.frame).collect();
-    frames.sort_unstable();
-    frames.dedup();
-    frames.len()
 }

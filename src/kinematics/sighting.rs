@@ -50,6 +50,34 @@ pub fn sightings(tracks: &Tracks, clock: FrameClock, targets: &[Target], from: f
     seen
 }
 
+/// The sightings that a fit used.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct UsedSightings {
+    pub frames: usize,
+    /// Left out as outliers.
+    pub rejected: usize,
+    /// From the reference time to the farthest frame, s.
+    pub length_s: f64,
+    /// Factor on their stated deviations.
+    pub noise_scale: f64,
+}
+
+impl UsedSightings {
+    /// Of so many in `all`, those that were left.
+    pub(crate) fn of(left: &[Sighting], all: usize, reference_t: f64, noise_scale: f64) -> Self {
+        let length_s = left.iter().map(|s| (s.t - reference_t).abs()).fold(0.0, f64::max);
+        UsedSightings { frames: frames_in(left), rejected: all - left.len(), length_s, noise_scale }
+    }
+}
+
+/// Number of frames that hold a sighting.
+pub(crate) fn frames_in(sightings: &[Sighting]) -> usize {
+    let mut frames: Vec<u64> = sightings.iter().map(|s| s.frame).collect();
+    frames.sort_unstable();
+    frames.dedup();
+    frames.len()
+}
+
 /// What one target's image error in one camera has in common over a window (tape, string shadow, edge of the disc), one
 /// standard deviation: a constant, px, and as the view turns a drift, px/s, that does not stay the same, px/s². All three are
 /// marginalised exactly: residuals of a group share the covariance σ² I + τ² 11ᵀ + κ² ttᵀ + γ² t²t²ᵀ, t from the group's mean

@@ -4,7 +4,7 @@ use crate::calibration::CameraId;
 use crate::footage::{GreyView, Rows};
 use crate::tracking::racket::band_near::least_of;
 use crate::tracking::racket::racket_scene::{ALL_BANDS, RacketFrame, RacketScene};
-use crate::tracking::racket::racket_track::{CONFIRMED_PX, FEW_BANDS, Look, agree, image_point, leave_out_hidden};
+use crate::tracking::racket::racket_track::{CONFIRMED_PX, FEW_BANDS, FoundBand, Look, agree, image_point, leave_out_hidden};
 use crate::tracking::tape::band::{self, BandPart, BandView, Settled};
 use nalgebra::Isometry3;
 
@@ -101,7 +101,7 @@ pub fn confirm(
     for (camera, marker, image, band) in at_hand {
         let c = camera.index();
         let fit = band::fit(image, band, scene.shape, (0.0, 0.0), BandPart::Whole, known.0[c][marker].like.as_ref());
-        fits.extend(fit.filter(|fit| fit.white - fit.black > least_of(scene, band, least_contrast[c])).map(|fit| (camera, marker, fit)));
+        fits.extend(fit.filter(|fit| fit.white - fit.black > least_of(scene, band, least_contrast[c])).map(|fit| FoundBand { camera, marker, fit }));
     }
     leave_out_hidden(scene, &mut fits, predicted);
     let mut pose = agree(scene, &mut fits, predicted)?;
@@ -116,12 +116,12 @@ pub fn confirm(
     }
     let mut points = [[None; 5]; 2];
     let before = std::mem::take(known);
-    for (camera, marker, f) in &fits {
+    for FoundBand { camera, marker, fit } in &fits {
         let c = camera.index();
-        points[c][*marker] = Some(image_point(f));
+        points[c][*marker] = Some(image_point(fit));
         // One seen in part is looked for in part again.
         let whole = before.0[c][*marker].seen || images[c].as_ref().is_some_and(|image| stands_out(scene, image, &expected.0[c][*marker], least_contrast[c]));
-        known.0[c][*marker] = Known { seen: whole, like: whole.then_some(f.settled) };
+        known.0[c][*marker] = Known { seen: whole, like: whole.then_some(fit.settled) };
     }
     Some(RacketFrame { pose, points, foretold: false })
 }

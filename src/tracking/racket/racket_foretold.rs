@@ -8,8 +8,7 @@ use crate::tracking::racket::known_bands::KnownBands;
 use crate::tracking::racket::racket_other_view::in_other_view;
 use crate::tracking::racket::racket_pose::{RacketPose, fit_pose_near, seen_at};
 use crate::tracking::racket::racket_scene::{ALL_BANDS, RacketFrame, RacketScene};
-use crate::tracking::racket::racket_track::{add_bands, measure, measure_following, observations_of, points_of, worst_miss};
-use crate::tracking::tape::band::BandFit;
+use crate::tracking::racket::racket_track::{FoundBand, add_bands, measure, measure_following, observations_of, points_of, worst_miss};
 use nalgebra::{SMatrix, Vector2};
 
 /// Markers whose bands tell with what was foretold where the racket is, and most bands that may disagree.
@@ -103,12 +102,12 @@ impl Expected {
 /// The racket where too few bands are seen to tell its pose: those near their foretold places, and the pose that they and what was foretold agree
 /// on. `None` where those of fewer than [`FEWEST_FORETOLD`] markers agree, but for one that was well foretold.
 fn measure_foretold(scene: &RacketScene, images: &[Option<GreyView>; 2], foretold: &Foretold, reach_px: i32, least_contrast: &[f64; 2]) -> Option<RacketFrame> {
-    let mut fits: Vec<(CameraId, usize, BandFit)> = Vec::with_capacity(ALL_BANDS);
+    let mut fits = Vec::with_capacity(ALL_BANDS);
     add_bands(scene, images, &foretold.pose, (reach_px, false), least_contrast, &mut fits);
     if fits.is_empty() {
         // The border may cut what is seen: it is looked for where it was well foretold.
         add_bands(scene, images, &foretold.pose, (1, true), least_contrast, &mut fits);
-        fits.retain(|(camera, marker, _)| is_well_foretold(scene, foretold, *camera, *marker));
+        fits.retain(|f| is_well_foretold(scene, foretold, f.camera, f.marker));
     } else {
         // Once more from where the first ones say that the others are.
         let pose = agree_foretold(scene, &mut fits, foretold)?.global_from_racket;
@@ -119,12 +118,12 @@ fn measure_foretold(scene: &RacketScene, images: &[Option<GreyView>; 2], foretol
 }
 
 /// The pose that bands and what was foretold agree on; one that does not is removed.
-fn agree_foretold(scene: &RacketScene, fits: &mut Vec<(CameraId, usize, BandFit)>, foretold: &Foretold) -> Option<RacketPose> {
+fn agree_foretold(scene: &RacketScene, fits: &mut Vec<FoundBand>, foretold: &Foretold) -> Option<RacketPose> {
     let unchecked_px = if fits.len() <= MOST_UNCHECKED { UNCHECKED_PX } else { 0.0 };
     for _ in 0..=MOST_DISAGREE {
         let mut markers = [false; 5];
-        fits.iter().for_each(|f| markers[f.1] = true);
-        let well_foretold = || !fits.is_empty() && fits.iter().all(|(camera, marker, _)| is_well_foretold(scene, foretold, *camera, *marker));
+        fits.iter().for_each(|f| markers[f.marker] = true);
+        let well_foretold = || !fits.is_empty() && fits.iter().all(|f| is_well_foretold(scene, foretold, f.camera, f.marker));
         if markers.iter().filter(|m| **m).count() < FEWEST_FORETOLD && !well_foretold() {
             return None;
         }

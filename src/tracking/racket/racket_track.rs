@@ -21,6 +21,14 @@ pub(super) const CONFIRMED_PX: f64 = 1.0;
 /// 12 m) and rad.
 const ONE_CAMERA: (f64, f64) = (0.10, 0.25);
 
+/// A marker's band, found in one of the pictures.
+#[derive(Debug, Clone, Copy)]
+pub struct FoundBand {
+    pub(super) camera: CameraId,
+    pub(super) marker: usize,
+    pub(super) fit: BandFit,
+}
+
 /// Measures every marker near a predicted pose. `reach_px` is how far the prediction may be off; `least_contrast` the
 /// contrast a band must have, by camera. `None` when fewer than three markers or five image points agree on one pose; with
 /// one camera alone, fewer than four, or a pose far from the predicted one (one camera hardly tells depth).
@@ -45,7 +53,7 @@ pub fn measure(
             look.from(&rough.pose.global_from_racket, 1, true, Vec::new()).unwrap_or(rough)
         }
     };
-    let one_camera = fits.iter().all(|f| f.0 == fits[0].0);
+    let one_camera = fits.iter().all(|f| f.camera == fits[0].camera);
     if one_camera {
         let (p, q) = (&pose.global_from_racket, predicted);
         if (p.translation.vector - q.translation.vector).norm() > ONE_CAMERA.0 || p.rotation.angle_to(&q.rotation) > ONE_CAMERA.1 {
@@ -65,7 +73,7 @@ pub(super) struct Look<'a> {
 impl Look<'_> {
     /// The bands that agree on a pose, of those known and those found near `pose`; the others count as well where they are seen in part
     /// or as specks, if `weak`.
-    pub(super) fn from(&self, pose: &Isometry3<f64>, reach_px: i32, weak: bool, mut fits: Vec<(CameraId, usize, BandFit)>) -> Option<Agreed> {
+    pub(super) fn from(&self, pose: &Isometry3<f64>, reach_px: i32, weak: bool, mut fits: Vec<FoundBand>) -> Option<Agreed> {
         add_bands(self.scene, self.images, pose, (reach_px, weak), self.least_contrast, &mut fits);
         let seen = fits.len();
         let pose = agree(self.scene, &mut fits, pose)?;
@@ -80,31 +88,30 @@ pub(in crate::tracking) fn add_bands(
     pose: &Isometry3<f64>,
     how: (i32, bool),
     least_contrast: &[f64; 2],
-    fits: &mut Vec<(CameraId, usize, BandFit)>,
+    fits: &mut Vec<FoundBand>,
 ) {
     let mut known = [[false; 5]; 2];
-    fits.iter().for_each(|f| known[f.0.index()][f.1] = true);
+    fits.iter().for_each(|f| known[f.camera.index()][f.marker] = true);
     for camera in CameraId::BOTH {
         let Some(image) = &images[camera.index()] else { continue };
         for marker in (0..5).filter(|m| !known[camera.index()][*m]) {
-            if let Some(f) = find(scene, image, pose, camera, marker, how, least_contrast[camera.index()]) {
-                fits.push((camera, marker, f));
-            }
+            let found = find(scene, image, pose, camera, marker, how, least_contrast[camera.index()]);
+            fits.extend(found.map(|fit| FoundBand { camera, marker, fit }));
         }
     }
-    fits.sort_by_key(|f| (f.0, f.1));
+    fits.sort_by_key(|f| (f.camera, f.marker));
     leave_out_hidden(scene, fits, pose);
 }
 
 /// Leaves out bands that were found on the tape of another one nearer to the camera: of a racket seen edge-on one tube hides the other, and the
 /// hidden band's fit goes to the tape that is seen. Two tubes' middles less than a radius apart leave less than half of the farther one.
-pub(super) fn leave_out_hidden(scene: &RacketScene, fits: &mut Vec<(CameraId, usize, BandFit)>, pose: &Isometry3<f64>) {
+pub(super) fn leave_out_hidden(scene: &RacketScene, fits: &mut Vec<FoundBand>, pose: &Isometry3<f64>) {
     let depth = |camera: CameraId, marker: usize| (pose * scene.figure.points[marker] - scene.view.eye(camera)).norm();
     let hidden = |k: usize| {
-        let (camera, marker, fit) = &fits[k];
+        let FoundBand { camera, marker, fit } = &fits[k];
         fits.iter()
-            .filter(|(c, m, _)| c == camera && m != marker)
-            .any(|(_, other, f)| (f.uv - fit.uv).norm() < fit.radius_px && depth(*camera, *other) < depth(*camera, *marker))
+            .filter(|other| other.camera == *camera && other.marker != *marker)
+            .any(|other| (other.fit.uv - fit.uv).norm() < fit.radius_px && depth(*camera, other.marker) < depth(*camera, *marker))
     };
     let hidden: Vec<bool> = (0..fits.len()).map(hidden).collect();
     if hidden.contains(&true) {
@@ -143,20 +150,20 @@ const JUMP_PX: f64 = 1.5;
 /// The bands that share a pose, and how many did not.
 pub(super) struct Agreed {
     pub(super) pose: RacketPose,
-    pub(super) fits: Vec<(CameraId, usize, BandFit)>,
+    pub(super) fits: Vec<FoundBand>,
     dropped: usize,
 }
 
-pub(in crate::tracking) fn points_of(fits: &[(CameraId, usize, BandFit)]) -> [[Option<ImagePoint>; 5]; 2] {
+pub(in crate::tracking) fn points_of(fits: &[FoundBand]) -> [[Option<ImagePoint>; 5]; 2] {
     let mut points = [[None; 5]; 2];
-    for (camera, marker, f) in fits {
-        points[camera.index()][*marker] = Some(image_point(f));
+    for FoundBand { camera, marker, fit } in fits {
+        points[camera.index()][*marker] = Some(image_point(fit));
     }
     points
 }
 
-pub(in crate::tracking) fn observations_of(fits: &[(CameraId, usize, BandFit)]) -> Vec<MarkerObservation> {
-    fits.iter().map(|(camera, marker, f)| MarkerObservation { camera: *camera, marker: *marker, point: image_point(f) }).collect()
+pub(in crate::tracking) fn observations_of(fits: &[FoundBand]) -> Vec<MarkerObservation> {
+    fits.iter().map(|f| MarkerObservation { camera: f.camera, marker: f.marker, point: image_point(&f.fit) }).collect()
 }
 
 pub(super) fn image_point(f: &BandFit) -> ImagePoint {
@@ -165,10 +172,10 @@ pub(super) fn image_point(f: &BandFit) -> ImagePoint {
 }
 
 /// The pose most bands agree on; bands that do not are removed, worst first.
-pub(super) fn agree(scene: &RacketScene, fits: &mut Vec<(CameraId, usize, BandFit)>, start: &Isometry3<f64>) -> Option<RacketPose> {
+pub(super) fn agree(scene: &RacketScene, fits: &mut Vec<FoundBand>, start: &Isometry3<f64>) -> Option<RacketPose> {
     loop {
         let mut markers = [false; 5];
-        fits.iter().for_each(|f| markers[f.1] = true);
+        fits.iter().for_each(|f| markers[f.marker] = true);
         let seen = markers.iter().filter(|m| **m).count();
         if seen < 3 || fits.len() < 5 && seen < 4 {
             return None;

@@ -250,10 +250,7 @@ impl<S: FrameSource> Shot<'_, S> {
     /// Follows the ball from its known end into a gap, as far as it goes straight on.
     fn continued(&self, stage: &Stage, gap: &Range<usize>, flight: &Flight, forth: bool) -> Result<Option<Flight>, TrackingError> {
         let Stage { ball: scene, racket, .. } = *stage;
-        let known = self.sightings(&flight.frames, racket);
-        let beside = |s: &&Sighting| if forth { s.index < gap.start } else { s.index >= gap.end };
-        let mut piece: Vec<Sighting> =
-            if forth { known.iter().filter(beside).copied().collect() } else { known.iter().rev().filter(beside).copied().collect() };
+        let (mut piece, _) = self.known_beside(&flight.frames, racket, gap, forth);
         let [.., b, a] = piece.as_slice() else { return Ok(None) };
         let (Some(last), Some(before)) = (flight.frames[a.index], flight.frames[b.index]) else { return Ok(None) };
         let (last, before) = ((a.index, last), (b.index, before));
@@ -261,17 +258,13 @@ impl<S: FrameSource> Shot<'_, S> {
         let mut found = self.whole_flight(gap.start, &[], [self.follow_to_the_end(follower)?]);
         let seen = self.sightings(&found.frames, racket);
         // From the other end: turned round by the strings, it comes to where it is known beyond the gap.
-        let (toward, beyond): (Vec<&Sighting>, _) = if forth {
-            (seen.iter().rev().collect(), known.iter().find(|s| s.index >= gap.end))
-        } else {
-            (seen.iter().collect(), known.iter().rev().find(|s| s.index < gap.start))
-        };
-        if beyond.is_some_and(|beyond| meets(&toward, beyond, self.setup.frame_rate_hz) == Some(true)) {
+        let toward: Vec<&Sighting> = if forth { seen.iter().rev().collect() } else { seen.iter().collect() };
+        let (beyond, _) = self.known_beside(&flight.frames, racket, gap, !forth);
+        if beyond.last().is_some_and(|beyond| meets(&toward, beyond, self.setup.frame_rate_hz) == Some(true)) {
             return Ok(Some(found));
         }
-        let in_order: Vec<&Sighting> = toward.into_iter().rev().collect();
         let known = piece.len();
-        for s in in_order {
+        for s in toward.into_iter().rev() {
             if !goes_on(&piece, s) {
                 break;
             }

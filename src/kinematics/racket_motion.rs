@@ -20,9 +20,11 @@ pub type MotionCovariance = SMatrix<f64, 12, 12>;
 #[derive(Debug, Clone)]
 pub struct MovingRacket {
     pub figure: RacketFigure,
+    /// The stated balance point, local axes, m from the stringbed centre.
     pub com_local: Point3<f64>,
     /// Principal inertias about the centre of mass, kg m².
     pub inertia: Vector3<f64>,
+    /// Global axes, m/s².
     pub gravity: Vector3<f64>,
     /// Where the centre of mass lies from the stated balance point, body axes, m, by what flies freely in the session.
     pub balance: Vector3<f64>,

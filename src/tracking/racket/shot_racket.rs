@@ -193,7 +193,7 @@ impl<S: FrameSource> Shot<'_, S> {
         self.look_around(index, pose, START_REACH_PX, |images| self.confirm_in(index, images, pose))
     }
 
-    /// The rows of a frame's pictures that [`racket_track::measure`] looks at around a pose that may be off by so much.
+    /// What is seen in a frame's pictures around a pose that may be off by so much, in the rows that [`racket_track::measure`] looks at.
     fn look_around<R>(&self, index: usize, pose: &Isometry3<f64>, reach_px: i32, look: impl FnOnce(&[Option<GreyView>; 2]) -> R) -> Result<R, TrackingError> {
         let rows = CameraId::BOTH.map(|c| self.scene().rows(c, pose, reach_px));
         self.with_buffers(|buffers| Ok(look(&self.read_rows(index, rows, buffers)?)))

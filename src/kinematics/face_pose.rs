@@ -16,11 +16,7 @@ pub fn face_pose_sd(rig: &StereoRig, figure: &RacketFigure, global_from_racket: 
     let mut information = SMatrix::<f64, 6, 6>::zeros();
     for camera in CameraId::BOTH {
         for marker in 0..figure.points.len() {
-            let (point, by_rotation) = figure.patch_in_global(marker, global_from_racket, view.eye(camera));
-            let (_, by_point) = view.project_with_jacobian(camera, &point)?;
-            let mut j = SMatrix::<f64, 2, 6>::zeros();
-            j.fixed_columns_mut::<3>(0).copy_from(&(by_point * by_rotation));
-            j.fixed_columns_mut::<3>(3).copy_from(&by_point);
+            let (_, j) = view.patch_with_jacobian(camera, figure, marker, global_from_racket)?;
             information += j.transpose() * j / shared_px.powi(2);
         }
     }

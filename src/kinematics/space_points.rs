@@ -65,10 +65,7 @@ pub fn on_rigid_racket(rig: &StereoRig, tracks: &Tracks, motion: &ShotMotion, si
             let misses: Vec<f64> = observations
                 .iter()
                 .filter(|o| o.marker == marker)
-                .filter_map(|o| {
-                    let (patch, _) = figure.patch_in_global(marker, &pose.global_from_racket, view.eye(o.camera));
-                    Some((o.point.uv - view.project(o.camera, &patch)?).norm_squared())
-                })
+                .filter_map(|o| Some((o.point.uv - view.patch(o.camera, figure, marker, &pose.global_from_racket)?).norm_squared()))
                 .collect();
             if misses.is_empty() {
                 continue;

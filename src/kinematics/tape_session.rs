@@ -96,8 +96,7 @@ fn mean_residuals(view: &View, figure: &RacketFigure, shot: &[Vec<MarkerObservat
     for seen in shot {
         let Ok(pose) = fit_pose(view, figure, seen, None) else { continue };
         for o in seen {
-            let (p, _) = figure.patch_in_global(o.marker, &pose.global_from_racket, view.eye(o.camera));
-            let Some(uv) = view.project(o.camera, &p) else { continue };
+            let Some(uv) = view.patch(o.camera, figure, o.marker, &pose.global_from_racket) else { continue };
             let sum = sums.entry((o.camera.index(), o.marker)).or_insert((Vector2::zeros(), 0.0));
             sum.0 += o.point.uv - uv;
             sum.1 += 1.0;

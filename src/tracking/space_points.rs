@@ -133,8 +133,7 @@ fn marker_residual(view: &View, figure: &RacketFigure, frame: &RacketFrame, mark
     let (mut sum, mut n) = (0.0, 0);
     for camera in CameraId::BOTH {
         let Some(point) = frame.points[camera.index()][marker] else { continue };
-        let (p, _) = figure.patch_in_global(marker, &frame.pose.global_from_racket, view.eye(camera));
-        if let Some(uv) = view.project(camera, &p) {
+        if let Some(uv) = view.patch(camera, figure, marker, &frame.pose.global_from_racket) {
             sum += (point.uv - uv).norm_squared();
             n += 1;
         }

@@ -255,7 +255,7 @@ pub fn offset(source: &impl FrameSource, setup: &ShotSetup, tracked: &ShotTracks
                 let racket = tracked.racket.get(index)?.as_ref()?;
                 let p = racket.points[camera.index()][target]?;
                 let pose = racket.pose.global_from_racket;
-                let patch = view.project(camera, &figure.patch_in_global(target, &pose, view.eye(camera)).0)?;
+                let patch = view.patch(camera, figure, target, &pose)?;
                 let axis = view.project(camera, &(pose * figure.points[target]))?;
                 Some((p.uv + axis - patch, p.sd.max()))
             })

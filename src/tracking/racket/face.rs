@@ -298,7 +298,7 @@ mod tests {
         let up = |real: &RacketFigure, stated: &RacketFigure, turned_first: bool| {
             let pose = Isometry3::from_parts(Vector3::new(0.0, 0.9, 0.0).into(), UnitQuaternion::from_euler_angles(0.2, 0.3, 0.1));
             let point = |camera, marker| {
-                let uv = view.project(camera, &real.patch_in_global(marker, &pose, view.eye(camera)).0).expect("seen");
+                let uv = view.patch(camera, real, marker, &pose).expect("seen");
                 ImagePoint { uv, sd: Vector2::repeat(0.05) }
             };
             let points = crate::calibration::CameraId::BOTH.map(|camera| std::array::from_fn(|marker| Some(point(camera, marker))));

@@ -25,8 +25,7 @@ const LEAST_SHRUNK: f64 = 0.5;
 pub fn settle(view: &View, figure: &RacketFigure, frames: &mut [Option<RacketFrame>]) {
     let misses = |frame: &RacketFrame| -> Vec<(usize, usize, f64)> {
         let miss = |o: &MarkerObservation| {
-            let (patch, _) = figure.patch_in_global(o.marker, &frame.pose.global_from_racket, view.eye(o.camera));
-            let r = o.point.uv - view.project(o.camera, &patch)?;
+            let r = o.point.uv - view.patch(o.camera, figure, o.marker, &frame.pose.global_from_racket)?;
             Some((o.camera.index(), o.marker, 0.5 * ((r.x / o.point.sd.x).powi(2) + (r.y / o.point.sd.y).powi(2))))
         };
         frame.observations().iter().filter_map(miss).collect()

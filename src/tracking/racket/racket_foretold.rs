@@ -6,7 +6,7 @@ use crate::footage::GreyView;
 use crate::tracking::racket::foretold_pose::Foretold;
 use crate::tracking::racket::known_bands::KnownBands;
 use crate::tracking::racket::racket_other_view::in_other_view;
-use crate::tracking::racket::racket_pose::{RacketPose, fit_pose_near, seen_at};
+use crate::tracking::racket::racket_pose::{RacketPose, fit_pose_near};
 use crate::tracking::racket::racket_scene::{ALL_BANDS, RacketFrame, RacketScene};
 use crate::tracking::racket::racket_track::{FoundBand, add_bands, measure, measure_following, observations_of, points_of, worst_miss};
 use nalgebra::{SMatrix, Vector2};
@@ -141,5 +141,5 @@ fn agree_foretold(scene: &RacketScene, fits: &mut Vec<FoundBand>, foretold: &For
 /// Whether a band's place in a picture was foretold to [`WELL_FORETOLD_PX`].
 fn is_well_foretold(scene: &RacketScene, foretold: &Foretold, camera: CameraId, marker: usize) -> bool {
     let spread = |(_, by_pose): (Vector2<f64>, SMatrix<f64, 2, 6>)| (by_pose * foretold.covariance() * by_pose.transpose()).trace().sqrt();
-    seen_at(scene.view, scene.figure, camera, marker, &foretold.pose).map(spread).is_some_and(|px| px < WELL_FORETOLD_PX)
+    scene.view.patch_with_jacobian(camera, scene.figure, marker, &foretold.pose).map(spread).is_some_and(|px| px < WELL_FORETOLD_PX)
 }

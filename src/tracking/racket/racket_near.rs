@@ -4,7 +4,7 @@
 use crate::calibration::CameraId;
 use crate::tracking::racket::foretold_pose::{Foretold, moved};
 use crate::tracking::racket::racket_figure::RacketFigure;
-use crate::tracking::racket::racket_pose::{MarkerObservation, View, fit_pose_near, seen_at};
+use crate::tracking::racket::racket_pose::{MarkerObservation, View, fit_pose_near};
 use crate::tracking::tape::band_search::BandCandidate;
 use crate::tracking::track_file::ImagePoint;
 use nalgebra::{Isometry3, Matrix2, Matrix6, SMatrix, Vector2};
@@ -94,7 +94,7 @@ impl Hypothesis {
 
     /// Where this pose has a band.
     fn expects(&self, view: &View, figure: &RacketFigure, camera: CameraId, marker: usize) -> Option<Expected> {
-        let (uv, by_pose) = seen_at(view, figure, camera, marker, &self.pose)?;
+        let (uv, by_pose) = view.patch_with_jacobian(camera, figure, marker, &self.pose)?;
         let spread = by_pose * self.covariance * by_pose.transpose() + Matrix2::identity() * CANDIDATE_SD_PX.powi(2);
         Some(Expected { uv, by_pose, precision: spread.try_inverse()? })
     }
@@ -133,7 +133,7 @@ mod tests {
         };
         for camera in CameraId::BOTH {
             for hidden in 0..5 {
-                let uv = |marker: usize| seen_at(&view, &figure, camera, marker, &here).expect("seen").0;
+                let uv = |marker: usize| view.patch(camera, &figure, marker, &here).expect("seen");
                 let other = |k: usize| uv(hidden) + Vector2::new(((k * 37) % 90) as f64 - 45.0, ((k * 53) % 80) as f64 - 40.0);
                 let mut seen: Vec<BandCandidate> = (1..7).map(|k| BandCandidate { uv: other(k), contrast: 50.0 }).collect();
                 seen.extend((0..5).filter(|m| *m != hidden).map(|m| BandCandidate { uv: uv(m), contrast: 90.0 }));
@@ -157,7 +157,7 @@ mod tests {
         let (rig, figure) = (rig(), figure());
         let view = View::new(&rig);
         let here = Isometry3::from_parts(Translation3::new(0.0, 0.9, -0.1), UnitQuaternion::from_euler_angles(0.3, 0.4, -0.5));
-        let band = |camera, marker| BandCandidate { uv: seen_at(&view, &figure, camera, marker, &here).expect("seen").0, contrast: 90.0 };
+        let band = |camera, marker| BandCandidate { uv: view.patch(camera, &figure, marker, &here).expect("seen"), contrast: 90.0 };
         let candidates = CameraId::BOTH.map(|camera| (0..5).map(|marker| band(camera, marker)).collect::<Vec<_>>());
         let foretold = |by_m: f64| Foretold::within(Translation3::new(0.0, by_m, 0.0) * here, 0.01, 0.01);
         assert!(!search(&view, &figure, &candidates, &foretold(0.02)).is_empty());

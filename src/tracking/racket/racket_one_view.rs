@@ -104,7 +104,7 @@ fn agreeing(
     let mut seen = Vec::with_capacity(5);
     let mut sum = 0.0;
     for marker in 0..5 {
-        let at = view.project(camera, &figure.patch_in_global(marker, pose, view.eye(camera)).0)?;
+        let at = view.patch(camera, figure, marker, pose)?;
         let free = places.iter().enumerate().filter(|(k, _)| !used.contains(k)).map(|(k, (c, _))| ((c.uv - at).norm(), k));
         match free.min_by(|a, b| a.0.total_cmp(&b.0)).filter(|near| near.0 < GATE_PX) {
             Some((miss, k)) => {
@@ -134,15 +134,14 @@ mod tests {
         let last = Isometry3::from_parts(Translation3::new(0.1, 0.85, -0.15), turned * UnitQuaternion::from_euler_angles(0.3, -0.2, 0.2));
         let reach = Reach::of(&figure, &last, 0.004);
         for camera in CameraId::BOTH {
-            let uv = |marker: usize| view.project(camera, &figure.patch_in_global(marker, &here, view.eye(camera)).0).expect("seen");
+            let uv = |marker: usize| view.patch(camera, &figure, marker, &here).expect("seen");
             let middle = uv(0);
             let other = |k: usize| middle + Vector2::new(((k * 37) % 90) as f64 - 45.0, ((k * 53) % 80) as f64 - 40.0);
             let mut seen: Vec<BandCandidate> = (0..5).map(|m| BandCandidate { uv: uv(m), contrast: 90.0 }).collect();
             seen.extend((0..6).map(|k| BandCandidate { uv: other(k), contrast: 50.0 }));
             let found = search(&view, &figure, camera, &seen, &reach);
             // How far away it is one camera hardly tells: the markers' places in its picture, and how the racket is turned, it does.
-            let seen_at = |pose: &Isometry3<f64>, m: usize| view.project(camera, &figure.patch_in_global(m, pose, view.eye(camera)).0).expect("seen");
-            let miss_px = |pose: &Isometry3<f64>| (0..5).map(|m| (seen_at(pose, m) - uv(m)).norm()).fold(0.0, f64::max);
+            let miss_px = |pose: &Isometry3<f64>| (0..5).map(|m| (view.patch(camera, &figure, m, pose).expect("seen") - uv(m)).norm()).fold(0.0, f64::max);
             let right = |pose: &&Isometry3<f64>| miss_px(pose) < 1.0 && pose.rotation.angle_to(&here.rotation) < 0.3;
             assert!(found.iter().any(|pose| right(&pose)), "{camera:?}: {:?}", found.iter().map(miss_px).collect::<Vec<_>>());
             // Three markers fit anywhere.

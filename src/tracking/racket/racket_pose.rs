@@ -121,6 +121,27 @@ impl<'a> View<'a> {
         Some((uv, j * self.rotation[camera.index()]))
     }
 
+    /// Pixel of the centroid of a marker's visible tape, with the racket at a pose; `None` behind the camera.
+    #[inline]
+    pub fn patch(&self, camera: CameraId, figure: &RacketFigure, marker: usize, pose: &Isometry3<f64>) -> Option<Vector2<f64>> {
+        self.project(camera, &figure.patch_in_global(marker, pose, self.eye(camera)).0)
+    }
+
+    /// The same with its derivative with respect to a small rotation of the racket about the global axes and a shift.
+    #[inline]
+    pub fn patch_with_jacobian(
+        &self,
+        camera: CameraId,
+        figure: &RacketFigure,
+        marker: usize,
+        pose: &Isometry3<f64>,
+    ) -> Option<(Vector2<f64>, SMatrix<f64, 2, 6>)> {
+        let (place, by_rotation) = figure.patch_in_global(marker, pose, self.eye(camera));
+        let (uv, by_place) = self.project_with_jacobian(camera, &place)?;
+        let turned = by_place * by_rotation;
+        Some((uv, SMatrix::from_fn(|row, k| if k < 3 { turned[(row, k)] } else { by_place[(row, k - 3)] })))
+    }
+
     /// Unit vector of the ray through a pixel, global axes; `None` where the distortion cannot be inverted.
     pub fn ray(&self, camera: CameraId, uv: Vector2<f64>) -> Option<Vector3<f64>> {
         let n = self.rig.camera(camera).normalise(uv)?;
@@ -212,7 +233,7 @@ fn normal_equations(
         n.chi2 = off.dot(&pull);
     }
     for o in observations {
-        let (uv, by_pose) = seen_at(view, figure, o.camera, o.marker, pose)?;
+        let (uv, by_pose) = view.patch_with_jacobian(o.camera, figure, o.marker, pose)?;
         for row in 0..2 {
             let w = 1.0 / o.point.sd[row];
             let r = w * (o.point.uv[row] - uv[row]);
@@ -227,21 +248,6 @@ fn normal_equations(
         }
     }
     Some(n)
-}
-
-/// Where a camera sees a marker's tape, px, and how that changes with the racket's turn and shift; `None` behind the camera.
-#[inline]
-pub(in crate::tracking) fn seen_at(
-    view: &View,
-    figure: &RacketFigure,
-    camera: CameraId,
-    marker: usize,
-    pose: &Isometry3<f64>,
-) -> Option<(Vector2<f64>, SMatrix<f64, 2, 6>)> {
-    let (place, by_rotation) = figure.patch_in_global(marker, pose, view.eye(camera));
-    let (uv, by_place) = view.project_with_jacobian(camera, &place)?;
-    let turned = by_place * by_rotation;
-    Some((uv, SMatrix::from_fn(|row, k| if k < 3 { turned[(row, k)] } else { by_place[(row, k - 3)] })))
 }
 
 fn settle(
@@ -376,8 +382,7 @@ pub(crate) mod tests {
         let mut all = Vec::new();
         for camera in CameraId::BOTH {
             for marker in (0..5).filter(|m| keep(camera, *m)) {
-                let (p, _) = f.patch_in_global(marker, pose, view.eye(camera));
-                let uv = view.project(camera, &p).expect("in front") + Vector2::new(error(), error());
+                let uv = view.patch(camera, f, marker, pose).expect("in front") + Vector2::new(error(), error());
                 all.push(MarkerObservation { camera, marker, point: ImagePoint { uv, sd: Vector2::new(sd, sd) } });
             }
         }

@@ -407,7 +407,7 @@ mod tests {
     /// Bands of a racket in both pictures.
     fn bands(view: &View, figure: &RacketFigure, pose: &Isometry3<f64>, contrast: f64) -> [Vec<BandCandidate>; 2] {
         CameraId::BOTH.map(|c| {
-            let uv = |m: usize| view.project(c, &figure.patch_in_global(m, pose, view.eye(c)).0).expect("seen");
+            let uv = |m: usize| view.patch(c, figure, m, pose).expect("seen");
             (0..5).map(|m| BandCandidate { uv: uv(m), contrast }).collect()
         })
     }

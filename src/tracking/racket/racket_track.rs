@@ -195,8 +195,7 @@ pub(super) fn agree(scene: &RacketScene, fits: &mut Vec<FoundBand>, start: &Isom
 pub(in crate::tracking) fn worst_miss(scene: &RacketScene, observations: &[MarkerObservation], pose: &RacketPose) -> Option<(usize, f64)> {
     let mut worst = (0, 0.0);
     for (i, o) in observations.iter().enumerate() {
-        let (p, _) = scene.figure.patch_in_global(o.marker, &pose.global_from_racket, scene.view.eye(o.camera));
-        let r = o.point.uv - scene.view.project(o.camera, &p)?;
+        let r = o.point.uv - scene.view.patch(o.camera, scene.figure, o.marker, &pose.global_from_racket)?;
         let squared = |k: usize| r[k] * r[k] / (o.point.sd[k] * o.point.sd[k] + MODEL_TOLERANCE_PX * MODEL_TOLERANCE_PX);
         let z = (squared(0) + squared(1)).sqrt();
         if z > worst.1 {

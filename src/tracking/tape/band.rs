@@ -74,9 +74,8 @@ impl BandView {
         let toward = (view.eye(camera) - axis_point).normalize();
         let across = toward.cross(&axis).try_normalize(1e-6)?;
         let radius_px = (j * across).norm() * figure.tube_radius_m[marker];
-        let patch = figure.patch_in_global(marker, pose, view.eye(camera)).0;
         let n = (toward - toward.dot(&axis) * axis).try_normalize(1e-6)?;
-        let centre = view.project(camera, &patch)?;
+        let centre = view.patch(camera, figure, marker, pose)?;
         let along = along / px_per_m;
         let inward = j * (pose.rotation * figure.bend[marker]);
         let bend = 0.5 * inward.dot(&Vector2::new(-along.y, along.x)) / (px_per_m * px_per_m);

@@ -8,7 +8,7 @@
 use super::fit::Fit;
 use super::linearise::Linearised;
 use super::observation::{Observation, Observations};
-use super::project::{Nuisance, project_out};
+use super::project::{Nuisance, beside, project_out};
 use super::structure::{ContactInputs, channels, friction_slope, independent_directions, wild_p_value};
 use crate::impact_table::INPUTS;
 use nalgebra::DMatrix;
@@ -266,13 +266,6 @@ pub(super) fn known_signatures(fit: &Fit, observations: &Observations, impacts: 
     let none: Vec<DMatrix<f64>> = fit.impacts.iter().map(|l| DMatrix::zeros(l.z.len(), 0)).collect();
     let failing = group_test(fit, observations, impacts, &none, Some(known), 0).failing;
     failing.iter().fold(none, |all, (_, blocks)| all.iter().zip(blocks).map(|(a, b)| beside(a, b)).collect())
-}
-
-/// Two blocks of columns in one.
-pub(super) fn beside(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
-    let mut both = a.clone().resize_horizontally(a.ncols() + b.ncols(), 0.0);
-    both.columns_mut(a.ncols(), b.ncols()).copy_from(b);
-    both
 }
 
 /// Whitened signatures of what each group of a column may have of its own.

@@ -66,17 +66,7 @@ impl Nuisance {
         let prior_precision = DVector::from_fn(p, |i, _| if i < fit.columns.len() { fit.prior_precision[i] } else { precision(i - fit.columns.len()) });
         let own = fit.prior_residual();
         let mut information = DMatrix::from_diagonal(&prior_precision);
-        let design: Vec<DMatrix<f64>> = fit
-            .design
-            .iter()
-            .zip(extra)
-            .map(|(a, e)| {
-                let mut both = DMatrix::zeros(a.nrows(), p);
-                both.columns_mut(0, a.ncols()).copy_from(a);
-                both.columns_mut(a.ncols(), more).copy_from(e);
-                both
-            })
-            .collect();
+        let design: Vec<DMatrix<f64>> = fit.design.iter().zip(extra).map(|(a, e)| beside(a, e)).collect();
         for a in &design {
             add_cross(&mut information, a, a);
         }
@@ -128,6 +118,13 @@ pub fn project_out(fit: &Fit, nuisance: &Nuisance, signatures: &[DMatrix<f64>]) 
     let score = contributions.row_sum().transpose();
     let residuals = fit.impacts.iter().map(|l| (l.z.clone(), l.measured.clone())).collect();
     Projected { contributions, score, information, raw, per_impact, left: remaining, residuals }
+}
+
+/// Two blocks of columns in one.
+pub(super) fn beside(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
+    let mut both = a.clone().resize_horizontally(a.ncols() + b.ncols(), 0.0);
+    both.columns_mut(a.ncols(), b.ncols()).copy_from(b);
+    both
 }
 
 /// `sum += a'b`. Transposed first: the blocked product of large matrices is many times faster than row by row.

@@ -11,7 +11,7 @@
 //! A second effect must not be the first one's wrong form: it counts only by what it explains after the first one's
 //! strength was allowed to vary smoothly with speed, place, obliqueness and spin.
 
-use super::by_group::{FREE, GroupMisfit, beside, known_signatures};
+use super::by_group::{FREE, GroupMisfit, known_signatures};
 use super::error::ValidationError;
 use super::expression::local_spot;
 use super::fit::{Column, Fit, FitOptions, Start, fit};
@@ -22,7 +22,7 @@ use super::local_spot::LocalSpot;
 use super::lone_term::LoneTerm;
 use super::observation::{Observation, Observations};
 use super::predicted::difference;
-use super::project::Nuisance;
+use super::project::{Nuisance, beside};
 use super::screen::{Screening, screen_beyond};
 use super::structure::{BesideSmooth, StructureTest, chi2_tail, form_features, structure_test};
 use nalgebra::DMatrix;

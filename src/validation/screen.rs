@@ -11,7 +11,7 @@ use super::forward::{EffectOutline, Library};
 use super::linearise::Linearised;
 use super::observation::Observation;
 use super::predicted::difference;
-use super::project::{Nuisance, Projected, project_out};
+use super::project::{Nuisance, Projected, beside, project_out};
 use super::structure::ratio_tail;
 use crate::impact_table::INPUTS;
 use nalgebra::{DMatrix, DVector};
@@ -145,16 +145,7 @@ pub fn cosines_with(library: &dyn Library, fit: &Fit, impacts: &[&Observation], 
         (0..library.effects().len()).filter(|&e| library.effects()[e].excluded.is_none() && !library.effects()[e].strengths.is_empty()).collect();
     let (blocks, terms) = signatures(library, fit, impacts, &which)?;
     let last = blocks.first().map_or(0, DMatrix::ncols);
-    let joined: Vec<DMatrix<f64>> = blocks
-        .iter()
-        .zip(signature)
-        .map(|(b, s)| {
-            let mut both = DMatrix::zeros(b.nrows(), last + 1);
-            both.columns_mut(0, last).copy_from(b);
-            both.columns_mut(last, 1).copy_from(s);
-            both
-        })
-        .collect();
+    let joined: Vec<DMatrix<f64>> = blocks.iter().zip(signature).map(|(b, s)| beside(b, s)).collect();
     let projected = project_out(fit, &Nuisance::of(fit), &joined);
     Ok(which.iter().zip(terms).map(|(&e, t)| (e, t.iter().map(|&i| projected.cosine(i, last).abs()).fold(0.0, f64::max))).collect())
 }

@@ -9,12 +9,12 @@
 //! Σ (1 − h), h the leverage) and averaged over the numbers measured: (chi² − T)/(dof − q) would be too small where the terms
 //! take most out of those outputs whose noise is understated the most, and the floor of the error with it.
 
-use super::by_group::{GroupMisfit, GroupTest, beside, group_test};
+use super::by_group::{GroupMisfit, GroupTest, group_test};
 use super::fit::{Column, Fit};
 use super::forward::Inputs;
 use super::lone_term::{LoneTerm, lone_term};
 use super::observation::{Gear, Observation, Observations};
-use super::project::{Projected, project};
+use super::project::{Projected, beside, project};
 use crate::impact_table::OUTPUTS;
 use nalgebra::{DMatrix, DVector, RowDVector, Vector3};
 use rand::{Rng, SeedableRng};

@@ -9,11 +9,11 @@ use super::diagnosis::{Estimate, SuggestedExpression};
 use super::error::ValidationError;
 use super::expression_terms::{CHANNELS, FEATURES, TermChannel, feature_inputs};
 use super::fit::{Fit, FitOptions, Start, fit};
-use super::forward::OwnEffect;
+use super::forward::{Forward, OwnEffect};
 use super::heldout::held_out_error;
 use super::local_spot::{LocalSpot, strongest_spot};
 use super::predicted::difference;
-use super::project::{Nuisance, project_out};
+use super::project::{Nuisance, TOLD, project_out};
 use super::rank::{Reference, gain_over, log_evidence_over};
 use super::screen::Screening;
 use super::step_in_order::{StepInOrder, strongest_step};
@@ -30,6 +30,10 @@ const MOST_COLUMN_FEATURES: usize = 8;
 /// Most that a formula may take of a mass, an inertia or a radius; and, as a share of the racket's mass, from a hand that has none.
 const LARGEST_LOSS: f64 = 0.8;
 const LARGEST_HAND_LOSS: f64 = 0.02;
+/// Step of a channel's signature, as a share of its typical strength.
+const STEP: f64 = 0.05;
+/// The first term must gain this much in chi-square, five deviations: it is chosen among some 2000 pairs.
+const FIRST_GAIN: f64 = 25.0;
 /// Terms of one expression at most.
 const MOST_TERMS: usize = 3;
 /// A further term must gain this much in chi-square (its price among some fifty features is about 8) ...
@@ -69,14 +73,19 @@ pub struct Found {
 fn channel_signature(reference: &Reference, channel: &TermChannel) -> Option<Vec<DVector<f64>>> {
     let effect = own_effect(reference, channel, &["1".to_owned()]);
     let forward = reference.library.with_expression(&[], &[effect]).ok()?;
-    let h = 0.05 * channel.typical;
-    let (mut up, mut down) = (reference.base.values.clone(), reference.base.values.clone());
+    signature_of_last(reference, forward.as_ref(), reference.base, channel)
+}
+
+/// The whitened derivative of the prediction at `fit` with respect to the one constant that `forward` has beyond it: a channel's k.
+fn signature_of_last(reference: &Reference, forward: &dyn Forward, fit: &Fit, channel: &TermChannel) -> Option<Vec<DVector<f64>>> {
+    let h = STEP * channel.typical;
+    let (mut up, mut down) = (fit.values.clone(), fit.values.clone());
     up.push(h);
     down.push(-h);
     debug_assert_eq!(forward.parameters().len(), up.len());
     let (above, below) = (forward.prepare(&up).ok()?, forward.prepare(&down).ok()?);
-    let moved = difference(above.as_ref(), below.as_ref(), reference.impacts, &reference.base.impacts);
-    Some(moved.into_iter().zip(&reference.base.impacts).map(|(d, l)| &l.whitener * d / (2.0 * h)).collect())
+    let moved = difference(above.as_ref(), below.as_ref(), reference.impacts, &fit.impacts);
+    Some(moved.into_iter().zip(&fit.impacts).map(|(d, l)| &l.whitener * d / (2.0 * h)).collect())
 }
 
 fn own_effect(reference: &Reference, channel: &TermChannel, features: &[String]) -> OwnEffect {
@@ -226,10 +235,9 @@ fn terms_of(reference: &Reference, nuisance: &Nuisance, channel: &[DVector<f64>]
     let blocks: Vec<DMatrix<f64>> = channel.iter().enumerate().map(|(i, g)| g * features.values.row(i)).collect();
     let projected = project_out(reference.base, nuisance, &blocks);
     (0..features.names.len())
-        .filter(|&j| projected.information[(j, j)] > 1e-4 * projected.raw[j].max(1e-12))
+        .filter(|&j| projected.keeps_more_than(TOLD, j))
         .map(|j| {
-            let information = projected.information[(j, j)];
-            let strength = projected.score[j] / information;
+            let strength = projected.score[j] / projected.information[(j, j)];
             let gain = projected.score[j] * strength / reference.c;
             let (feature, words) = features.names[j].clone();
             Term { channel: c, feature, words, strength, gain }
@@ -315,7 +323,7 @@ pub fn find_expression(
 ) -> Result<Option<Found>, ValidationError> {
     let features = TableFeatures::of(reference);
     let terms = score_terms(reference, &features);
-    let candidates: Vec<&Term> = terms.iter().filter(|t| t.gain > 25.0).take(REFITTED).collect();
+    let candidates: Vec<&Term> = terms.iter().filter(|t| t.gain > FIRST_GAIN).take(REFITTED).collect();
     let fixed = &*reference;
     let singles: Vec<(usize, Fitted)> = candidates
         .par_iter()
@@ -380,19 +388,11 @@ pub fn find_expression(
 fn further(reference: &Reference, features: &TableFeatures, best: &Fitted, chosen: &[Term], more: &[&Term]) -> Vec<Term> {
     let Some(first) = chosen.first() else { return Vec::new() };
     let channel = &CHANNELS[first.channel];
-    let shared = reference.base.values.len();
     // The derivative of the first term's constant carries the channel's response at this fit; others are in proportion.
     let bare = own_effect(reference, channel, &["1".to_owned()]);
     let own = OwnEffect { name: free_name(reference, "found-further"), ..bare };
     let Ok(forward) = reference.library.with_expression(&[], &[best.effect.clone(), own]) else { return Vec::new() };
-    let h = 0.05 * channel.typical;
-    let (mut up, mut down) = (best.fit.values.clone(), best.fit.values.clone());
-    up.push(h);
-    down.push(-h);
-    let (Ok(above), Ok(below)) = (forward.prepare(&up), forward.prepare(&down)) else { return Vec::new() };
-    let moved = difference(above.as_ref(), below.as_ref(), reference.impacts, &best.fit.impacts);
-    let signature: Vec<DVector<f64>> = moved.into_iter().zip(&best.fit.impacts).map(|(d, l)| &l.whitener * d / (2.0 * h)).collect();
-    debug_assert!(shared <= best.fit.values.len());
+    let Some(signature) = signature_of_last(reference, forward.as_ref(), &best.fit, channel) else { return Vec::new() };
     let blocks: Vec<DMatrix<f64>> = signature.iter().enumerate().map(|(i, g)| g * features.values.row(i)).collect();
     let projected = project_out(&best.fit, &Nuisance::of(&best.fit), &blocks);
     let mut found: Vec<Term> = more
@@ -400,7 +400,7 @@ fn further(reference: &Reference, features: &TableFeatures, best: &Fitted, chose
         .filter_map(|t| {
             let j = features.names.iter().position(|(text, _)| *text == t.feature)?;
             let information = projected.information[(j, j)];
-            (information > 1e-4 * projected.raw[j].max(1e-12)).then(|| Term {
+            projected.keeps_more_than(TOLD, j).then(|| Term {
                 strength: projected.score[j] / information,
                 gain: projected.score[j].powi(2) / information / reference.c,
                 ..(*t).clone()

@@ -5,7 +5,7 @@
 //! by the number of places looked at (Bonferroni: neighbours overlap, so that this is on the safe side).
 
 use super::observation::Gear;
-use super::project::{Nuisance, project_out};
+use super::project::{Nuisance, TOLD, project_out};
 use super::rank::Reference;
 use super::structure::ratio_tail;
 use nalgebra::{DMatrix, DVector, RowDVector};
@@ -70,8 +70,7 @@ pub fn strongest_spot(reference: &Reference, nuisance: &Nuisance, signature: &[D
                 signature.iter().zip(fitted).map(|(g, l)| g * RowDVector::from_iterator(piece.len(), piece.iter().map(|p| share(l, *p)))).collect();
             let projected = project_out(reference.base, nuisance, &blocks);
             let one = |(j, &(along_m, across_m, half_width_m)): (usize, &(f64, f64, f64))| {
-                let information = projected.information[(j, j)];
-                if !(information > 1e-4 * projected.raw[j].max(1e-12)) {
+                if !projected.keeps_more_than(TOLD, j) {
                     return None;
                 }
                 let score = projected.score[j];
@@ -79,7 +78,7 @@ pub fn strongest_spot(reference: &Reference, nuisance: &Nuisance, signature: &[D
                 if largest > ONE_IMPACT * score.abs() {
                     return None;
                 }
-                let strength = score / information;
+                let strength = score / projected.information[(j, j)];
                 let spread = projected.spread(j, &[j], &DVector::from_element(1, strength), reference.c);
                 let p_value = (ratio_tail(score * score / spread.variance / reference.c, 1.0, spread.freedom) * places.len() as f64).min(1.0);
                 Some(LocalSpot { along_m, across_m, half_width_m, strength, gain: score * strength / reference.c, p_value })

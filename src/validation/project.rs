@@ -13,6 +13,11 @@ use nalgebra::{DMatrix, DVector};
 /// Impacts that must carry a score, in effect, for their own scatter to tell its variance.
 const ENOUGH_FOR_SANDWICH: f64 = 12.0;
 
+/// Share of a term's own information that must be left after projection for its strength to be told.
+pub(super) const TOLD: f64 = 1e-4;
+/// The least information that a share is taken of: a term that no impact carries is not told by what rounding leaves of it.
+const LEAST_INFORMATION: f64 = 1e-12;
+
 /// Projected scores of m terms.
 #[derive(Debug, Clone)]
 pub struct Projected {
@@ -133,6 +138,11 @@ pub fn add_cross(sum: &mut DMatrix<f64>, a: &DMatrix<f64>, b: &DMatrix<f64>) {
 }
 
 impl Projected {
+    /// Whether more than a share of a term's own information is left after projection.
+    pub fn keeps_more_than(&self, share: f64, term: usize) -> bool {
+        self.information[(term, term)] > share * self.raw[term].max(LEAST_INFORMATION)
+    }
+
     /// What is left of an impact's signatures, outputs × terms.
     pub fn left(&self, impact: usize) -> &DMatrix<f64> {
         &self.left[impact]

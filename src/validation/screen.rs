@@ -26,6 +26,8 @@ const STEP: f64 = 0.2;
 const VISIBLE: f64 = 0.5;
 /// A nuisance that takes away more than this share of a signature's information hides the effect.
 const ABSORBED: f64 = 0.999;
+/// A strength of which no more than this share is left after projection carries nothing.
+const CARRIES: f64 = 1e-6;
 
 /// Prior deviation of a strength, in typical sizes (docs/diagnosis.md, "In formulas", evidence).
 pub const STRENGTH_PRIOR: f64 = 1.5;
@@ -190,9 +192,7 @@ fn screen_one(projected: &Projected, outline: &EffectOutline, effect: usize, ter
     };
     let mut screened = Screened { effect, gain: 0.0, strengths: vec![0.0; terms.len()], p_value: 1.0, typical_signal: signal, hidden_because, terms };
     // Terms that carry nothing, or point to the impossible side, drop out one after the other.
-    let mut active: Vec<usize> = (0..screened.terms.len())
-        .filter(|&i| projected.information[(screened.terms[i], screened.terms[i])] > 1e-6 * projected.raw[screened.terms[i]].max(1e-12))
-        .collect();
+    let mut active: Vec<usize> = (0..screened.terms.len()).filter(|&i| projected.keeps_more_than(CARRIES, screened.terms[i])).collect();
     while !active.is_empty() {
         let columns: Vec<usize> = active.iter().map(|&i| screened.terms[i]).collect();
         let Some((gain, strengths)) = projected.joint(&columns) else {
@@ -242,7 +242,7 @@ pub fn screen_pairs(screening: &Screening, library: &dyn Library, c: f64) -> Vec
             let mut active: Vec<(usize, bool, usize, usize)> = Vec::new();
             for (which, s) in [(0usize, a), (1, b)] {
                 for (k, &t) in s.terms.iter().enumerate() {
-                    if screening.projected.information[(t, t)] > 1e-6 * screening.projected.raw[t].max(1e-12) {
+                    if screening.projected.keeps_more_than(CARRIES, t) {
                         active.push((t, library.effects()[s.effect].strengths[k].one_sided, which, k));
                     }
                 }

@@ -3,7 +3,7 @@
 //! Drifts and waves in the order of the impacts imitate a step in part and would give it a wrong name. So a step of a quantity
 //! is scored between neighbouring impacts, nuisance projected out (docs/diagnosis.md, "The formula").
 
-use super::project::{Nuisance, project_out};
+use super::project::{Nuisance, TOLD, project_out};
 use super::rank::Reference;
 use nalgebra::{DMatrix, DVector, RowDVector};
 
@@ -39,7 +39,7 @@ pub fn strongest_step(reference: &Reference, nuisance: &Nuisance, signature: &[D
     let row = |order: f64| RowDVector::from_iterator(steps.len(), steps.iter().map(|s| if order >= s.0 { 1.0 } else { 0.0 }));
     let blocks: Vec<DMatrix<f64>> = signature.iter().zip(reference.impacts).map(|(g, o)| g * row(o.order)).collect();
     let projected = project_out(reference.base, nuisance, &blocks);
-    let told = |j: &usize| projected.information[(*j, *j)] > 1e-4 * projected.raw[*j].max(1e-12);
+    let told = |j: &usize| projected.keeps_more_than(TOLD, *j);
     let one = |j: usize| {
         let strength = projected.score[j] / projected.information[(j, j)];
         StepInOrder { after: steps[j].0, first: steps[j].1, strength, gain: projected.score[j] * strength / reference.c }

@@ -68,6 +68,11 @@ pub enum Column {
     Shared { session: usize, component: usize },
 }
 
+/// Where a free parameter stands among columns; `None` where it does not move.
+fn column_of(columns: &[Column], parameter: usize) -> Option<usize> {
+    columns.iter().position(|c| *c == Column::Parameter(parameter))
+}
+
 /// The model at its best, on the impacts it was fitted to.
 #[derive(Debug, Clone)]
 pub struct Fit {
@@ -116,12 +121,14 @@ impl Fit {
         told.max(0.0) / self.count().max(1) as f64
     }
 
+    /// Which column a free parameter is; `None` when it did not move.
+    pub fn column_of(&self, parameter: usize) -> Option<usize> {
+        column_of(&self.columns, parameter)
+    }
+
     /// Deviation of a free parameter at noise scale `c` (variance ratio); 0 when it did not move, about its prior's where nothing informs it.
     pub fn sd(&self, parameter: usize, c: f64) -> f64 {
-        self.columns
-            .iter()
-            .position(|col| *col == Column::Parameter(parameter))
-            .map_or(0.0, |i| self.widening(parameter) * (self.covariance[(i, i)] * c).max(0.0).sqrt())
+        self.column_of(parameter).map_or(0.0, |i| self.widening(parameter) * (self.covariance[(i, i)] * c).max(0.0).sqrt())
     }
 
     fn widening(&self, parameter: usize) -> f64 {
@@ -131,7 +138,7 @@ impl Fit {
 
     /// Covariance of the free parameters at noise scale `c`, row by row in their order; 0 where one did not move or is not determined.
     pub fn parameter_covariance(&self, c: f64) -> Vec<Vec<f64>> {
-        let place = |p: usize| self.columns.iter().position(|col| *col == Column::Parameter(p)).filter(|_| self.is_informed(p));
+        let place = |p: usize| self.column_of(p).filter(|_| self.is_informed(p));
         let places: Vec<Option<usize>> = (0..self.names.len()).map(place).collect();
         let entry = |p: usize, q: usize| places[p].zip(places[q]).map_or(0.0, |(a, b)| self.widening(p) * self.widening(q) * self.covariance[(a, b)] * c);
         (0..places.len()).map(|p| (0..places.len()).map(|q| entry(p, q)).collect()).collect()
@@ -140,11 +147,7 @@ impl Fit {
     /// Whether the impacts say anything about a free parameter.
     pub fn is_informed(&self, parameter: usize) -> bool {
         !self.widened.contains(&(parameter, plateau::Widening::Unbounded))
-            && self
-                .columns
-                .iter()
-                .position(|col| *col == Column::Parameter(parameter))
-                .is_some_and(|i| self.information[(i, i)] > 1.01 * self.prior_precision[i])
+            && self.column_of(parameter).is_some_and(|i| self.information[(i, i)] > 1.01 * self.prior_precision[i])
     }
 
     /// P^½ (mean − value): the residuals of the prior, which act like one more measurement each.

@@ -8,7 +8,7 @@
 use super::by_group::groups_of_column;
 use super::diagnosis::{CandidateReport, Estimate};
 use super::error::ValidationError;
-use super::fit::{Column, Fit, FitOptions, Start, fit};
+use super::fit::{Fit, FitOptions, Start, fit};
 use super::forward::{Asked, Forward, FreeParameter, Outputs, Prediction};
 use super::heldout::{error_of, linearise_held_out, log_evidence_of};
 use super::linearise::Linearised;
@@ -249,8 +249,10 @@ pub(super) fn own_strengths(
     let mut candidates: Vec<Candidate> = tried
         .into_iter()
         .map(|(single, fitted, places, strengths)| {
-            let column = |at: usize| fitted.fit.columns.iter().position(|c| *c == Column::Parameter(at));
-            let blocks = places.iter().map(|group| group.iter().zip(&strengths).filter_map(|(&at, s)| Some((column(at)?, s.1))).collect::<Vec<_>>());
+            let blocks = places.iter().map(|group| {
+                let columns = group.iter().zip(&strengths).filter_map(|(&at, s)| Some((fitted.fit.column_of(at)?, s.1)));
+                columns.collect::<Vec<_>>()
+            });
             let spikes: f64 = blocks.map(|block| with_absent_strengths(&fitted.fit, &block, c)).sum();
             let one_sided = groups * strengths.iter().filter(|s| s.1).count();
             let log_evidence = log_evidence_over(reference.base, &fitted.fit, c, one_sided) + spikes + told(&fitted.held_out);

@@ -228,7 +228,7 @@ impl Reference<'_> {
                 .iter()
                 .map(|name| {
                     let own = self.strengths_in(forward.as_ref(), &[name]);
-                    own.iter().filter_map(|(at, s)| Some((fitted.columns.iter().position(|c| *c == Column::Parameter(*at))?, s.one_sided))).collect()
+                    own.iter().filter_map(|(at, s)| Some((fitted.column_of(*at)?, s.one_sided))).collect()
                 })
                 .collect(),
             fit: fitted,

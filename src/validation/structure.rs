@@ -10,7 +10,7 @@
 //! take most out of those outputs whose noise is understated the most, and the floor of the error with it.
 
 use super::by_group::{GroupMisfit, GroupTest, group_test};
-use super::fit::{Column, Fit};
+use super::fit::Fit;
 use super::forward::Inputs;
 use super::lone_term::{LoneTerm, lone_term};
 use super::observation::{Gear, Observation, Observations};
@@ -274,7 +274,7 @@ const FEWEST_SLIDING: f64 = 8.0;
 /// an impulse that all have in part does not show. `None` where the friction is not free or hardly any ball tells it.
 pub(super) fn friction_slope(fit: &Fit) -> Option<Vec<DVector<f64>>> {
     let parameter = fit.names.iter().position(|n| n == "friction")?;
-    let column = fit.columns.iter().position(|c| *c == Column::Parameter(parameter))?;
+    let column = fit.column_of(parameter)?;
     let slope: Vec<DVector<f64>> = fit.design.iter().map(|a| a.column(column) * fit.values[parameter]).collect();
     (effective(slope.iter().map(|s| s.norm_squared())) >= FEWEST_SLIDING).then_some(slope)
 }

@@ -1,7 +1,7 @@
 //! Parameters that hardly any impact tells where a fit begins: with a friction at which all balls stick no slope says that at a lower
 //! one many would slide, as they did.
 
-use super::{Column, Spread, State, ValidationError, Work, begin_of};
+use super::{Column, Spread, State, ValidationError, Work, begin_of, column_of};
 use nalgebra::DMatrix;
 
 /// A parameter that fewer than this share of the impacts tell is looked for elsewhere.
@@ -28,7 +28,7 @@ pub(super) fn untold(work: &Work, state: &State) -> Result<Vec<usize>, Validatio
 /// The state with these parameters, one after the other, moved to where they fit best, if that is clearly elsewhere.
 pub(super) fn leave(work: &Work, mut state: State, parameters: impl Iterator<Item = usize>, spread: &Spread) -> Result<State, ValidationError> {
     for p in parameters {
-        let Some(column) = work.columns.iter().position(|c| *c == Column::Parameter(p)) else { continue };
+        let Some(column) = column_of(&work.columns, p) else { continue };
         let (limits, from) = (&work.forward.parameters()[p], state.column_values[column]);
         let reach = REACH * limits.typical.abs().max(1e-12);
         let (low, high) = (limits.min.max(from - reach), limits.max.min(from + reach));
@@ -68,7 +68,7 @@ pub(super) enum Widening {
 pub(super) fn widened(work: &Work, state: &State, covariance: &DMatrix<f64>, spread: &Spread) -> Result<Vec<(usize, Widening)>, ValidationError> {
     let mut widened = Vec::new();
     for p in untold(work, state)? {
-        let Some(column) = work.columns.iter().position(|c| *c == Column::Parameter(p)) else { continue };
+        let Some(column) = column_of(&work.columns, p) else { continue };
         let (limits, sd) = (&work.forward.parameters()[p], covariance[(column, column)].max(0.0).sqrt());
         if !(sd > 0.0) || limits.prior.is_some() {
             continue;

@@ -30,6 +30,12 @@ const SEEN: f64 = 0.05;
 const MOVING: f64 = 0.3;
 const MOST_SETTLING: usize = 8;
 const MOST_ROUNDS: usize = 12;
+/// A step that promises less than this ends the fit: a hundredth of a unit of chi-square is a tenth of a deviation of one parameter, and far
+/// below any decision.
+const SETTLED: f64 = 1e-2;
+/// Shares of a step that are tried, and by how much chi-square may rise over one, relative to what it promised.
+const STEP_SHARES: [f64; 4] = [1.0, 0.5, 0.2, 0.05];
+const NO_HIGHER: f64 = 1e-3;
 /// Steps of a parameter's derivative, as shares of a typical change: before its deviation is known, and at least and at most afterwards.
 const FIRST_SHARE: f64 = 0.1;
 const SHARES: (f64, f64) = (0.02, 0.5);
@@ -222,22 +228,13 @@ fn fit_holding(
     held: &[usize],
 ) -> Result<Fit, ValidationError> {
     let work = Work::new(forward, observations, impacts, options);
-    if let Some(s) = start.filter(|s| s.fit.impacts.len() == impacts.len()) {
+    let of_same_impacts = start.filter(|s| s.fit.impacts.len() == impacts.len());
+    if let Some(s) = of_same_impacts {
         work.open.get_or_init(|| s.fit.impacts.iter().map(|l| l.open.clone()).collect());
     }
-    let mut columns_at = DVector::zeros(work.columns.len());
-    for (i, column) in work.columns.iter().enumerate() {
-        columns_at[i] = match *column {
-            Column::Parameter(p) => work.begins_at[p],
-            Column::Offset { session, input } => start.map_or(0.0, |s| s.fit.shifts[session].offsets[input]),
-            Column::OutputOffset { session, output } => start.map_or(0.0, |s| s.fit.shifts[session].output_offsets[output]),
-            Column::InputScale { session, input } => start.map_or(0.0, |s| s.fit.shifts[session].input_scales[input]),
-            Column::OutputScale { session, output } => start.map_or(0.0, |s| s.fit.shifts[session].output_scales[output]),
-            Column::Shared { session, component } => start.map_or(0.0, |s| s.fit.shifts[session].shared[component]),
-        };
-    }
-    let keep = start.filter(|s| s.keep_jacobians && s.fit.impacts.len() == impacts.len()).map(|s| s.fit.impacts.as_slice());
-    let begin: Vec<Inputs> = match start.filter(|s| s.fit.impacts.len() == impacts.len()) {
+    let columns_at = work.starting_columns(start);
+    let keep = of_same_impacts.filter(|s| s.keep_jacobians).map(|s| s.fit.impacts.as_slice());
+    let begin: Vec<Inputs> = match of_same_impacts {
         Some(s) => s.fit.impacts.iter().map(|l| l.true_inputs).collect(),
         None => impacts.iter().map(|o| o.inputs).collect(),
     };
@@ -277,27 +274,12 @@ fn fit_holding(
             settle = (rounds + 1).clamp(settle, MOST_SETTLING);
         }
         let lend = keep.or((rounds > if forward.costly() { 1 } else { 3 }).then_some(state.impacts.as_slice()));
-        let at = |columns: &DVector<f64>| work.evaluate(columns, &begin_of(&state), lend, &spread, 1);
-        let mut cost = state.cost_of(&state);
-        let mut next = None;
-        for shrink in [1.0, 0.5, 0.2, 0.05] {
-            let Ok(tried) = at(&work.clamp(&(&state.column_values + &step * shrink), forward)) else { continue };
-            let there = state.cost_of(&tried);
-            if there > cost && shrink == 1.0 {
-                // The true inputs move along, some of them over the edge of sliding: what that costs without a step is not the step's.
-                cost = at(&state.column_values).map_or(cost, |still| state.cost_of(&still).max(cost));
-            }
-            if there <= cost + 1e-3 * (1.0 + promised) {
-                next = Some(tried);
-                break;
-            }
-        }
+        let next = work.along(&state, &step, promised, lend, &spread);
         let moved = next.is_some();
         if let Some(next) = next {
             state = next;
         }
-        // A hundredth of a unit of chi-square is a tenth of a deviation of one parameter, and far below any decision.
-        if rounds > settle && (!moved || promised < 1e-2) {
+        if rounds > settle && (!moved || promised < SETTLED) {
             break;
         }
     }
@@ -389,6 +371,20 @@ impl<'a> Work<'a> {
         Work { forward, observations, impacts, columns, priors, begins_at: options.begins_at(forward), open: OnceLock::new() }
     }
 
+    /// The columns where the fit begins: parameters at their start, what sessions share as an earlier fit found it.
+    fn starting_columns(&self, start: Option<Start>) -> DVector<f64> {
+        let found = |of: &dyn Fn(&[SessionShift]) -> f64| start.map_or(0.0, |s| of(&s.fit.shifts));
+        let at = self.columns.iter().map(|column| match *column {
+            Column::Parameter(p) => self.begins_at[p],
+            Column::Offset { session, input } => found(&|shifts| shifts[session].offsets[input]),
+            Column::OutputOffset { session, output } => found(&|shifts| shifts[session].output_offsets[output]),
+            Column::InputScale { session, input } => found(&|shifts| shifts[session].input_scales[input]),
+            Column::OutputScale { session, output } => found(&|shifts| shifts[session].output_scales[output]),
+            Column::Shared { session, component } => found(&|shifts| shifts[session].shared[component]),
+        });
+        DVector::from_iterator(self.columns.len(), at)
+    }
+
     fn prior_precision(&self, columns: &DVector<f64>) -> DVector<f64> {
         DVector::from_iterator(columns.len(), self.priors.iter().zip(columns.iter()).map(|(prior, value)| prior.precision(*value)))
     }
@@ -413,15 +409,33 @@ impl<'a> Work<'a> {
         (values, shifts)
     }
 
-    fn clamp(&self, columns: &DVector<f64>, forward: &dyn Forward) -> DVector<f64> {
-        let mut clamped = columns.clone();
-        for (column, value) in self.columns.iter().zip(clamped.iter_mut()) {
+    /// The columns with the parameters held within their limits.
+    fn clamp(&self, mut columns: DVector<f64>) -> DVector<f64> {
+        for (column, value) in self.columns.iter().zip(columns.iter_mut()) {
             if let Column::Parameter(p) = *column {
-                let limits = &forward.parameters()[p];
+                let limits = &self.forward.parameters()[p];
                 *value = value.clamp(limits.min, limits.max);
             }
         }
-        clamped
+        columns
+    }
+
+    /// The farthest state along a step at which chi-square is no higher to speak of; `None` where it is higher wherever one looks.
+    fn along(&self, state: &State, step: &DVector<f64>, promised: f64, lend: Option<&[Linearised]>, spread: &Spread) -> Option<State> {
+        let at = |columns: &DVector<f64>| self.evaluate(columns, &begin_of(state), lend, spread, 1);
+        let mut cost = state.cost_of(state);
+        for share in STEP_SHARES {
+            let Ok(tried) = at(&self.clamp(&state.column_values + step * share)) else { continue };
+            let there = state.cost_of(&tried);
+            if there > cost && share == 1.0 {
+                // The true inputs move along, some of them over the edge of sliding: what that costs without a step is not the step's.
+                cost = at(&state.column_values).map_or(cost, |still| state.cost_of(&still).max(cost));
+            }
+            if there <= cost + NO_HIGHER * (1.0 + promised) {
+                return Some(tried);
+            }
+        }
+        None
     }
 
     fn evaluate(

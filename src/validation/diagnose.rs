@@ -236,9 +236,8 @@ fn listed_only(library: &dyn Library, screening: &Screening, before: f64, c: f64
 fn refit_first(case: &Case, candidates: &mut [CandidateReport]) {
     let reference = case.reference(case.structure.noise_scale);
     candidates.par_iter_mut().take(REFITTED).for_each(|candidate| {
-        let name = candidate.effect.clone();
-        let Some(screened) = case.screening.effects.iter().find(|s| case.library.effects()[s.effect].name == name) else { return };
-        let Ok((forward, fit)) = reference.fit_with(&[&name], &screened.strengths) else { return };
+        let Some(screened) = case.screening.of(case.library, &candidate.effect) else { return };
+        let Ok((forward, fit)) = reference.fit_with(&[&candidate.effect], &screened.strengths) else { return };
         let Ok(after) = held_out_error(forward.as_ref(), &fit, case.observations) else { return };
         candidate.parameters = estimates(&added_parameters(forward.as_ref(), &fit, reference.base.values.len(), reference.c));
         candidate.heldout_error_after = after;

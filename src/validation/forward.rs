@@ -75,6 +75,11 @@ pub trait Forward: Sync {
     /// The model with these values, made ready once for all impacts.
     fn prepare(&self, values: &[f64]) -> Result<Box<dyn Prediction + '_>, ValidationError>;
 
+    /// Where a free parameter stands, by its name.
+    fn place_of(&self, parameter: &str) -> Option<usize> {
+        self.parameters().iter().position(|p| p.name == parameter)
+    }
+
     /// Whether one prediction costs so much that input derivatives should be reused between steps (time stepping).
     fn costly(&self) -> bool {
         false
@@ -154,6 +159,13 @@ pub struct EffectOutline {
     pub excluded: Option<String>,
 }
 
+impl EffectOutline {
+    /// Whether there is something of it that a model can be given.
+    pub fn can_be_added(&self) -> bool {
+        self.excluded.is_none() && !self.strengths.is_empty()
+    }
+}
+
 /// The models that can be reached from the current one by adding effects.
 pub trait Library: Sync {
     /// The current model.
@@ -161,6 +173,11 @@ pub trait Library: Sync {
 
     /// Every effect of the catalogue, in a fixed order.
     fn effects(&self) -> &[EffectOutline];
+
+    /// What is known of an effect of the catalogue, by its name.
+    fn outline(&self, effect: &str) -> Option<&EffectOutline> {
+        self.effects().iter().find(|o| o.name == effect)
+    }
 
     /// The current model with these effects. Its parameters are the current ones first, in the same order, then those of
     /// each effect in the order given: strengths as outlined, at `absent`, then shapes that the fit may move.

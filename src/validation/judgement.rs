@@ -101,8 +101,7 @@ impl<'a> Judgement<'a> {
     fn choose(&mut self) -> Result<(), ValidationError> {
         let case = self.case;
         let tested = case.screening.tested as f64;
-        let stands_out =
-            |name: &String| case.screening.effects.iter().any(|s| case.library.effects()[s.effect].name == *name && s.p_value * tested < FIRST_LEVEL);
+        let stands_out = |name: &String| case.screening.of(case.library, name).is_some_and(|s| s.p_value * tested < FIRST_LEVEL);
         let best = self
             .refits
             .choose(self.overdispersion)
@@ -277,7 +276,7 @@ impl<'a> Judgement<'a> {
     /// An expression that mends the form of the chosen effects, found from what they leave.
     fn form_beside(&self, chosen: &Refit) -> Result<Option<Found>, ValidationError> {
         let reference = Reference { c: self.c_of_formula, ..self.reference };
-        let names: Vec<&str> = chosen.effects.iter().map(String::as_str).collect();
+        let names = chosen.names();
         let library = reference.library.extended(&names, &chosen.fit.values)?;
         let mut beside = Reference { library: library.as_ref(), base: &chosen.fit, ..reference };
         let found = find_expression(&mut beside, &self.case.screening, excess_believed, &self.case.structure)?;
@@ -322,8 +321,7 @@ impl<'a> Judgement<'a> {
             diagnosis.structure_after = Some(best.structure.clone());
             if self.verdict == Verdict::EffectMissing {
                 diagnosis.recommended = best.effects.clone();
-                let names: Vec<&str> = best.effects.iter().map(String::as_str).collect();
-                goes_with_order = self.reference.adds_what_goes_with_order(case.library.with(&names)?.as_ref(), &best.fit)?;
+                goes_with_order = self.reference.adds_what_goes_with_order(case.library.with(&best.names())?.as_ref(), &best.fit)?;
             }
             diagnosis.together = self.together(best)?;
             let (estimated, at_limit) = self.strengths_if_in_model(best)?;
@@ -384,8 +382,7 @@ impl<'a> Judgement<'a> {
     /// Strengths with the wide prior of what is in a model: the one that weighs an effect against others draws a large one toward none. And
     /// which of the effects' parameters end at a limit, in words.
     fn strengths_if_in_model(&self, best: &Refit) -> Result<(BTreeMap<String, Estimate>, Vec<String>), ValidationError> {
-        let names: Vec<&str> = best.effects.iter().map(String::as_str).collect();
-        let library = self.case.library.extended(&names, &best.fit.values)?;
+        let library = self.case.library.extended(&best.names(), &best.fit.values)?;
         let (forward, start) = (library.current(), Start { fit: &best.fit, keep_jacobians: library.current().costly() });
         let options = FitOptions { start_values: Some(best.fit.values.clone()), ..FitOptions::default() };
         let settled = fit(forward, self.case.observations, &self.case.seen, &options, Some(start))?;
@@ -402,7 +399,7 @@ impl<'a> Judgement<'a> {
         if best.effects.len() < 2 {
             return Ok(None);
         }
-        let forward = self.case.library.with(&best.effects.iter().map(String::as_str).collect::<Vec<_>>())?;
+        let forward = self.case.library.with(&best.names())?;
         Ok(Some(Together {
             effects: best.effects.clone(),
             probability: self.refits.probability_of(best, self.overdispersion),

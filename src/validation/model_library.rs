@@ -197,7 +197,7 @@ impl ModelLibrary {
         let mut names: Vec<String> = self.current.free.iter().map(|p| p.name.clone()).collect();
         for effect in effects {
             model = model.with_effect(effect)?;
-            let outline = self.outlines.iter().find(|o| o.name == *effect).ok_or_else(|| ValidationError::UnknownEffect { name: (*effect).to_owned() })?;
+            let outline = self.outline(effect).ok_or_else(|| ValidationError::UnknownEffect { name: (*effect).to_owned() })?;
             for s in &outline.strengths {
                 model.set(&s.parameter, s.absent)?;
                 names.push(s.parameter.clone());

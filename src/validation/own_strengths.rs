@@ -228,12 +228,7 @@ pub(super) fn own_strengths(
     let mut tried = Vec::new();
     for single in order.into_iter().take(TRIED) {
         let inner = reference.library.with(&[&single.effects[0]])?;
-        let outline = reference.library.effects().iter().find(|o| o.name == single.effects[0]);
-        let strengths: Vec<_> = outline
-            .into_iter()
-            .flat_map(|o| &o.strengths)
-            .filter_map(|s| inner.parameters().iter().position(|p| p.name == s.parameter).map(|at| (at, s.one_sided)))
-            .collect();
+        let strengths = reference.strengths_in(inner.as_ref(), &single.names());
         // One that leaves an impact without an answer is out.
         let Ok((fitted, places)) = table.fit(reference, inner, strengths.iter().map(|s| s.0).collect(), &single.fit) else { continue };
         c = c.min(fitted.structure.noise_scale);
@@ -250,11 +245,11 @@ pub(super) fn own_strengths(
         .into_iter()
         .map(|(single, fitted, places, strengths)| {
             let blocks = places.iter().map(|group| {
-                let columns = group.iter().zip(&strengths).filter_map(|(&at, s)| Some((fitted.fit.column_of(at)?, s.1)));
+                let columns = group.iter().zip(&strengths).filter_map(|(&at, s)| Some((fitted.fit.column_of(at)?, s.1.one_sided)));
                 columns.collect::<Vec<_>>()
             });
             let spikes: f64 = blocks.map(|block| with_absent_strengths(&fitted.fit, &block, c)).sum();
-            let one_sided = groups * strengths.iter().filter(|s| s.1).count();
+            let one_sided = groups * strengths.iter().filter(|s| s.1.one_sided).count();
             let log_evidence = log_evidence_over(reference.base, &fitted.fit, c, one_sided) + spikes + told(&fitted.held_out);
             Candidate { effect: single.effects[0].clone(), log_evidence, share: share(&fitted.structure), fitted }
         })

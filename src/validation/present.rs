@@ -16,7 +16,7 @@ pub struct Present {
 
 impl Present {
     pub fn of(library: &dyn Library) -> Self {
-        let place = |s: &Strength| library.current().parameters().iter().position(|p| p.name == s.parameter);
+        let place = |s: &Strength| library.current().place_of(&s.parameter);
         let mut present = Present { names: Vec::new(), strengths: Vec::new() };
         for outline in library.effects().iter().filter(|o| o.excluded.is_some()) {
             let own: Vec<(usize, Strength)> = outline.strengths.iter().filter_map(|s| Some((place(s)?, s.clone()))).collect();

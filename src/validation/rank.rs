@@ -15,7 +15,7 @@ use super::by_group::{FREE, GroupMisfit, known_signatures};
 use super::error::ValidationError;
 use super::expression::local_spot;
 use super::fit::{Column, Fit, FitOptions, Start, fit};
-use super::forward::{EffectOutline, Forward, Library, Strength};
+use super::forward::{Forward, Library, Strength};
 use super::heldout::linearise_held_out;
 use super::linearise::Linearised;
 use super::local_spot::LocalSpot;
@@ -64,6 +64,11 @@ pub struct Refit {
 }
 
 impl Refit {
+    /// The effects' names, as a library asks for them.
+    pub fn names(&self) -> Vec<&str> {
+        self.effects.iter().map(String::as_str).collect()
+    }
+
     /// Evidence and gain over the current model at noise scale `c`.
     pub fn judge(&mut self, base: &Fit, c: f64) {
         let by_impact: Vec<f64> =
@@ -172,17 +177,13 @@ impl Reference<'_> {
         BesideSmooth::Known { groups: self.groups, lone_term: self.lone_term }
     }
 
-    fn outline(&self, name: &str) -> Option<&EffectOutline> {
-        self.library.effects().iter().find(|o| o.name == name)
-    }
-
     /// Places of the effects' strengths among the free parameters.
-    fn strengths_in(&self, forward: &dyn Forward, effects: &[&str]) -> Vec<(usize, Strength)> {
+    pub(super) fn strengths_in(&self, forward: &dyn Forward, effects: &[&str]) -> Vec<(usize, Strength)> {
         effects
             .iter()
-            .filter_map(|name| self.outline(name))
+            .filter_map(|name| self.library.outline(name))
             .flat_map(|o| &o.strengths)
-            .filter_map(|s| forward.parameters().iter().position(|p| p.name == s.parameter).map(|at| (at, s.clone())))
+            .filter_map(|s| Some((forward.place_of(&s.parameter)?, s.clone())))
             .collect()
     }
 
@@ -258,7 +259,7 @@ impl Reference<'_> {
 
     /// What further effects explain at `first`'s fit, in its own form.
     pub fn screen_next(&self, first: &Refit) -> Result<Screening, ValidationError> {
-        let names: Vec<&str> = first.effects.iter().map(String::as_str).collect();
+        let names = first.names();
         let library = self.library.extended(&names, &first.fit.values)?;
         screen_beyond(library.as_ref(), &first.fit, self.impacts, self.c, &Nuisance::of(&first.fit), None)
     }
@@ -271,7 +272,7 @@ impl Reference<'_> {
 
     /// The model with `first` in it, and what any form of it can absorb.
     fn beside_any_form(&self, first: &Refit) -> Result<(Box<dyn Library + '_>, Nuisance), ValidationError> {
-        let names: Vec<&str> = first.effects.iter().map(String::as_str).collect();
+        let names = first.names();
         let forward = self.library.with(&names)?;
         let library = self.library.extended(&names, &first.fit.values)?;
         let places = self.strengths_in(forward.as_ref(), &names);

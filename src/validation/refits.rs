@@ -64,8 +64,7 @@ pub fn excess_at(test: &StructureTest, c: f64) -> f64 {
 
 /// Starting strengths of a pair: from the joint score; none where one of them was not screened.
 fn screen_pairs_guess(reference: &Reference, screening: &Screening, names: &[&str]) -> Vec<f64> {
-    let of = |name: &str| screening.effects.iter().find(|s| reference.library.effects()[s.effect].name == name);
-    let Some(terms): Option<Vec<&Screened>> = names.iter().map(|n| of(n)).collect() else { return Vec::new() };
+    let Some(terms): Option<Vec<&Screened>> = names.iter().map(|n| screening.of(reference.library, n)).collect() else { return Vec::new() };
     let columns: Vec<usize> = terms.iter().flat_map(|s| s.terms.iter().copied()).collect();
     let typical = terms.iter().flat_map(|s| reference.library.effects()[s.effect].strengths.iter().map(|t| t.typical));
     screening.projected.joint(&columns).map_or_else(Vec::new, |(_, strengths)| strengths.iter().zip(typical).map(|(s, t)| s * t).collect())
@@ -442,7 +441,7 @@ impl<'a> Refits<'a> {
                         .fold(share, f64::max);
                     probability *= 0.5 * (joint / SHARE).min(1.0);
                 }
-                let outline = library.effects().iter().find(|o| o.name == effect);
+                let outline = library.outline(&effect);
                 Ok(CandidateReport {
                     probability,
                     heldout_error_before: before,
@@ -476,7 +475,7 @@ impl<'a> Refits<'a> {
             let Some(second) = self.singles.iter().find(|s| s.effects[0] == *alias) else { continue };
             let b = reference.library.with(&[alias])?;
             let at_b = b.prepare(&second.fit.values)?;
-            let separated_by = reference.library.effects().iter().find(|o| o.name == best.effect).map_or("", |o| o.separated_by.as_str());
+            let separated_by = reference.library.outline(&best.effect).map_or("", |o| o.separated_by.as_str());
             let (first, second) = (Rival { name: &best.effect, prediction: at_a.as_ref() }, Rival { name: alias, prediction: at_b.as_ref() });
             all.extend(next_experiment(&first, &second, reference.observations, reference.impacts, &reference.base.impacts, separated_by));
         }
@@ -510,8 +509,7 @@ impl<'a> Refits<'a> {
 
 /// Largest cosine between the signatures of two effects, nuisance projected out.
 fn cosine(library: &dyn Library, screening: &Screening, a: &str, b: &str) -> f64 {
-    let term = |name: &str| screening.effects.iter().find(|s| library.effects()[s.effect].name == name);
-    let (Some(a), Some(b)) = (term(a), term(b)) else { return 0.0 };
+    let (Some(a), Some(b)) = (screening.of(library, a), screening.of(library, b)) else { return 0.0 };
     a.terms
         .iter()
         .flat_map(|&i| b.terms.iter().map(move |&j| (i, j)))
@@ -521,7 +519,7 @@ fn cosine(library: &dyn Library, screening: &Screening, a: &str, b: &str) -> f64
 
 /// Whether two effects are known to be confused, by either one's card.
 pub fn cards_confuse(library: &dyn Library, a: &str, b: &str) -> bool {
-    let lists = |name: &str, other: &str| library.effects().iter().any(|o| o.name == name && o.confused_with.iter().any(|c| c == other));
+    let lists = |name: &str, other: &str| library.outline(name).is_some_and(|o| o.confused_with.iter().any(|c| c == other));
     lists(a, b) || lists(b, a)
 }
 

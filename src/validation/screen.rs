@@ -60,6 +60,11 @@ pub struct Screening {
 }
 
 impl Screening {
+    /// What was found of an effect, by its name; `None` when it was not screened.
+    pub fn of(&self, library: &dyn Library, effect: &str) -> Option<&Screened> {
+        self.effects.iter().find(|s| library.effects()[s.effect].name == effect)
+    }
+
     /// Deviations of an effect's strengths at noise scale `c`, in units of their typical sizes; one that these impacts do not tell has that of
     /// its prior, at most.
     pub fn strength_sds(&self, screened: &Screened, c: f64) -> Vec<f64> {
@@ -143,8 +148,7 @@ fn signatures(library: &dyn Library, fit: &Fit, impacts: &[&Observation], which:
 
 /// Largest cosine between a signature (one column) and each effect's terms, nuisance projected out of both.
 pub fn cosines_with(library: &dyn Library, fit: &Fit, impacts: &[&Observation], signature: &[DMatrix<f64>]) -> Result<Vec<(usize, f64)>, ValidationError> {
-    let which: Vec<usize> =
-        (0..library.effects().len()).filter(|&e| library.effects()[e].excluded.is_none() && !library.effects()[e].strengths.is_empty()).collect();
+    let which: Vec<usize> = (0..library.effects().len()).filter(|&e| library.effects()[e].can_be_added()).collect();
     let (blocks, terms) = signatures(library, fit, impacts, &which)?;
     let last = blocks.first().map_or(0, DMatrix::ncols);
     let joined: Vec<DMatrix<f64>> = blocks.iter().zip(signature).map(|(b, s)| beside(b, s)).collect();
@@ -165,7 +169,7 @@ pub fn screen_beyond(
     let which: Vec<usize> = (0..library.effects().len())
         .filter(|&e| {
             let o = &library.effects()[e];
-            o.excluded.is_none() && !o.strengths.is_empty() && only.is_none_or(|names| names.contains(&o.name.as_str()))
+            o.can_be_added() && only.is_none_or(|names| names.contains(&o.name.as_str()))
         })
         .collect();
     let (blocks, terms) = signatures(library, fit, impacts, &which)?;

@@ -32,6 +32,7 @@ pub mod quantity;
 pub mod reconstruction;
 pub mod report;
 pub mod session;
+mod short_list;
 pub mod synthetic;
 pub mod tracking;
 pub mod validation;

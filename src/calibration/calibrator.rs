@@ -8,6 +8,7 @@ use super::model_choice::{ModelFit, adjust_all, choose, shaped_board, summaries}
 use super::stereo_start::{HUBER_PX, common_pose, corner_pixels, single_camera};
 use super::view::{BoardView, ViewFault, median};
 use super::{Camera, CameraId, PairFate, RigidTransform, StereoRig};
+use crate::short_list::short_list;
 use nalgebra::{Isometry3, Vector2};
 use serde_json::json;
 use std::collections::BTreeMap;
@@ -179,11 +180,7 @@ fn too_few(board: &Checkerboard, used: usize, pairs: &[PairViews], fates: &[Pair
             None => by_reason.push((&fate.reason, vec![&fate.name])),
         }
     }
-    let named = |names: &[&str]| {
-        let more = names.len().saturating_sub(NAMED);
-        format!("{}{}", names[..names.len() - more].join(", "), if more > 0 { format!(" and {more} more") } else { String::new() })
-    };
-    let list: Vec<String> = by_reason.iter().take(NAMED).map(|(reason, names)| format!("{}: {reason}", named(names))).collect();
+    let list: Vec<String> = by_reason.iter().take(NAMED).map(|(reason, names)| format!("{}: {reason}", short_list(names, NAMED, ", "))).collect();
     let fates_told = another_board(board, pairs).into_iter().chain(list).collect::<Vec<_>>().join("; ");
     CalibrationError::TooFewPairs { used, given: fates.len(), needed: MIN_PAIRS, fates: fates_told }
 }

@@ -9,6 +9,7 @@ use crate::footage::{numbered_images, read_grey};
 use crate::provenance::Provenance;
 use crate::report::{Report, sections};
 use crate::session::Session;
+use crate::short_list::short_list;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -84,6 +85,9 @@ fn pictures(folder: &Path, camera: &'static str) -> Result<BTreeMap<u64, PathBuf
     Ok(list.into_iter().collect())
 }
 
+/// Pictures without a partner that an error names.
+const NAMED: usize = 8;
+
 /// Both folders hold the same number of pictures (contract, section 2): a lost or a stray picture shifts nothing, because
 /// pairs go by number, but nobody should calibrate without knowing. Numbers that differ at equal counts are gaps.
 fn same_number(folder: &Path, left: &BTreeMap<u64, PathBuf>, right: &BTreeMap<u64, PathBuf>) -> Result<(), CliError> {
@@ -95,11 +99,8 @@ fn same_number(folder: &Path, left: &BTreeMap<u64, PathBuf>, right: &BTreeMap<u6
     };
     let mut without = alone(left, right);
     without.extend(alone(right, left));
-    let more = without.len().saturating_sub(8);
-    without.truncate(8);
-    let rest = if more > 0 { format!(" and {more} more") } else { String::new() };
     let counts = format!("{}: {} pictures in left/, {} in right/; allowed: the same number", folder.display(), left.len(), right.len());
-    Err(CliError::input(format!("{counts}. Without a partner: {}{rest}", without.join(", ")))
+    Err(CliError::input(format!("{counts}. Without a partner: {}", short_list(&without, NAMED, ", ")))
         .hint("copy the missing pictures from the camera, or move those without a partner out of the folder"))
 }
 

@@ -9,6 +9,7 @@ use crate::impact_table::{ImpactRow, ImpactTable, TableError, remarks};
 use crate::kinematics::past_racket;
 use crate::limited_file::{LARGEST_TABLE, LARGEST_TEXT, LimitedFile, read_text};
 use crate::provenance::{Provenance, VERSION, sha256_hex};
+use crate::short_list::short_list;
 use crate::validation::ValidationError;
 use crate::validation::comparison::{Comparison, ParameterValue};
 use crate::validation::ledger::{Ledger, LedgerEntry, Refusal};
@@ -60,11 +61,10 @@ pub(super) fn beyond_racket(table: &ImpactTable, set: &EquipmentSet) -> Option<S
         Some(past_racket(racket, &set.balls[b], &place)).filter(|past| *past > BEYOND_M)
     };
     let all: Vec<String> = table.rows.iter().filter_map(|row| Some(format!("{} by {:.0} mm", row.id, 1000.0 * past(row)?))).collect();
-    let more = if all.len() > NAMED { format!(" and {} more", all.len() - NAMED) } else { String::new() };
-    let named = all.iter().take(NAMED).map(String::as_str).collect::<Vec<_>>().join(", ");
+    let named = short_list(&all, NAMED, ", ");
     (!all.is_empty()).then(|| {
         format!(
-            "{} impacts lie beyond the racket ({named}{more}), where a ball meets nothing: `impact_x` (toward the handle) and `impact_y` are in m from the stringbed's centre; correct \
+            "{} impacts lie beyond the racket ({named}), where a ball meets nothing: `impact_x` (toward the handle) and `impact_y` are in m from the stringbed's centre; correct \
              them, or leave these rows out",
             all.len()
         )

@@ -1,6 +1,7 @@
 //! What a table's numbers make one wonder about: units other than SI, the same impact twice.
 
 use super::{INPUTS, ImpactRow, ImpactTable, Measured, OUTPUTS, unit};
+use crate::short_list::short_list;
 use std::collections::BTreeMap;
 use std::hash::{DefaultHasher, Hash, Hasher};
 
@@ -51,13 +52,12 @@ fn repeated(table: &ImpactTable) -> Option<String> {
             std::collections::btree_map::Entry::Occupied(_) => {}
         }
     }
-    let named: Vec<String> = pairs.iter().take(NAMED).map(|(row, earlier)| format!("{row} that of {earlier}")).collect();
-    let more = if pairs.len() > NAMED { format!(" and {} more", pairs.len() - NAMED) } else { String::new() };
-    (!pairs.is_empty()).then(|| {
+    let named: Vec<String> = pairs.iter().map(|(row, earlier)| format!("{row} that of {earlier}")).collect();
+    (!named.is_empty()).then(|| {
         format!(
-            "{} impacts hold the very numbers of another ({}{more}): one impact that stands twice counts double; leave the copies out",
-            pairs.len(),
-            named.join(", ")
+            "{} impacts hold the very numbers of another ({}): one impact that stands twice counts double; leave the copies out",
+            named.len(),
+            short_list(&named, NAMED, ", ")
         )
     })
 }

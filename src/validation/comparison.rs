@@ -16,7 +16,9 @@ use super::smooth::{FaceCell, SmoothCurve, face_map, smooth};
 use super::structure::{BesideSmooth, StructureTest, chi2_tail, p_text, structure_test};
 use crate::impact_table::{INPUTS, OUTPUTS, RELATIVE, SHARED, unit};
 use crate::provenance::Provenance;
+use crate::short_list::short_list;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 
 /// Level of the structure test alone, as `compare` uses it: that of `diagnose`, so that a model in which the latter finds
 /// nothing more is not called inadequate here.
@@ -26,6 +28,8 @@ const HELD_CLEARLY: f64 = 1.2;
 const HELD_DEVIATIONS: f64 = 6.0;
 /// Deviations of what a session may have beyond which an offset is no offset, but what a model lacks: one in two million (`fit` leaves one out from four).
 const NO_OFFSET: f64 = 5.0;
+/// Groups held out that a note names.
+const GROUPS_NAMED: usize = 6;
 /// Edge of a face map's cell, m.
 const FACE_CELL_M: f64 = 0.02;
 /// Points of a smooth curve.
@@ -329,13 +333,11 @@ pub fn missed_groups(observations: &Observations, held: &[&Observation], lineari
     if error < HELD_CLEARLY * others || (error / others).powi(2) < chance {
         return None;
     }
-    let mut names: Vec<&str> = held.iter().map(|o| o.held_by.as_str()).collect();
-    names.sort_unstable();
-    names.dedup();
-    let shown = names.iter().take(6).map(|n| format!("`{n}`")).collect::<Vec<_>>().join(", ");
-    let more = if names.len() > 6 { format!(" and {} more", names.len() - 6) } else { String::new() };
+    let names: BTreeSet<&str> = held.iter().map(|o| o.held_by.as_str()).collect();
+    let quoted: Vec<String> = names.into_iter().map(|n| format!("`{n}`")).collect();
+    let shown = short_list(&quoted, GROUPS_NAMED, ", ");
     Some(format!(
-        "the model does not carry over to the groups of `{column}` that were held out ({shown}{more}): their error is {error:.2} where that of the others is {others:.2}"
+        "the model does not carry over to the groups of `{column}` that were held out ({shown}): their error is {error:.2} where that of the others is {others:.2}"
     ))
 }
 

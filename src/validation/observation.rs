@@ -10,10 +10,13 @@ use super::unseen_spin::is_open;
 use crate::equipment::{Ball, Racket};
 use crate::equipment_set::pick;
 use crate::impact_table::{INPUTS, ImpactRow, ImpactTable, OUTPUTS, OwnColumns, SHARED, impossible, lacking, unit};
+use crate::short_list::short_list;
 use std::collections::BTreeMap;
 
 /// A model with two base parameters and an offset per input needs more than this to say anything.
 pub const FEWEST_IMPACTS: usize = 12;
+/// Of these the fit must see so many.
+const FEWEST_FITTED: usize = 8;
 /// Sessions with fewer impacts than this share one set of offsets: their own could not be told from noise.
 const FEWEST_PER_SESSION: usize = 12;
 /// Offsets are fitted for at most this many sessions.
@@ -312,13 +315,8 @@ impl Observations {
                 _ => ValidationError::NothingHeldOut,
             });
         }
-        if self.impacts.len() - held < FEWEST_IMPACTS - 4 {
-            return Err(ValidationError::TooFew {
-                usable: self.impacts.len() - held,
-                rows,
-                needed: FEWEST_IMPACTS - 4,
-                reason: "the others are held out".into(),
-            });
+        if self.impacts.len() - held < FEWEST_FITTED {
+            return Err(ValidationError::TooFew { usable: self.impacts.len() - held, rows, needed: FEWEST_FITTED, reason: "the others are held out".into() });
         }
         // Order from 0, whatever number the table's sequence starts with.
         let first = self.impacts.iter().map(|o| o.order).fold(f64::INFINITY, f64::min);
@@ -388,10 +386,8 @@ impl Observations {
             self.notes.push(format!("no deviation is stated in some rows, or 0; the usual one of the column is taken there: {}", lacking.join(", ")));
         }
         if !self.unusable.is_empty() {
-            let named: Vec<String> = self.unusable.iter().take(MOST_NAMED).map(|(id, why)| format!("{id} ({why})")).collect();
-            let more = self.unusable.len().saturating_sub(MOST_NAMED);
-            let more = if more > 0 { format!(" and {more} more") } else { String::new() };
-            self.notes.push(format!("left out, because they cannot be used: {}{more}", named.join("; ")));
+            let named: Vec<String> = self.unusable.iter().map(|(id, why)| format!("{id} ({why})")).collect();
+            self.notes.push(format!("left out, because they cannot be used: {}", short_list(&named, MOST_NAMED, "; ")));
         }
     }
 

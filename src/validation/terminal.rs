@@ -5,7 +5,11 @@ use super::diagnosis::{Diagnosis, Verdict};
 use super::ledger::{LedgerEntry, noise_floor};
 use super::structure::{p_text, probability_text};
 use crate::impact_table::{column_subject, unit};
+use crate::short_list::short_list;
 use std::fmt::Write;
+
+/// Outlying numbers that are named.
+const OUTLIERS_NAMED: usize = 6;
 
 /// Candidates listed in the terminal; the others are in the file.
 const LISTED: usize = 5;
@@ -79,18 +83,16 @@ fn outliers_text(t: &mut String, outliers: &[super::comparison::Outlier], adequa
     if outliers.is_empty() {
         return;
     }
-    let list: Vec<String> = outliers.iter().take(6).map(|o| format!("{} {} ({:+.1} sd)", o.id, o.column, o.standardised)).collect();
-    let more = outliers.len().saturating_sub(6);
+    let list: Vec<String> = outliers.iter().map(|o| format!("{} {} ({:+.1} sd)", o.id, o.column, o.standardised)).collect();
     let _ = writeln!(
         t,
-        "{}: {}{}",
+        "{}: {}",
         if adequate {
             "outlying numbers (they keep little weight, in chi²/n too)"
         } else {
             "numbers far from what this model makes of their impact (while it fails they may show what it lacks, and need not be wrong)"
         },
-        list.join(", "),
-        if more > 0 { format!(" and {more} more") } else { String::new() }
+        short_list(&list, OUTLIERS_NAMED, ", ")
     );
 }
 

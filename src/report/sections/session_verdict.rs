@@ -5,6 +5,7 @@ use super::diagnosis_verdict::{VERDICT_WORDS, floors_differ};
 use crate::report::markup::{fixed, probability, with_sd};
 use crate::report::page::{Section, Tone};
 use crate::report::session_results::SessionResults;
+use crate::short_list::short_list;
 use crate::validation::observation::FEWEST_IMPACTS;
 use crate::validation::{Adequacy, Verdict};
 use std::collections::BTreeSet;
@@ -41,8 +42,7 @@ pub fn session_verdict(r: &SessionResults) -> Section {
     }
     let noted: Vec<&str> = r.shots.iter().filter(|s| !s.recording.is_empty()).map(|s| s.id.as_str()).collect();
     if !noted.is_empty() {
-        let more = if noted.len() > NAMED { format!(" and {} more", noted.len() - NAMED) } else { String::new() };
-        lines.push(format!("Tracking noted something about the recording of {}{more}; it stands with the tracks.", noted[..noted.len().min(NAMED)].join(", ")));
+        lines.push(format!("Tracking noted something about the recording of {}; it stands with the tracks.", short_list(&noted, NAMED, ", ")));
     }
     let doubts: Vec<String> = r.shots.iter().filter_map(|s| Some(format!("{}: {}", s.id, s.record.as_ref()?.doubt.as_ref()?))).collect();
     if !doubts.is_empty() {

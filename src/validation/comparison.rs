@@ -30,6 +30,8 @@ const HELD_DEVIATIONS: f64 = 6.0;
 const NO_OFFSET: f64 = 5.0;
 /// Groups held out that a note names.
 const GROUPS_NAMED: usize = 6;
+/// The file's own numbers are told to be worse than the best ones from this ratio of held-out errors on.
+const STATED_WORSE: f64 = 1.05;
 /// Edge of a face map's cell, m.
 const FACE_CELL_M: f64 = 0.02;
 /// Points of a smooth curve.
@@ -215,6 +217,11 @@ impl Comparison {
         } else {
             "what is left is not noise alone, as noted above".to_owned()
         }
+    }
+
+    /// Whether the free parameters at their best do clearly better than the file's own numbers.
+    pub fn stated_is_worse(&self) -> bool {
+        self.heldout_error > STATED_WORSE * self.heldout_error_refitted
     }
 
     /// Whether the structure test rejects the model.

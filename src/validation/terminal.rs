@@ -67,7 +67,7 @@ pub fn comparison_text(c: &Comparison) -> String {
         };
         let _ = writeln!(t, "verdict: ADEQUATE. {left} ({structure}).");
         let _ = writeln!(t, "         `sweetspot diagnose` looks harder: at every effect of the catalogue, and every place on the face, by itself.");
-        if c.heldout_error > 1.05 * c.heldout_error_refitted {
+        if c.stated_is_worse() {
             let _ = writeln!(t, "         The numbers in the file are not the best ones: run `sweetspot fit`.");
         }
     } else {

@@ -7,9 +7,6 @@ use crate::validation::Comparison;
 use crate::validation::comparison::{Adequacy, OutputSummary};
 use crate::validation::structure::p_text;
 
-/// The file's own numbers are told to be worse than the best ones from this ratio of held-out errors on.
-const STATED_WORSE: f64 = 1.05;
-
 /// What the noise floor of a comparison is. Where the model fails, part of its failure is finer than any smooth trend and
 /// stays in: `diagnose`, which tries other models, may find a lower one.
 pub(super) fn floor_words(c: &Comparison) -> &'static str {
@@ -25,7 +22,7 @@ pub fn comparison_verdict(c: &Comparison) -> Section {
             c.model, c.n_impacts
         )
     } else if adequate {
-        let best = if c.heldout_error > STATED_WORSE * c.heldout_error_refitted { " once its free parameters are at their best" } else { "" };
+        let best = if c.stated_is_worse() { " once its free parameters are at their best" } else { "" };
         format!("The model “{}” is adequate{best}: nothing in these {} impacts speaks against it beyond their noise.", c.model, c.n_impacts)
     } else if !c.shows_structure() {
         format!("The model “{}” is not adequate: {}.", c.model, c.failing_words())
@@ -40,7 +37,7 @@ pub fn comparison_verdict(c: &Comparison) -> Section {
         if adequate { "" } else { "at most about " },
         fixed(c.noise_floor, 2)
     ));
-    if c.heldout_error > STATED_WORSE * c.heldout_error_refitted {
+    if c.stated_is_worse() {
         lines.push(
             "The numbers in the model file are not the best ones for this data: run `sweetspot fit`. The figures below show the model as its file states it."
                 .to_owned(),

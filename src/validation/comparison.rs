@@ -290,7 +290,7 @@ pub fn compare(forward: &dyn Forward, observations: &Observations, model: &str, 
         heldout_error,
         fit_error: error_of(&stated.with_offsets().impacts),
         heldout_error_refitted: error_of(&held_refitted),
-        noise_floor: structure.noise_scale.sqrt(),
+        noise_floor: floor,
         parameters_as_stated: forward
             .parameters()
             .iter()
@@ -300,19 +300,7 @@ pub fn compare(forward: &dyn Forward, observations: &Observations, model: &str, 
         input_names: (0..=INPUTS.len()).map(|j| coordinate_name(j).to_owned()).collect(),
         output_names: OUTPUTS.iter().map(|s| (*s).to_owned()).collect(),
         residual_curves: residual_curves(&impacts, &signs, &present, &varied_coordinates(observations)),
-        face_maps: present
-            .iter()
-            .map(|&k| {
-                let points: Vec<_> = impacts
-                    .iter()
-                    .flat_map(|i| {
-                        let sign = signs.of_output(OUTPUTS[k], &i.inputs);
-                        i.outputs.iter().filter(move |p| p.output == k).map(move |p| (i.inputs[12], i.inputs[13], sign * p.residual()))
-                    })
-                    .collect();
-                FaceMap { output: OUTPUTS[k].to_owned(), cell_m: FACE_CELL_M, cells: face_map(&points, FACE_CELL_M) }
-            })
-            .collect(),
+        face_maps: face_maps(&impacts, &signs, &present),
         polynomials: polynomial_fits(&impacts, &varied_inputs(observations)),
         outliers,
         session_offsets: session_offsets(observations, &refitted, structure.noise_scale),
@@ -524,6 +512,18 @@ fn residual_curves(impacts: &[ImpactPoint], signs: &NormalSigns, present: &[usiz
         }
     }
     curves
+}
+
+fn face_maps(impacts: &[ImpactPoint], signs: &NormalSigns, present: &[usize]) -> Vec<FaceMap> {
+    let map_of = |&k: &usize| {
+        let of_impact = |i: &ImpactPoint| {
+            let (x, y, sign) = (i.inputs[12], i.inputs[13], signs.of_output(OUTPUTS[k], &i.inputs));
+            i.outputs.iter().filter(|p| p.output == k).map(|p| (x, y, sign * p.residual())).collect::<Vec<_>>()
+        };
+        let points: Vec<(f64, f64, f64)> = impacts.iter().flat_map(of_impact).collect();
+        FaceMap { output: OUTPUTS[k].to_owned(), cell_m: FACE_CELL_M, cells: face_map(&points, FACE_CELL_M) }
+    };
+    present.iter().map(map_of).collect()
 }
 
 /// Free parameters at their best with their deviations at noise scale `c`.

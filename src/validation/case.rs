@@ -57,13 +57,13 @@ impl<'a> Case<'a> {
         let c_screen = structure.noise_scale_for_screening();
         let nuisance = flexible_nuisance(library.current(), &base, observations, &seen, &present.strengths, &structure.by_group)?;
         let screening = screen_beyond(library, &base, &seen, c_screen, &nuisance, None)?;
-        let spot = local_spot(
-            &Reference { library, observations, impacts: &seen, base: &base, groups: &structure.by_group, lone_term: structure.lone_term, c: c_screen, seed },
-            &nuisance,
-        );
         let held_out = linearise_held_out(library.current(), &base, observations, &held)?;
-        let (error, spot_p_value) = (error_of(&held_out), spot.map_or(1.0, |s| s.p_value));
-        Ok(Case { library, observations, seen, held, base, structure, screening, spot_p_value, present, held_out, error, seed })
+        let error = error_of(&held_out);
+        let mut case = Case { library, observations, seen, held, base, structure, screening, spot_p_value: 1.0, present, held_out, error, seed };
+        if let Some(spot) = local_spot(&case.reference(c_screen), &nuisance) {
+            case.spot_p_value = spot.p_value;
+        }
+        Ok(case)
     }
 
     pub fn one_place(&self) -> bool {

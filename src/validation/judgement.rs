@@ -15,7 +15,7 @@ use super::heldout::{error_of, held_out_error, is_worth, log_evidence_of, taken_
 use super::local_spot::SPOT_LEVEL;
 use super::own_strengths::{Found as FoundByGroup, OwnStrengths, own_strengths};
 use super::place::places;
-use super::rank::{Reference, Refit, added_parameters, form_overdispersion, gain_over};
+use super::rank::{Reference, Refit, added_parameters, form_overdispersion, gain_over, log_evidence_over};
 use super::refits::{FIRST_LEVEL, LARGEST_NOISE_SCALE, LOG_ODDS, Refits, SHARE, estimates, excess_at, share_removed};
 use super::structure::{STRUCTURE_LEVEL, StructureTest, p_text};
 use super::terminal::short;
@@ -270,7 +270,7 @@ impl<'a> Judgement<'a> {
     }
 
     fn log_evidence_of_name(&self, chosen: &Refit) -> f64 {
-        super::rank::log_evidence_over(&self.case.base, &chosen.fit, self.c_of_formula, 0)
+        log_evidence_over(&self.case.base, &chosen.fit, self.c_of_formula, 0)
     }
 
     /// An expression that mends the form of the chosen effects, found from what they leave.
@@ -456,7 +456,7 @@ fn effects_text(parameters: &[(String, f64, f64)]) -> String {
             text.push_str(&format!("{}[effects.{effect}]\n", if last.is_empty() { "" } else { "\n" }));
             last = effect;
         }
-        text.push_str(&format!("{parameter} = {{ value = {}, fit = true }}\n", super::terminal::short(*value)));
+        text.push_str(&format!("{parameter} = {{ value = {}, fit = true }}\n", short(*value)));
     }
     if !text.is_empty() {
         text.push('\n');

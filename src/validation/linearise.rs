@@ -448,7 +448,8 @@ fn whiten(point: &Point, setting: &Setting) -> Option<Whitened> {
         let gross = odd.iter().filter(|(t, spread, ..)| t / spread > GROSS).max_by(|a, b| as_well(a).total_cmp(&as_well(b)));
         let Some(&(size, spread, output, index)) = gross.or(odd.iter().max_by(|a, b| (as_well(a) / a.1).total_cmp(&(as_well(b) / b.1)))) else { break };
         let t = size / spread;
-        if outliers.iter().any(|c| c.output == output && c.column == if output { o.measured[index] } else { index }) {
+        let column = if output { o.measured[index] } else { index };
+        if outliers.iter().any(|c| c.output == output && c.column == column) {
             break;
         }
         // Variance of this cell's residual given the others, times how far it is out, squared: weight (start / t)².
@@ -458,11 +459,7 @@ fn whiten(point: &Point, setting: &Setting) -> Option<Whitened> {
         covariance.ger(extra, &direction, &direction, 1.0);
         let pulled = &precision * &direction;
         precision.ger(-extra / (1.0 + extra * information), &pulled, &pulled, 1.0);
-        outliers.push(OutlyingCell {
-            output,
-            column: if output { o.measured[index] } else { index },
-            standardised: if output { now_out[index] } else { now_in[index] },
-        });
+        outliers.push(OutlyingCell { output, column, standardised: if output { now_out[index] } else { now_in[index] } });
         if cell < MOST_CELLS {
             (now_out, now_in) = standardise(&precision);
         }

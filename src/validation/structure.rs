@@ -163,6 +163,11 @@ fn features(o: &Observation, x: &Inputs, gear: &Gear) -> [f64; FEATURES] {
     ]
 }
 
+/// The features of all impacts of the fit.
+fn features_of_all(fit: &Fit, observations: &Observations, impacts: &[&Observation]) -> Vec<[f64; FEATURES]> {
+    fit.impacts.iter().zip(impacts).map(|(l, o)| features(o, &l.true_inputs, &observations.gear[o.gear])).collect()
+}
+
 /// Responses of the 13 outputs to a unit of each channel; columns: normal, slip, across, x, y, spin n, spin slip, spin x,
 /// spin y, racket impulse z, x, y, racket angular impulse x, y, z; what a blow on the other face reverses is taken along its own normal.
 pub(super) fn channels(x: &Inputs, gear: &Gear) -> DMatrix<f64> {
@@ -307,7 +312,7 @@ fn friction_signatures(fit: &Fit, raw: &[[f64; FEATURES]]) -> Vec<DMatrix<f64>> 
 /// One row per impact; constants are left out.
 pub fn form_features(fit: &Fit, observations: &Observations, impacts: &[&Observation]) -> DMatrix<f64> {
     const FORM: [usize; 12] = [1, 2, 3, 4, 5, 6, 7, 8, 12, 13, 17, 19];
-    let raw: Vec<[f64; FEATURES]> = fit.impacts.iter().zip(impacts).map(|(l, o)| features(o, &l.true_inputs, &observations.gear[o.gear])).collect();
+    let raw = features_of_all(fit, observations, impacts);
     let n = raw.len();
     let mut columns: Vec<DVector<f64>> = Vec::new();
     for f in FORM {
@@ -323,7 +328,7 @@ pub fn form_features(fit: &Fit, observations: &Observations, impacts: &[&Observa
 
 /// Whitened signatures of all generic corrections, one outputs × terms block per impact of the fit.
 pub fn generic_signatures(fit: &Fit, observations: &Observations, impacts: &[&Observation]) -> Vec<DMatrix<f64>> {
-    let raw: Vec<[f64; FEATURES]> = fit.impacts.iter().zip(impacts).map(|(l, o)| features(o, &l.true_inputs, &observations.gear[o.gear])).collect();
+    let raw = features_of_all(fit, observations, impacts);
     let n = raw.len() as f64;
     let mut mean = [0.0; FEATURES];
     let mut sd = [0.0; FEATURES];

@@ -90,8 +90,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
 fn at_its_best(loaded: &Loaded, input: &ImpactsInput, stated: Comparison) -> Result<Comparison, CliError> {
     let seen = loaded.observations.side(false);
     let fit = fit_with_likely_offsets(loaded.library.current(), &loaded.observations, &seen, &FitOptions::default())?.fit;
-    let values: Vec<(String, f64)> = loaded.library.current().parameters().iter().map(|p| p.name.clone()).zip(fit.values.iter().copied()).collect();
-    let text = with_values(&loaded.model_text, &values, &input.files.model)?;
+    let text = with_values(&loaded.model_text, &fit.named_values(), &input.files.model)?;
     let library = ModelLibrary::new(Model::parse(&text, &input.files.model)?, &loaded.observations.gear);
     let fitted = compare(library.current(), &loaded.observations, &input.model_name(), input.seed)?;
     Ok(Comparison { parameters_as_stated: stated.parameters_as_stated, provenance: stated.provenance, ..fitted })

@@ -128,8 +128,7 @@ impl<'a> Walk<'a> {
     fn fitted(&self, text: &str) -> Result<(String, Vec<Linearised>), ValidationError> {
         let library = self.library(text)?;
         let fit = fit_current(&library, self.observations)?;
-        let values: Vec<(String, f64)> = library.current().parameters().iter().map(|p| p.name.clone()).zip(fit.values.iter().copied()).collect();
         let held_out = linearise_held_out(library.current(), &fit, self.observations, &self.observations.side(true))?;
-        Ok((with_values(text, &values, self.path)?, held_out))
+        Ok((with_values(text, &fit.named_values(), self.path)?, held_out))
     }
 }

@@ -127,6 +127,11 @@ impl Fit {
         told.max(0.0) / self.count().max(1) as f64
     }
 
+    /// Free parameters with their values, as a model file takes them.
+    pub fn named_values(&self) -> Vec<(String, f64)> {
+        self.names.iter().cloned().zip(self.values.iter().copied()).collect()
+    }
+
     /// Which column a free parameter is; `None` when it did not move.
     pub fn column_of(&self, parameter: usize) -> Option<usize> {
         column_of(&self.columns, parameter)

@@ -99,7 +99,7 @@ impl GroupMisfit {
         self.change.abs() / self.sd
     }
 
-    /// "where `racket` is "Gamma", the impulse along the normal is smaller than in the others by 3.9 ± 0.1 % …".
+    /// "where `racket` is "Gamma", the impulse along the normal is smaller than elsewhere by 3.9 ± 0.1 % of …".
     pub fn words(&self) -> String {
         format!(
             "where `{}` is {:?} ({} impacts), {} is {} than elsewhere by {:.1} ± {:.1} % of {}",
@@ -184,13 +184,23 @@ fn correlation(pairs: &[(f64, f64)]) -> f64 {
     if aa > 0.0 && bb > 0.0 { ab / (aa * bb).sqrt() } else { 0.0 }
 }
 
+/// How many impacts each group has.
+fn counted<'a>(labels: impl Iterator<Item = &'a Cow<'a, str>>) -> BTreeMap<&'a str, usize> {
+    let mut count = BTreeMap::new();
+    labels.for_each(|label| *count.entry(label.as_ref()).or_default() += 1);
+    count
+}
+
+fn large_enough(count: &BTreeMap<&str, usize>) -> Vec<String> {
+    count.iter().filter(|(_, n)| **n >= FEWEST_IN_GROUP).map(|(label, _)| (*label).to_owned()).collect()
+}
+
 /// The columns that part the impacts, each with its groups that are large enough.
 fn parted<'a>(observations: &'a Observations, impacts: &[&'a Observation]) -> Vec<(Labels<'a>, Vec<String>)> {
     let mut parted: Vec<(Labels, Vec<String>)> = Vec::new();
     for labels in labels(observations, impacts) {
-        let mut count: BTreeMap<&str, usize> = BTreeMap::new();
-        labels.1.iter().flatten().for_each(|l| *count.entry(l).or_default() += 1);
-        let groups: Vec<String> = count.iter().filter(|(_, n)| **n >= FEWEST_IN_GROUP).map(|(l, _)| (*l).to_owned()).collect();
+        let count = counted(labels.1.iter().flatten());
+        let groups = large_enough(&count);
         // Two columns that part the impacts alike are one (a player and his racket).
         let again = parted.iter().any(|((_, earlier), _)| same_parts(earlier, &labels.1));
         let few = (2..=MOST_GROUPS).contains(&groups.len()) && count.len() <= MOST_GROUPS;
@@ -205,9 +215,8 @@ fn parted<'a>(observations: &'a Observations, impacts: &[&'a Observation]) -> Ve
 /// group goes with the last one, of the rest.
 pub(super) fn groups_of_column(observations: &Observations, impacts: &[&Observation], column: &str) -> Option<(Vec<String>, Vec<usize>)> {
     let (_, labels) = labels(observations, impacts).into_iter().find(|(name, _)| name == column)?;
-    let mut count: BTreeMap<&str, usize> = BTreeMap::new();
-    labels.iter().zip(impacts).filter(|(_, o)| !o.held_out).filter_map(|(l, _)| l.as_deref()).for_each(|l| *count.entry(l).or_default() += 1);
-    let mut groups: Vec<String> = count.iter().filter(|(_, n)| **n >= FEWEST_IN_GROUP).map(|(l, _)| (*l).to_owned()).collect();
+    let fitted = labels.iter().zip(impacts).filter(|(_, o)| !o.held_out);
+    let mut groups = large_enough(&counted(fitted.filter_map(|(l, _)| l.as_ref())));
     let rest = groups.len();
     let of: Vec<usize> = labels.iter().map(|l| groups.iter().position(|g| Some(g.as_str()) == l.as_deref()).unwrap_or(rest)).collect();
     if of.contains(&rest) {

@@ -3,14 +3,15 @@
 use super::error::ModelError;
 use super::input::{ImpactInput, ImpactOutput};
 use super::model::Model;
-use super::prepared_model::PreparedModel;
 use super::sensitivity::{Column, Sensitivities, SensitivityModel};
+use crate::equipment::{Ball, Racket};
 use crate::equipment_set::{EquipmentSet, PickError};
 use crate::impact_table::{INPUTS, ImpactRow, ImpactTable, OwnColumns, impossible, lacking};
 use crate::near_names::near_names;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 
 /// Why one impact of a table has no prediction.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -44,7 +45,7 @@ pub fn without_spin(table: &ImpactTable) -> Vec<&str> {
 ///
 /// # Errors
 /// [`RowError::Missing`] for any other input that was not measured, [`RowError::Impossible`] for one that no impact has, [`RowError::OwnColumn`].
-pub fn input_of_row(row: &ImpactRow, first_sequence: f64, own: &[&str]) -> Result<ImpactInput, RowError> {
+fn input_of_row(row: &ImpactRow, first_sequence: f64, own: &[&str]) -> Result<ImpactInput, RowError> {
     if let Some(what) = impossible(INPUTS.iter().zip(&row.inputs)) {
         return Err(RowError::Impossible { id: row.id.clone(), what });
     }
@@ -63,20 +64,45 @@ pub fn input_of_row(row: &ImpactRow, first_sequence: f64, own: &[&str]) -> Resul
 }
 
 /// The smallest sequence number of a table: the order of an impact counts from it.
-pub fn first_sequence(table: &ImpactTable) -> f64 {
+fn first_sequence(table: &ImpactTable) -> f64 {
     table.rows.iter().map(|r| r.sequence).fold(f64::INFINITY, f64::min)
 }
 
-/// The model prepared for every pair of racket and ball that occurs in a table.
-pub fn prepare_pairs(model: &Model, set: &EquipmentSet, table: &ImpactTable) -> Result<BTreeMap<(usize, usize), PreparedModel>, ModelError> {
-    let mut prepared = BTreeMap::new();
-    for row in &table.rows {
-        let Ok((r, b)) = set.pick(row) else { continue };
-        if let std::collections::btree_map::Entry::Vacant(slot) = prepared.entry((r, b)) {
-            slot.insert(model.prepare(&set.rackets[r], &set.balls[b])?);
+/// Something made ready for every pair of racket and ball that occurs in a table, and what each row needs to use it.
+struct Prepared<'a, P> {
+    set: &'a EquipmentSet,
+    pairs: BTreeMap<(usize, usize), P>,
+    first_sequence: f64,
+    own_columns: Vec<&'a str>,
+}
+
+impl<'a, P> Prepared<'a, P> {
+    fn new(
+        model: &'a Model,
+        set: &'a EquipmentSet,
+        table: &ImpactTable,
+        prepare: impl Fn(&Racket, &Ball) -> Result<P, ModelError>,
+    ) -> Result<Self, ModelError> {
+        let mut pairs = BTreeMap::new();
+        for (r, b) in table.rows.iter().filter_map(|row| set.pick(row).ok()) {
+            if let Entry::Vacant(slot) = pairs.entry((r, b)) {
+                slot.insert(prepare(&set.rackets[r], &set.balls[b])?);
+            }
         }
+        Ok(Prepared { set, pairs, first_sequence: first_sequence(table), own_columns: model.own_columns() })
     }
-    Ok(prepared)
+
+    /// A row's input, and what is ready for its racket and ball.
+    fn of_row(&self, row: &ImpactRow) -> Result<(ImpactInput, &P), RowError> {
+        let input = input_of_row(row, self.first_sequence, &self.own_columns)?;
+        let pair = self.set.pick(row).map_err(|source| RowError::Pick { id: row.id.clone(), source })?;
+        let ready = self.pairs.get(&pair).ok_or_else(|| failed(row, ModelError::NotFinite))?;
+        Ok((input, ready))
+    }
+}
+
+fn failed(row: &ImpactRow, source: ModelError) -> RowError {
+    RowError::Model { id: row.id.clone(), source }
 }
 
 /// # Errors
@@ -97,14 +123,11 @@ fn has_columns(model: &Model, table: &ImpactTable) -> Result<(), ModelError> {
 /// # Errors
 /// A racket, ball or model that cannot be prepared at all.
 pub fn predict_table(model: &Model, set: &EquipmentSet, table: &ImpactTable) -> Result<Vec<Result<ImpactOutput, RowError>>, ModelError> {
-    let prepared = prepare_pairs(model, set, table)?;
+    let prepared = Prepared::new(model, set, table, |racket, ball| model.prepare(racket, ball))?;
     has_columns(model, table)?;
-    let (first, own) = (first_sequence(table), model.own_columns());
     let one = |row: &ImpactRow| -> Result<ImpactOutput, RowError> {
-        let input = input_of_row(row, first, &own)?;
-        let pair = set.pick(row).map_err(|source| RowError::Pick { id: row.id.clone(), source })?;
-        let model = prepared.get(&pair).ok_or(RowError::Model { id: row.id.clone(), source: ModelError::NotFinite })?;
-        model.predict(&input).map_err(|source| RowError::Model { id: row.id.clone(), source })
+        let (input, model) = prepared.of_row(row)?;
+        model.predict(&input).map_err(|source| failed(row, source))
     };
     Ok(table.rows.par_iter().with_min_len(32).map(one).collect())
 }
@@ -123,9 +146,8 @@ pub struct LimitedLaws<'a> {
 /// # Errors
 /// As [`predict_table`].
 pub fn limited_laws<'a>(model: &Model, set: &EquipmentSet, table: &'a ImpactTable) -> Result<LimitedLaws<'a>, ModelError> {
-    let prepared = prepare_pairs(model, set, table)?;
-    let (first, own) = (first_sequence(table), model.own_columns());
-    let of = |row: &ImpactRow| prepared.get(&set.pick(row).ok()?)?.unlimited_laws(&input_of_row(row, first, &own).ok()?);
+    let prepared = Prepared::new(model, set, table, |racket, ball| model.prepare(racket, ball))?;
+    let of = |row: &ImpactRow| prepared.of_row(row).ok().and_then(|(input, model)| model.unlimited_laws(&input));
     let mut limited = LimitedLaws::default();
     for (id, (restitution, friction)) in table.rows.iter().filter_map(|row| Some((row.id.as_str(), of(row)?))) {
         // What is not finite has no prediction.
@@ -172,18 +194,10 @@ pub struct RowSensitivity {
 /// # Errors
 /// As [`predict_table`].
 pub fn differentiate_table(model: &Model, set: &EquipmentSet, table: &ImpactTable) -> Result<Vec<Result<RowSensitivity, RowError>>, ModelError> {
-    let mut prepared: BTreeMap<(usize, usize), SensitivityModel> = BTreeMap::new();
-    for (r, b) in table.rows.iter().filter_map(|row| set.pick(row).ok()) {
-        if let std::collections::btree_map::Entry::Vacant(slot) = prepared.entry((r, b)) {
-            slot.insert(SensitivityModel::new(model, &set.rackets[r], &set.balls[b])?);
-        }
-    }
-    let (first, own) = (first_sequence(table), model.own_columns());
+    let prepared = Prepared::new(model, set, table, |racket, ball| SensitivityModel::new(model, racket, ball))?;
     let one = |row: &ImpactRow| -> Result<RowSensitivity, RowError> {
-        let input = input_of_row(row, first, &own)?;
-        let pair = set.pick(row).map_err(|source| RowError::Pick { id: row.id.clone(), source })?;
-        let failed = |source| RowError::Model { id: row.id.clone(), source };
-        let sensitivities = prepared.get(&pair).ok_or_else(|| failed(ModelError::NotFinite))?.at(&input).map_err(failed)?;
+        let (input, model) = prepared.of_row(row)?;
+        let sensitivities = model.at(&input).map_err(|source| failed(row, source))?;
         let sd: [f64; INPUTS.len()] = std::array::from_fn(|j| row.inputs[j].and_then(|m| m.sd).unwrap_or(0.0));
         Ok(RowSensitivity { output_sd: sensitivities.output_sd(&sd), sensitivities })
     };

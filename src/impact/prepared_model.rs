@@ -11,6 +11,7 @@ use super::rigid::{Contact, Impulse, Laws, Regime, Sliding, collide};
 use super::viscoelastic::{self, DEFAULT_STEPS, Ended, Ready, Run};
 use nalgebra::Vector3;
 use rayon::prelude::*;
+use std::borrow::Cow;
 use std::sync::Arc;
 
 /// Inputs beyond this are mistakes of unit or of measurement, not impacts.
@@ -22,6 +23,10 @@ const LIMITS: [(&str, f64); 6] = [
     ("impact_x, impact_y (m)", 2.0),
     ("grip_torque (N m)", 1_000.0),
 ];
+
+/// Steps that a visco-elastic contact may be divided into.
+const FEWEST_STEPS: f64 = 16.0;
+const MOST_STEPS: f64 = 1e5;
 
 fn check_input<T: Real>(input: &ImpactInput<T>) -> Result<(), ModelError> {
     let most = |numbers: &[T]| numbers.iter().fold(0.0f64, |most, n| most.max(n.value().abs()));
@@ -95,7 +100,7 @@ impl<T> PreparedModel<T> {
 
     /// About how many steps a visco-elastic contact is divided into (default 72: better than 1e-6 of the velocities).
     pub fn set_steps(&mut self, steps: f64) {
-        self.steps = steps.clamp(16.0, 1e5);
+        self.steps = steps.clamp(FEWEST_STEPS, MOST_STEPS);
     }
 }
 
@@ -130,15 +135,18 @@ where
         Ok(truth)
     }
 
-    /// The bodies of one impact, where an effect makes them depend on it.
-    fn body_at(&self, truth: &ImpactInput<T>) -> Result<Body<T>, ModelError> {
+    /// The bodies of one impact: those of all, unless an effect makes them depend on it.
+    fn body_at(&self, truth: &ImpactInput<T>) -> Result<Cow<'_, Body<T>>, ModelError> {
+        if !self.body_varies {
+            return Ok(Cow::Borrowed(&self.body));
+        }
         let mut body = self.body.clone();
         let at = contact(&self.body, *truth)?;
         for (effect, p) in self.each() {
             effect.change_body_at(p, &at, &mut body);
         }
         body.check()?;
-        Ok(body)
+        Ok(Cow::Owned(body))
     }
 
     /// From the true outcome to the one that would be measured.
@@ -203,8 +211,8 @@ where
     /// The same with all friction multiplied by `grip`, and how the contact ended.
     pub(crate) fn predict_gripping(&self, input: &ImpactInput<T>, grip: f64) -> Result<(ImpactOutput<T>, Regime, T), ModelError> {
         let truth = self.true_input(input)?;
-        let (output, regime, spare) =
-            if self.body_varies { self.collide(&self.body_at(&truth)?, truth, grip)? } else { self.collide(&self.body, truth, grip)? };
+        let body = self.body_at(&truth)?;
+        let (output, regime, spare) = self.collide(&body, truth, grip)?;
         Ok((self.finish(&truth, output)?, regime, spare))
     }
 
@@ -278,7 +286,7 @@ where
     /// All that happens before a visco-elastic contact is stepped.
     pub(crate) fn stage(&self, input: &ImpactInput<T>) -> Result<Staged<T>, ModelError> {
         let truth = self.true_input(input)?;
-        let body = if self.body_varies { self.body_at(&truth)? } else { self.body.clone() };
+        let body = self.body_at(&truth)?.into_owned();
         let at = contact(&body, truth)?;
         let (contact, laws) = (at.input, self.viscoelastic_laws(&at));
         Ok(Staged { truth, body, contact, laws })
@@ -309,7 +317,7 @@ impl PreparedModel {
     /// `None` in base visco-elastic, which has no such laws, and where there is no contact.
     pub fn unlimited_laws(&self, input: &ImpactInput) -> Option<(f64, f64)> {
         let truth = self.true_input(input).ok().filter(|_| self.model.base == Base::Rigid)?;
-        let body = if self.body_varies { self.body_at(&truth).ok()? } else { self.body.clone() };
+        let body = self.body_at(&truth).ok()?;
         let laws = self.laws_at(&contact(&body, truth).ok()?);
         Some((laws.restitution, laws.friction))
     }
@@ -325,7 +333,7 @@ impl PreparedModel {
         if self.model.base == Base::Rigid {
             return Err(ModelError::NotInBase { name: "run".into(), base: "rigid", reason: "an impulse has no duration" });
         }
-        viscoelastic::run(&self.stage(input)?.ready()?, steps.clamp(16.0, 1e5))
+        viscoelastic::run(&self.stage(input)?.ready()?, steps.clamp(FEWEST_STEPS, MOST_STEPS))
     }
 
     /// The contact's outcome, and the same with derivatives for each of `variations` of it.
@@ -353,19 +361,17 @@ impl PreparedModel {
             return inputs.iter().map(|input| self.predict(input)).collect();
         }
         // Bodies that depend on the impact stay with its true input: contacts borrow them while all are stepped together.
-        let begun = |input: &ImpactInput| -> Result<(ImpactInput, Option<Body>), ModelError> {
-            let truth = self.true_input(input)?;
-            let own = if self.body_varies { Some(self.body_at(&truth)?) } else { None };
-            Ok((truth, own))
-        };
-        let begun: Vec<_> = inputs.iter().map(begun).collect();
+        let begun: Vec<Result<_, ModelError>> = inputs
+            .iter()
+            .map(|input| {
+                let truth = self.true_input(input)?;
+                Ok((truth, self.body_at(&truth)?))
+            })
+            .collect();
         let mut results: Vec<Result<ImpactOutput, ModelError>> = Vec::with_capacity(inputs.len());
         let (mut places, mut truths, mut ready) = (Vec::new(), Vec::new(), Vec::new());
         for begun in &begun {
-            let staged = begun.as_ref().map_err(ModelError::clone).and_then(|(truth, own)| {
-                let at = contact(own.as_ref().unwrap_or(&self.body), *truth)?;
-                Ok((*truth, self.ready(at)))
-            });
+            let staged = begun.as_ref().map_err(ModelError::clone).and_then(|(truth, body)| Ok((*truth, self.ready(contact(body, *truth)?))));
             match staged {
                 Ok((truth, contact)) => {
                     places.push(results.len());

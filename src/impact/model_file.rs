@@ -159,7 +159,7 @@ fn read_expression(path: &Path, model: &Model, name: &str, table: &dyn TableLike
             return Err(wrong(key, key.to_owned(), "letters, digits and _, not starting with a digit"));
         }
         if parameters.len() == MAX_OWN_PARAMETERS {
-            return Err(wrong(key, "one parameter too many".into(), "at most 64 parameters"));
+            return Err(wrong(key, "one parameter too many".into(), &format!("at most {MAX_OWN_PARAMETERS} parameters")));
         }
         let mut parameter = Parameter::own(&format!("{name}.{key}"), 0.0);
         read_parameter(path, item, &mut parameter)?;

@@ -3,7 +3,7 @@
 use super::channels::Channel;
 use super::dimension::{Dimension, NONE};
 use super::functions::{FUNCTIONS, One, Rule, Two};
-use super::quantities::{Quantity, Scope, quantities, quantity};
+use super::quantities::{Scope, quantities, quantity};
 use crate::impact::real::Real;
 use crate::impact_table::OwnColumn;
 use crate::near_names::near_names;
@@ -182,11 +182,16 @@ impl<'a> Parser<'a> {
         found
     }
 
-    fn sum(&mut self) -> Result<Dimension, SyntaxError> {
+    fn deeper(&mut self) -> Result<(), SyntaxError> {
         self.depth += 1;
         if self.depth > MAX_DEPTH {
             return Err(self.error(format!("nested too deeply; allowed: {MAX_DEPTH} levels")));
         }
+        Ok(())
+    }
+
+    fn sum(&mut self) -> Result<Dimension, SyntaxError> {
+        self.deeper()?;
         let mut left = self.product()?;
         loop {
             let start = self.at;
@@ -241,10 +246,7 @@ impl<'a> Parser<'a> {
         if !self.take('^') {
             return Ok(base);
         }
-        self.depth += 1;
-        if self.depth > MAX_DEPTH {
-            return Err(self.error(format!("nested too deeply; allowed: {MAX_DEPTH} levels")));
-        }
+        self.deeper()?;
         let start = self.at;
         let first = self.program.len();
         let exponent = self.signed()?; // right-associative, and -x is allowed as exponent
@@ -382,7 +384,7 @@ impl<'a> Parser<'a> {
         }
         self.uses_node |= name == "node_distance";
         self.program.push(Op::Quantity(i));
-        Ok(Quantity::dimension(quantity))
+        Ok(quantity.dimension())
     }
 
     fn call(&mut self, name: &str, start: usize) -> Result<Dimension, SyntaxError> {
@@ -390,11 +392,7 @@ impl<'a> Parser<'a> {
             let known: Vec<&str> = FUNCTIONS.iter().map(|f| f.name).collect();
             return Err(SyntaxError { at: start, message: format!("no function `{name}`; there are: {}", known.join(", ")) });
         };
-        let wanted = match function.op {
-            Op::Two(_) => 2,
-            Op::Clamp => 3,
-            _ => 1,
-        };
+        let wanted = function.op.arguments();
         self.take('(');
         let mut dimension = Dimension::Any;
         for i in 0..wanted {
@@ -402,16 +400,12 @@ impl<'a> Parser<'a> {
                 return Err(self.error(format!("`{name}` takes {wanted} arguments; `,` expected here")));
             }
             let argument = self.sum()?;
-            let fits = if function.rule == Rule::Pure { argument.same(NONE).is_some() } else { dimension.same(argument).is_some() };
-            if !fits {
-                let message = if function.rule == Rule::Pure {
-                    format!("`{name}` needs an argument without dimension, this has {argument}")
-                } else {
-                    format!("the arguments of `{name}` have {dimension} and {argument}")
-                };
-                return Err(SyntaxError { at: start, message });
+            if function.rule == Rule::Pure && argument.same(NONE).is_none() {
+                return Err(SyntaxError { at: start, message: format!("`{name}` needs an argument without dimension, this has {argument}") });
             }
-            dimension = dimension.same(argument).unwrap_or(argument);
+            dimension = dimension
+                .same(argument)
+                .ok_or_else(|| SyntaxError { at: start, message: format!("the arguments of `{name}` have {dimension} and {argument}") })?;
         }
         if !self.take(')') {
             // A comma here is one argument too many, no decimal comma.

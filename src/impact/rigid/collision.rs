@@ -82,8 +82,7 @@ fn solve_plain<T: Real>(at: &Contact<T>, laws: &Laws<T>) -> Impulse<T> {
     if !(arm - b.ball_radius).is_zero() {
         u = relative_velocity(at, &Vector3::new(T::zero(), T::zero(), arm * -at.side));
     }
-    let e = laws.effective_restitution();
-    let normal = (e + 1.0) * at.approach_speed / at.normal_compliance;
+    let normal = at.normal_impulse(laws.effective_restitution());
     let free = b.ball_mass.recip() + arm * arm / laws.ball_inertia + b.racket_mass.recip();
     let (x, y, iz) = (at.lever.x, at.lever.y, b.racket_inertia.z);
     let k = [free + y * y / iz, -x * y / iz, free + x * x / iz];

@@ -37,6 +37,11 @@ pub struct ImpactOutput<T = f64> {
     pub contact_time: Option<T>,
 }
 
+/// The components of velocity and spin of the ball, velocity and rate of the racket, one after the other.
+fn in_a_row<T: Real>(vectors: [Vector3<T>; 4]) -> [T; 12] {
+    std::array::from_fn(|i| vectors[i / 3][i % 3])
+}
+
 impl<T: Real> ImpactInput<T> {
     /// From the 15 columns of [`crate::impact_table::INPUTS`], in that order, plus the order in time.
     pub fn from_columns(c: &[T; 15], order: f64) -> Self {
@@ -61,9 +66,7 @@ impl<T: Real> ImpactInput<T> {
     /// The 15 columns of [`crate::impact_table::INPUTS`], in that order.
     pub fn as_columns(&self) -> [T; 15] {
         let mut c = [T::zero(); 15];
-        for (k, v) in [self.ball_velocity, self.ball_spin, self.racket_velocity, self.racket_rate].iter().enumerate() {
-            c[3 * k..3 * k + 3].copy_from_slice(v.as_slice());
-        }
+        c[..12].copy_from_slice(&in_a_row([self.ball_velocity, self.ball_spin, self.racket_velocity, self.racket_rate]));
         c[12] = self.position.x;
         c[13] = self.position.y;
         c[14] = self.grip_torque;
@@ -85,21 +88,13 @@ impl<T: Real> ImpactOutput<T> {
 
     /// The 13 outputs in the order of [`crate::impact_table::OUTPUTS`]; the contact time is `None` for the rigid base.
     pub fn as_columns(&self) -> [Option<T>; 13] {
-        let mut c = [None; 13];
-        for (k, v) in self.as_vector().iter().enumerate() {
-            c[k] = Some(*v);
-        }
-        c[12] = self.contact_time;
-        c
+        let vector = self.as_vector();
+        std::array::from_fn(|i| vector.get(i).copied().or(self.contact_time))
     }
 
     /// The 12 velocities and rates in the order of [`crate::impact_table::OUTPUTS`], without the contact time.
     pub fn as_vector(&self) -> [T; 12] {
-        let mut c = [T::zero(); 12];
-        for (k, v) in [self.ball_velocity, self.ball_spin, self.racket_velocity, self.racket_rate].iter().enumerate() {
-            c[3 * k..3 * k + 3].copy_from_slice(v.as_slice());
-        }
-        c
+        in_a_row([self.ball_velocity, self.ball_spin, self.racket_velocity, self.racket_rate])
     }
 
     /// True when no value is NaN or infinite.

@@ -46,6 +46,9 @@ static RIGID: [ParameterCard; 2] = [
     ParameterCard::base("friction", "", "Coulomb coefficient of ball on strings", 0.45, (0.0, 5.0), 0.1),
 ];
 
+/// Where `mu` stands among the visco-elastic base's parameters.
+pub(super) const MU: usize = 9;
+
 static VISCOELASTIC: [ParameterCard; 14] = [
     ParameterCard::base("k_B0", "N/m", "ball stiffness at first touch", 24e3, (1e3, 1e6), 3e3),
     ParameterCard::base("A_K", "N/m^(1+alpha)", "growth of the ball's stiffness with its compression", 6.3e7, (0.0, 1e10), 1e7),

@@ -5,7 +5,7 @@ use super::dual::Tangent;
 use super::effects::{DifferentiableEffect, Effect};
 use super::error::ModelError;
 use super::input::{ImpactInput, ImpactOutput};
-use super::model::{Base, Model};
+use super::model::{Base, MU, Model};
 use super::real::Real;
 use super::rigid::{Contact, Impulse, Laws, Regime, Sliding, collide};
 use super::viscoelastic::{self, DEFAULT_STEPS, Ended, Ready, Run};
@@ -266,7 +266,7 @@ where
         if !self.model.effects.is_empty() {
             let separation = output.ball_velocity.z - output.racket_velocity.z - output.racket_rate.cross(&at.lever).z;
             let restitution = (separation * at.side / at.approach_speed).max(T::zero());
-            let laws = Laws::new(restitution, self.values[9], Sliding::FirstTouch, T::constant(b.ball_radius), b.ball_inertia);
+            let laws = Laws::new(restitution, self.values[MU], Sliding::FirstTouch, T::constant(b.ball_radius), b.ball_inertia);
             let impulse = Impulse {
                 ball: (output.ball_velocity - i.ball_velocity) * b.ball_mass,
                 ball_angular: (output.ball_spin - i.ball_spin) * b.ball_inertia,

@@ -31,9 +31,6 @@ const PER_LB: f64 = 0.0013;
 /// m/s.
 const REFERENCE_SPEED: f64 = 30.0;
 
-/// N/m per lb: 27 to 45 kN/m from 40 to 70 lb.
-const STIFFNESS_PER_LB: f64 = 600.0;
-
 #[derive(Debug)]
 struct StringTension;
 
@@ -43,6 +40,6 @@ impl<T: Real> Effect<T> for StringTension {
     }
 
     fn change_viscoelastic(&self, p: &[T], _: &Contact<T>, laws: &mut viscoelastic::Laws<T>) {
-        laws.k_s0 += p[0] * STIFFNESS_PER_LB;
+        laws.k_s0 += p[0] * viscoelastic::STIFFNESS_PER_LB;
     }
 }

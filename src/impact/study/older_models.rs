@@ -7,7 +7,7 @@ use super::rig::{WALL, at_rest, clamped, frame};
 use crate::impact::PreparedModel;
 use crate::impact::closed_form::{cross_oblique, daish_bounce, haake_offset};
 use crate::impact::error::ModelError;
-use crate::impact::model::{Base, Model};
+use crate::impact::model::{Base, MU, Model};
 use crate::impact::viscoelastic::{BallLaw, Moment, NormalForce, Run, StringLaw};
 
 /// The laws in the order in which they were published: Leigh and Lui 1992; Dignall and Haake 2000 and Pratt 2000; Goodwill and
@@ -128,7 +128,7 @@ pub fn oblique(speed: f64, incidences_deg: &[f64]) -> Result<Vec<Oblique>, Model
         let (hard, compliant) = (default.predict(&input)?, soft.predict(&input)?);
         let e = hard.ball_velocity.z / (speed * cos);
         let (_, cross_m_s, cross) = cross_oblique(body.ball_radius, factor, e, CROSS_TANGENTIAL, speed * sin, speed * cos, 0.0);
-        let (daish_m_s, daish) = daish_bounce(body.ball_radius, factor, default.model().parameters()[9].value, e, speed * sin, speed * cos, 0.0);
+        let (daish_m_s, daish) = daish_bounce(body.ball_radius, factor, default.model().parameters()[MU].value, e, speed * sin, speed * cos, 0.0);
         all.push(Oblique {
             incidence_deg,
             // Travelling along +y, topspin is about −x.

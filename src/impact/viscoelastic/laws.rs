@@ -4,6 +4,7 @@ use super::contact_laws::{BallLaw, ContactLaws, FrictionDirection, NormalForce, 
 use super::kernel::DEEPEST;
 use super::number::{Number, side_by_side};
 use crate::impact::body::Body;
+use crate::impact::model::MU;
 use crate::impact::real::Real;
 
 side_by_side! {
@@ -170,7 +171,7 @@ impl<T: Real> Laws<T> {
             k_s0: if stiffness_from_tension { p[6] - p[6].value() + stringbed_stiffness(body.tension_lb) } else { p[6] },
             k_s2: p[7],
             c_s: p[8],
-            mu: p[9],
+            mu: p[MU],
             projected: flag(laws.friction_direction == FrictionDirection::Projected),
             lambda_r: p[10],
             kappa_i: p[11],
@@ -242,7 +243,12 @@ impl Laws {
     }
 }
 
-/// Stringbed stiffness from the tension, N/m: 27, 36, 39, 45 kN/m at 40, 55, 60, 70 lb lie on one line.
-pub fn stringbed_stiffness(tension_lb: f64) -> f64 {
-    3e3 + 600.0 * tension_lb
+/// Stringbed stiffness per lb of tension, N/m: 27, 36, 39, 45 kN/m at 40, 55, 60, 70 lb lie on one line ...
+pub(crate) const STIFFNESS_PER_LB: f64 = 600.0;
+/// ... which would begin here without tension, N/m.
+const STIFFNESS_SLACK: f64 = 3e3;
+
+/// Stringbed stiffness from the tension, N/m.
+fn stringbed_stiffness(tension_lb: f64) -> f64 {
+    STIFFNESS_SLACK + STIFFNESS_PER_LB * tension_lb
 }

@@ -30,5 +30,6 @@ pub use run::{Ledger, Moment, Run};
 
 pub(crate) use job::Ended;
 pub(crate) use lanes::{DEFAULT_STEPS, Ready, collide_all};
+pub(crate) use laws::STIFFNESS_PER_LB;
 pub(crate) use run::{RUN_STEPS, run};
 pub(crate) use tangent::{DERIVATIVE_STEPS, differentiate};

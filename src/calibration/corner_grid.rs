@@ -5,10 +5,10 @@
 //! hidden. Needs squares of about five pixels or more.
 
 use super::board::Checkerboard;
-use super::homography::homography;
+use super::homography::{homography, mapped};
 use super::saddle_points::{Plane, SaddlePoint};
 use crate::footage::GreyImage;
-use nalgebra::{Matrix2, Point3, Vector2, Vector3};
+use nalgebra::{Matrix2, Point3, Vector2};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// What a search for the board ended with.
@@ -113,12 +113,7 @@ fn foreshortened(points: &[SaddlePoint], board: &Checkerboard, image: &GreyImage
 /// Whether no corner is far from where a plane grid has it.
 fn is_plane(board: &Checkerboard, corners: &[Vector2<f64>]) -> bool {
     let allowed = OFF_PLACE * board.smallest_spacing_px(corners);
-    homography(&board.corners(), corners).is_some_and(|h| {
-        board.corners().iter().zip(corners).all(|(b, p)| {
-            let x = h * Vector3::new(b.x, b.y, 1.0);
-            (Vector2::new(x.x / x.z, x.y / x.z) - p).norm() <= allowed
-        })
-    })
+    homography(&board.corners(), corners).is_some_and(|h| board.corners().iter().zip(corners).all(|(b, p)| (mapped(&h, b.x, b.y) - p).norm() <= allowed))
 }
 
 const NOTHING: GridSearch = GridSearch::Partial { corners: 0, cut_by_border: false, whole_part: None };
@@ -310,10 +305,7 @@ impl<'a> Grid<'a> {
     fn completed(&self, board: &Checkerboard, found: &[Option<Vector2<f64>>]) -> Option<Vec<Vector2<f64>>> {
         let (points, pixels): (Vec<Point3<f64>>, Vec<Vector2<f64>>) = board.corners().iter().zip(found).filter_map(|(b, p)| Some((*b, (*p)?))).unzip();
         let h = homography(&points, &pixels)?;
-        let at = |p: Point3<f64>| {
-            let x = h * Vector3::new(p.x, p.y, 1.0);
-            Vector2::new(x.x / x.z, x.y / x.z)
-        };
+        let at = |p: Point3<f64>| mapped(&h, p.x, p.y);
         board
             .corners()
             .iter()

@@ -31,16 +31,15 @@ pub fn homography(board: &[Point3<f64>], pixels: &[Vector2<f64>]) -> Option<Matr
     (h[(2, 2)].abs() > 1e-300 && h.iter().all(|v| v.is_finite())).then(|| h / h[(2, 2)])
 }
 
+/// Where a homography puts the board point `(x, y)`, px.
+pub fn mapped(h: &Matrix3<f64>, x: f64, y: f64) -> Vector2<f64> {
+    let u = h * Vector3::new(x, y, 1.0);
+    Vector2::new(u.x / u.z, u.y / u.z)
+}
+
 /// Root-mean-square distance between the pixels and the homography's prediction, px.
 pub fn homography_rms_px(h: &Matrix3<f64>, board: &[Point3<f64>], pixels: &[Vector2<f64>]) -> f64 {
-    let sum: f64 = board
-        .iter()
-        .zip(pixels)
-        .map(|(b, p)| {
-            let x = h * Vector3::new(b.x, b.y, 1.0);
-            (Vector2::new(x.x / x.z, x.y / x.z) - p).norm_squared()
-        })
-        .sum();
+    let sum: f64 = board.iter().zip(pixels).map(|(b, p)| (mapped(h, b.x, b.y) - p).norm_squared()).sum();
     (sum / board.len().max(1) as f64).sqrt()
 }
 
@@ -63,13 +62,7 @@ mod tests {
     fn truth_a_known_homography_is_found_again() {
         let h = Matrix3::new(900.0, 30.0, 120.0, -20.0, 880.0, 90.0, 0.2, -0.1, 1.0);
         let board: Vec<_> = (0..12).map(|i| Point3::new((i % 4) as f64 * 0.05, (i / 4) as f64 * 0.05, 0.0)).collect();
-        let pixels: Vec<_> = board
-            .iter()
-            .map(|b| {
-                let x = h * Vector3::new(b.x, b.y, 1.0);
-                Vector2::new(x.x / x.z, x.y / x.z)
-            })
-            .collect();
+        let pixels: Vec<_> = board.iter().map(|b| mapped(&h, b.x, b.y)).collect();
         let found = homography(&board, &pixels).expect("well posed");
         assert!((found - h).norm() < 1e-6 * h.norm());
         assert!(homography_rms_px(&found, &board, &pixels) < 1e-8);

@@ -1,7 +1,7 @@
 //! One picture of the board: its corners, how sharp and how well exposed it is, and why a picture is refused.
 
 use super::board::Checkerboard;
-use super::homography::{homography, homography_rms_px};
+use super::homography::{homography, homography_rms_px, mapped};
 use crate::footage::GreyImage;
 use nalgebra::Vector2;
 
@@ -107,8 +107,7 @@ fn exposure(board: &Checkerboard, corners: &[Vector2<f64>], image: &GreyImage) -
     let mut greys = Vec::new();
     for i in -6..=4 * board.rows as i64 + 2 {
         for j in -6..=4 * board.columns as i64 + 2 {
-            let x = h * nalgebra::Vector3::new((j as f64 + 0.5) * s / 4.0, (i as f64 + 0.5) * s / 4.0, 1.0);
-            greys.extend(sample(image, Vector2::new(x.x / x.z, x.y / x.z)));
+            greys.extend(sample(image, mapped(&h, (j as f64 + 0.5) * s / 4.0, (i as f64 + 0.5) * s / 4.0)));
         }
     }
     let Some(middle) = greys.iter().copied().reduce(f64::max).zip(greys.iter().copied().reduce(f64::min)).map(|(a, b)| (a + b) / 2.0) else {

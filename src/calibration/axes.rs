@@ -266,11 +266,15 @@ fn points_down(rig: &StereoRig, pose: &Isometry3<f64>, id: CameraId) -> Option<b
     Some(up.y > up.x.abs())
 }
 
-/// Pixel of a sphere's outline centre, and its derivative with respect to the point in the left camera's frame.
+/// Pixel of the outline centre of a sphere of the frame, and its derivative with respect to the point in the left camera's frame.
 fn predicted(rig: &StereoRig, pose: &Isometry3<f64>, sphere: &Point3<f64>, id: CameraId, radius_m: f64) -> Option<(Vector2<f64>, Matrix2x3<f64>)> {
-    let in_left = pose.inverse() * sphere;
+    outline_centre(rig, &(pose.inverse() * sphere), id, radius_m)
+}
+
+/// The same for a sphere in the left camera's frame.
+fn outline_centre(rig: &StereoRig, in_left: &Point3<f64>, id: CameraId, radius_m: f64) -> Option<(Vector2<f64>, Matrix2x3<f64>)> {
     match id {
-        CameraId::Left => rig.left.project_with_jacobian(&outline_point(&in_left, radius_m)),
+        CameraId::Left => rig.left.project_with_jacobian(&outline_point(in_left, radius_m)),
         CameraId::Right => {
             let to_right = rig.right_from_left();
             let (uv, j) = rig.right.project_with_jacobian(&outline_point(&(to_right * in_left), radius_m))?;
@@ -329,12 +333,9 @@ fn fit_frame(
 
 /// Largest standard deviation of one sphere's place from the noise of its two centres, m.
 fn sphere_spread(rig: &StereoRig, p: &Point3<f64>, sds: [Vector2<f64>; 2]) -> Option<f64> {
-    let to_right = rig.right_from_left();
-    let (_, jl) = rig.left.project_with_jacobian(p)?;
-    let (_, jr) = rig.right.project_with_jacobian(&(to_right * p))?;
-    let jr = jr * to_right.rotation.to_rotation_matrix().matrix();
     let mut normal = Matrix3::zeros();
-    for (j, sd) in [(jl, sds[0]), (jr, sds[1])] {
+    for (id, sd) in CameraId::BOTH.into_iter().zip(sds) {
+        let (_, j) = outline_centre(rig, p, id, 0.0)?;
         for k in 0..2 {
             normal += j.row(k).transpose() * j.row(k) / sd[k].powi(2);
         }

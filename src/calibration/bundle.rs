@@ -6,7 +6,7 @@
 use super::Camera;
 use super::board_shape::{BoardShape, MODES, STRETCH};
 use super::distortion::{ROTATION, SHARED, SHIFT};
-use nalgebra::{Isometry3, Matrix2x3, Matrix3, Matrix6, Point3, SMatrix, SVector, Translation3, UnitQuaternion, Vector2, Vector3, Vector6};
+use nalgebra::{Isometry3, Matrix2x3, Matrix6, Point3, SMatrix, SVector, Translation3, UnitQuaternion, Vector2, Vector3, Vector6};
 
 pub type SharedMatrix = SMatrix<f64, SHARED, SHARED>;
 /// The shared parameters and, behind them, the board's shape: what is the same in all pictures.
@@ -30,6 +30,13 @@ pub struct BundleView {
     pub pose: Isometry3<f64>,
     pub left: Vec<CornerPixel>,
     pub right: Vec<CornerPixel>,
+}
+
+impl BundleView {
+    /// Whether both cameras see the board.
+    pub fn is_in_both(&self) -> bool {
+        !self.left.is_empty() && !self.right.is_empty()
+    }
 }
 
 /// Cameras, rig and boards: the adjustment's start and its answer.
@@ -132,6 +139,11 @@ pub(super) fn pixel_derivatives(camera: &Camera, p: &Point3<f64>, seen: Vector2<
 }
 
 impl Bundle {
+    /// Corners seen, by both cameras together.
+    pub fn corners(&self) -> usize {
+        self.views.iter().map(|v| v.left.len() + v.right.len()).sum()
+    }
+
     /// Place of a corner in the board's frame, m.
     pub fn corner(&self, index: usize) -> Point3<f64> {
         self.shape.as_ref().map_or(self.board[index], |shape| shape.place(index, &self.board[index]))
@@ -169,7 +181,7 @@ impl Bundle {
     ///
     /// # Errors  [`BundleError`]; on an error `self` holds the last good state.
     pub fn adjust(&mut self, options: &BundleOptions) -> Result<BundleFit, BundleError> {
-        let corners: usize = self.views.iter().map(|v| v.left.len() + v.right.len()).sum();
+        let corners = self.corners();
         let free = self.free(options);
         let parameters = free.iter().filter(|on| **on).count() + 6 * self.views.len();
         if 2 * corners <= parameters {
@@ -320,7 +332,7 @@ impl Bundle {
                     };
                     let to_first = if through_rig { d.point * stereo_r } else { d.point };
                     let mut pose = SMatrix::<f64, 2, 6>::zeros();
-                    pose.fixed_view_mut::<2, 3>(0, 0).copy_from(&(to_first * -cross(&turned)));
+                    pose.fixed_view_mut::<2, 3>(0, 0).copy_from(&(to_first * -turned.cross_matrix()));
                     pose.fixed_view_mut::<2, 3>(0, 3).copy_from(&to_first);
                     let weighted_residual = d.residual * weight;
                     v += pose.tr_mul(&pose) * weight;
@@ -345,7 +357,7 @@ impl Bundle {
                     }
                     if through_rig {
                         let mut rig = SMatrix::<f64, 2, 6>::zeros();
-                        rig.fixed_view_mut::<2, 3>(0, 0).copy_from(&(d.point * -cross(&(stereo_r * in_first.coords))));
+                        rig.fixed_view_mut::<2, 3>(0, 0).copy_from(&(d.point * -(stereo_r * in_first.coords).cross_matrix()));
                         rig.fixed_view_mut::<2, 3>(0, 3).copy_from(&d.point);
                         let mut block = out.shared.fixed_view_mut::<6, 6>(ROTATION, ROTATION);
                         block += rig.tr_mul(&rig) * weight;
@@ -436,8 +448,4 @@ fn turned_and_shifted(pose: &Isometry3<f64>, step: &Vector6<f64>) -> Isometry3<f
     let mut rotation = turn * pose.rotation;
     rotation.renormalize();
     Isometry3::from_parts(Translation3::from(pose.translation.vector + Vector3::new(step[3], step[4], step[5])), rotation)
-}
-
-fn cross(v: &Vector3<f64>) -> Matrix3<f64> {
-    v.cross_matrix()
 }

@@ -125,9 +125,9 @@ pub fn calibrate_views(
             }
         }
     }
-    let in_both = |b: &Bundle| b.views.iter().filter(|v| !v.left.is_empty() && !v.right.is_empty()).count();
-    if in_both(&bundle) < MIN_PAIRS {
-        return Err(too_few(board, in_both(&bundle), pairs, &fates));
+    let in_both = bundle.views.iter().filter(|v| v.is_in_both()).count();
+    if in_both < MIN_PAIRS {
+        return Err(too_few(board, in_both, pairs, &fates));
     }
     let mut corners_left_out = 0;
     let fit_models = |starts: &[(DistortionModel, Bundle)]| -> Result<(Vec<ModelFit>, usize), CalibrationError> {
@@ -156,7 +156,7 @@ pub fn calibrate_views(
         return Err(CalibrationError::NoBaseline { baseline_mm: 1e3 * baseline_m, sd_mm: 1e3 * sd_m });
     }
     for (view, &pair) in bundle.views.iter().zip(&pair_of_view) {
-        fates[pair].used = !view.left.is_empty() && !view.right.is_empty();
+        fates[pair].used = view.is_in_both();
         fates[pair].rms_px = bundle.view_rms_px(view);
     }
     Ok(Calibration { image_size, board: *board, bundle, fit, model, models, pairs: fates, pair_of_view, corners_left_out })
@@ -329,7 +329,7 @@ impl Calibration {
             rms_stereo_px: self.rms_px(None),
             pairs: self.pairs.clone(),
             square_mm: None,
-            global_from_left: RigidTransform::from_isometry(&Isometry3::identity()),
+            global_from_left: RigidTransform::identity(),
             more: Default::default(),
         }
     }

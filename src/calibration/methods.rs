@@ -320,7 +320,7 @@ impl Calibration {
                 for held_out in &folds {
                     let bundle = self.without(held_out)?;
                     let mut control = [(Vec::new(), Vec::new()), (Vec::new(), Vec::new())];
-                    for v in bundle.views.iter().filter(|v| !v.left.is_empty() && !v.right.is_empty()) {
+                    for v in bundle.views.iter().filter(|v| v.is_in_both()) {
                         for (side, corners) in control.iter_mut().zip([&v.left, &v.right]) {
                             for c in corners {
                                 side.0.push(v.pose * bundle.corner(c.index));

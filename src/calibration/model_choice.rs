@@ -64,7 +64,7 @@ fn adjust(model: DistortionModel, start: &Bundle, options: &CalibrationOptions) 
 }
 
 fn criterion(f: &ModelFit, clustering: f64) -> f64 {
-    let n = 2.0 * f.bundle.views.iter().map(|v| v.left.len() + v.right.len()).sum::<usize>() as f64;
+    let n = 2.0 * f.bundle.corners() as f64;
     let p = (f.model.free_parameters() + f.bundle.shape_parameters() + 6 * f.bundle.views.len()) as f64;
     // A world without noise would give minus infinity: the floor is far below any camera.
     n / clustering * (f.fit.squared_error_px2 / n).max(1e-20).ln() + 2.0 * p * n / (n - p - 1.0).max(1.0)
@@ -119,20 +119,17 @@ pub fn summaries(fits: &[ModelFit]) -> Vec<ModelSummary> {
     let best = fits.iter().map(|f| f.aic).fold(f64::INFINITY, f64::min);
     fits.iter()
         .zip(weights(fits))
-        .map(|(f, weight)| {
-            let corners: usize = f.bundle.views.iter().map(|v| v.left.len() + v.right.len()).sum();
-            ModelSummary {
-                model: f.model,
-                rms_px: (f.fit.squared_error_px2 / corners.max(1) as f64).sqrt(),
-                aic: f.aic,
-                weight,
-                defensible: f.aic <= best + DEFENSIBLE,
-                left_fx: f.bundle.left.fx,
-                right_fx: f.bundle.right.fx,
-                left_cx: f.bundle.left.cx,
-                right_cx: f.bundle.right.cx,
-                baseline_m: f.bundle.right_from_left.translation.vector.norm(),
-            }
+        .map(|(f, weight)| ModelSummary {
+            model: f.model,
+            rms_px: (f.fit.squared_error_px2 / f.bundle.corners().max(1) as f64).sqrt(),
+            aic: f.aic,
+            weight,
+            defensible: f.aic <= best + DEFENSIBLE,
+            left_fx: f.bundle.left.fx,
+            right_fx: f.bundle.right.fx,
+            left_cx: f.bundle.left.cx,
+            right_cx: f.bundle.right.cx,
+            baseline_m: f.bundle.right_from_left.translation.vector.norm(),
         })
         .collect()
 }

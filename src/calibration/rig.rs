@@ -41,6 +41,11 @@ pub struct RigidTransform {
 }
 
 impl RigidTransform {
+    /// No turn, no shift.
+    pub fn identity() -> Self {
+        RigidTransform::from_isometry(&Isometry3::identity())
+    }
+
     pub fn from_isometry(iso: &Isometry3<f64>) -> Self {
         RigidTransform { r: rows(iso.rotation.to_rotation_matrix().matrix()), t: iso.translation.vector.into(), sd: BTreeMap::new() }
     }
@@ -109,7 +114,7 @@ impl StereoRig {
     /// tells: only without pictures of the frame it is written as the identity, which no frame in front of a camera has. Whether the pictures are
     /// still there does not matter.
     pub fn axes_known(&self) -> bool {
-        let left = RigidTransform::from_isometry(&Isometry3::identity());
+        let left = RigidTransform::identity();
         (self.global_from_left.r, self.global_from_left.t) != (left.r, left.t)
     }
 

@@ -61,7 +61,7 @@ pub struct MeasuredBoard {
 impl Calibration {
     /// Views that both cameras see, in order.
     pub fn stereo_views(&self) -> Vec<usize> {
-        (0..self.bundle.views.len()).filter(|&v| !self.bundle.views[v].left.is_empty() && !self.bundle.views[v].right.is_empty()).collect()
+        (0..self.bundle.views.len()).filter(|&v| self.bundle.views[v].is_in_both()).collect()
     }
 
     /// The views split into folds: which are held out together.

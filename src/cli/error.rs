@@ -85,6 +85,11 @@ impl CliError {
     }
 }
 
+/// Of each that failed its id and the reason, with `between` standing between them.
+pub fn with_reasons(failed: &[(String, String)], between: &str) -> String {
+    failed.iter().map(|(id, why)| format!("{id}: {why}")).collect::<Vec<_>>().join(between)
+}
+
 /// A file that a command needs, named when it is not there.
 pub fn existing<'a>(path: &'a Path, what: &str) -> Result<&'a Path, CliError> {
     if path.exists() {

@@ -1,7 +1,7 @@
 //! The files that compare, diagnose and fit share: an impacts table, rackets, balls, a model; and the ledger of models.
 
 use super::Shell;
-use super::error::CliError;
+use super::error::{CliError, with_reasons};
 use crate::equipment::Racket;
 use crate::equipment_set::EquipmentSet;
 use crate::impact::{Base, Model};
@@ -111,9 +111,8 @@ impl Loaded {
         if unusable.is_empty() {
             return Ok(());
         }
-        let lines: Vec<String> = unusable.iter().map(|(id, why)| format!("{id}: {why}")).collect();
         let rows = unusable.len() + self.observations.impacts.len();
-        Err(CliError::some_failed(format!("{} of {rows} impacts cannot be used:\n  {}", unusable.len(), lines.join("\n  "))))
+        Err(CliError::some_failed(format!("{} of {rows} impacts cannot be used:\n  {}", unusable.len(), with_reasons(unusable, "\n  "))))
     }
 }
 

@@ -1,7 +1,7 @@
 //! `sweetspot shots`.
 
 use super::Shell;
-use super::error::{CliError, Kind};
+use super::error::{CliError, Kind, with_reasons};
 use super::set_aside::{listed, set_aside, set_judgements_aside, set_session_aside};
 use super::tracked_session::{TrackedSession, refuse_no_place};
 use crate::impact_table::{ImpactRow, ImpactTable};
@@ -92,8 +92,8 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     if summary.failed.is_empty() {
         return Ok(());
     }
-    let lines: Vec<String> = summary.failed.iter().map(|(id, why)| format!("{id}: {why}")).collect();
-    let message = format!("{} of {} shots failed:\n  {}", lines.len(), summary.shots.len() + lines.len(), lines.join("\n  "));
+    let (failed, all) = (summary.failed.len(), summary.shots.len() + summary.failed.len());
+    let message = format!("{failed} of {all} shots failed:\n  {}", with_reasons(&summary.failed, "\n  "));
     Err(CliError::some_failed(message).of_shots(summary.failed))
 }
 

@@ -1,7 +1,7 @@
 //! `sweetspot track`.
 
 use super::Shell;
-use super::error::CliError;
+use super::error::{CliError, with_reasons};
 use super::set_aside::{listed, remove_if_there, set_all_aside, set_aside};
 use super::tracked_session::{refuse_no_place, rig_to_measure_with, warn_of_old_calibration};
 use crate::calibration::{CameraId, StereoRig};
@@ -130,8 +130,7 @@ fn track(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     if failed.is_empty() {
         return Ok(());
     }
-    let lines: Vec<String> = failed.iter().map(|(id, why)| format!("{id}: {why}")).collect();
-    Err(CliError::some_failed(lines.join("\n")).of_shots(failed))
+    Err(CliError::some_failed(with_reasons(&failed, "\n")).of_shots(failed))
 }
 
 /// What is to be said of a shot.

@@ -1,7 +1,7 @@
 //! The part of `sweetspot explore` that asks what a slower camera would have got wrong (thesis 4.5.1).
 
 use crate::cli::Shell;
-use crate::cli::error::CliError;
+use crate::cli::error::{CliError, with_reasons};
 use crate::cli::tracked_session::TrackedSession;
 use crate::kinematics::{FrameRateStudy, ShotInput, ShotSpin, frame_rate_study};
 use crate::report::frame_rate_page;
@@ -60,8 +60,8 @@ pub fn study_session(folder: &Path, only: &[String], shell: &Shell) -> Result<()
         }
     }
     if studies.shots.is_empty() {
-        let why: Vec<String> = studies.failed.iter().map(|(id, why)| format!("{id}: {why}")).collect();
-        return Err(CliError::input(format!("no shot could be measured:\n  {}", why.join("\n  "))).hint("run `sweetspot track` and `sweetspot shots` first"));
+        let why = with_reasons(&studies.failed, "\n  ");
+        return Err(CliError::input(format!("no shot could be measured:\n  {why}")).hint("run `sweetspot track` and `sweetspot shots` first"));
     }
     let (page, figures) = frame_rate_page(&session.name, &studies.shots);
     for (name, svg) in &figures {
@@ -76,6 +76,5 @@ pub fn study_session(folder: &Path, only: &[String], shell: &Shell) -> Result<()
     if studies.failed.is_empty() {
         return Ok(());
     }
-    let lines: Vec<String> = studies.failed.iter().map(|(id, why)| format!("{id}: {why}")).collect();
-    Err(CliError::some_failed(format!("{} shots failed:\n  {}", lines.len(), lines.join("\n  "))))
+    Err(CliError::some_failed(format!("{} shots failed:\n  {}", studies.failed.len(), with_reasons(&studies.failed, "\n  "))))
 }

@@ -109,13 +109,17 @@ pub(super) fn session_at_its_best(session: &Session, impacts: &Path, model: &Pat
 
 /// The file of one version on the way: `model-auto.1.toml`, so that any step can be gone back to or branched from.
 fn version_name(output: &Path, step: usize) -> PathBuf {
-    let stem = output.file_stem().map_or_else(|| "model".to_owned(), |s| s.to_string_lossy().into_owned());
-    output.with_file_name(format!("{stem}.{step}.toml"))
+    model_beside(output, &format!(".{step}"))
 }
 
 fn auto_name(model: &Path) -> PathBuf {
+    model_beside(model, "-auto")
+}
+
+/// A model file beside another one, with more behind its name.
+fn model_beside(model: &Path, more: &str) -> PathBuf {
     let stem = model.file_stem().map_or_else(|| "model".to_owned(), |s| s.to_string_lossy().into_owned());
-    model.with_file_name(format!("{stem}-auto.toml"))
+    model.with_file_name(format!("{stem}{more}.toml"))
 }
 
 /// `--auto`: what is said of a [`Walk`], its versions in files of their own and in the ledger.

@@ -93,7 +93,7 @@ fn list(cards: &[&EffectCard]) -> String {
 
 fn in_full(card: &EffectCard) -> String {
     let mut t = String::new();
-    let kind = if card.kind == EffectKind::Physics { "physics" } else { "measurement" };
+    let kind = card.kind.name();
     let _ = writeln!(t, "{} ({kind})\n\n  {}\n\n  Equation      {}\n  Parameters", card.name, card.physics, card.equation);
     for p in card.parameters {
         let _ = writeln!(t, "    {}", parameter_line(p));

@@ -112,8 +112,12 @@ impl Shell {
 
     /// The same shell with its results where they are by default.
     pub fn with_default_results(&self) -> Shell {
-        let args = ShellArgs { out: None, ..self.args.clone() };
-        Shell { args, out_was_asked: false, stdout_is_taken: self.stdout_is_taken, given: Mutex::default(), cancelled: self.cancelled.clone() }
+        Shell { out_was_asked: false, ..self.with(ShellArgs { out: None, ..self.args.clone() }) }
+    }
+
+    /// A shell for a step of this one, to which the user gave nothing yet.
+    fn with(&self, args: ShellArgs) -> Shell {
+        Shell { args, out_was_asked: self.out_was_asked, stdout_is_taken: self.stdout_is_taken, given: Mutex::default(), cancelled: self.cancelled.clone() }
     }
 
     /// Runs another command as if typed, with this shell's `--force` and cancel flag, its results going to `out`.
@@ -123,16 +127,7 @@ impl Shell {
         let words = std::iter::once(std::ffi::OsStr::new("sweetspot")).chain(arguments.iter().copied());
         let cli = Cli::try_parse_from(words).map_err(|e| CliError::input(format!("this program cannot run that step: {e}")))?;
         let args = ShellArgs { json: false, threads: None, force: self.args.force, out: Some(out.to_path_buf()) };
-        dispatch(
-            cli.command,
-            &Shell {
-                args,
-                out_was_asked: self.out_was_asked,
-                stdout_is_taken: self.stdout_is_taken,
-                given: Mutex::default(),
-                cancelled: self.cancelled.clone(),
-            },
-        )
+        dispatch(cli.command, &self.with(args))
     }
 
     /// A progress bar on stderr, hidden when stderr is not a terminal.

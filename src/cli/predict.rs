@@ -27,7 +27,8 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let set = EquipmentSet::read(racket, ball)?;
     let model = Model::read(model)?;
     let results = predict_table(&model, &set, &table)?;
-    let path = shell.results_beside(impacts).join("predictions.csv");
+    let beside = shell.results_beside(impacts);
+    let path = beside.join("predictions.csv");
     let rows: Vec<(&str, Option<&ImpactOutput>)> = table.rows.iter().zip(&results).map(|(r, o)| (r.id.as_str(), o.as_ref().ok())).collect();
     // An impulse has no contact time.
     let timed = results.iter().flatten().any(|o| o.contact_time.is_some());
@@ -38,7 +39,6 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     if arguments.sensitivities {
         let derivatives = differentiate_table(&model, &set, &table)?;
         let rows: Vec<(&str, &Result<RowSensitivity, RowError>)> = table.rows.iter().map(|r| r.id.as_str()).zip(&derivatives).collect();
-        let beside = shell.results_beside(impacts);
         shell.write_output(&beside.join("sensitivities.csv"), Output::Predictions, sensitivities_csv(&rows, &model, columns)?.as_bytes())?;
         let path = beside.join("predictions_sd.csv");
         shell.write_output(&path, Output::Predictions, deviations_csv(&rows, columns)?.as_bytes())?;
@@ -99,7 +99,7 @@ fn predictions_csv(rows: &[(&str, Option<&ImpactOutput>)], columns: &[&str]) -> 
     let mut csv = csv::Writer::from_writer(Vec::new());
     csv.write_field("id").and_then(|()| csv.write_record(columns)).map_err(CliError::output)?;
     for (id, output) in rows {
-        let cells = output.map_or([None; 13], ImpactOutput::as_columns);
+        let cells = output.map_or([None; OUTPUTS.len()], ImpactOutput::as_columns);
         // `{}` prints the shortest text that reads back as the same number.
         let text = cells[..columns.len()].iter().map(|c| c.map_or_else(String::new, |v| v.to_string()));
         csv.write_field(id).and_then(|()| csv.write_record(text)).map_err(CliError::output)?;

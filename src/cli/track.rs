@@ -322,8 +322,8 @@ fn for_others(
     if !arguments.export.is_empty() {
         points_are_of_tracks(folder)?;
     }
-    let (tracks, points) =
-        (Tracks::read(&folder.join("tracks.csv")).map_err(CliError::input)?, read_points(&folder.join("points.csv")).map_err(CliError::input)?);
+    let tracks = Tracks::read(&folder.join("tracks.csv")).map_err(CliError::input)?;
+    let points = read_points(&folder.join("points.csv")).map_err(CliError::input)?;
     let clip = Clip::list(&shot.camera("left"), &shot.camera("right")).map_err(CliError::input)?.shifted(right_shift);
     let (Some(first), Some(last)) = (clip.pairs.first(), clip.pairs.last()) else { return Ok(()) };
     let export = TrackExport { tracks: &tracks, points: &points, rig, frame_rate_hz: session.frame_rate_hz, frames: first.number..=last.number };

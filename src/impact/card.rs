@@ -12,6 +12,15 @@ pub enum EffectKind {
     Measurement,
 }
 
+impl EffectKind {
+    pub fn name(self) -> &'static str {
+        match self {
+            EffectKind::Physics => "physics",
+            EffectKind::Measurement => "measurement",
+        }
+    }
+}
+
 /// What a parameter does to its effect.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[serde(rename_all = "lowercase", tag = "role")]

@@ -6,7 +6,7 @@ use super::observation::{Gear, Observations, TableOptions};
 use super::predicted::unpredicted;
 use super::screen::STRENGTH_PRIOR;
 use crate::equipment_set::EquipmentSet;
-use crate::impact::{Base, EffectKind, ImpactInput, ImpactOutput, Model, ModelError, Parameter, PreparedModel, Role, catalogue};
+use crate::impact::{Base, ImpactInput, ImpactOutput, Model, ModelError, Parameter, PreparedModel, Role, catalogue};
 use crate::impact_table::ImpactTable;
 
 /// Share of the impacts that a model may have no answer for. A few stand at a limit of physics (the ball does not approach); a model that fails for more
@@ -144,10 +144,7 @@ impl ModelLibrary {
                 };
                 EffectOutline {
                     name: card.name.to_owned(),
-                    kind: match card.kind {
-                        EffectKind::Physics => "physics",
-                        EffectKind::Measurement => "measurement",
-                    },
+                    kind: card.kind.name(),
                     strengths: card
                         .strengths()
                         .filter_map(|(_, p)| match Parameter::from_card(Some(card.name), p).in_base(model.base(), p) {

@@ -1,8 +1,7 @@
 //! Reads what the commands left in a session's results folder, for its report.
 
 use super::frame_doubt::{Doubt, frames_of_doubt};
-use super::session_results::FramePicture;
-use super::session_results::{PredictedShot, SessionResults, ShotResults};
+use super::session_results::{FramePicture, PredictedShot, SessionResults, ShotResults};
 use crate::calibration::StereoRig;
 use crate::footage::{Clip, read_grey};
 use crate::impact_table::ImpactTable;
@@ -11,6 +10,7 @@ use crate::limited_file::{LARGEST_TABLE, read_text};
 use crate::session::{Session, ShotFolder};
 use crate::tracking::{SpacePoint, TrackRecord, Tracks, read_points};
 use serde::de::DeserializeOwned;
+use std::fmt::Display;
 use std::path::Path;
 
 /// Everything that stands in `results` for this session. A file that is not there is a step not done; one that cannot be
@@ -18,14 +18,14 @@ use std::path::Path;
 pub fn read_session_results(session: &Session, results: &Path) -> SessionResults {
     let mut failed = session.broken_shots.clone();
     let mut steps_failed = Vec::new();
-    let rig = read(&results.join("calibration.json"), "calibration", &mut steps_failed, |p| StereoRig::read(p).map_err(|e| e.to_string()));
+    let rig = read(&results.join("calibration.json"), "calibration", &mut steps_failed, StereoRig::read);
     let mut shots = Vec::new();
     for folder in &session.shots {
         let place = results.join("shots").join(&folder.id);
         let before = failed.len();
-        let record = read(&place.join(SHOT_FILE), &folder.id, &mut failed, |p| ShotRecord::read(p).map_err(|e| e.to_string()));
-        let tracks = read(&place.join("tracks.csv"), &folder.id, &mut failed, |p| Tracks::read(p).map_err(|e| e.to_string()));
-        let points = read(&place.join("points.csv"), &folder.id, &mut failed, |p| read_points(p).map_err(|e| e.to_string())).unwrap_or_default();
+        let record = read(&place.join(SHOT_FILE), &folder.id, &mut failed, ShotRecord::read);
+        let tracks = read(&place.join("tracks.csv"), &folder.id, &mut failed, Tracks::read);
+        let points = read(&place.join("points.csv"), &folder.id, &mut failed, read_points).unwrap_or_default();
         if record.is_none() && failed.len() == before {
             let why = if tracks.is_some() { "tracked, but not measured (see `sweetspot shots`)" } else { "not tracked (see `sweetspot track`)" };
             failed.push((folder.id.clone(), why.to_owned()));
@@ -35,7 +35,7 @@ pub fn read_session_results(session: &Session, results: &Path) -> SessionResults
         let recording = if tracks.is_some() { [tracked.notes, tracked.unreadable].concat() } else { Vec::new() };
         shots.push(ShotResults { id: folder.id.clone(), racket: folder.racket.clone(), record, tracks, points, pictures, recording });
     }
-    let table = |name: &str, failed: &mut _| read(&results.join(name), name, failed, |p| ImpactTable::read(p).map_err(|e| e.to_string())).unwrap_or_default();
+    let table = |name: &str, failed: &mut _| read(&results.join(name), name, failed, ImpactTable::read).unwrap_or_default();
     let (measured, predictions) = (table("impacts.csv", &mut steps_failed), table("predictions.csv", &mut steps_failed));
     let predicted = measured
         .rows
@@ -59,11 +59,11 @@ pub fn read_session_results(session: &Session, results: &Path) -> SessionResults
     }
 }
 
-fn read<T>(path: &Path, what: &str, failed: &mut Vec<(String, String)>, reader: impl Fn(&Path) -> Result<T, String>) -> Option<T> {
+fn read<T, E: Display>(path: &Path, what: &str, failed: &mut Vec<(String, String)>, reader: impl Fn(&Path) -> Result<T, E>) -> Option<T> {
     if !path.exists() {
         return None;
     }
-    reader(path).map_err(|why| failed.push((what.to_owned(), why))).ok()
+    reader(path).map_err(|why| failed.push((what.to_owned(), why.to_string()))).ok()
 }
 
 fn json<T: DeserializeOwned>(path: &Path, what: &str, failed: &mut Vec<(String, String)>) -> Option<T> {

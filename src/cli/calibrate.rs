@@ -5,7 +5,7 @@ use super::error::{CliError, existing};
 use crate::calibration::{
     AxesFrame, CalibrationError, CalibrationOptions, Checkerboard, PairViews, StereoRig, ViewFault, calibrate_views, dltdv_csv, find_corners, global_axes,
 };
-use crate::footage::{numbered_images, read_grey};
+use crate::footage::{last_digits, numbered_images, read_grey};
 use crate::provenance::Provenance;
 use crate::report::{Report, sections};
 use crate::session::Session;
@@ -283,11 +283,9 @@ fn imported(session: &Session, file: &Path, shell: &Shell) -> Result<RigAndAxes,
 
 /// The number as the file name shows it, leading zeros included.
 fn pair_name(number: u64, path: Option<&PathBuf>) -> String {
-    let plain = number.to_string();
-    let stem = path.and_then(|p| p.file_stem()).map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
-    let digits: String = stem.chars().rev().skip_while(|c| !c.is_ascii_digit()).take_while(char::is_ascii_digit).collect();
-    let shown: String = digits.chars().rev().collect();
-    if shown.parse() == Ok(number) { shown } else { plain }
+    let stem = path.and_then(|p| p.file_stem()).map(|s| s.to_string_lossy());
+    let shown = stem.as_deref().and_then(last_digits).filter(|shown| shown.parse() == Ok(number));
+    shown.map_or_else(|| number.to_string(), str::to_owned)
 }
 
 fn summarise(rig: &StereoRig, json: &Path, shell: &Shell) {

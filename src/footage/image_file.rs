@@ -224,7 +224,8 @@ fn number_in(name: &str, path: &Path) -> Result<u64, FootageError> {
     digits.parse().map_err(|_| FootageError::NumberTooLarge { path: path.into() })
 }
 
-fn last_digits(text: &str) -> Option<&str> {
+/// The last run of digits in a text.
+pub(crate) fn last_digits(text: &str) -> Option<&str> {
     let end = text.rfind(|c: char| c.is_ascii_digit())? + 1;
     let start = text[..end].rfind(|c: char| !c.is_ascii_digit()).map_or(0, |i| i + text[i..].chars().next().map_or(1, char::len_utf8));
     Some(&text[start..end])

@@ -17,6 +17,8 @@ pub use clip::{Clip, FramePair};
 pub use frame_source::{FrameBuffer, FrameSource};
 pub use grey_patch::GreyPatch;
 pub use grey_view::GreyView;
+#[cfg(feature = "vision")]
+pub(crate) use image_file::last_digits;
 pub use image_file::{FootageError, GreyImage, LARGEST_FRAME_NUMBER, MAX_PIXELS, numbered_images, read_grey};
 pub use open_files::let_files_stay_open;
 pub use rows::Rows;

@@ -1,6 +1,6 @@
 //! The frame-rate study as a page: what a slower camera would have got wrong (thesis 4.5.1, figures 4.14 to 4.16).
 
-use super::chart::{Chart, Line, Points, SERIES, Symbol};
+use super::chart::{Chart, Colour, Line, Points, Symbol};
 use super::markup::fixed;
 use super::page::{Layout, Report, Section, Table};
 use crate::kinematics::{FrameRateStudy, SlowerCamera};
@@ -107,7 +107,9 @@ fn path_figure(study: &FrameRateStudy, camera: &SlowerCamera) -> Option<(String,
     let mut told = Vec::new();
     for (k, (name, path)) in sides.iter().enumerate() {
         let Some((ends, r2)) = straight(path) else { continue };
-        chart = chart.add(Line::new(&ends).colour(SERIES[k])).add(Points::new(path).name(name).symbol(Symbol::SERIES[k]).colour(SERIES[k]));
+        chart = chart
+            .add(Line::new(&ends).colour(Colour::of_series(k)))
+            .add(Points::new(path).name(name).symbol(Symbol::of_series(k)).colour(Colour::of_series(k)));
         told.push(format!("{name} {} frames, R² = {}", path.len(), fixed(r2, 5)));
     }
     if told.is_empty() {

@@ -5,7 +5,7 @@ use super::report::{assert_page, racket};
 use nalgebra::{Point3, Vector3};
 use rand::{Rng, SeedableRng};
 use rand_distr::StandardNormal;
-use sweetspot::report::chart::{Arrows, Band, Bars, Cells, Chart, Colour, Line, Points, Rule, SERIES, Scene, Symbol, bin_edges, face, histogram};
+use sweetspot::report::chart::{Arrows, Band, Bars, Cells, Chart, Colour, Line, Points, Rule, Scene, Symbol, bin_edges, face, histogram};
 use sweetspot::report::{Layout, Report, Section, Table, Tone};
 
 fn gallery() -> String {
@@ -85,7 +85,7 @@ fn gallery() -> String {
     for k in 0..12 {
         let c = Point3::new(0.4 * f64::from(k % 4) - 0.6, 0.7 + 0.4 * f64::from(k / 4), 0.3 * f64::from(k % 3));
         let b = [(0.0, 0.0), (0.48, 0.05), (0.48, 0.36), (0.0, 0.3)].map(|(x, y)| c + Vector3::new(x, y, 0.1 * x));
-        scene = scene.outline(&b, if k == 0 { "boards used" } else { "" }, SERIES[0]);
+        scene = scene.outline(&b, if k == 0 { "boards used" } else { "" }, Colour::of_series(0));
     }
     let path: Vec<Point3<f64>> = (0..30).map(|i| Point3::new(0.05 * f64::from(i), 1.0 + 0.2 * (0.1 * f64::from(i)).sin(), 0.1)).collect();
     let scene = scene.path(&path, "ball", Colour::ORANGE).dots(&path[..5], 4.0, "before impact", Colour::GREEN).to_svg();

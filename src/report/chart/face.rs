@@ -73,8 +73,8 @@ pub fn strung_area(racket: &Racket) -> Shape {
 pub fn spots(mut chart: Chart, spots: &[Spot]) -> Chart {
     for (i, spot) in spots.iter().filter(|s| s.x_m.is_finite() && s.y_m.is_finite()).enumerate() {
         let at = [(1000.0 * spot.y_m, 1000.0 * spot.x_m)];
-        let symbol = Symbol::SERIES[(i + 1) % Symbol::SERIES.len()];
-        chart = chart.add(Points::new(&at).symbol(symbol).size(8.0).colour(super::SERIES[(i + 1) % super::SERIES.len()]).name(&spot.name));
+        let symbol = Symbol::of_series(i + 1);
+        chart = chart.add(Points::new(&at).symbol(symbol).size(8.0).colour(Colour::of_series(i + 1)).name(&spot.name));
     }
     chart
 }

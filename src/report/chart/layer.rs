@@ -17,8 +17,11 @@ pub enum Symbol {
 }
 
 impl Symbol {
-    /// Forms in order of use for series.
-    pub const SERIES: [Symbol; 6] = [Symbol::Circle, Symbol::Square, Symbol::Triangle, Symbol::Diamond, Symbol::Cross, Symbol::Plus];
+    /// Of the `k`-th series.
+    pub fn of_series(k: usize) -> Symbol {
+        const SERIES: [Symbol; 6] = [Symbol::Circle, Symbol::Square, Symbol::Triangle, Symbol::Diamond, Symbol::Cross, Symbol::Plus];
+        SERIES[k % SERIES.len()]
+    }
 }
 
 macro_rules! layers {

@@ -30,7 +30,7 @@ mod svg;
 pub use histogram::{bin_edges, histogram};
 pub use layer::{Arrows, Band, Bars, Cells, Label, Layer, Line, Picture, Points, Rule, Shape, Symbol};
 pub(in crate::report) use palette::dark_style;
-pub use palette::{Colour, SERIES, diverging, sequential};
+pub use palette::{Colour, diverging, sequential};
 pub use plot::{Chart, Legend};
 pub use scene::Scene;
 pub(in crate::report) use svg::OWN_STYLE;

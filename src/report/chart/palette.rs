@@ -52,7 +52,14 @@ pub(in crate::report) fn dark_style() -> String {
 }
 
 /// Colours of series in order of use.
-pub const SERIES: [Colour; 6] = [Colour::BLUE, Colour::ORANGE, Colour::GREEN, Colour::PINK, Colour::SKY, Colour::AMBER];
+const SERIES: [Colour; 6] = [Colour::BLUE, Colour::ORANGE, Colour::GREEN, Colour::PINK, Colour::SKY, Colour::AMBER];
+
+impl Colour {
+    /// Of the `k`-th series.
+    pub fn of_series(k: usize) -> Colour {
+        SERIES[k % SERIES.len()]
+    }
+}
 
 const SEQUENTIAL: [[f64; 3]; 6] =
     [[0.0, 32.0, 77.0], [60.0, 77.0, 110.0], [108.0, 110.0, 114.0], [153.0, 144.0, 115.0], [203.0, 184.0, 95.0], [253.0, 231.0, 55.0]];

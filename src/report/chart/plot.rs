@@ -3,7 +3,7 @@
 use super::axis::{Axis, Scale};
 use super::draw::{self, Plane, arrow, marks, stroke};
 use super::layer::{Layer, extent};
-use super::palette::{Colour, SERIES};
+use super::palette::Colour;
 use super::svg::{Anchor, Svg, TEXT, px, shorten, text_width};
 use std::fmt::Write;
 
@@ -277,7 +277,7 @@ impl Chart {
         let mut own = |colour: Option<Colour>| {
             colour.unwrap_or_else(|| {
                 *next += 1;
-                SERIES[(*next - 1) % SERIES.len()]
+                Colour::of_series(*next - 1)
             })
         };
         match layer {
@@ -313,7 +313,7 @@ impl Chart {
             };
             let colour = colour.unwrap_or_else(|| {
                 next += 1;
-                SERIES[(next - 1) % SERIES.len()]
+                Colour::of_series(next - 1)
             });
             if name.is_empty() {
                 continue;

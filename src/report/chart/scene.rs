@@ -2,7 +2,7 @@
 
 use super::draw::{arrow, marks, stroke};
 use super::layer::Symbol;
-use super::palette::{Colour, SERIES};
+use super::palette::Colour;
 use super::svg::{Anchor, Svg, TEXT, polyline, px, shorten, text_width};
 use nalgebra::{Point3, Vector3};
 
@@ -153,11 +153,6 @@ impl Scene {
             x += width;
         }
         y
-    }
-
-    /// Colour of the `i`-th series.
-    pub fn series(i: usize) -> Colour {
-        SERIES[i % SERIES.len()]
     }
 }
 

@@ -4,7 +4,7 @@ use super::quantity_words::quantity_words;
 use super::regression::regression;
 use crate::equipment::Racket;
 use crate::kinematics::{Shot, effective_mass, season_statistics};
-use crate::report::chart::{Arrows, Band, Bars, Cells, Chart, Line, Points, Rule, SERIES, Symbol, bin_edges, face, histogram};
+use crate::report::chart::{Arrows, Band, Bars, Cells, Chart, Colour, Line, Points, Rule, Symbol, bin_edges, face, histogram};
 use crate::report::markup::{fixed, significant, with_sd};
 use crate::report::page::{Layout, Section, Table};
 use crate::report::session_results::SessionResults;
@@ -232,7 +232,7 @@ fn frequency(name: &str, title: &str, label: &str, unit: &str, series: &[(String
         };
         bins.extend(counts.iter().map(bin));
         let bars: Vec<(f64, f64, f64)> = counts.into_iter().map(own).collect();
-        chart = chart.add(Bars::new(&bars).name(group).colour(SERIES[k % SERIES.len()]));
+        chart = chart.add(Bars::new(&bars).name(group).colour(Colour::of_series(k)));
         told.push(format!("{group} {}", mean_sd(values)).trim_start().to_owned());
     }
     let caption = format!("Mean ± sd over the shots: {}{tail}.", told.join(", "));
@@ -264,8 +264,7 @@ fn impact_positions(racket: &Racket, groups: &[Group<'_>]) -> Option<SeasonFigur
         let of_racket = Group { name: g.name.clone(), shots: g.shots.iter().copied().filter(|s| s.racket == racket.name).collect() };
         let at = pairs(&of_racket, "impact_y", "impact_x");
         any |= !at.is_empty();
-        chart =
-            chart.add(Points::new(&at).name(if groups.len() > 1 { &g.name } else { "impacts" }).symbol(Symbol::SERIES[k % 6]).colour(SERIES[k % SERIES.len()]));
+        chart = chart.add(Points::new(&at).name(if groups.len() > 1 { &g.name } else { "impacts" }).symbol(Symbol::of_series(k)).colour(Colour::of_series(k)));
     }
     let chart = face::spots(chart, &sweet_spots(racket, &shots));
     let caption = format!("Impacts on {} and the mean sweet spots of these shots, as far as they lie on the head (as thesis figure 5.20).", racket.name);
@@ -306,7 +305,7 @@ fn trend(name: &str, groups: &[Group<'_>], x: &str, y: &str, thesis: &str) -> Op
     let mut chart = Chart::new(&format!("{} against {}", capital(&wy.words), wx.words)).x(&wx.words, wx.unit).y(&wy.words, wy.unit);
     let mut caption = format!("As thesis figure {thesis}.");
     if let Some(r) = regression(&all) {
-        chart = chart.add(Band::new(&r.band).colour(SERIES[4])).add(Line::new(&r.line).colour(SERIES[4])).note(&format!("R² = {}", fixed(r.r2, 2)));
+        chart = chart.add(Band::new(&r.band).colour(Colour::SKY)).add(Line::new(&r.line).colour(Colour::SKY)).note(&format!("R² = {}", fixed(r.r2, 2)));
         caption = format!(
             "Straight line with its 95 % band: slope {} {} per {}, R² = {} (as thesis figure {thesis}).",
             with_sd(r.slope, r.slope_sd),
@@ -316,7 +315,7 @@ fn trend(name: &str, groups: &[Group<'_>], x: &str, y: &str, thesis: &str) -> Op
         );
     }
     for (k, g) in groups.iter().enumerate() {
-        chart = chart.add(Points::new(&pairs(g, x, y)).name(g.legend(groups.len())).symbol(Symbol::SERIES[k % 6]).colour(SERIES[k % SERIES.len()]));
+        chart = chart.add(Points::new(&pairs(g, x, y)).name(g.legend(groups.len())).symbol(Symbol::of_series(k)).colour(Colour::of_series(k)));
     }
     Some(SeasonFigure { name: name.to_owned(), svg: chart.describe(&caption).to_svg(), caption, bins: Vec::new() })
 }
@@ -336,7 +335,7 @@ fn movement(groups: &[Group<'_>]) -> Option<SeasonFigure> {
     for (k, g) in groups.iter().enumerate() {
         let by = pairs(g, "impact_point_in_vy", "impact_point_in_vx");
         any |= !by.is_empty();
-        chart = chart.add(Arrows::new(&vec![(0.0, 0.0); by.len()], &by, 1.0).name(g.legend(groups.len())).colour(SERIES[k % SERIES.len()]));
+        chart = chart.add(Arrows::new(&vec![(0.0, 0.0); by.len()], &by, 1.0).name(g.legend(groups.len())).colour(Colour::of_series(k)));
     }
     let caption = "Each arrow is the velocity of one shot's impact point before the impact, from the origin (as thesis figure 5.23).".to_owned();
     any.then(|| SeasonFigure { name: "local-movement".to_owned(), svg: chart.describe(&caption).to_svg(), caption, bins: Vec::new() })
@@ -349,7 +348,7 @@ fn success(groups: &[Group<'_>]) -> Option<SeasonFigure> {
     for (k, g) in groups.iter().enumerate() {
         let at = pairs(g, "impact_success_ratio", "efficiency");
         any |= !at.is_empty();
-        chart = chart.add(Points::new(&at).name(g.legend(groups.len())).symbol(Symbol::SERIES[k % 6]).colour(SERIES[k % SERIES.len()]));
+        chart = chart.add(Points::new(&at).name(g.legend(groups.len())).symbol(Symbol::of_series(k)).colour(Colour::of_series(k)));
     }
     let caption = "1: the ball met the ideal point (as thesis figure 5.24).".to_owned();
     any.then(|| SeasonFigure {

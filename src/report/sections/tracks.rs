@@ -2,7 +2,7 @@
 
 use super::shots::shot_heading;
 use crate::calibration::CameraId;
-use crate::report::chart::{Chart, Colour, Legend, Line, Picture, Points, Rule, SERIES, Symbol};
+use crate::report::chart::{Chart, Colour, Legend, Line, Picture, Points, Rule, Symbol};
 use crate::report::frame_doubt::impact_frame;
 use crate::report::markup::fixed;
 use crate::report::page::{Layout, Section};
@@ -80,7 +80,7 @@ fn overlay(shot: &ShotResults, picture: &FramePicture) -> String {
 
 /// The ball is blue, markers take the other colours.
 fn target_colour(index: usize) -> Colour {
-    if Target::ALL.get(index) == Some(&Target::Ball) { Colour::BLUE } else { SERIES[(index + 1) % SERIES.len()] }
+    if Target::ALL.get(index) == Some(&Target::Ball) { Colour::BLUE } else { Colour::of_series(index + 1) }
 }
 
 fn shot_figures(shot: &ShotResults, tracks: &Tracks) -> Vec<(String, String)> {
@@ -112,7 +112,7 @@ fn paths(tracks: &Tracks, camera: CameraId, from: u64, to: u64) -> String {
         if at.iter().all(|p| !p.0.is_finite()) {
             continue;
         }
-        let (colour, symbol) = (target_colour(k), Symbol::SERIES[k % Symbol::SERIES.len()]);
+        let (colour, symbol) = (target_colour(k), Symbol::of_series(k));
         chart = chart.add(Line::new(&at).colour(colour).width(0.8)).add(Points::new(&at).symbol(symbol).size(3.4).colour(colour).name(target.name()));
     }
     chart.to_svg()

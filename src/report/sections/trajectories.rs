@@ -82,8 +82,8 @@ fn components(shot: &ShotResults, room: Room) -> String {
         let ball: Vec<&SpacePoint> = near(shot).filter(|p| p.target == Target::Ball).collect();
         let at: Vec<(f64, f64)> = ball.iter().map(|p| (1000.0 * p.t, room.point(&p.position)[k])).collect();
         let sd: Vec<f64> = ball.iter().map(|p| 2.0 * room.vector(&p.sd)[k].abs()).collect();
-        let symbol = Symbol::SERIES[k];
-        let colour = crate::report::chart::SERIES[k];
+        let symbol = Symbol::of_series(k);
+        let colour = Colour::of_series(k);
         chart = chart.add(Line::new(&at).width(0.7).colour(colour)).add(Points::new(&at).y_error(&sd).symbol(symbol).size(3.2).colour(colour).name(name));
     }
     chart.add(Rule::vertical(0.0)).to_svg()

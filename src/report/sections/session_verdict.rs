@@ -22,17 +22,7 @@ pub fn session_verdict(r: &SessionResults) -> Section {
         lines.push(format!("The calibration re-measures the checkerboard's squares as {} ± {} mm in space.", fixed(s.mean, 2), fixed(s.sd, 2)));
     }
     if all > 0 {
-        lines.push(if measured == all {
-            if all == 1 { "The one shot was measured.".to_owned() } else { format!("All {all} shots were measured.") }
-        } else if measured == 0 {
-            if all == 1 {
-                "The one shot could not be measured; the reason stands below.".to_owned()
-            } else {
-                format!("None of {all} shots could be measured; each is named with its reason below.")
-            }
-        } else {
-            format!("{measured} of {all} shots were measured; the others are named with their reason below.")
-        });
+        lines.push(measured_words(measured, all));
     }
     if !r.steps_failed.is_empty() {
         let steps = r.steps_failed.iter().map(|(step, _)| step.as_str()).collect::<Vec<_>>().join(", ");
@@ -49,26 +39,12 @@ pub fn session_verdict(r: &SessionResults) -> Section {
         let (is, its) = if doubts.len() == 1 { ("shot is", "its") } else { ("shots are", "their") };
         lines.push(format!("{} {is} in doubt, and {its} numbers with it. {}", doubts.len(), doubts.join(" ")));
     }
-    let speeds: Vec<f64> = r.shots.iter().filter_map(|s| s.record.as_ref()?.shot.quantities.get("ball_out_speed").map(|q| q.value)).collect();
-    let typical: Vec<f64> = r.shots.iter().filter_map(|s| s.record.as_ref()?.shot.quantities.get("ball_out_speed").map(|q| q.sd)).collect();
-    if let (1, Some(v), Some(sd)) = (speeds.len(), speeds.first(), typical.first()) {
-        cards.push((format!("{} m/s", with_sd(*v, *sd)), "ball speed after the impact".to_owned()));
-    } else if !speeds.is_empty() {
-        let n = speeds.len() as f64;
-        let mean = speeds.iter().sum::<f64>() / n;
-        let spread = (speeds.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0)).sqrt();
-        let own = typical.iter().sum::<f64>() / n;
-        cards.push((
-            format!("{} m/s", fixed(mean, 1)),
-            format!("mean ball speed after; shots spread by {} m/s, each known to {} m/s (sd)", fixed(spread, 1), fixed(own, 2)),
-        ));
-    }
+    cards.extend(ball_speed(r));
     let mut tone = if r.failed.is_empty() && r.steps_failed.is_empty() && doubts.is_empty() { Tone::Good } else { Tone::Doubt };
     if let Some(d) = &r.diagnosis {
-        (tone, _) = match d.verdict {
-            Verdict::Adequate => (tone, ()),
-            _ => (Tone::Bad, ()),
-        };
+        if d.verdict != Verdict::Adequate {
+            tone = Tone::Bad;
+        }
         lines.insert(
             0,
             match d.verdict {
@@ -91,7 +67,9 @@ pub fn session_verdict(r: &SessionResults) -> Section {
         }
     } else if let Some(c) = &r.comparison {
         let adequate = c.verdict == Adequacy::Adequate;
-        tone = if adequate { tone } else { Tone::Bad };
+        if !adequate {
+            tone = Tone::Bad;
+        }
         lines.insert(0, format!("The model “{}” is {} for these shots.", c.model, if adequate { "adequate" } else { "not adequate" }));
         cards.push((
             fixed(c.heldout_error_refitted, 2),
@@ -112,4 +90,28 @@ pub fn session_verdict(r: &SessionResults) -> Section {
         tone = Tone::Plain;
     }
     Section::new("verdict", "Verdict").verdict(tone, &lines).cards(&cards)
+}
+
+fn measured_words(measured: usize, all: usize) -> String {
+    match (measured, all) {
+        (1, 1) => "The one shot was measured.".to_owned(),
+        (0, 1) => "The one shot could not be measured; the reason stands below.".to_owned(),
+        (0, _) => format!("None of {all} shots could be measured; each is named with its reason below."),
+        _ if measured == all => format!("All {all} shots were measured."),
+        _ => format!("{measured} of {all} shots were measured; the others are named with their reason below."),
+    }
+}
+
+/// The card of the ball's speed after the impact: of one shot its own, of several their mean.
+fn ball_speed(r: &SessionResults) -> Option<(String, String)> {
+    let speeds: Vec<_> = r.shots.iter().filter_map(|s| s.record.as_ref()?.shot.quantities.get("ball_out_speed")).collect();
+    if let [one] = speeds.as_slice() {
+        return Some((format!("{} m/s", with_sd(one.value, one.sd)), "ball speed after the impact".to_owned()));
+    }
+    let n = speeds.len() as f64;
+    let mean = speeds.iter().map(|q| q.value).sum::<f64>() / n;
+    let spread = (speeds.iter().map(|q| (q.value - mean).powi(2)).sum::<f64>() / (n - 1.0)).sqrt();
+    let own = speeds.iter().map(|q| q.sd).sum::<f64>() / n;
+    let words = format!("mean ball speed after; shots spread by {} m/s, each known to {} m/s (sd)", fixed(spread, 1), fixed(own, 2));
+    (!speeds.is_empty()).then(|| (format!("{} m/s", fixed(mean, 1)), words))
 }

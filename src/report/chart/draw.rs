@@ -293,10 +293,15 @@ pub(super) fn rule(svg: &mut Svg, plane: &Plane, layer: &Rule) {
         (plane.at((layer.at, plane.y.low)), plane.at((layer.at, plane.y.high)))
     };
     if finite(a) && plane.holds(a) {
-        let ink = layer.colour.map_or("currentColor".to_owned(), |c| c.to_string());
-        let dashes = if layer.solid { "" } else { " stroke-dasharray=\"4 3\"" };
-        svg.line(a, b, &format!("fill=\"none\" stroke=\"{ink}\" stroke-opacity=\"0.75\"{dashes}"));
+        svg.line(a, b, &format!("fill=\"none\" {}", rule_stroke(layer)));
     }
+}
+
+/// How a rule is drawn, in the plane and in the legend.
+pub(super) fn rule_stroke(layer: &Rule) -> String {
+    let ink = layer.colour.map_or("currentColor".to_owned(), |c| c.to_string());
+    let dashes = if layer.solid { "" } else { " stroke-dasharray=\"4 3\"" };
+    format!("stroke=\"{ink}\" stroke-opacity=\"0.75\"{dashes}")
 }
 
 pub(super) fn label(svg: &mut Svg, plane: &Plane, layer: &Label, width: f64) {

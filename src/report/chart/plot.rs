@@ -159,9 +159,8 @@ impl Chart {
         let top = self.draw_head(&mut svg);
         let plane = self.plane(top);
         self.draw_axes(&mut svg, &plane);
-        let mut next = 0;
-        for layer in &self.layers {
-            self.draw(&mut svg, &plane, layer, &mut next);
+        for (layer, colour) in self.layers.iter().zip(self.colours()) {
+            self.draw(&mut svg, &plane, layer, colour);
         }
         svg.finish()
     }
@@ -251,7 +250,6 @@ impl Chart {
                 let _ = write!(grid, "M{} {}H{}", px(p.left - 3.0), px(y), px(p.right));
                 svg.text(p.left - 6.0, y + 0.35 * TEXT, Anchor::End, &shorten(label, TEXT, 0.4 * self.width), "");
             }
-            // Without a label nobody left room for a title.
             let title = shorten(&self.y.title(p.y.power), TEXT, self.height);
             let reach = 0.5 * text_width(&title, TEXT) + 2.0;
             let y = (0.5 * (p.top + p.bottom)).min(self.height - reach).max(reach);
@@ -273,20 +271,35 @@ impl Chart {
         }
     }
 
-    fn draw(&self, svg: &mut Svg, p: &Plane, layer: &Layer, next: &mut usize) {
-        let mut own = |colour: Option<Colour>| {
-            colour.unwrap_or_else(|| {
-                *next += 1;
-                Colour::of_series(*next - 1)
+    /// The colour of each layer: its own, or that of the next series.
+    fn colours(&self) -> Vec<Colour> {
+        let mut next = 0;
+        let colour = |layer: &Layer| {
+            let own = match layer {
+                Layer::Points(l) => l.colour,
+                Layer::Line(l) => l.colour,
+                Layer::Band(l) => l.colour,
+                Layer::Bars(l) => l.colour,
+                Layer::Arrows(l) => l.colour,
+                Layer::Shape(l) => Some(l.colour.unwrap_or(Colour::GREY)),
+                Layer::Rule(_) | Layer::Cells(_) | Layer::Label(_) | Layer::Picture(_) => Some(Colour::GREY),
+            };
+            own.unwrap_or_else(|| {
+                next += 1;
+                Colour::of_series(next - 1)
             })
         };
+        self.layers.iter().map(colour).collect()
+    }
+
+    fn draw(&self, svg: &mut Svg, p: &Plane, layer: &Layer, colour: Colour) {
         match layer {
-            Layer::Points(l) => draw::points(svg, p, l, own(l.colour)),
-            Layer::Line(l) => draw::line(svg, p, l, own(l.colour)),
-            Layer::Band(l) => draw::band(svg, p, l, own(l.colour)),
-            Layer::Bars(l) => draw::bars(svg, p, l, own(l.colour)),
+            Layer::Points(l) => draw::points(svg, p, l, colour),
+            Layer::Line(l) => draw::line(svg, p, l, colour),
+            Layer::Band(l) => draw::band(svg, p, l, colour),
+            Layer::Bars(l) => draw::bars(svg, p, l, colour),
             Layer::Cells(l) => draw::cells(svg, p, l),
-            Layer::Arrows(l) => draw::arrows(svg, p, l, own(l.colour)),
+            Layer::Arrows(l) => draw::arrows(svg, p, l, colour),
             Layer::Shape(l) => draw::shape(svg, p, l),
             Layer::Rule(l) => draw::rule(svg, p, l),
             Layer::Label(l) => draw::label(svg, p, l, self.width),
@@ -299,22 +312,18 @@ impl Chart {
         if self.legend == Legend::Hidden {
             return top;
         }
-        let (mut x, mut y, mut next, mut any) = (4.0, top, 0, false);
-        for layer in &self.layers {
-            let (name, colour) = match layer {
-                Layer::Points(l) => (&l.name, l.colour),
-                Layer::Line(l) => (&l.name, l.colour),
-                Layer::Band(l) => (&l.name, l.colour),
-                Layer::Bars(l) => (&l.name, l.colour),
-                Layer::Arrows(l) => (&l.name, l.colour),
-                Layer::Shape(l) => (&l.name, Some(l.colour.unwrap_or(Colour::GREY))),
-                Layer::Rule(l) => (&l.name, Some(l.colour.unwrap_or(Colour::GREY))),
+        let (mut x, mut y, mut any) = (4.0, top, false);
+        for (layer, colour) in self.layers.iter().zip(self.colours()) {
+            let name = match layer {
+                Layer::Points(l) => &l.name,
+                Layer::Line(l) => &l.name,
+                Layer::Band(l) => &l.name,
+                Layer::Bars(l) => &l.name,
+                Layer::Arrows(l) => &l.name,
+                Layer::Shape(l) => &l.name,
+                Layer::Rule(l) => &l.name,
                 Layer::Cells(_) | Layer::Label(_) | Layer::Picture(_) => continue,
             };
-            let colour = colour.unwrap_or_else(|| {
-                next += 1;
-                Colour::of_series(next - 1)
-            });
             if name.is_empty() {
                 continue;
             }
@@ -328,11 +337,7 @@ impl Chart {
             match layer {
                 Layer::Points(l) => svg.raw(&marks(&[(x + 8.0, middle)], l.symbol, l.size.clamp(4.6, 8.0), colour)),
                 Layer::Line(l) => svg.line((x, middle), (x + 16.0, middle), &stroke(colour, l.width.max(1.4), l.dashes)),
-                Layer::Rule(l) => {
-                    let ink = l.colour.map_or("currentColor".to_owned(), |c| c.to_string());
-                    let dashes = if l.solid { "" } else { " stroke-dasharray=\"4 3\"" };
-                    svg.line((x, middle), (x + 16.0, middle), &format!("stroke=\"{ink}\" stroke-opacity=\"0.75\"{dashes}"));
-                }
+                Layer::Rule(l) => svg.line((x, middle), (x + 16.0, middle), &draw::rule_stroke(l)),
                 Layer::Arrows(_) => svg.path(&arrow((x, middle), (x + 16.0, middle)), &stroke(colour, 1.2, "")),
                 Layer::Shape(_) => svg.rect(x, middle - 4.0, 16.0, 8.0, &format!("fill=\"none\" stroke=\"{colour}\"")),
                 _ => svg.rect(

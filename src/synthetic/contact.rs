@@ -14,7 +14,7 @@ const FORCE_EXPONENT: f64 = 1.25;
 /// N / m^1.25: about 27 mm of ball and bed together and 4.6 ms at 20 m/s.
 const FORCE_SCALE: f64 = 6.6e4;
 /// Peak compression of such an impact, m.
-const REFERENCE_DEPTH_M: f64 = 0.027;
+pub(super) const REFERENCE_DEPTH_M: f64 = 0.027;
 /// No contact of ball and strings lasts longer, s.
 const LONGEST_S: f64 = 0.03;
 

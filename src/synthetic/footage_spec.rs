@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 /// Largest session this room renders.
 const MAX_SHOTS: usize = 1000;
+
 /// What a rendered session should be.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -5,11 +5,10 @@ use super::contact::ContactError;
 use super::exposure::{Scene, Sight, expose};
 use super::footage_spec::{FootageSpec, PictureFormat};
 use super::hidden::{HiddenError, entry, nature};
-use super::impact_world::{Approach, Kind, WorldImpact, draw, equipment, meet};
+use super::impact_world::{Approach, Kind, WorldImpact, draw, equipment, meet, stream};
 use super::look::{Look, Sensor, Setting};
 use super::measurement::TrueImpact;
 use super::motion::{Hold, ShotMotion};
-use super::nature::MeasurementFaults;
 use super::player::Player;
 use super::racket_shape::RacketShape;
 use super::targets::{ARM_U_M, ARM_W_M, Board, BoardFault, COLUMNS, ROWS, SQUARE_M, axes_spheres, expose_axes};
@@ -98,8 +97,8 @@ impl FootageWorld {
     pub fn new(spec: &FootageSpec) -> Result<FootageWorld, FootageWorldError> {
         spec.check()?;
         let world = nature(&spec.hidden)?;
-        if world.measurement != MeasurementFaults::default() {
-            let name = spec.hidden.iter().find(|h| nature(std::slice::from_ref(h)).is_ok_and(|n| n.measurement != MeasurementFaults::default()));
+        if !world.is_measured_rightly() {
+            let name = spec.hidden.iter().find(|h| nature(std::slice::from_ref(h)).is_ok_and(|n| !n.is_measured_rightly()));
             return Err(FootageWorldError::NotInPictures { name: name.map(|h| h.effect.clone()).unwrap_or_default() });
         }
         let (racket, ball) = equipment();
@@ -120,8 +119,7 @@ impl FootageWorld {
         let player = court.then(|| Player::new(Point3::new(0.0, 0.0, -1.15), look.skin));
         let mut shots = Vec::with_capacity(spec.shots);
         for i in 0..spec.shots {
-            let mut rng = ChaCha12Rng::seed_from_u64(spec.seed);
-            rng.set_stream(1 + i as u64);
+            let mut rng = stream(spec.seed, 1 + i as u64);
             let id = format!("shot-{:02}", i + 1);
             let approach = place(spec, draw(if court { Kind::Court } else { Kind::Lab }, i as f64, &mut rng), &mut rng);
             let hit = meet(&racket, &ball, &approach, &world).map_err(|source| FootageWorldError::Contact { id: id.clone(), source })?;
@@ -396,11 +394,8 @@ impl FootageWorld {
     }
 
     fn shot_json(&self, s: &Shot, frames: Vec<serde_json::Value>) -> serde_json::Value {
-        use crate::impact_table::{INPUTS, OUTPUTS};
         use serde_json::json;
-        let (inputs, outputs) = s.truth.columns();
-        let row: serde_json::Map<String, serde_json::Value> =
-            INPUTS.iter().zip(inputs).chain(OUTPUTS.iter().zip(outputs)).filter_map(|(n, v)| v.map(|v| ((*n).to_owned(), json!(v)))).collect();
+        let row: serde_json::Map<String, serde_json::Value> = s.truth.named().map(|(name, v)| (name.to_owned(), json!(v))).collect();
         let (e, a) = (&s.hit.encounter, &s.hit.aftermath);
         let axes = s.approach.attitude.to_rotation_matrix();
         let mut missing = serde_json::Map::new();

@@ -79,7 +79,7 @@ pub fn playable() -> impl Iterator<Item = &'static Entry> {
     let in_pictures = |e: &&Entry| {
         let mut world = Nature::default();
         (e.change)(&mut world, 1.0);
-        world.measurement == super::nature::MeasurementFaults::default()
+        world.is_measured_rightly()
     };
     // Half of the signal is lost to footage noise, and forty shots have 0.37 of the signal of 300.
     ENTRIES.iter().filter(|e| e.seen == Everywhere && e.signal_in_300[0] >= 30.0).filter(in_pictures)

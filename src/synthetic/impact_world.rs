@@ -12,9 +12,10 @@ use super::body::Body;
 use super::contact::{Aftermath, ContactError, Encounter, collide};
 use super::hidden::{Hidden, HiddenError, entry, nature};
 use super::measurement::{Deviations, FaultSetting, NoiseOptions, OUTLIER_MARK, TrueImpact, record, with_faults};
+use super::motion::GRAVITY;
 use super::nature::Nature;
 use crate::equipment::{Ball, Head, Markers, Racket, Strings};
-use crate::impact_table::{INPUTS, ImpactTable, OUTPUTS};
+use crate::impact_table::{INPUTS, ImpactTable};
 use nalgebra::{Matrix3, Point3, Rotation3, UnitQuaternion, Vector2, Vector3};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha12Rng;
@@ -273,7 +274,7 @@ pub fn generate_table(spec: &TableSpec) -> Result<SyntheticTable, ImpactWorldErr
             let impact = meet(&racket, &ball, &approach, &world).map_err(|source| ImpactWorldError::Contact { id: id.clone(), source })?;
             let truth = TrueImpact { grip_torque: hung.then_some(approach.grip_torque), ..impact.truth };
             let setting = FaultSetting {
-                gravity: approach.attitude.inverse() * Vector3::new(0.0, -9.81, 0.0),
+                gravity: approach.attitude.inverse() * GRAVITY,
                 swing_arm: Vector3::new(racket.com_local().x - (racket.stringbed_centre_m - HAND_FROM_BUTT_M), 0.0, 0.0),
                 ball_mass_kg: ball.mass_kg,
                 ball_radius_m: ball.radius_m(),
@@ -311,9 +312,7 @@ pub fn generate_table(spec: &TableSpec) -> Result<SyntheticTable, ImpactWorldErr
     }
     let mut table = ImpactTable::default();
     for (row, impact, outlier) in made {
-        let (inputs, outputs) = impact.columns();
-        let cells = INPUTS.iter().zip(inputs).chain(OUTPUTS.iter().zip(outputs));
-        truth.rows.insert(row.id.clone(), cells.filter_map(|(n, v)| v.map(|v| (*n, v))).collect());
+        truth.rows.insert(row.id.clone(), impact.named().collect());
         if let Some(column) = outlier {
             truth.outliers.insert(row.id.clone(), column);
         }
@@ -323,7 +322,7 @@ pub fn generate_table(spec: &TableSpec) -> Result<SyntheticTable, ImpactWorldErr
 }
 
 /// One generator per impact, so that rows do not depend on the order in which threads make them.
-fn stream(seed: u64, which: u64) -> ChaCha12Rng {
+pub(super) fn stream(seed: u64, which: u64) -> ChaCha12Rng {
     let mut rng = ChaCha12Rng::seed_from_u64(seed);
     rng.set_stream(which);
     rng

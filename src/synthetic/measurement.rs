@@ -1,5 +1,6 @@
 //! From what happened to what the table says: faults of the measurement, then noise, wrong deviations, outliers, gaps.
 
+use super::motion::AIR_KG_M3;
 use super::nature::MeasurementFaults;
 use crate::impact_table::{INPUTS, ImpactRow, Measured, OUTPUTS};
 use nalgebra::{Vector2, Vector3};
@@ -39,6 +40,12 @@ impl TrueImpact {
         }
         outputs[12] = Some(self.contact_time);
         (inputs, outputs)
+    }
+
+    /// What there is of these, by the columns' names.
+    pub fn named(&self) -> impl Iterator<Item = (&'static str, f64)> {
+        let (inputs, outputs) = self.columns();
+        INPUTS.into_iter().zip(inputs).chain(OUTPUTS.into_iter().zip(outputs)).filter_map(|(name, v)| Some((name, v?)))
     }
 }
 
@@ -96,7 +103,7 @@ fn flown(velocity: Vector3<f64>, time: f64, setting: &FaultSetting) -> Vector3<f
     let dt = time / f64::from(steps);
     (0..steps).fold(velocity, |v, _| {
         let speed = v.norm();
-        let drag = 0.5 * 1.19 * area * (0.50 + 0.9 / (speed + 3.0)) / setting.ball_mass_kg;
+        let drag = 0.5 * AIR_KG_M3 * area * (0.50 + 0.9 / (speed + 3.0)) / setting.ball_mass_kg;
         v + (setting.gravity - v * (drag * speed)) * dt
     })
 }

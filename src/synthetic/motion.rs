@@ -7,8 +7,10 @@ use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 
 /// Spacing of the stored path, s.
 const STEP_S: f64 = 1e-4;
-const GRAVITY: Vector3<f64> = Vector3::new(0.0, -9.81, 0.0);
-const AIR_KG_M3: f64 = 1.19;
+/// In axes whose second one points up, m/s².
+pub(super) const GRAVITY: Vector3<f64> = Vector3::new(0.0, -9.81, 0.0);
+/// Density of air.
+pub(super) const AIR_KG_M3: f64 = 1.19;
 
 #[derive(Debug, Clone, Copy)]
 struct Instant {

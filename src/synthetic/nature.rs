@@ -1,6 +1,7 @@
 //! The laws in force in one synthetic world. The default holds nothing but the plain contact; each hidden effect changes
 //! one field ([`super::hidden`]). No field is named or shaped after the catalogue of `impact`.
 
+use super::contact::REFERENCE_DEPTH_M;
 use nalgebra::Vector2;
 
 /// One elastic mode of the frame, excited by the contact force across the face.
@@ -157,13 +158,18 @@ pub struct FirstTouch {
 }
 
 impl Nature {
+    /// Whether nothing goes wrong between the impact and the table.
+    pub fn is_measured_rightly(&self) -> bool {
+        self.measurement == MeasurementFaults::default()
+    }
+
     /// Share of the energy stored at `peak_m` compression that comes back.
     pub fn returned_share(&self, touch: &FirstTouch, peak_m: f64) -> f64 {
         let law = &self.energy_return;
         let (x, y) = (touch.place.x / touch.half_axes.x, touch.place.y / touch.half_axes.y);
         let mut log_e = self.restitution.ln();
         if law.compression_exponent != 0.0 {
-            log_e -= 0.5 * law.compression_exponent * (peak_m.max(1e-4) / 0.027).ln();
+            log_e -= 0.5 * law.compression_exponent * (peak_m.max(1e-4) / REFERENCE_DEPTH_M).ln();
         }
         if law.rim != 0.0 {
             // Bed and ball in series: the stiffer the bed, the larger the ball's share of energy and of loss. The bed is a

@@ -75,10 +75,9 @@ pub struct RacketBeam {
 }
 
 impl RacketBeam {
-    /// Line densities of three segments from mass, first and second moment (three linear equations).
-    ///
-    /// Edges move within reason until all three are positive.
-    fn densities(&self, edges: [f64; 2]) -> Option<[f64; 3]> {
+    /// Three segments with these edges, their line densities from mass, first and second moment (three linear equations); `None` unless all three
+    /// are positive.
+    fn segments(&self, edges: [f64; 2]) -> Option<Vec<Segment>> {
         let l = self.length;
         let s = [0.0, edges[0] * l / REFERENCE_LENGTH, edges[1] * l / REFERENCE_LENGTH, l];
         let row = |n: i32| -> [f64; 3] { std::array::from_fn(|i| (s[i + 1].powi(n) - s[i].powi(n)) / f64::from(n)) };
@@ -86,7 +85,8 @@ impl RacketBeam {
         let (a, b, c) = (row(1), row(2), row(3));
         let m = nalgebra::Matrix3::new(a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2]);
         let mu = m.lu().solve(&nalgebra::Vector3::new(self.mass, self.mass * self.balance, butt))?;
-        (mu.min() > 0.0).then_some([mu.x, mu.y, mu.z])
+        let segment = |i: usize| Segment { from: s[i], to: s[i + 1], density: mu[i], stiffness: RELATIVE_STIFFNESS[i] };
+        (mu.min() > 0.0).then(|| (0..3).map(segment).collect())
     }
 
     /// The beam of this racket.
@@ -99,6 +99,7 @@ impl RacketBeam {
                 return Err(ModelError::Body { what, seen, allowed: "a positive number".into() });
             }
         }
+        // The usual edges first; they move within reason until a distribution is found.
         let mut tries = vec![EDGES];
         for handle in [0.16, 0.22, 0.13, 0.25, 0.10, 0.28] {
             for head in [0.36, 0.40, 0.32, 0.45, 0.30, 0.50] {
@@ -107,25 +108,17 @@ impl RacketBeam {
                 }
             }
         }
-        let l = self.length;
-        let segments = tries
-            .into_iter()
-            .find_map(|e| self.densities(e).map(|mu| (e, mu)))
-            .map(|(e, mu)| {
-                let s = [0.0, e[0] * l / REFERENCE_LENGTH, e[1] * l / REFERENCE_LENGTH, l];
-                (0..3).map(|i| Segment { from: s[i], to: s[i + 1], density: mu[i], stiffness: RELATIVE_STIFFNESS[i] }).collect::<Vec<_>>()
-            })
-            .ok_or_else(|| ModelError::Body {
-                what: "swingweight against mass and balance: inertia about the centre of mass (kg m²)",
-                seen: self.inertia,
-                allowed: format!(
-                    "what some distribution of {} kg along {} m with balance {} m has (a uniform rod has {:.5})",
-                    self.mass,
-                    self.length,
-                    self.balance,
-                    self.mass * self.length * self.length / 12.0
-                ),
-            })?;
+        let segments = tries.into_iter().find_map(|edges| self.segments(edges)).ok_or_else(|| ModelError::Body {
+            what: "swingweight against mass and balance: inertia about the centre of mass (kg m²)",
+            seen: self.inertia,
+            allowed: format!(
+                "what some distribution of {} kg along {} m with balance {} m has (a uniform rod has {:.5})",
+                self.mass,
+                self.length,
+                self.balance,
+                self.mass * self.length * self.length / 12.0
+            ),
+        })?;
         let unit = Beam::new(&segments, &[])?;
         let scale = (self.frequency_hz / unit.modes[0].frequency_hz).powi(2);
         Ok(unit.stiffened(scale))
@@ -214,11 +207,6 @@ impl Beam {
                 0.5 * (a + b)
             })
             .collect()
-    }
-
-    /// The same beam with point masses `(m from the butt, kg)` on it.
-    pub fn with_point_masses(&self, point_masses: &[(f64, f64)]) -> Result<Self, ModelError> {
-        Beam::new(&self.segments, point_masses)
     }
 }
 
@@ -471,7 +459,8 @@ mod tests {
         for (s, phi) in [(0.40, -0.64), (0.43, -0.57), (0.47, -0.43), (0.51, -0.22), (0.55, 0.02), (0.60, 0.37), (0.64, 0.66), (0.685, 1.0)] {
             assert!((beam.shape(0, s) - phi).abs() < 0.006, "phi({s}) = {}", beam.shape(0, s));
         }
-        let held = RacketBeam { frequency_hz: 109.0, ..racket }.build().expect("valid").with_point_masses(&[(0.04, 0.2)]).expect("valid");
+        let free = RacketBeam { frequency_hz: 109.0, ..racket }.build().expect("valid");
+        let held = Beam::new(&free.segments, &[(0.04, 0.2)]).expect("valid");
         // The seed's frame is another one (its free node at 0.132 m): 97 Hz and 77 mm there; the same direction and size here.
         assert!((95.0..101.0).contains(&held.modes[0].frequency_hz), "{}", held.modes[0].frequency_hz);
         assert!((0.06..0.09).contains(&held.nodes(0)[0]), "{}", held.nodes(0)[0]);

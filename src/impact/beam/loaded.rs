@@ -96,7 +96,7 @@ mod tests {
         let beam = racket.build().expect("valid");
         let (place, mass, h) = (0.0712, 0.21, 1e-4);
         let dual = Beam::<Dual<2>>::of(&beam).with_point_mass(Dual::variable(place, 0), Dual::variable(mass, 1)).expect("valid");
-        let at = |place: f64, mass: f64| beam.with_point_masses(&[(place, mass)]).expect("valid");
+        let at = |place: f64, mass: f64| Beam::new(&beam.segments, &[(place, mass)]).expect("valid");
         let numbers = |b: &Beam| [b.modes[0].frequency_hz, b.modes[0].modal_mass, b.shape(0, 0.43), b.head_node, b.modes[1].frequency_hz, b.shape(2, 0.21)];
         let m = &dual.modes;
         let s = |mode: usize, x: f64| dual.shape(mode, Dual::constant(x));

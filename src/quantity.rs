@@ -5,6 +5,9 @@ use serde::{Deserialize, Serialize};
 /// Turns a minute in a radian a second.
 pub const RPM: f64 = 60.0 / std::f64::consts::TAU;
 
+/// Deviations either side of the mean that hold 95 % of a normal distribution.
+pub const HOLD_95_PERCENT: f64 = 1.96;
+
 /// A number as one would write it by hand, for a message: 5e-324 and 1e308 not in three hundred digits.
 pub fn as_written(value: f64) -> String {
     if value == 0.0 || (1e-7..1e7).contains(&value.abs()) { format!("{value}") } else { format!("{value:e}") }

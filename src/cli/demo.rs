@@ -10,6 +10,7 @@ use crate::calibration::StereoRig;
 use crate::impact_table::ImpactTable;
 use crate::limited_file::{LARGEST_TEXT, read_text};
 use crate::provenance::{sha256_file, sha256_hex};
+use crate::quantity::HOLD_95_PERCENT;
 use crate::report::{read_session_results, session_report};
 use crate::session::Session;
 use crate::synthetic::footage_spec::FootageSpec;
@@ -262,7 +263,7 @@ fn speed_interval(table: &ImpactTable) -> Option<f64> {
             let v = ["ball_out_vx", "ball_out_vy", "ball_out_vz"].map(|c| r.get(c).map(|m| (m.value, m.sd)));
             let [Some((x, Some(sx))), Some((y, Some(sy))), Some((z, Some(sz)))] = v else { return None };
             let speed = (x * x + y * y + z * z).sqrt().max(1e-9);
-            Some(1.96 * ((x * sx).powi(2) + (y * sy).powi(2) + (z * sz).powi(2)).sqrt() / speed)
+            Some(HOLD_95_PERCENT * ((x * sx).powi(2) + (y * sy).powi(2) + (z * sz).powi(2)).sqrt() / speed)
         })
         .collect();
     widths.sort_by(f64::total_cmp);

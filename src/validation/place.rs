@@ -11,6 +11,7 @@ use super::linearise::Linearised;
 use super::observation::Observation;
 use super::structure::normal_tail;
 use crate::impact_table::{OUTPUTS, OwnColumn, column_subject, unit};
+use crate::quantity::HOLD_95_PERCENT;
 
 /// Groups of equal size an input is cut into (fewer with few impacts).
 const GROUPS: usize = 10;
@@ -141,7 +142,7 @@ fn worst_range(
     let m = inside.len();
     let (mean, variance) = mean_and_variance(inside.iter());
     let sd = scatter_variance(inside, mean).sqrt();
-    if mean.abs() < 1.96 * sd {
+    if mean.abs() < HOLD_95_PERCENT * sd {
         return None;
     }
     let (elsewhere, beyond) = if outside.is_empty() { (0.0, 0.0) } else { mean_and_variance(outside.iter()) };
@@ -163,8 +164,8 @@ fn worst_range(
         from,
         to,
         mean_residual: mean,
-        ci_low: mean - 1.96 * sd,
-        ci_high: mean + 1.96 * sd,
+        ci_low: mean - HOLD_95_PERCENT * sd,
+        ci_high: mean + HOLD_95_PERCENT * sd,
         mean_elsewhere: elsewhere,
         n: m,
         p_value,

@@ -6,6 +6,7 @@
 
 use super::comparison::ImpactPoint;
 use crate::impact_table::{INPUTS, OUTPUTS};
+use crate::quantity::HOLD_95_PERCENT;
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
@@ -104,8 +105,8 @@ fn polynomial_fit(impacts: &[ImpactPoint], varied: &[usize], output: usize) -> O
                 let (value, spread) = (at.dot(&coefficients), (variance * at.dot(&(&inverse * &at))).max(0.0).sqrt());
                 effect.x.push(mean[a] + sd[a] * u[a]);
                 effect.mean.push(value);
-                effect.low.push(value - 1.96 * spread);
-                effect.high.push(value + 1.96 * spread);
+                effect.low.push(value - HOLD_95_PERCENT * spread);
+                effect.high.push(value + HOLD_95_PERCENT * spread);
             }
             effect
         })

@@ -1,5 +1,6 @@
 //! A smooth through scattered residuals with its 95 % band, and means over the racket's face.
 
+use crate::quantity::HOLD_95_PERCENT;
 use serde::{Deserialize, Serialize};
 
 /// A local-linear smooth of y against x.
@@ -63,8 +64,8 @@ pub fn smooth(points: &[(f64, f64)], count: usize) -> Option<SmoothCurve> {
         let sd = (freed * sum / near * bins.iter().map(|b| b.n * line.weight_of(b.x).powi(2)).sum::<f64>()).sqrt();
         curve.x.push(x0);
         curve.mean.push(mean);
-        curve.low.push(mean - 1.96 * sd);
-        curve.high.push(mean + 1.96 * sd);
+        curve.low.push(mean - HOLD_95_PERCENT * sd);
+        curve.high.push(mean + HOLD_95_PERCENT * sd);
     }
     (curve.x.len() >= 2).then_some(curve)
 }

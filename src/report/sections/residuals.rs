@@ -2,6 +2,7 @@
 
 use super::agreement::points_of;
 use crate::impact_table::column_words;
+use crate::quantity::HOLD_95_PERCENT;
 use crate::report::chart::{Band, Cells, Chart, Colour, Legend, Line, Points, Rule};
 use crate::report::markup::fixed;
 use crate::report::page::{Layout, Section};
@@ -77,7 +78,7 @@ fn mean_of(points: &[(f64, f64)]) -> f64 {
 fn offset(points: &[(f64, f64)]) -> f64 {
     let (n, mean) = (points.len() as f64, mean_of(points));
     let variance = points.iter().map(|p| (p.1 - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
-    (mean / (1.96 * (variance / n).sqrt()).max(1e-9)).abs()
+    (mean / (HOLD_95_PERCENT * (variance / n).sqrt()).max(1e-9)).abs()
 }
 
 /// Which parameters the figures of a comparison are drawn with, as a sentence.

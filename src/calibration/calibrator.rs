@@ -200,17 +200,20 @@ fn another_board(board: &Checkerboard, pairs: &[PairViews]) -> Option<String> {
     })
 }
 
+/// Which pairs one camera sees the board in, and the corners there.
+fn views_of(pairs: &[PairViews], camera: fn(&PairViews) -> &Result<BoardView, ViewFault>) -> (Vec<usize>, Vec<&[Vector2<f64>]>) {
+    pairs.iter().enumerate().filter_map(|(i, pair)| Some((i, camera(pair).as_ref().ok()?.corners.as_slice()))).unzip()
+}
+
 /// Each camera alone, one corner order for both, the common relative pose, and all boards in place.
 fn start(board: &Checkerboard, image_size: [usize; 2], pairs: &[PairViews], both: &[usize]) -> Result<(Bundle, Vec<usize>), CalibrationError> {
-    let seen: Vec<(usize, &BoardView)> = pairs.iter().enumerate().filter_map(|(i, p)| p.left.as_ref().ok().map(|v| (i, v))).collect();
-    let left_views: Vec<&[Vector2<f64>]> = seen.iter().map(|(_, v)| v.corners.as_slice()).collect();
-    let seen_right: Vec<(usize, &BoardView)> = pairs.iter().enumerate().filter_map(|(i, p)| p.right.as_ref().ok().map(|v| (i, v))).collect();
-    let right_views: Vec<&[Vector2<f64>]> = seen_right.iter().map(|(_, v)| v.corners.as_slice()).collect();
+    let (in_left, left_views) = views_of(pairs, |p| &p.left);
+    let (in_right, right_views) = views_of(pairs, |p| &p.right);
     let (from_left, from_right) =
         rayon::join(|| single_camera(board, &left_views, image_size, "left"), || single_camera(board, &right_views, image_size, "right"));
     let ((left, left_poses), (right, right_poses)) = (from_left?, from_right?);
-    let left_pose = |pair: usize| seen.iter().position(|s| s.0 == pair).map(|k| left_poses[k]);
-    let right_pose = |pair: usize| seen_right.iter().position(|s| s.0 == pair).map(|k| right_poses[k]);
+    let left_pose = |pair: usize| in_left.iter().position(|i| *i == pair).map(|k| left_poses[k]);
+    let right_pose = |pair: usize| in_right.iter().position(|i| *i == pair).map(|k| right_poses[k]);
 
     // A turn of the order is a turn of the board in its plane about its middle: the pose of the turned order follows.
     let turns: Vec<Isometry3<f64>> = (0..board.turns()).map(|t| board_turn(board, t)).collect();

@@ -44,6 +44,7 @@ pub use calibrator::{Calibration, CalibrationOptions, PairViews, calibrate_views
 pub use camera_model::Camera;
 #[cfg(feature = "vision")]
 pub use corners_opencv::{PairImages, calibrate_images, find_corners};
+pub(crate) use distortion::CAMERA_NAMES;
 pub use distortion::DistortionModel;
 pub use error::CalibrationError;
 pub use homography::homography;

@@ -2,7 +2,7 @@
 
 use super::calibration_detail::CalibrationDetail;
 use super::room::{Room, camera_corners};
-use crate::calibration::{Camera, CameraId, StereoRig};
+use crate::calibration::{CAMERA_NAMES, Camera, CameraId, StereoRig};
 use crate::report::chart::{Arrows, Bars, Chart, Colour, Legend, Points, Rule, Scene, Symbol};
 use crate::report::markup::{fixed, plain, significant, with_sd};
 use crate::report::page::{Layout, Section, Table};
@@ -177,7 +177,6 @@ fn cameras(rig: &StereoRig) -> Table {
         .numbers("left")
         .numbers("right");
     let show = |c: &Camera, name: &str, value: f64| c.sd.get(name).map_or_else(|| significant(value, 5), |sd| with_sd(value, *sd));
-    const NAMES: [&str; 9] = ["fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3"];
     let meaning = |k: usize| match k {
         0 | 1 => "focal length",
         2 | 3 => "principal point",
@@ -186,7 +185,7 @@ fn cameras(rig: &StereoRig) -> Table {
     };
     let pick = |c: &Camera, k: usize| -> (&'static str, f64) {
         let values = [c.fx, c.fy, c.cx, c.cy, c.distortion[0], c.distortion[1], c.distortion[2], c.distortion[3], c.distortion[4]];
-        (NAMES[k], values[k])
+        (CAMERA_NAMES[k], values[k])
     };
     for k in 0..9 {
         let ((name, l), (_, r)) = (pick(&rig.left, k), pick(&rig.right, k));

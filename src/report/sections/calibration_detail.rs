@@ -153,7 +153,7 @@ impl CalibrationDetail {
         table
     }
 
-    /// The sentences, framed.
+    /// The sentences, each a paragraph.
     pub fn say(&self, section: Section) -> Section {
         self.sentences().iter().fold(section, |s, line| s.paragraph(line))
     }

@@ -2,7 +2,7 @@
 
 use super::shots::shot_heading;
 use crate::calibration::CameraId;
-use crate::report::chart::{Chart, Colour, Legend, Line, Picture, Points, Rule, Symbol};
+use crate::report::chart::{Chart, Colour, Line, Picture, Points, Rule, Symbol};
 use crate::report::frame_doubt::impact_frame;
 use crate::report::markup::fixed;
 use crate::report::page::{Layout, Section};
@@ -52,7 +52,7 @@ pub fn tracks(results: &SessionResults) -> Option<Section> {
 
 /// A piece of the frame with what was measured in it.
 fn overlay(shot: &ShotResults, picture: &FramePicture) -> String {
-    let camera = if picture.camera == CameraId::Left { "left" } else { "right" };
+    let camera = picture.camera.name();
     let (corner, size) = (picture.corner.map(f64::from), picture.size.map(f64::from));
     let mut chart = Chart::new(&format!("{}, frame {}, {camera}", shot.id, picture.frame))
         .describe(&picture.words)
@@ -121,7 +121,7 @@ fn paths(tracks: &Tracks, camera: CameraId, from: u64, to: u64) -> String {
 /// One row per target and camera, one column per frame.
 fn seen(tracks: &Tracks, impact: u64) -> String {
     let mut names = Vec::new();
-    let mut chart = Chart::new("What was seen").size(340.0, 250.0).x("frame from impact", "").without_grid().legend(Legend::Above);
+    let mut chart = Chart::new("What was seen").size(340.0, 250.0).x("frame from impact", "").without_grid();
     let (mut measured, mut manual) = (Vec::new(), Vec::new());
     for camera in CameraId::BOTH {
         for target in Target::ALL.iter().rev() {

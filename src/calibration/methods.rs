@@ -90,13 +90,12 @@ pub fn dlt_coefficients(points: &[Point3<f64>], pixels: &[Vector2<f64>]) -> Opti
     }
     let h = eigen.eigenvectors.column(order[0]);
     let small = SMatrix::<f64, 3, 4>::from_fn(|i, j| h[4 * i + j]);
-    let to_pixels = Matrix3::new(spread, 0.0, centre.x, 0.0, spread, centre.y, 0.0, 0.0, 1.0);
     let mut to_small = SMatrix::<f64, 4, 4>::identity() / size;
     to_small[(3, 3)] = 1.0;
     for k in 0..3 {
         to_small[(k, 3)] = -middle[k] / size;
     }
-    let full = to_pixels * small * to_small;
+    let full = to_pixels(spread, &centre) * small * to_small;
     let w = full[(2, 3)];
     if w.abs() < 1e-12 * full.norm() {
         return None;
@@ -104,6 +103,11 @@ pub fn dlt_coefficients(points: &[Point3<f64>], pixels: &[Vector2<f64>]) -> Opti
     let l = full / w;
     let out = [l[(0, 0)], l[(0, 1)], l[(0, 2)], l[(0, 3)], l[(1, 0)], l[(1, 1)], l[(1, 2)], l[(1, 3)], l[(2, 0)], l[(2, 1)], l[(2, 2)]];
     out.iter().all(|v| v.is_finite()).then_some(out)
+}
+
+/// From coordinates about `centre` (px), in units of `scale` (px), to pixels.
+fn to_pixels(scale: f64, centre: &Vector2<f64>) -> Matrix3<f64> {
+    Matrix3::new(scale, 0.0, centre.x, 0.0, scale, centre.y, 0.0, 0.0, 1.0)
 }
 
 /// One camera of a method: a 3x4 matrix and distortion terms about its principal point.
@@ -144,8 +148,7 @@ impl MethodCamera {
                     m[(i / 4, i % 4)] = free[i];
                 }
                 m[(2, 3)] = 1.0;
-                let to_pixels = Matrix3::new(start.scale, 0.0, start.centre.x, 0.0, start.scale, start.centre.y, 0.0, 0.0, 1.0);
-                out.matrix = to_pixels * m;
+                out.matrix = to_pixels(start.scale, &start.centre) * m;
                 11
             }
             Kind::Modified | Kind::ModifiedDistortion => {
@@ -176,6 +179,47 @@ impl MethodCamera {
         }
         out
     }
+
+    /// The free numbers of a method that stand for this camera, without distortion: what [`Self::from_free`] makes it of. `points`: some that it sees.
+    fn to_free(&self, kind: Kind, points: &[Point3<f64>]) -> Option<DVector<f64>> {
+        let (mut matrix, scale, middle) = (self.matrix, self.scale, self.centre);
+        let mut free = DVector::zeros(kind.parameters());
+        match kind {
+            Kind::Dlt | Kind::DltDistortion => {
+                matrix = to_pixels(scale, &middle).try_inverse()? * matrix;
+                for i in 0..11 {
+                    free[i] = matrix[(i / 4, i % 4)];
+                }
+            }
+            Kind::Modified | Kind::ModifiedDistortion => {
+                // Split the matrix into camera and pose (Hartley and Zisserman 2003, section 6.2.4), then forget the skew.
+                if points.first().map(|p| (matrix * Vector4::new(p.x, p.y, p.z, 1.0)).z)? < 0.0 {
+                    matrix = -matrix;
+                }
+                let m: Matrix3<f64> = matrix.fixed_view::<3, 3>(0, 0).into_owned();
+                let third: Vector3<f64> = m.row(2).transpose();
+                let size = third.norm();
+                let (a, b): (Vector3<f64>, Vector3<f64>) = (m.row(0).transpose() / size, m.row(1).transpose() / size);
+                let r3 = third / size;
+                let (cx, cy) = (a.dot(&r3), b.dot(&r3));
+                let (fx, fy) = ((a - r3 * cx).norm(), (b - r3 * cy).norm());
+                let rough = Matrix3::from_rows(&[((a - r3 * cx) / fx).transpose(), ((b - r3 * cy) / fy).transpose(), r3.transpose()]);
+                let svd = rough.svd(true, true);
+                let r = svd.u? * svd.v_t?;
+                if r.determinant() < 0.0 {
+                    return None;
+                }
+                let t: Vector3<f64> = Matrix3::new(fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0).try_inverse()? * matrix.column(3) / size;
+                let turn = nalgebra::Rotation3::from_matrix_unchecked(r).scaled_axis();
+                for (i, v) in
+                    [fx / scale, fy / scale, (cx - middle.x) / scale, (cy - middle.y) / scale, turn.x, turn.y, turn.z, t.x, t.y, t.z].into_iter().enumerate()
+                {
+                    free[i] = v;
+                }
+            }
+        }
+        Some(free)
+    }
 }
 
 /// Fits one camera of a method to control points by least squares in the picture (Gauss-Newton with damping).
@@ -183,44 +227,9 @@ fn fit_camera(kind: Kind, points: &[Point3<f64>], pixels: &[Vector2<f64>], image
     let l = dlt_coefficients(points, pixels)?;
     let scale = image_size[0].max(image_size[1]) as f64;
     let middle = Vector2::new((image_size[0] as f64 - 1.0) / 2.0, (image_size[1] as f64 - 1.0) / 2.0);
-    let mut matrix = SMatrix::<f64, 3, 4>::from_fn(|i, j| if (i, j) == (2, 3) { 1.0 } else { l[4 * i + j] });
+    let matrix = SMatrix::<f64, 3, 4>::from_fn(|i, j| if (i, j) == (2, 3) { 1.0 } else { l[4 * i + j] });
     let start = MethodCamera { matrix, centre: middle, scale, distortion: [0.0; 5] };
-    let mut free = DVector::zeros(kind.parameters());
-    match kind {
-        Kind::Dlt | Kind::DltDistortion => {
-            let back = Matrix3::new(scale, 0.0, middle.x, 0.0, scale, middle.y, 0.0, 0.0, 1.0).try_inverse()?;
-            matrix = back * matrix;
-            for i in 0..11 {
-                free[i] = matrix[(i / 4, i % 4)];
-            }
-        }
-        Kind::Modified | Kind::ModifiedDistortion => {
-            // Split the matrix into camera and pose (Hartley and Zisserman 2003, section 6.2.4), then forget the skew.
-            if points.first().map(|p| (matrix * Vector4::new(p.x, p.y, p.z, 1.0)).z)? < 0.0 {
-                matrix = -matrix;
-            }
-            let m: Matrix3<f64> = matrix.fixed_view::<3, 3>(0, 0).into_owned();
-            let third: Vector3<f64> = m.row(2).transpose();
-            let size = third.norm();
-            let (a, b): (Vector3<f64>, Vector3<f64>) = (m.row(0).transpose() / size, m.row(1).transpose() / size);
-            let r3 = third / size;
-            let (cx, cy) = (a.dot(&r3), b.dot(&r3));
-            let (fx, fy) = ((a - r3 * cx).norm(), (b - r3 * cy).norm());
-            let rough = Matrix3::from_rows(&[((a - r3 * cx) / fx).transpose(), ((b - r3 * cy) / fy).transpose(), r3.transpose()]);
-            let svd = rough.svd(true, true);
-            let r = svd.u? * svd.v_t?;
-            if r.determinant() < 0.0 {
-                return None;
-            }
-            let t: Vector3<f64> = Matrix3::new(fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0).try_inverse()? * matrix.column(3) / size;
-            let turn = nalgebra::Rotation3::from_matrix_unchecked(r).scaled_axis();
-            for (i, v) in
-                [fx / scale, fy / scale, (cx - middle.x) / scale, (cy - middle.y) / scale, turn.x, turn.y, turn.z, t.x, t.y, t.z].into_iter().enumerate()
-            {
-                free[i] = v;
-            }
-        }
-    }
+    let mut free = start.to_free(kind, points)?;
     let n = free.len();
     let residuals = |free: &DVector<f64>| -> Option<DVector<f64>> {
         let camera = MethodCamera::from_free(kind, free, &start);

@@ -2,7 +2,8 @@
 
 use super::Shell;
 use super::error::CliError;
-use super::impacts_input::{ImpactsInput, LedgerFile, Loaded, Version, record};
+use super::impacts_input::{ImpactsInput, Loaded};
+use super::ledger_file::{LedgerFile, Version, record};
 use super::predict::impossible;
 use crate::impact::Model;
 use crate::impact::batch::{gained_energies, limited_laws, predict_table};

@@ -2,7 +2,7 @@
 
 use super::diagnose::session_at_its_best;
 use super::error::{CliError, Kind};
-use super::impacts_input::LedgerFile;
+use super::ledger_file::LedgerFile;
 use super::synth::{film, is_rendered, rendered_from, unfinished};
 use super::validate::{Failure, Footage, footage, rigid_model, table_words};
 use super::{Shell, undashed};

@@ -3,7 +3,8 @@
 use super::Shell;
 use super::earlier_output::Output;
 use super::error::CliError;
-use super::impacts_input::{DEFAULT_SEED, ImpactFiles, ImpactsInput, LedgerFile, Loaded, Version};
+use super::impacts_input::{DEFAULT_SEED, ImpactFiles, ImpactsInput, Loaded};
+use super::ledger_file::{LedgerFile, Version};
 use crate::impact::Model;
 use crate::impact::model_file::with_values;
 use crate::provenance::sha256_hex;

@@ -6,11 +6,13 @@
 mod earlier_output;
 pub mod error;
 mod impacts_input;
+mod ledger_file;
 mod plain_text;
 mod racket_photograph;
 mod same_reasons;
 mod set_aside;
 mod threads;
+mod today;
 mod tracked_session;
 
 use clap::{Args, Parser};

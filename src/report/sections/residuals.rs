@@ -9,6 +9,7 @@ use crate::report::page::{Layout, Section};
 use crate::validation::Comparison;
 use crate::validation::comparison::NormalSigns;
 use crate::validation::smooth::{SmoothCurve, smooth};
+use std::collections::BTreeSet;
 
 /// Points drawn on all residual panels together; above it every k-th impact is drawn (the smooth uses all).
 const MOST_MARKS: usize = 100_000;
@@ -27,14 +28,15 @@ pub(super) struct Trend {
     pub strength: f64,
 }
 
+/// The names, each where it stands first.
+fn each_once<'a>(names: impl Iterator<Item = &'a str>) -> Vec<&'a str> {
+    let mut met = BTreeSet::new();
+    names.filter(|name| met.insert(*name)).collect()
+}
+
 /// All pairs of output and varied input.
 pub(super) fn trends(comparison: &Comparison) -> Vec<Trend> {
-    let mut inputs: Vec<&str> = Vec::new();
-    for c in &comparison.residual_curves {
-        if !inputs.contains(&c.input.as_str()) {
-            inputs.push(&c.input);
-        }
-    }
+    let inputs = each_once(comparison.residual_curves.iter().map(|c| c.input.as_str()));
     let signs = NormalSigns::of(comparison.impacts.iter().map(|i| i.inputs.as_slice()));
     let mut all = Vec::new();
     for o in &comparison.outputs {
@@ -164,12 +166,7 @@ pub(super) fn panel(trend: &Trend, title: &str, every: usize, size: (f64, f64), 
 }
 
 fn matrix(comparison: &Comparison, trends: &[Trend]) -> String {
-    let mut inputs: Vec<&str> = Vec::new();
-    for t in trends {
-        if !inputs.contains(&t.input.as_str()) {
-            inputs.push(&t.input);
-        }
-    }
+    let inputs = each_once(trends.iter().map(|t| t.input.as_str()));
     let place = |names: &[&str], name: &str| names.iter().position(|n| *n == name).unwrap_or(0) as f64;
     let outputs: Vec<&str> = comparison.outputs.iter().map(|o| o.name.as_str()).collect();
     let mut cells: Vec<(f64, f64, f64)> = trends.iter().map(|t| (place(&outputs, &t.output), 1.0 + place(&inputs, &t.input), t.strength)).collect();

@@ -2,6 +2,7 @@
 
 use super::beam::{Beam, RacketBeam};
 use super::error::ModelError;
+use super::input::ImpactInput;
 use super::real::{Real, constants};
 use crate::equipment::{Ball, Racket};
 use nalgebra::{Vector2, Vector3};
@@ -150,10 +151,12 @@ impl<T: Real> Body<T> {
         Vector3::new(position.x - self.com_x, position.y, T::zero())
     }
 
-    /// From the centre of mass as it is reported, to which the racket's velocity belongs as long as effects have not moved it
-    /// to the true one, to a point of the string plane, m.
-    pub fn reported_lever(&self, position: &Vector2<T>) -> Vector3<T> {
-        Vector3::new(position.x - self.reported_com_x, position.y, T::zero())
+    /// Velocity of the ball's centre relative to the strings where it hits them, m/s, of an input whose racket velocity still is that of the
+    /// centre of mass as it is reported: effects of measurement see it before it is moved to the true one.
+    pub fn reported_approach(&self, input: &ImpactInput<T>) -> Vector3<T> {
+        let lever = Vector3::new(input.position.x - self.reported_com_x, input.position.y, T::zero());
+        let strings = input.racket_velocity + input.racket_rate.cross(&lever);
+        input.ball_velocity - strings
     }
 
     /// Adds a point mass on the long axis, `from_butt` metres from the butt; centre of mass and inertias move with it.

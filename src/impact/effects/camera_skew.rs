@@ -32,8 +32,7 @@ struct CameraSkew;
 
 impl<T: Real> Effect<T> for CameraSkew {
     fn true_input(&self, p: &[T], body: &Body<T>, input: &mut ImpactInput<T>) {
-        let strings = input.racket_velocity + input.racket_rate.cross(&body.reported_lever(&input.position));
-        let u = input.ball_velocity - strings;
+        let u = body.reported_approach(input);
         input.position -= (u.xy() * T::constant(0.5) + Vector2::new(p[1], p[2]) * u.z) * p[0];
     }
 }

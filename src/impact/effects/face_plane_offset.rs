@@ -44,8 +44,7 @@ impl<T: Real> Effect<T> for FacePlaneOffset {
         }
         if !p[0].is_zero() {
             let up = Vector3::new(T::zero(), T::zero(), p[0]);
-            let strings = input.racket_velocity + input.racket_rate.cross(&body.reported_lever(&input.position));
-            let u = input.ball_velocity - strings;
+            let u = body.reported_approach(input);
             if u.z.value().abs() > SLOWEST {
                 input.position += u.xy() * (p[0] / u.z);
             }

@@ -80,7 +80,7 @@ const K3_MARGIN: f64 = 10.0;
 /// A superfluous term costs a little width, which the covariance shows; a missing one moves centre and focal length by
 /// many standard deviations, which nothing shows. k3 is taken only where the data demand it.
 pub fn choose(fits: &[ModelFit]) -> Option<usize> {
-    let best_of = |with_k3: bool| fits.iter().filter(|f| (f.model == DistortionModel::K1K2P1P2K3) == with_k3).map(|f| f.aic).fold(f64::INFINITY, f64::min);
+    let best_of = |with_k3: bool| least_aic(fits.iter().filter(|f| (f.model == DistortionModel::K1K2P1P2K3) == with_k3));
     let (plain, k3) = (best_of(false), best_of(true));
     if plain.is_infinite() || k3 < plain - K3_MARGIN {
         return fits.iter().position(|f| f.aic == k3);
@@ -107,16 +107,20 @@ pub fn shaped_board(perfect: &ModelFit, board: &Checkerboard, options: &Calibrat
     demanded.map(|m| m.bundle)
 }
 
+fn least_aic<'a>(fits: impl Iterator<Item = &'a ModelFit>) -> f64 {
+    fits.map(|f| f.aic).fold(f64::INFINITY, f64::min)
+}
+
 /// Akaike weights, in the order of the fits.
 pub fn weights(fits: &[ModelFit]) -> Vec<f64> {
-    let best = fits.iter().map(|f| f.aic).fold(f64::INFINITY, f64::min);
+    let best = least_aic(fits.iter());
     let raw: Vec<f64> = fits.iter().map(|f| (-0.5 * (f.aic - best)).exp()).collect();
     let sum: f64 = raw.iter().sum();
     raw.into_iter().map(|w| w / sum).collect()
 }
 
 pub fn summaries(fits: &[ModelFit]) -> Vec<ModelSummary> {
-    let best = fits.iter().map(|f| f.aic).fold(f64::INFINITY, f64::min);
+    let best = least_aic(fits.iter());
     fits.iter()
         .zip(weights(fits))
         .map(|(f, weight)| ModelSummary {

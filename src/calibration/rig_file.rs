@@ -7,6 +7,7 @@ use crate::limited_file::{LARGEST_TEXT, read_text};
 use crate::provenance::write_atomically;
 use nalgebra::Matrix3;
 use serde::Deserialize;
+use serde::de::DeserializeOwned;
 use std::fmt::Write;
 use std::path::Path;
 
@@ -19,8 +20,7 @@ const ROUNDING: f64 = 1e-6;
 impl StereoRig {
     /// Reads and checks `calibration.json`.
     pub fn read(path: &Path) -> Result<Self, CalibrationError> {
-        let text = read_limited(path)?;
-        let rig: StereoRig = serde_json::from_str(&text).map_err(|e| CalibrationError::Format { path: path.into(), what: e.to_string() })?;
+        let rig: StereoRig = parsed(path)?;
         rig.check(path)?;
         Ok(rig)
     }
@@ -28,8 +28,7 @@ impl StereoRig {
     /// [`Self::read`] of what measuring needs: cameras, axes, their uncertainty and what they were made from. The reports, nearly all of the file, are passed
     /// over.
     pub fn read_to_measure_with(path: &Path) -> Result<Self, CalibrationError> {
-        let text = read_limited(path)?;
-        let file: Measuring = serde_json::from_str(&text).map_err(|e| CalibrationError::Format { path: path.into(), what: e.to_string() })?;
+        let file: Measuring = parsed(path)?;
         let reference = file.volume.and_then(|v| v.reference_points_m).map(|points| ("volume".to_owned(), serde_json::json!({ "reference_points_m": points })));
         let rig = StereoRig {
             image_size: file.image_size,
@@ -258,6 +257,10 @@ fn covariance_fault(covariance: &serde_json::Value) -> Option<String> {
 
 fn read_limited(path: &Path) -> Result<String, CalibrationError> {
     read_text(path, LARGEST_TEXT).map_err(|source| CalibrationError::Unreadable { path: path.into(), source })
+}
+
+fn parsed<T: DeserializeOwned>(path: &Path) -> Result<T, CalibrationError> {
+    serde_json::from_str(&read_limited(path)?).map_err(|e| CalibrationError::Format { path: path.into(), what: e.to_string() })
 }
 
 /// The numbers after `name: !!opencv-matrix ... data: [ ... ]`.

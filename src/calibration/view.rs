@@ -118,8 +118,8 @@ fn exposure(board: &Checkerboard, corners: &[Vector2<f64>], image: &GreyImage) -
     (saturated, median(&mut dark).unwrap_or(0.0))
 }
 
-#[cfg(feature = "vision")]
 /// Whether the inner squares at even places (row + column even) are the dark ones.
+#[cfg(feature = "vision")]
 pub fn even_squares_dark(board: &Checkerboard, corners: &[Vector2<f64>], image: &GreyImage) -> bool {
     let mut sums = [0.0; 2];
     let mut counts = [0usize; 2];

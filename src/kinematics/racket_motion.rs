@@ -6,7 +6,7 @@
 //! and the spread between laws is part of the uncertainty.
 
 use super::least_squares::{Problem, Solution, SolveError, probabilities, solve};
-use super::motion_law::MotionLaw;
+use super::motion_law::{AfterContact, MotionLaw};
 use super::motion_state::{MotionState, Part};
 use super::sighting::{CommonError, Sighting, UsedSightings, Whitener, deviations, persistence};
 use crate::calibration::{CameraId, StereoRig};
@@ -141,8 +141,8 @@ pub struct MotionView<'a> {
     pub noise_scale: f64,
     /// How far all bands of a picture are off together, px, by camera.
     pub shake_px: [f64; 2],
-    /// Probability that a slow hand carried the racket before the contact, for the laws after it; `None` before it.
-    pub slow_hand: Option<f64>,
+    /// For the laws after the contact; `None` before it.
+    pub after: Option<AfterContact>,
 }
 
 struct LawFit<'a> {
@@ -183,7 +183,7 @@ impl<'a> LawFit<'a> {
 
     /// Prior deviations of a part; where the centre of mass lies is a matter of the racket, not of the law.
     fn prior(&self, part: Part) -> Option<Vector3<f64>> {
-        if part == Part::Lever { Some(self.view.racket.balance_sd) } else { self.law.prior(part, self.view.memory_s, self.view.slow_hand.is_none()) }
+        if part == Part::Lever { Some(self.view.racket.balance_sd) } else { self.law.prior(part, self.view.memory_s, self.view.after.as_ref()) }
     }
 }
 
@@ -246,7 +246,7 @@ pub(crate) fn fit_law(view: &MotionView<'_>, law: MotionLaw, start: &MotionState
         state,
         covariance: covariance.fixed_view::<12, 12>(0, 0).into_owned(),
         lever_covariance: lever.map(|k| covariance.fixed_view::<3, 3>(3 * k, 3 * k).into_owned()),
-        ln_evidence: -0.5 * cost - 0.5 * ln_det_information + ln_prior + law.ln_weight(view.slow_hand),
+        ln_evidence: -0.5 * cost - 0.5 * ln_det_information + ln_prior + law.ln_weight(view.after.map(|after| after.slow_hand)),
         chi2,
     })
 }
@@ -291,6 +291,13 @@ pub struct FreeLever {
     pub covariance: Matrix3<f64>,
     /// That the racket flew freely at all.
     pub probability: f64,
+}
+
+impl MotionEstimate {
+    /// Velocity of the centre of mass and angular velocity at the reference time, global axes.
+    pub fn velocities(&self) -> (Vector3<f64>, Vector3<f64>) {
+        (self.state.velocity, self.state.global_from_racket * self.state.rate_body)
+    }
 }
 
 /// Averages results by evidence; the spread between them joins the covariance.

@@ -19,7 +19,7 @@ use super::thesis_path::{ThesisShot, thesis_shot};
 use crate::calibration::{CalibrationSpread, StereoRig};
 use crate::equipment::{Ball, Racket};
 use crate::impact_table::{INPUTS, ImpactRow, Measured, OUTPUTS};
-use crate::quantity::{Quantity, RPM};
+use crate::quantity::{HOLD_95_PERCENT, Quantity, RPM};
 use crate::tracking::{Flattening, SpacePoint, Tracks, View, widen_by_shake};
 use nalgebra::{DMatrix, Matrix3, Vector2, Vector3};
 use serde::de::{Deserializer, MapAccess, Visitor};
@@ -346,7 +346,7 @@ impl Characteristics {
 /// Whether the ball rose or fell as it was hit.
 fn impact_timing(quantities: &Quantities) -> Option<ImpactTiming> {
     let v = quantities.get("ball_in_global_vy")?;
-    Some(if v.value.abs() < 1.96 * v.sd {
+    Some(if v.value.abs() < HOLD_95_PERCENT * v.sd {
         ImpactTiming::Apex
     } else if v.value > 0.0 {
         ImpactTiming::Rising
@@ -359,7 +359,7 @@ fn swing_timing(quantities: &Quantities) -> Option<SwingTiming> {
     // A racket that does not swing has no apex.
     quantities.get("impact_point_in_speed").filter(|v| v.value > 1.0 && v.value > 5.0 * v.sd)?;
     let v = quantities.get("impact_point_in_vx")?;
-    Some(if v.value.abs() < 1.96 * v.sd {
+    Some(if v.value.abs() < HOLD_95_PERCENT * v.sd {
         SwingTiming::Apex
     } else if v.value < 0.0 {
         SwingTiming::BeforeApex

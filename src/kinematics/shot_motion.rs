@@ -11,7 +11,7 @@ use super::contact::{PointMotion, body_at, crossing};
 use super::frame_view::{FEWEST_STEREO, FrameView, frame_views};
 use super::impact_frame::find_impact;
 use super::least_squares::SolveError;
-use super::motion_law::{MotionLaw, Pace};
+use super::motion_law::{AfterContact, Blow, MUSCLES_S, MotionLaw, Pace};
 use super::motion_state::MotionState;
 use super::racket_motion::{LawResult, MotionEstimate, MotionView, MovingRacket, average, fit_law, motion_persistence, sighting_deviations};
 use super::sighting::{CommonError, FrameClock, Sighting, UsedSightings, frames_in, sightings};
@@ -183,9 +183,11 @@ pub fn measure_motion(rig: &StereoRig, tracks: &Tracks, racket: &Racket, ball: &
 #[derive(Clone, Copy)]
 enum When {
     Before,
-    /// With the probability that a slow hand carried the racket before.
     After {
+        /// Probability that a slow hand carried the racket before.
         slow_hand: f64,
+        /// Velocity of its centre of mass and its angular velocity before, global axes.
+        before: (Vector3<f64>, Vector3<f64>),
     },
 }
 
@@ -197,17 +199,20 @@ impl When {
         }
     }
 
-    fn slow_hand(self) -> Option<f64> {
-        match self {
-            When::Before => None,
-            When::After { slow_hand } => Some(slow_hand),
-        }
+    /// What the laws after the contact are told, once it is known how the racket moves there.
+    fn after(self, moves: Option<&MotionState>) -> Option<AfterContact> {
+        let When::After { slow_hand, before: (velocity, rate) } = self else { return None };
+        let blow = moves.map(|state| {
+            let to_body = state.global_from_racket.inverse();
+            Blow { velocity: to_body * (state.velocity - velocity), rate: state.rate_body - to_body * rate }
+        });
+        Some(AfterContact { slow_hand, blow: blow.unwrap_or_default() })
     }
 
-    /// Muscles change a force by its own size in some 30 ms; the soft hand after the blow lets go in 10 ms.
+    /// The soft hand after the blow lets go in 10 ms.
     fn memory_s(self) -> f64 {
         match self {
-            When::Before => 0.030,
+            When::Before => MUSCLES_S,
             When::After { .. } => 0.010,
         }
     }
@@ -276,13 +281,13 @@ impl Bench<'_> {
         let mut start = shot.first_contact_t + SURELY_FREE_S;
         let mut contact = shot.first_contact_t + USUAL_CONTACT_S;
         let mut settled = false;
-        let slow_hand = self.slow_hand(shot);
+        let after = When::After { slow_hand: self.slow_hand(shot), before: shot.racket_in.velocities() };
         let all = if self.settings.first_look { MotionLaw::TOLD_FREE.to_vec() } else { MotionLaw::after_contact() };
         for round in 0..ROUNDS {
             let laws: &[MotionLaw] = if settled { &all } else { &[MotionLaw::Hold(Pace::Brisk)] };
             let to = contact + self.settings.window_s;
-            let ball_out = self.flight(&shot.frames, When::After { slow_hand }, start, to, contact)?;
-            let racket_out = self.motion(&shot.frames, When::After { slow_hand }, start, to, contact, laws)?;
+            let ball_out = self.flight(&shot.frames, after, start, to, contact)?;
+            let racket_out = self.motion(&shot.frames, after, start, to, contact, laws)?;
             let dt = crossing(&PointMotion::from(&ball_out), &body_at(&self.moving, &racket_out, contact), &self.moving.com_local, shot.side, radius)
                 .ok_or(KinematicsError::NoCrossing { when: "after" })?;
             let next = (contact + dt).clamp(shot.first_contact_t + 0.001, shot.first_contact_t + SURELY_FREE_S);
@@ -302,10 +307,10 @@ impl Bench<'_> {
     /// a contact of usual length.
     fn measure_each_after(&self, shot: &mut ShotMotion, why: &KinematicsError) {
         let (start, contact) = (shot.first_contact_t + SURELY_FREE_S, shot.first_contact_t + USUAL_CONTACT_S);
-        let slow_hand = self.slow_hand(shot);
+        let after = When::After { slow_hand: self.slow_hand(shot), before: shot.racket_in.velocities() };
         let to = contact + self.settings.window_s;
-        shot.ball_out = self.flight(&shot.frames, When::After { slow_hand }, start, to, contact).ok();
-        shot.racket_out = self.motion(&shot.frames, When::After { slow_hand }, start, to, contact, &MotionLaw::after_contact()).ok();
+        shot.ball_out = self.flight(&shot.frames, after, start, to, contact).ok();
+        shot.racket_out = self.motion(&shot.frames, after, start, to, contact, &MotionLaw::after_contact()).ok();
         let given = match (&shot.ball_out, &shot.racket_out) {
             (None, None) => return shot.remarks.push(format!("nothing after contact: {why}")),
             (Some(_), None) => "the ball's",
@@ -438,7 +443,7 @@ impl Bench<'_> {
             richest = most_flexible(&self.motion_view(&seen, when, rate, reference_t, 1.0), &richest.state).map_err(failed)?;
         }
         let scale = noise_scale(richest.chi2, 2 * seen.len(), 24) * motion_persistence(&self.motion_view(&seen, when, rate, reference_t, 1.0), &richest);
-        let view = self.motion_view(&seen, when, rate, reference_t, scale);
+        let view = MotionView { after: when.after(Some(&richest.state)), ..self.motion_view(&seen, when, rate, reference_t, scale) };
         let results: Vec<_> = laws.iter().filter_map(|law| fit_law(&view, *law, &richest.state).ok()).collect();
         average(&self.moving, results, reference_t, UsedSightings::of(&seen, total, reference_t, scale)).ok_or(KinematicsError::NoPoints)
     }
@@ -453,7 +458,7 @@ impl Bench<'_> {
             memory_s: when.memory_s(),
             noise_scale,
             shake_px: self.shake_px,
-            slow_hand: when.slow_hand(),
+            after: when.after(None),
         }
     }
 

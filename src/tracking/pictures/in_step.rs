@@ -6,6 +6,7 @@
 
 use crate::calibration::CameraId;
 use crate::footage::{Clip, FrameSource};
+use crate::quantity::HOLD_95_PERCENT;
 use crate::tracking::pictures::agreement::Agreement;
 use crate::tracking::pictures::lost_picture::{lost_pictures, lost_words};
 use crate::tracking::pictures::shot_frames::AT_ONCE;
@@ -43,7 +44,7 @@ impl Offset {
 
     fn words(&self) -> String {
         let side = if self.frames > 0.0 { "late" } else { "early" };
-        format!("the right camera seems {:.2} +- {:.2} frames {side}", self.frames.abs(), 1.96 * self.sd)
+        format!("the right camera seems {:.2} +- {:.2} frames {side}", self.frames.abs(), HOLD_95_PERCENT * self.sd)
     }
 }
 
@@ -225,7 +226,7 @@ fn words(shift: i64, first: Option<&Paired>, now: &Agreement) -> String {
         Some((_, Some(o))) => format!(
             "by the epipolar misses of the moving points {:.2} +- {:.2} frames, root mean square {:.2} px as paired",
             o.frames.abs(),
-            1.96 * o.sd,
+            HOLD_95_PERCENT * o.sd,
             o.miss_px
         ),
         Some((f, None)) => format!("both views agree on {} points as paired, and on {} so", f.agreement.both, now.both),

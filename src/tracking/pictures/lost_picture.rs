@@ -3,6 +3,7 @@
 //! are wrong, or, where one camera alone lost it, the pairs of pictures are.
 
 use crate::calibration::CameraId;
+use crate::short_list::short_list;
 use crate::tracking::track_file::{ImagePoint, Target, Tracks};
 
 /// A target tells when it moves by so much from one picture to the next, px, and by so many of its deviations.
@@ -84,9 +85,8 @@ fn four(points: [Option<ImagePoint>; 4]) -> Option<[ImagePoint; 4]> {
 pub fn lost_words(all: &[LostPictures]) -> Option<String> {
     let of = |cameras: [bool; 2]| -> Vec<u64> { all.iter().filter(|l| l.lost.map(|n| n > 0) == cameras).map(|l| l.after).collect() };
     let frames = |after: &[u64]| {
-        let named: Vec<String> = after.iter().take(NAMED).map(u64::to_string).collect();
-        let more = if after.len() > NAMED { format!(" and {} more", after.len() - NAMED) } else { String::new() };
-        format!("frame {}{more}", named.join(", "))
+        let numbers: Vec<String> = after.iter().map(u64::to_string).collect();
+        format!("frame {}", short_list(&numbers, NAMED, ", "))
     };
     let mut sentences = Vec::new();
     let both = of([true, true]);

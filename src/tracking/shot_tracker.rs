@@ -63,6 +63,7 @@ pub fn track_shot(source: &impl FrameSource, setup: &ShotSetup, cancel: &AtomicB
     let contact_frame = space_points::first_contact(source, &racket, &ball, setup.ball.radius_m());
     stray_ball::drop_strays(source, &view, &mut ball, contact_frame, setup.frame_rate_hz, stray_ball::OUTLINE_PX);
     let contact_frame = space_points::first_contact(source, &racket, &ball, setup.ball.radius_m());
+    marker_deviations::grow_unusual(&view, &figure, &mut racket);
     let tracks = named(source, &racket, &ball);
     let shake = || camera_shake(&tracks, &frames_of_contact(contact_frame, setup.frame_rate_hz));
     let told = || -> Vec<String> { shot.saturated_ball(&ball).into_iter().chain(shot.gamma_encoded()).collect() };

@@ -18,6 +18,10 @@ const CATCHING_UP: (f64, f64) = (0.7, 0.15);
 /// Pictures missing in a row, after which one of them may stand in the next frame, and how late that one is at least, frames.
 const MOST_MISSING: usize = 4;
 const LATE_FRAMES: f64 = 0.6;
+/// With none missing, a repeat whose bands were found half-way to where the racket was expected is as late as the first, where the other camera's is in time to the
+/// second, frames, and the racket moves as fast before and after, to this share: one that is struck does not.
+const HALF_WAY: (f64, f64) = (0.4, 0.2);
+const AS_FAST: f64 = 0.3;
 
 /// Pictures in which the racket stands still for one frame although the other camera sees it move: the recorder stored an earlier
 /// picture once more (a picture that was coded anew need not be equal byte by byte). By index and camera.
@@ -75,7 +79,21 @@ pub fn stood_still(frames: &[Option<RacketFrame>]) -> Vec<[bool; 2]> {
                 && late(a, 1 - camera).is_some_and(|late| late.abs() < 1.0 - LATE_FRAMES)
         })
     };
-    let told = |i: usize, camera: usize| still(i, camera) || stopped(i, camera) || behind(i, camera) || catches_up(frames, i, camera).is_some_and(|told| told);
+    let half_way = |i: usize, camera: usize| {
+        let Some(before) = i.checked_sub(1) else { return false };
+        let late = each_late(frames, [before, i, i + 1], camera);
+        let in_time = || frames_late(frames, [before, i, i + 1], 1 - camera).is_some_and(|late| late.abs() < HALF_WAY.1);
+        let Some(across) = motion(before, i + 1, camera).map(|way| 0.5 * way) else { return false };
+        let beside = [before.checked_sub(1).and_then(|earlier| motion(earlier, before, camera)), motion(i + 1, i + 2, camera)];
+        late.len() >= 2
+            && late.iter().all(|late| *late > HALF_WAY.0)
+            && in_time()
+            && beside.iter().any(Option::is_some)
+            && beside.iter().flatten().all(|pace| (pace / across - 1.0).abs() < AS_FAST)
+    };
+    let told = |i: usize, camera: usize| {
+        half_way(i, camera) || still(i, camera) || stopped(i, camera) || behind(i, camera) || catches_up(frames, i, camera).is_some_and(|told| told)
+    };
     (0..frames.len()).map(|i| [0, 1].map(|c| told(i, c))).collect()
 }
 
@@ -98,19 +116,24 @@ fn catches_up(frames: &[Option<RacketFrame>], i: usize, camera: usize) -> Option
     Some(bands >= 2 && way > CATCHING_UP.0 * bands as f64 && catching_up < CATCHING_UP.1 * going_on)
 }
 
-/// How many frames' way the bands of the middle one of three frames are behind the straight line between the others, in one camera's picture;
+/// How many frames' way the bands of the middle one of three frames are behind the straight line between the others, in one camera's picture: the median;
 /// `None` where too few are seen or they hardly move.
-fn frames_late(frames: &[Option<RacketFrame>], [a, i, b]: [usize; 3], camera: usize) -> Option<f64> {
+fn frames_late(frames: &[Option<RacketFrame>], three: [usize; 3], camera: usize) -> Option<f64> {
+    let late = each_late(frames, three, camera);
+    if late.len() < 2 { None } else { upper_median(late) }
+}
+
+/// The same of every band that is seen and moves.
+fn each_late(frames: &[Option<RacketFrame>], [a, i, b]: [usize; 3], camera: usize) -> Vec<f64> {
     let points = |k: usize| frames.get(k)?.as_ref().map(|f| f.points[camera]);
-    let (from, at, to) = (points(a)?, points(i)?, points(b)?);
+    let (Some(from), Some(at), Some(to)) = (points(a), points(i), points(b)) else { return Vec::new() };
     let frames = (b - a) as f64;
     let late = |m: usize| {
         let way = to[m]?.uv - from[m]?.uv;
         let share = (at[m]?.uv - from[m]?.uv).dot(&way) / way.norm_squared();
         (way.norm() > STILL_PX.1 * frames).then(|| (i - a) as f64 - share * frames)
     };
-    let late: Vec<f64> = (0..from.len()).filter_map(late).collect();
-    if late.len() < 2 { None } else { upper_median(late) }
+    (0..from.len()).filter_map(late).collect()
 }
 
 #[cfg(test)]
@@ -180,6 +203,10 @@ mod tests {
             let struck: Vec<[Option<f64>; 2]> = (0..10).map(|k| [Some(f64::from(k.min(5)) + after * f64::from((k - 5).max(0))); 2]).collect();
             assert!(stood_still(&seen(&struck)).iter().all(|s| *s == [false, false]), "{after}");
         }
+        // Its bands were found half-way to where the racket was expected.
+        let mut half_way = even.clone();
+        half_way[5][1] = Some(4.4);
+        assert_eq!(stood_still(&seen(&half_way)).iter().position(|s| s[1]), Some(5));
         // A missing picture alone is no repeat, and neither is a racket that was stopped on the way: both cameras see that.
         let mut missing = even.clone();
         missing[4][1] = None;

@@ -321,3 +321,25 @@ impl MotionLaw {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn truth_after_a_blow_a_hand_is_expected_to_make_up_for_it_axis_by_axis() {
+        let blow = Blow { velocity: Vector3::new(0.0, 0.0, -8.0), rate: Vector3::new(16.0, 0.0, 0.0) };
+        let after = AfterContact { slow_hand: 0.0, blow };
+        let prior = |law: MotionLaw, part: Part| law.prior(part, 0.01, Some(&after)).expect("a prior");
+        let near = |a: Vector3<f64>, b: [f64; 3]| (a - Vector3::from(b)).norm() < 1e-9 * a.norm();
+        // 8 m/s and 16 rad/s within 0.08 s are 100 m/s² and 200 rad/s², which change by their own size in 30 ms.
+        let gentle = MotionLaw::Hold(Pace::Gentle);
+        assert!(near(prior(gentle, Part::Force), [100.0, 100.0, f64::hypot(100.0, 100.0)]));
+        assert!(near(prior(gentle, Part::RateDot), [f64::hypot(325.0, 200.0), 130.0, 130.0]));
+        assert!(near(prior(gentle, Part::ForceSlope), [1e4, 1e4, f64::hypot(1e4, 100.0 / 0.03)]));
+        assert!(near(prior(gentle, Part::RateDdot), [f64::hypot(32_500.0, 200.0 / 0.03), 13_000.0, 13_000.0]));
+        // A hand that lets go makes up for nothing, and before the contact there is no blow.
+        assert!(near(prior(MotionLaw::Release(Fade(10)), Part::Force), [300.0; 3]));
+        assert!(near(gentle.prior(Part::Force, 0.03, None).expect("a prior"), [100.0; 3]));
+    }
+}

@@ -41,9 +41,10 @@ pub fn measure_spin(source: &impl FrameSource, setup: &ShotSetup, shot: &mut Sho
         return Ok(BallSpin { before: refused.clone(), after: refused });
     }
     let mut found = FoundSpins::find(source, setup, shot)?;
-    refine_ball(source, setup, shot, &found.turning(&found.rough()), &found.sample)?;
-    if !found.complete() {
-        found.find_again(source, setup, shot)?;
+    let turning = found.turning(&found.rough());
+    refine_ball(source, setup, shot, &turning, &found.sample)?;
+    // Where a spin that could not be told from another one still cannot, its cover is learnt already.
+    if !found.complete() && (found.find_again(source, setup, shot)? || turning.contains(&None)) {
         let measured = found.measure(source, setup, shot)?;
         refine_ball(source, setup, shot, &found.turning(&measured), &found.sample)?;
     }
@@ -97,16 +98,18 @@ impl FoundSpins {
         Ok(FoundSpins { sample, settings: [settings_before, settings_after], found: [before, after] })
     }
 
-    /// Looks again where nothing was found, with the centres as they are now.
-    fn find_again(&mut self, source: &impl FrameSource, setup: &ShotSetup, shot: &ShotTracks) -> Result<(), TrackingError> {
+    /// Looks again where nothing was found, with the centres as they are now; whether a spin was found.
+    fn find_again(&mut self, source: &impl FrameSource, setup: &ShotSetup, shot: &ShotTracks) -> Result<bool, TrackingError> {
         let FoundSpins { sample, settings, found } = self;
-        let again = |(side, found): (usize, &mut FoundSpin)| -> Result<(), TrackingError> {
-            if !matches!(found.rough, SpinEstimate::Vector { .. }) {
-                *found = FoundSpin::find(&views(&crops(source, setup, shot, sample, side)?), setup.rig, setup.ball.radius_m(), &settings[side]);
+        let again = |(side, found): (usize, &mut FoundSpin)| -> Result<bool, TrackingError> {
+            if matches!(found.rough, SpinEstimate::Vector { .. }) {
+                return Ok(false);
             }
-            Ok(())
+            *found = FoundSpin::find(&views(&crops(source, setup, shot, sample, side)?), setup.rig, setup.ball.radius_m(), &settings[side]);
+            Ok(matches!(found.rough, SpinEstimate::Vector { .. }))
         };
-        found.par_iter_mut().enumerate().try_for_each(again)
+        let new: Vec<bool> = found.par_iter_mut().enumerate().map(again).collect::<Result<_, _>>()?;
+        Ok(new.contains(&true))
     }
 
     /// Whether both spins are known.

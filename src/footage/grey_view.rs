@@ -58,7 +58,7 @@ impl<'a> GreyView<'a> {
     }
 
     /// A box of a picture, row by row: its first column and row, columns and rows, and the picture's size.
-    pub(super) fn patch(pixels: &'a [u8], corner: (usize, usize), extent: (usize, usize), size: (usize, usize)) -> Self {
+    pub fn patch(pixels: &'a [u8], corner: (usize, usize), extent: (usize, usize), size: (usize, usize)) -> Self {
         let ((first_column, first_row), (columns, rows), (width, height)) = (corner, extent, size);
         GreyView { pixels, stride: columns, flipped: false, left_out: &[], columns: (first_column, columns), width, height, first_row, rows }
     }

@@ -1,13 +1,13 @@
 //! The ball's spin in one tracked shot: crops of the ball in free flight, before and after the contact.
 
 use crate::calibration::CameraId;
-use crate::footage::{FrameBuffer, FrameSource, Rows};
+use crate::footage::{FrameBuffer, FrameSource, GreyPatch, Rows};
 use crate::tracking::ball::ball_refine::{SHARED_VARIANCE, refine_ball};
 use crate::tracking::ball::bounce::Flights;
 use crate::tracking::ball::flight_sample::FlightSample;
 use crate::tracking::racket::racket_pose::View;
 use crate::tracking::shot_tracks::{ShotSetup, ShotTracks, TrackingError};
-use crate::tracking::spin::{BLUR_PX, BallSpin, BallView, FoundSpin, GreyPatch, SpinEstimate, SpinRefusal, SpinSettings};
+use crate::tracking::spin::{BLUR_PX, BallSpin, BallView, FoundSpin, SpinEstimate, SpinRefusal, SpinSettings};
 use crate::tracking::tape::tape_blur::out_of_focus;
 use crate::tracking::track_file::{SpacePoint, Target};
 use nalgebra::{Point3, Vector2, Vector3};
@@ -20,10 +20,7 @@ const CROP_RADII: f64 = 1.6;
 struct Crop {
     camera: CameraId,
     time_s: f64,
-    pixels: Vec<u8>,
-    side: usize,
-    left: i64,
-    top: i64,
+    picture: GreyPatch,
     centre_px: Vector2<f64>,
     /// Of this centre alone, and of what it has in common with its neighbours.
     centre_sd_px: f64,
@@ -166,17 +163,14 @@ fn crops(source: &impl FrameSource, setup: &ShotSetup, shot: &ShotTracks, sample
             if !source.read(index, camera.index(), rows(setup.rig.image_size[1]), &mut buffer)? {
                 continue;
             }
-            let Some(view) = buffer.view() else { continue };
-            let (left, top, width) = ((seen.uv.x - half).floor() as i64, (seen.uv.y - half).floor() as i64, (2.0 * half).ceil() as usize + 1);
-            // Pixels outside the picture count as saturated: the estimator leaves those out.
-            let pixels = (0..width * width).map(|i| view.get(left + (i % width) as i64, top + (i / width) as i64).unwrap_or(u8::MAX)).collect();
+            let corner = [seen.uv.x - half, seen.uv.y - half].map(|x| x.floor() as i64);
+            let reach = (2.0 * half).ceil() as i64;
+            let box_of = |view| GreyPatch::of(&view, (corner[0], corner[1]), (corner[0] + reach, corner[1] + reach));
+            let Some(picture) = buffer.view().and_then(box_of) else { continue };
             crops.push(Crop {
                 camera,
                 time_s: point.t,
-                pixels,
-                side: width,
-                left,
-                top,
+                picture,
                 centre_px: seen.uv,
                 centre_sd_px: seen.sd.max() * (1.0 - SHARED_VARIANCE).sqrt(),
                 centre_shared_px: seen.sd.max() * SHARED_VARIANCE.sqrt(),
@@ -192,7 +186,7 @@ impl Crop {
         BallView {
             camera: self.camera,
             time_s: self.time_s,
-            picture: GreyPatch { pixels: &self.pixels, width: self.side, height: self.side, stride: self.side, left: self.left, top: self.top },
+            picture: self.picture.view(),
             centre_px: self.centre_px,
             centre_sd_px: self.centre_sd_px,
             centre_shared_px: self.centre_shared_px,

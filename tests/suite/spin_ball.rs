@@ -7,7 +7,8 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use std::collections::BTreeMap;
 use sweetspot::calibration::{Camera, CameraId, RigidTransform, StereoRig};
-use sweetspot::tracking::spin::{BallView, GreyPatch};
+use sweetspot::footage::GreyView;
+use sweetspot::tracking::spin::BallView;
 
 /// What is drawn on the ball.
 #[derive(Debug, Clone)]
@@ -68,7 +69,8 @@ pub struct Picture {
 
 impl Picture {
     pub fn view(&self) -> BallView<'_> {
-        let picture = GreyPatch { left: self.left, top: self.top, ..GreyPatch::frame(&self.pixels, self.size.0, self.size.1) };
+        let corner = [self.left, self.top].map(|first| usize::try_from(first).expect("inside the picture"));
+        let picture = GreyView::patch(&self.pixels, corner.into(), self.size, (512, 512));
         BallView {
             camera: self.camera,
             time_s: self.time_s,

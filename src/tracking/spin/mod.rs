@@ -18,4 +18,4 @@ mod view;
 
 pub use estimate::{BLUR_PX, BallSpin, FoundSpin, SpinEstimate, SpinQuality, SpinRefusal, SpinSettings, estimate_spin};
 pub use spin_file::{SPIN_FILE, SpinFileError, read_spin, spin_to_json};
-pub use view::{BallView, GreyPatch};
+pub use view::BallView;

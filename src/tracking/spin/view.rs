@@ -1,37 +1,9 @@
 //! One picture of the ball, and its pixels as directions on the sphere.
 
 use crate::calibration::{CameraId, StereoRig};
+use crate::footage::GreyView;
 use crate::median::upper_median;
 use nalgebra::{Matrix2, Matrix3, Point3, Vector2, Vector3};
-
-/// A rectangle of 8-bit grey pixels: the whole frame or a crop around the ball. Pixel `(column, row)` of the patch is
-/// pixel `(left + column, top + row)` of the image.
-#[derive(Debug, Clone, Copy)]
-pub struct GreyPatch<'a> {
-    pub pixels: &'a [u8],
-    pub width: usize,
-    pub height: usize,
-    /// Distance between the starts of two rows in `pixels`.
-    pub stride: usize,
-    pub left: i64,
-    pub top: i64,
-}
-
-impl<'a> GreyPatch<'a> {
-    /// A whole frame without padding between its rows.
-    pub fn frame(pixels: &'a [u8], width: usize, height: usize) -> Self {
-        GreyPatch { pixels, width, height, stride: width, left: 0, top: 0 }
-    }
-
-    fn at(&self, column: i64, row: i64) -> Option<u8> {
-        let (i, j) = (column.checked_sub(self.left)?, row.checked_sub(self.top)?);
-        let (i, j) = (usize::try_from(i).ok()?, usize::try_from(j).ok()?);
-        if i >= self.width || j >= self.height {
-            return None;
-        }
-        self.pixels.get(j.checked_mul(self.stride)?.checked_add(i)?).copied()
-    }
-}
 
 /// The ball in one picture.
 #[derive(Debug, Clone, Copy)]
@@ -39,7 +11,8 @@ pub struct BallView<'a> {
     pub camera: CameraId,
     /// Middle of the exposure, s, from any origin.
     pub time_s: f64,
-    pub picture: GreyPatch<'a>,
+    /// As much of the picture as shows the ball.
+    pub picture: GreyView<'a>,
     /// Projected centre of the ball, px, and its standard deviation.
     pub centre_px: Vector2<f64>,
     pub centre_sd_px: f64,
@@ -137,7 +110,7 @@ fn sample_view(view: &BallView, centre: Vector2<f64>, rig: &StereoRig, radius_m:
             if rho2 > USED_RADIUS * USED_RADIUS {
                 continue;
             }
-            match view.picture.at(column, row) {
+            match view.picture.get(column, row) {
                 // A saturated pixel says only that the ball is bright there.
                 Some(grey) if grey < 255 => {
                     let disc = Vector3::new(p.x, p.y, (1.0 - rho2).sqrt());

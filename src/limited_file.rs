@@ -128,7 +128,19 @@ pub fn read_text(path: &Path, most: u64) -> io::Result<String> {
 /// A parser's message as part of another: without the line's end after it, and of a file that is one endless line only as much as anybody reads.
 pub fn parser_words(e: &dyn std::fmt::Display) -> String {
     let shown = |line: &str| line.chars().take(LONGEST_LINE).collect::<String>();
-    e.to_string().trim_end().lines().map(shown).collect::<Vec<_>>().join("\n")
+    let mut lines: Vec<String> = e.to_string().trim_end().lines().map(shown).collect();
+    if lines.iter().any(|line| has_decimal_comma(line)) {
+        lines.push("numbers have a decimal point, not a comma".to_owned());
+    }
+    lines.join("\n")
+}
+
+/// Whether a line of TOML gives a key a number with a decimal comma.
+fn has_decimal_comma(line: &str) -> bool {
+    let Some((_, value)) = line.split_once('=') else { return false };
+    let value = value.split('#').next().unwrap_or_default().trim();
+    let digits = |text: &str| !text.is_empty() && text.bytes().all(|b| b.is_ascii_digit());
+    value.split_once(',').is_some_and(|(whole, part)| digits(whole.trim_start_matches(['-', '+'])) && digits(part))
 }
 
 #[cfg(test)]
@@ -140,6 +152,14 @@ mod tests {
         let e = toml::from_str::<toml::Table>(&format!("a = {}", "[".repeat(100_000))).expect_err("too deep");
         let words = parser_words(&e);
         assert!(words.len() < 1000 && words.starts_with("TOML parse error at line 1") && !words.ends_with('\n'), "{words}");
+    }
+
+    #[test]
+    fn truth_a_decimal_comma_is_told() {
+        let told =
+            |text: &str| parser_words(&toml::from_str::<toml::Table>(text).expect_err("no number")).ends_with("numbers have a decimal point, not a comma");
+        assert!(told("mass_kg = 0,3453\n") && told("x = -12,5 # mm\n"));
+        assert!(!told("mass_kg = 0.3.4\n") && !told("list = [1, 2\n") && !told("a = 1, b = 2\n"));
     }
 
     #[test]

@@ -176,7 +176,7 @@ impl Calibration {
         let n = coverage.pairs_used;
         match n {
             0..=14 => out.push(format!("{n} pairs are used; take at least 15, better 20 (below 15 the error still falls with every pair)")),
-            15..=19 => out.push(format!("{n} pairs are used; 20 leave room for pictures that fail, 40 were used on court for a 2 m volume")),
+            15..=19 => out.push(format!("{n} pairs are used; 20 or more are recommended, which leaves room for pictures that fail, 40 for a volume of 2 m")),
             _ => {}
         }
         for (name, cells, relative) in

@@ -60,6 +60,8 @@ pub struct Shell {
     out_was_asked: bool,
     /// Whether stdout is for a result: the JSON of this command or of the one that runs it as a step, or the file that `-o /dev/stdout` asks for.
     stdout_is_taken: bool,
+    /// Whether another command runs this one and goes on from what it writes.
+    is_step: bool,
     /// What the user measured and gave to this command: no result takes its place.
     given: Mutex<Vec<PathBuf>>,
     cancelled: Arc<AtomicBool>,
@@ -119,7 +121,14 @@ impl Shell {
 
     /// A shell for a step of this one, to which the user gave nothing yet.
     fn with(&self, args: ShellArgs) -> Shell {
-        Shell { args, out_was_asked: self.out_was_asked, stdout_is_taken: self.stdout_is_taken, given: Mutex::default(), cancelled: self.cancelled.clone() }
+        Shell {
+            args,
+            out_was_asked: self.out_was_asked,
+            stdout_is_taken: self.stdout_is_taken,
+            is_step: self.is_step,
+            given: Mutex::default(),
+            cancelled: self.cancelled.clone(),
+        }
     }
 
     /// Runs another command as if typed, with this shell's `--force` and cancel flag, its results going to `out`.
@@ -129,7 +138,7 @@ impl Shell {
         let words = std::iter::once(std::ffi::OsStr::new("sweetspot")).chain(arguments.iter().copied());
         let cli = Cli::try_parse_from(words).map_err(|e| CliError::input(format!("this program cannot run that step: {e}")))?;
         let args = ShellArgs { json: false, threads: None, force: self.args.force, out: Some(out.to_path_buf()) };
-        dispatch(cli.command, &self.with(args))
+        dispatch(cli.command, &Shell { is_step: true, ..self.with(args) })
     }
 
     /// A progress bar on stderr, hidden when stderr is not a terminal.
@@ -285,8 +294,14 @@ pub fn main() -> ExitCode {
     if to_stdout && cli.shell.json {
         return fail(&CliError::input("--json and a file that is stdout: both would stand there").hint("leave one of them out, or name another file"), json);
     }
-    let shell =
-        Shell { stdout_is_taken: cli.shell.json || to_stdout, out_was_asked: cli.shell.out.is_some(), args: cli.shell, given: Mutex::default(), cancelled };
+    let shell = Shell {
+        stdout_is_taken: cli.shell.json || to_stdout,
+        out_was_asked: cli.shell.out.is_some(),
+        args: cli.shell,
+        is_step: false,
+        given: Mutex::default(),
+        cancelled,
+    };
     match dispatch(cli.command, &shell) {
         Ok(()) => ExitCode::SUCCESS,
         Err(e) => fail(&e, json),

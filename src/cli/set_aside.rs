@@ -37,6 +37,11 @@ pub fn set_session_aside(results: &Path) -> Result<Vec<PathBuf>, CliError> {
     Ok(kept)
 }
 
+/// What stands among the results that models and the report made of the impacts table.
+pub fn made_of_the_impacts(results: &Path) -> Vec<PathBuf> {
+    OF_THE_IMPACTS.iter().copied().chain(["report.html"]).map(|name| results.join(name)).filter(|file| file.exists()).collect()
+}
+
 /// Sets aside what models made of an impacts table that is another now.
 pub fn set_judgements_aside(results: &Path) -> Result<Vec<PathBuf>, CliError> {
     set_all_aside(results, &OF_THE_IMPACTS)

@@ -2,7 +2,8 @@
 
 use super::Shell;
 use super::error::{CliError, Kind, with_reasons};
-use super::set_aside::{listed, set_aside, set_judgements_aside, set_session_aside};
+use super::set_aside::{listed, made_of_the_impacts, set_aside, set_judgements_aside, set_session_aside};
+use super::track::renew_c3d;
 use super::tracked_session::{TrackedSession, refuse_no_place};
 use crate::impact_table::{ImpactRow, ImpactTable};
 use crate::kinematics::{
@@ -175,13 +176,20 @@ fn write_impacts(tracked: &TrackedSession, shots: &[ShotRecord], some_failed: bo
         shell.say(format_args!("another table of impacts was there, with what was made of it; kept as {}", listed(&kept)));
     }
     // What was made of a table with the shots that fail now is not of this one.
-    if some_failed && std::fs::read(impacts).is_ok_and(|earlier| earlier != table.as_bytes()) {
+    let others = std::fs::read(impacts).is_ok_and(|earlier| earlier != table.as_bytes());
+    if some_failed && others {
         let kept = set_judgements_aside(&tracked.results)?;
         if !kept.is_empty() {
             shell.say(format_args!("what was made of the impacts of an earlier run is kept as {}", listed(&kept)));
         }
     }
-    shell.write(impacts, table.as_bytes())
+    shell.write(impacts, table.as_bytes())?;
+    // A command that goes on from here makes them anew.
+    let stale = if others && !shell.is_step { made_of_the_impacts(&tracked.results) } else { Vec::new() };
+    if !stale.is_empty() {
+        shell.say(format_args!("made of the impacts as they were before: {}; `sweetspot validate` makes them anew", listed(&stale)));
+    }
+    Ok(())
 }
 
 /// What an earlier run measured of a shot is not this one's. Points in space that `track` has found since are, and stay.
@@ -273,6 +281,7 @@ fn one_shot(tracked: &TrackedSession, folder: &ShotFolder, arguments: &Arguments
     let points = points_to_csv(&measured.points);
     let record = ShotRecord { shot: measured.shot, doubt, note: folder.note.clone(), points: sha256_hex(points.as_bytes()), provenance };
     shell.write(&points_file, points.as_bytes())?;
+    renew_c3d(&tracked.session, folder, &tracked.rig, &place, shell)?;
     shell.write(&shot_file, record.to_json().as_bytes())?;
     Ok(record)
 }

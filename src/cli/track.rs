@@ -5,6 +5,7 @@ use super::error::{CliError, with_reasons};
 use super::set_aside::{listed, remove_if_there, set_all_aside, set_aside};
 use super::tracked_session::{refuse_no_place, rig_to_measure_with, warn_of_old_calibration};
 use crate::calibration::{CameraId, StereoRig};
+use crate::equipment::Markers;
 use crate::footage::{Clip, FrameBuffer, FrameSource, Rows};
 use crate::kinematics::{SHOT_FILE, ShotRecord};
 use crate::limited_file::{LARGEST_TABLE, LimitedFile};
@@ -45,6 +46,8 @@ pub struct Arguments {
     pub no_spin: bool,
 }
 
+const C3D_FILE: &str = "points.c3d";
+
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum ExportFormat {
     /// dltdv_xypts.csv, dltdv_xyzpts.csv, dltdv_xyzres.csv, dltdv_offsets.csv
@@ -62,8 +65,7 @@ pub enum Sync {
 }
 
 /// What `--export` and `--overlay` write of a shot.
-const EXPORTS: [&str; 7] =
-    ["dltdv_xypts.csv", "dltdv_xyzpts.csv", "dltdv_xyzres.csv", "dltdv_offsets.csv", "points.c3d", "overlay_left.png", "overlay_right.png"];
+const EXPORTS: [&str; 7] = ["dltdv_xypts.csv", "dltdv_xyzpts.csv", "dltdv_xyzres.csv", "dltdv_offsets.csv", C3D_FILE, "overlay_left.png", "overlay_right.png"];
 /// Most shots tracked at a time: each holds some tens of megabytes.
 const MOST_AT_ONCE: usize = 16;
 /// Pairs of pictures of which something is read to tell one recording from another, and how much of each, bytes.
@@ -334,11 +336,11 @@ fn for_others(
                     shell.write(&folder.join(format!("dltdv_{name}")), table.as_bytes())?;
                 }
             }
-            ExportFormat::C3d => shell.write(&folder.join("points.c3d"), &c3d_bytes(&export).map_err(CliError::input)?)?,
+            ExportFormat::C3d => shell.write(&folder.join(C3D_FILE), &c3d_bytes(&export).map_err(CliError::input)?)?,
         }
     }
     if let Some(every) = arguments.overlay {
-        let overlay = Overlay { tracks: &tracks, points: &points, rig };
+        let overlay = Overlay { tracks: &tracks, points: &points, rig, markers: shot.racket.markers.as_ref().map(Markers::points) };
         for camera in CameraId::BOTH {
             let Some(sheet) = overlay.sheet(&clip, camera, every).map_err(CliError::input)? else { continue };
             let mut png = std::io::Cursor::new(Vec::new());
@@ -347,6 +349,23 @@ fn for_others(
         }
     }
     Ok(())
+}
+
+/// Writes `points.c3d` anew, if there is one, when `shots` has measured the shot's points and its first contact better.
+pub(super) fn renew_c3d(session: &Session, shot: &ShotFolder, rig: &StereoRig, folder: &Path, shell: &Shell) -> Result<(), CliError> {
+    let file = folder.join(C3D_FILE);
+    if !file.exists() {
+        return Ok(());
+    }
+    let (tracks, points) =
+        (Tracks::read(&folder.join("tracks.csv")).map_err(CliError::input)?, read_points(&folder.join("points.csv")).map_err(CliError::input)?);
+    // The pictures may have been put away since.
+    let clip = Clip::list(&shot.camera("left"), &shot.camera("right"));
+    let shift = TrackRecord::read(folder).map_or(0, |record| record.summary.right_shift);
+    let frames = clip.map_or_else(|_| tracks.frames().into_iter().collect(), |clip| clip.shifted(shift).pairs.iter().map(|p| p.number).collect::<Vec<_>>());
+    let (Some(first), Some(last)) = (frames.first(), frames.last()) else { return Ok(()) };
+    let export = TrackExport { tracks: &tracks, points: &points, rig, frame_rate_hz: session.frame_rate_hz, frames: *first..=*last };
+    shell.write(&file, &c3d_bytes(&export).map_err(CliError::input)?)
 }
 
 /// What tracking depends on. Pictures stand by name and size: reading them all again would cost more than tracking does

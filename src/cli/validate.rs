@@ -310,8 +310,9 @@ fn one_session(session: &Session, results: &Path, arguments: &Arguments, outcome
         steps.extend(["compare", "diagnose"]);
     } else {
         shell.say(format_args!(
-            "compare, diagnose: {} measured shots are too few to judge a model; {FEWEST_IMPACTS} or more are needed, better 60.",
-            outcome.shots_measured
+            "compare, diagnose: {} measured {} too few to judge a model; {FEWEST_IMPACTS} or more are needed, better 60.",
+            outcome.shots_measured,
+            if outcome.shots_measured == 1 { "shot is" } else { "shots are" }
         ));
     }
     for step in steps {

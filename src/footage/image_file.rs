@@ -1,6 +1,7 @@
 //! One picture read by content (BMP, PNG, TIFF, JPEG), and the numbered pictures of a folder.
 
 use super::bitmap::pixels_within_header;
+use crate::short_list::short_list;
 use image::{ColorType, ImageDecoder, ImageFormat, ImageReader, Limits};
 use std::io::{Cursor, Read};
 use std::path::{Path, PathBuf};
@@ -15,12 +16,16 @@ pub const LARGEST_FRAME_NUMBER: u64 = 1 << 53;
 const MAX_BYTES: u64 = (MAX_PIXELS << 2) + (1 << 20);
 /// Most pictures in one folder (a million frames is over 16 minutes at 1000 frames a second).
 const MAX_PICTURES: usize = 1_000_000;
+/// Folders named that may be meant in the place of one that is not there.
+const NAMED: usize = 4;
 
 /// Why a picture or a folder of pictures cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum FootageError {
     #[error("{path}: cannot be read ({source})", path = .path.display())]
     Unreadable { path: PathBuf, source: std::io::Error },
+    #[error("{path}: there is no such folder; beside it: {beside}", path = .path.display())]
+    NoFolder { path: PathBuf, beside: String },
     #[error("{path}: the file is empty; the recording may have been cut off", path = .path.display())]
     Empty { path: PathBuf },
     #[error("{path}: {bytes} bytes; allowed: up to {MAX_BYTES}", path = .path.display())]
@@ -195,7 +200,11 @@ fn is_picture_size(width: u32, height: u32) -> bool {
 pub fn numbered_images(folder: &Path) -> Result<Vec<(u64, PathBuf)>, FootageError> {
     let unreadable = |source| FootageError::Unreadable { path: folder.into(), source };
     let mut found = Vec::new();
-    for entry in std::fs::read_dir(folder).map_err(unreadable)? {
+    let entries = std::fs::read_dir(folder).map_err(|e| match e.kind() {
+        std::io::ErrorKind::NotFound => FootageError::NoFolder { path: folder.into(), beside: folders_beside(folder) },
+        _ => unreadable(e),
+    })?;
+    for entry in entries {
         let entry = entry.map_err(unreadable)?;
         let (name, path) = (entry.file_name().to_string_lossy().into_owned(), entry.path());
         // The folder itself says what most entries are; only a link must be followed.
@@ -215,6 +224,14 @@ pub fn numbered_images(folder: &Path) -> Result<Vec<(u64, PathBuf)>, FootageErro
         }
     }
     Ok(found)
+}
+
+/// Folders beside one that is not there: under one of these names it may have been meant.
+fn folders_beside(folder: &Path) -> String {
+    let entries = folder.parent().and_then(|parent| std::fs::read_dir(parent).ok()).into_iter().flatten().flatten();
+    let mut names: Vec<String> = entries.filter(|e| e.path().is_dir()).map(|e| format!("`{}`", e.file_name().to_string_lossy())).collect();
+    names.sort();
+    if names.is_empty() { "none".to_owned() } else { short_list(&names, NAMED, ", ") }
 }
 
 /// The last run of digits of the name without its extension; of the whole name when that has none (`frame.0012`).

@@ -99,14 +99,19 @@ impl Header {
         let misspelt: Vec<(String, String)> = names.iter().filter_map(|n| Some((n.clone(), meant(n, &own_names, &all)?))).collect();
         if numbered && !names.iter().any(|n| INPUTS.contains(&n.as_str())) && (parted || misspelt.is_empty()) {
             let numbers = names.iter().any(|n| n.parse::<f64>().is_ok());
-            let remedy = if parted {
+            let begins = names.first().map_or("", String::as_str);
+            let remedy = if begins.contains('\0') && !begins.starts_with("PK") {
+                "; it seems to be UTF-16: save it as CSV in UTF-8"
+            } else if begins.starts_with("PK\u{3}\u{4}") {
+                "; it is a workbook (or another packed file): save the sheet as CSV in UTF-8"
+            } else if parted {
                 "; part the fields by commas and write decimals with a point"
             } else if numbers {
                 "; the first line must name the columns"
             } else {
                 ""
             };
-            let seen = names.join(", ").chars().take(MOST_SHOWN).collect();
+            let seen = names.join(", ").chars().filter(|c| !c.is_control()).take(MOST_SHOWN).collect();
             return Err(TableError::NoColumn { path: path.into(), column: "id", seen, remedy });
         }
         if let Some(long) = names.iter().find(|n| n.len() > LONGEST_NAME) {

@@ -22,6 +22,17 @@ pub fn escape(text: &str) -> String {
     out
 }
 
+/// Escaped text in which what stands between a pair of backticks is typed as it stands: a command, a column, a file.
+pub fn prose(text: &str) -> String {
+    let escaped = escape(text);
+    let mut parts: Vec<&str> = escaped.split('`').collect();
+    // One without its fellow is a character like others.
+    let last = if parts.len().is_multiple_of(2) { parts.pop() } else { None };
+    let mut out: String = parts.iter().enumerate().map(|(i, part)| if i % 2 == 1 { format!("<code>{part}</code>") } else { (*part).to_owned() }).collect();
+    out.extend(last.map(|last| format!("`{last}")));
+    out
+}
+
 /// A number with so many decimals, a true minus sign and no negative zero; a dash when it is not finite.
 pub fn fixed(value: f64, decimals: usize) -> String {
     if !value.is_finite() {
@@ -171,6 +182,14 @@ mod tests {
             true_minus("between -45 mm and -14 mm (-3), lab-0003, under-predicted"),
             "between \u{2212}45 mm and \u{2212}14 mm (\u{2212}3), lab-0003, under-predicted"
         );
+    }
+
+    #[test]
+    fn truth_what_stands_between_backticks_is_code_and_markup_is_not() {
+        assert_eq!(prose("run `sweetspot fit` on `<b>`"), "run <code>sweetspot fit</code> on <code>&lt;b&gt;</code>");
+        assert_eq!(prose("a ` alone; then `x` and `"), "a <code> alone; then </code>x<code> and </code>");
+        assert_eq!(prose("`x` and ` left"), "<code>x</code> and ` left");
+        assert_eq!(prose("none"), "none");
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! The page: sections one after the other, with a table of contents, in one file that needs nothing else.
 
 use super::chart;
-use super::markup::{base64, escape};
+use super::markup::{base64, escape, prose};
 use std::fmt::Write;
 
 const STYLE: &str = include_str!("page.css");
@@ -62,7 +62,7 @@ impl Section {
     }
 
     fn element(mut self, tag: &str, attributes: &str, text: &str) -> Self {
-        let _ = write!(self.body, "<{tag}{attributes}>{}</{tag}>", escape(text));
+        let _ = write!(self.body, "<{tag}{attributes}>{}</{tag}>", if tag == "pre" { escape(text) } else { prose(text) });
         self
     }
 
@@ -76,7 +76,7 @@ impl Section {
         };
         let _ = write!(self.body, "<div class=\"verdict{class}\">");
         for line in lines {
-            let _ = write!(self.body, "<p>{}</p>", escape(line));
+            let _ = write!(self.body, "<p>{}</p>", prose(line));
         }
         self.body.push_str("</div>");
         self
@@ -89,7 +89,7 @@ impl Section {
         }
         self.body.push_str("<div class=\"cards\">");
         for (value, what) in cards {
-            let _ = write!(self.body, "<div class=\"card\"><b>{}</b><span>{}</span></div>", escape(value), escape(what));
+            let _ = write!(self.body, "<div class=\"card\"><b>{}</b><span>{}</span></div>", escape(value), prose(what));
         }
         self.body.push_str("</div>");
         self
@@ -97,7 +97,7 @@ impl Section {
 
     pub fn list(mut self, items: &[String]) -> Self {
         if !items.is_empty() {
-            let items: String = items.iter().map(|i| format!("<li>{}</li>", escape(i))).collect();
+            let items: String = items.iter().map(|i| format!("<li>{}</li>", prose(i))).collect();
             let _ = write!(self.body, "<ul>{items}</ul>");
         }
         self
@@ -125,7 +125,7 @@ impl Section {
         };
         let _ = write!(self.body, "<div class=\"figures{class}\">");
         for (svg, caption) in figures {
-            let caption = if caption.is_empty() { String::new() } else { format!("<figcaption>{}</figcaption>", escape(caption)) };
+            let caption = if caption.is_empty() { String::new() } else { format!("<figcaption>{}</figcaption>", prose(caption)) };
             let _ = write!(self.body, "<figure>{}{caption}</figure>", svg.replacen(chart::OWN_STYLE, "", 1));
         }
         self.body.push_str("</div>");
@@ -148,7 +148,7 @@ impl Section {
         self
     }
 
-    /// Folds what `inside` adds behind a line to click; it is open in print only if the reader opened it.
+    /// Folds what `inside` adds behind a line to click; it is printed only if the reader opened it.
     pub fn folded(mut self, summary: &str, inside: impl FnOnce(Section) -> Section) -> Self {
         let inner = inside(Section::new("", ""));
         if !inner.body.is_empty() {
@@ -234,11 +234,11 @@ impl Table {
         let many = if self.head.len() > MANY_COLUMNS { " class=\"many\"" } else { "" };
         let mut out = format!("<div class=\"scroll\" tabindex=\"0\"><table{many}>");
         if !self.caption.is_empty() {
-            let _ = write!(out, "<caption><span>{}</span></caption>", escape(&self.caption));
+            let _ = write!(out, "<caption><span>{}</span></caption>", prose(&self.caption));
         }
         out.push_str("<thead><tr>");
         for (i, (head, _)) in self.head.iter().enumerate() {
-            let _ = write!(out, "<th scope=\"col\"{}>{}</th>", class(i), escape(head).replace("± ", "±\u{a0}"));
+            let _ = write!(out, "<th scope=\"col\"{}>{}</th>", class(i), prose(head).replace("± ", "±\u{a0}"));
         }
         out.push_str("</tr></thead><tbody>");
         for row in &self.rows {

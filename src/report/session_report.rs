@@ -21,7 +21,12 @@ pub fn session_report(results: &SessionResults) -> String {
     let model = results.comparison.as_ref().map(|c| c.model.as_str()).or(results.diagnosis.as_ref().map(|d| d.model.as_str()));
     let mut report = Report::new(&results.name)
         .command(&model.map_or_else(|| "session report".to_owned(), |m| format!("session report with {m}")))
-        .subtitle(&format!("{} shots, {} frames a second", results.shots.len(), super::markup::fixed(results.frame_rate_hz, 0)))
+        .subtitle(&format!(
+            "{} shot{}, {} frames a second",
+            results.shots.len(),
+            if results.shots.len() == 1 { "" } else { "s" },
+            super::markup::fixed(results.frame_rate_hz, 0)
+        ))
         .section(sections::session_verdict(results));
     if let Some(d) = &results.diagnosis {
         // The pictures show what the words speak of.

@@ -243,6 +243,13 @@ fn each_row<R: serde::de::DeserializeOwned>(path: &Path, mut take: impl FnMut(R)
     let file = LimitedFile::open(path, LARGEST_TABLE).map_err(|e| unreadable(e.into()))?;
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(TableFile::new(file));
     let header = reader.headers().map_err(unreadable)?.clone();
+    if header.len() == 1 && header.get(0).is_some_and(|all| all.contains(';')) {
+        return Err(TrackFileError::Row {
+            path: path.into(),
+            line: 1,
+            what: "columns are parted by semicolons; save it with commas, and points in the numbers".to_owned(),
+        });
+    }
     let mut record = csv::StringRecord::new();
     while reader.read_record(&mut record).map_err(unreadable)? {
         let line = record.position().map_or(0, csv::Position::line);

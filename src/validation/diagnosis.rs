@@ -37,7 +37,7 @@ pub struct Place {
     pub input: String,
     pub from: f64,
     pub to: f64,
-    /// Measured less predicted.
+    /// Measured less predicted; mean of the impacts there that were not held out, weighted by their noise.
     pub mean_residual: f64,
     /// 95 % interval of the mean.
     pub ci_low: f64,

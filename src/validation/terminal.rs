@@ -3,7 +3,7 @@
 use super::comparison::{Adequacy, Comparison};
 use super::diagnosis::{Diagnosis, Verdict};
 use super::ledger::{LedgerEntry, noise_floor};
-use super::structure::{p_text, probability_text};
+use super::structure::{floor_text, p_text, probability_text};
 use crate::impact_table::{column_subject, unit};
 use crate::short_list::short_list;
 use std::fmt::Write;
@@ -34,11 +34,11 @@ pub fn comparison_text(c: &Comparison) -> String {
     }
     let _ = writeln!(
         t,
-        "error on held-out impacts: {:.2} as the model stands, {:.2} with its free parameters fitted; {} {:.2} (in units of the stated noise)",
+        "error on held-out impacts: {:.2} as the model stands, {:.2} with its free parameters fitted; {} {} (in units of the stated noise)",
         c.heldout_error,
         c.heldout_error_refitted,
-        if c.shows_structure() { "no smooth correction gets below" } else { "a model without fault has" },
-        c.noise_floor
+        if c.verdict == Adequacy::Adequate { "a model without fault has" } else { "no smooth correction gets below" },
+        floor_text(c.noise_floor)
     );
     let fitted: Vec<String> = c
         .parameters_refitted

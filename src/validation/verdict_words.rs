@@ -2,7 +2,7 @@
 
 use super::diagnosis::{Diagnosis, Verdict};
 use super::refits::LARGEST_NOISE_SCALE;
-use super::structure::{STRUCTURE_LEVEL, p_text, probability_text};
+use super::structure::{STRUCTURE_LEVEL, floor_text, p_text, probability_text};
 
 /// Which group the model fails by the most.
 fn by_group(d: &Diagnosis) -> Option<String> {
@@ -38,7 +38,7 @@ pub fn verdict_words(d: &Diagnosis) -> Vec<String> {
             } else {
                 format!("ADEQUATE: nothing is missing that {} impacts could show.", d.n_impacts)
             });
-            words.push(format!("Error on held-out impacts {:.2}, noise floor {:.2}; {tests}.", d.heldout_error, d.noise_floor));
+            words.push(format!("Error on held-out impacts {:.2}, noise floor {}; {tests}.", d.heldout_error, floor_text(d.noise_floor)));
             let numbers: usize = d.outputs.iter().map(|o| o.n).sum();
             if d.outliers.len() >= MANY_OUTLIERS.0 && d.outliers.len() as f64 > MANY_OUTLIERS.1 * numbers as f64 {
                 let most = d.outliers.iter().map(|o| o.standardised.abs()).fold(0.0, f64::max);
@@ -53,12 +53,12 @@ pub fn verdict_words(d: &Diagnosis) -> Vec<String> {
             words.push(format!("EFFECT MISSING: {names}."));
             if let Some((error, probability)) = d.with_recommended() {
                 words.push(format!(
-                    "Probability {}. With {} the error on held-out impacts {} from {:.2} to {error:.2} (noise floor {:.2}); {tests}.",
+                    "Probability {}. With {} the error on held-out impacts {} from {:.2} to {error:.2} (noise floor {}); {tests}.",
                     probability_text(probability),
                     if d.recommended.len() > 1 { "them" } else { "it" },
                     if error < d.heldout_error { "falls" } else { "goes" },
                     d.heldout_error,
-                    d.noise_floor
+                    floor_text(d.noise_floor)
                 ));
             }
             words.extend(by_group(d));
@@ -93,7 +93,7 @@ pub fn verdict_words(d: &Diagnosis) -> Vec<String> {
                 "UNEXPLAINED: the model fails, and no effect of the catalogue, nor two together, accounts for it.".to_owned()
             });
             words.extend(by_group(d));
-            words.push(format!("Error on held-out impacts {:.2}, noise floor {:.2}; {tests}.", d.heldout_error, d.noise_floor));
+            words.push(format!("Error on held-out impacts {:.2}, noise floor {}; {tests}.", d.heldout_error, floor_text(d.noise_floor)));
             match &d.suggested_expression {
                 Some(e) => words.push(format!("What the residuals say: {} (held-out error with it {:.2}).", e.words, e.heldout_error_after)),
                 None => {

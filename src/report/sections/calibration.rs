@@ -52,7 +52,7 @@ fn cards(rig: &StereoRig) -> Vec<(String, String)> {
     cards.push((format!("{} px", fixed(rig.rms_stereo_px, 3)), "rms reprojection error, both cameras".to_owned()));
     let used = rig.pairs.iter().filter(|p| p.used).count();
     if !rig.pairs.is_empty() {
-        cards.push((format!("{used} of {}", rig.pairs.len()), "checkerboard pairs used (recommended: 15 to 20, 40 for a large volume)".to_owned()));
+        cards.push((format!("{used} of {}", rig.pairs.len()), "checkerboard pairs used (recommended: 20 or more, 40 for a volume of 2 m)".to_owned()));
     }
     let baseline = nalgebra::Vector3::from(rig.t).norm();
     let angle = (rig.right_from_left().rotation.angle()).to_degrees();

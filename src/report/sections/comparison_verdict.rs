@@ -5,7 +5,7 @@ use crate::report::markup::{fixed, percent, significant};
 use crate::report::page::{Section, Tone};
 use crate::validation::Comparison;
 use crate::validation::comparison::{Adequacy, OutputSummary};
-use crate::validation::structure::p_text;
+use crate::validation::structure::{floor_text, p_text};
 
 /// What the noise floor of a comparison is. Where the model fails, part of its failure is finer than any smooth trend and
 /// stays in: `diagnose`, which tries other models, may find a lower one.
@@ -35,7 +35,7 @@ pub fn comparison_verdict(c: &Comparison) -> Section {
         fixed(c.heldout_error_refitted, 2),
         fixed(c.heldout_error, 2),
         if adequate { "" } else { "at most about " },
-        fixed(c.noise_floor, 2)
+        floor_text(c.noise_floor)
     ));
     if c.stated_is_worse() {
         lines.push(
@@ -61,10 +61,15 @@ pub fn comparison_verdict(c: &Comparison) -> Section {
     ));
     let cards = [
         (fixed(c.heldout_error_refitted, 2), "held-out error, in units of the noise (fitted)".to_owned()),
-        (fixed(c.noise_floor, 2), format!("{}: what is left when every smooth trend is taken out of this model's residuals", floor_words(c))),
+        (floor_text(c.noise_floor), format!("{}: what is left when every smooth trend is taken out of this model's residuals", floor_words(c))),
         (format!("{} + {}", c.n_impacts.saturating_sub(c.n_held_out), c.n_held_out), "impacts to fit + held out".to_owned()),
     ];
-    Section::new("verdict", "Verdict").verdict(if adequate { Tone::Good } else { Tone::Bad }, &lines).cards(&cards).list(&c.notes)
+    let tone = match (adequate, c.keeps_structure()) {
+        (false, _) => Tone::Bad,
+        (true, true) => Tone::Doubt,
+        (true, false) => Tone::Good,
+    };
+    Section::new("verdict", "Verdict").verdict(tone, &lines).cards(&cards).list(&c.notes)
 }
 
 /// The output furthest above its noise.

@@ -3,6 +3,7 @@
 use crate::report::markup::{fixed, probability};
 use crate::report::page::{Section, Tone};
 use crate::validation::diagnosis::{Diagnosis, Verdict};
+use crate::validation::structure::floor_text;
 use crate::validation::{Adequacy, Comparison};
 
 /// How the terminal text begins; the heading says it already.
@@ -10,7 +11,7 @@ pub(super) const VERDICT_WORDS: [&str; 3] = ["ADEQUATE", "EFFECT MISSING", "UNEX
 
 /// Why a diagnosis and a comparison of the same model print different noise floors, where they do so.
 pub(super) fn floors_differ(d: &Diagnosis, comparison: Option<&Comparison>) -> Option<String> {
-    let (here, there) = (fixed(d.noise_floor, 2), fixed(comparison?.noise_floor, 2));
+    let (here, there) = (floor_text(d.noise_floor), floor_text(comparison?.noise_floor));
     (here != there).then(|| {
         format!(
             "The noise floor of {here} is the least that any model tried leaves; `compare`, which knows this model alone, puts it at {there}: what its residuals hold when every smooth trend is taken out."
@@ -38,7 +39,7 @@ pub fn diagnosis_verdict(d: &Diagnosis, comparison: Option<&Comparison>, after: 
     }
     if let Some(a) = after {
         let state = if a.verdict == Adequacy::Adequate { "adequate" } else { "still not adequate" };
-        lines.push(format!("Added and fitted, the model is {state}: held-out error {}, noise floor {}.", fixed(a.heldout_error, 2), fixed(a.noise_floor, 2)));
+        lines.push(format!("Added and fitted, the model is {state}: held-out error {}, noise floor {}.", fixed(a.heldout_error, 2), floor_text(a.noise_floor)));
     }
     lines.extend(floors_differ(d, comparison));
     let best = d.candidates.first().filter(|_| d.verdict != Verdict::Adequate);
@@ -53,7 +54,7 @@ pub fn diagnosis_verdict(d: &Diagnosis, comparison: Option<&Comparison>, after: 
     if let Some((error, with, _)) = &named {
         cards.push((fixed(*error, 2), format!("held-out error with {with}")));
     }
-    cards.push((fixed(d.noise_floor, 2), "noise floor: the least that any model tried leaves".to_owned()));
+    cards.push((floor_text(d.noise_floor), "noise floor: the least that any model tried leaves".to_owned()));
     if let Some((_, with, Some(p))) = &named {
         cards.push((probability(*p), format!("probability of {with}")));
     }

@@ -4,6 +4,7 @@ use super::candidates::estimates;
 use crate::report::markup::{fixed, percent};
 use crate::report::page::Section;
 use crate::validation::diagnosis::Diagnosis;
+use crate::validation::structure::floor_text;
 
 pub fn expression(d: &Diagnosis) -> Option<Section> {
     let e = d.suggested_expression.as_ref()?;
@@ -15,7 +16,7 @@ pub fn expression(d: &Diagnosis) -> Option<Section> {
         percent(e.share_removed),
         fixed(e.heldout_error_after, 2),
         fixed(d.heldout_error, 2),
-        fixed(d.noise_floor, 2)
+        floor_text(d.noise_floor)
     ));
     if !e.parameters.is_empty() {
         section = section.note(&estimates(&e.parameters));

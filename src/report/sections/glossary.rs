@@ -1,6 +1,6 @@
 //! Words of the report for someone who meets them first.
 
-use crate::report::escape;
+use crate::report::markup::{escape, prose};
 use crate::report::page::Section;
 use std::fmt::Write;
 
@@ -46,7 +46,7 @@ const WORDS: [(&str, &str); 22] = [
 pub fn glossary() -> Section {
     let mut list = String::from("<details><summary>The words of this report, explained</summary><dl>");
     for (term, meaning) in WORDS {
-        let _ = write!(list, "<dt>{}</dt><dd>{}</dd>", escape(term), escape(meaning));
+        let _ = write!(list, "<dt>{}</dt><dd>{}</dd>", escape(term), prose(meaning));
     }
     list.push_str("</dl></details>");
     Section::new("glossary", "Glossary").html(&list)

@@ -7,6 +7,7 @@ use crate::report::markup::{fixed, with_sd};
 use crate::report::page::{Layout, Section, Table};
 use crate::report::parameter_unit::with_unit;
 use crate::validation::ledger::noise_floor;
+use crate::validation::structure::floor_text;
 use crate::validation::{Comparison, LedgerEntry};
 
 /// Trends shown before and after.
@@ -71,7 +72,7 @@ fn staircase(path: &[&LedgerEntry]) -> String {
             fixed(first, 2),
             fixed(last, 2),
             path.len() - 1,
-            fixed(floor, 2)
+            floor_text(floor)
         ))
         .size((200.0 + 85.0 * path.len() as f64).clamp(560.0, 900.0), 270.0)
         .x_categories(&names)
@@ -89,7 +90,7 @@ fn table(path: &[&LedgerEntry]) -> Table {
         .column("step")
         .numbers("held-out error")
         .numbers("fit error")
-        .column("verdict")
+        .column("`compare`")
         .column("parameters (± sd)")
         .column("file")
         .column("date");

@@ -22,7 +22,7 @@ pub fn places(d: &Diagnosis, comparison: Option<&Comparison>) -> Option<Section>
         Some((picture(p, trend, comparison?), true_minus(&p.words)))
     });
     let drawn: Vec<(String, String)> = drawn.collect();
-    let mut table = Table::new("Measured less predicted, inside the range and elsewhere; p counts all ranges looked at.")
+    let mut table = Table::new("Measured less predicted, mean weighted by the noise, inside the range and elsewhere; signs are the component's own, while the words speak of its size; p counts all ranges looked at.")
         .column("output")
         .column("where")
         .numbers("mean there")

@@ -7,6 +7,7 @@ use crate::report::page::{Section, Tone};
 use crate::report::session_results::SessionResults;
 use crate::short_list::short_list;
 use crate::validation::observation::FEWEST_IMPACTS;
+use crate::validation::structure::floor_text;
 use crate::validation::{Adequacy, Verdict};
 use std::collections::BTreeSet;
 
@@ -60,7 +61,7 @@ pub fn session_verdict(r: &SessionResults) -> Section {
         lines.extend(floors_differ(d, r.comparison.as_ref()));
         cards.push((
             fixed(d.heldout_error, 2),
-            format!("held-out error of the model in units of the noise; noise floor {}, the least that any model tried leaves", fixed(d.noise_floor, 2)),
+            format!("held-out error of the model in units of the noise; noise floor {}, the least that any model tried leaves", floor_text(d.noise_floor)),
         ));
         if let Some(c) = d.candidates.first().filter(|_| d.verdict != Verdict::Adequate) {
             cards.push((fixed(c.heldout_error_after, 2), format!("held-out error with {} (probability {})", c.effect, probability(c.probability))));
@@ -73,7 +74,7 @@ pub fn session_verdict(r: &SessionResults) -> Section {
         lines.insert(0, format!("The model “{}” is {} for these shots.", c.model, if adequate { "adequate" } else { "not adequate" }));
         cards.push((
             fixed(c.heldout_error_refitted, 2),
-            format!("held-out error of the model in units of the noise; {} {}", floor_words(c), fixed(c.noise_floor, 2)),
+            format!("held-out error of the model in units of the noise; {} {}", floor_words(c), floor_text(c.noise_floor)),
         ));
     }
     if r.diagnosis.is_none() && r.comparison.is_none() && (1..FEWEST_IMPACTS).contains(&measured) {

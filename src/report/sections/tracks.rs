@@ -7,7 +7,7 @@ use crate::report::frame_doubt::impact_frame;
 use crate::report::markup::fixed;
 use crate::report::page::{Layout, Section};
 use crate::report::session_results::{FramePicture, SessionResults, ShotResults};
-use crate::tracking::{PointState, Target, Tracks};
+use crate::tracking::{PointState, SpacePoint, Target, Tracks};
 
 /// Frames drawn on either side of the impact.
 const AROUND: u64 = 20;
@@ -145,7 +145,9 @@ fn seen(tracks: &Tracks, impact: u64) -> String {
 }
 
 fn residuals(shot: &ShotResults, from: u64, to: u64) -> Option<String> {
-    let near: Vec<_> = shot.points.iter().filter(|p| (from..=to).contains(&p.frame) && p.residual_px.is_finite()).collect();
+    // A ball on the strings is measured by both cameras as one place: they cannot disagree.
+    let told = |p: &&SpacePoint| p.residual_px.is_finite() && (p.target != Target::Ball || p.residual_px > 0.0);
+    let near: Vec<_> = shot.points.iter().filter(|p| (from..=to).contains(&p.frame)).filter(told).collect();
     if near.is_empty() {
         return None;
     }

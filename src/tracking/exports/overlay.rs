@@ -1,14 +1,15 @@
 //! Contact sheets: every n-th picture of one camera side by side, with the tracks drawn in, frames of doubt first.
 //!
 //! What was measured is drawn as a ring (ball) or cross (tape) coloured by how far the two views disagree: green below
-//! [`FINE_PX`], over yellow, to red at [`BAD_PX`]; blue where only one camera saw it. A hidden marker's expected place is a
-//! magenta box. Markers carry their numbers. Behind each runs its track over the frames before.
+//! [`FINE_PX`], over yellow, to red at [`BAD_PX`]; blue where only one camera saw it. Where a hidden marker should be, by the markers
+//! that are seen, is a magenta box. Markers carry their numbers. Behind each runs its track over the frames before.
 
 use crate::calibration::{CameraId, StereoRig};
 use crate::footage::{FootageError, FrameBuffer, FrameSource, GreyView, Rows};
+use crate::tracking::racket::rigid_points::rigid_from_points;
 use crate::tracking::track_file::{SpacePoint, Target, Tracks};
 use image::{Rgb, RgbImage};
-use nalgebra::Vector2;
+use nalgebra::{Point3, Vector2};
 use std::collections::BTreeMap;
 
 /// Residuals at and below this are green, at and above [`BAD_PX`] red.
@@ -28,6 +29,9 @@ const MARGIN_PX: f64 = 24.0;
 /// Largest sheet, px in all.
 const MOST_PX: usize = 1 << 26;
 
+/// Markers farther from their places on the racket tell nothing of a hidden one.
+const SAME_FIGURE_M: f64 = 0.01;
+
 const BLUE: Rgb<u8> = Rgb([90, 160, 255]);
 const MAGENTA: Rgb<u8> = Rgb([255, 60, 255]);
 const RED: Rgb<u8> = Rgb([230, 30, 30]);
@@ -39,6 +43,8 @@ pub struct Overlay<'a> {
     pub tracks: &'a Tracks,
     pub points: &'a [SpacePoint],
     pub rig: &'a StereoRig,
+    /// In the racket's axes, m, where racket.toml has them.
+    pub markers: Option<[Point3<f64>; 5]>,
 }
 
 /// One piece of a picture.
@@ -131,6 +137,20 @@ impl Overlay<'_> {
         Some(Window { x0, y0, width, height, zoom: if width <= 300 { 2 } else { 1 } })
     }
 
+    /// Where a target is that one camera does not see: as the other sees it or, a marker, by three others.
+    fn expected(&self, frame: u64, target: Target) -> Option<Point3<f64>> {
+        let from = self.points.partition_point(|p| p.frame < frame);
+        let seen = || self.points[from..].iter().take_while(|p| p.frame == frame);
+        if let Some(point) = seen().find(|p| p.target == target) {
+            return Some(point.position);
+        }
+        let markers = self.markers?;
+        let (local, global): (Vec<_>, Vec<_>) = seen().filter_map(|p| Some((*markers.get(p.target.index())?, p.position))).unzip();
+        let global_from_racket = rigid_from_points(&local, &global)?;
+        let fits = local.iter().zip(&global).all(|(l, g)| (global_from_racket * l - g).norm() < SAME_FIGURE_M);
+        Some(global_from_racket * markers.get(target.index()).filter(|_| fits)?)
+    }
+
     fn draw(&self, tile: &mut Tile, piece: &Piece, camera: CameraId, residuals: &BTreeMap<(u64, Target), f64>) {
         let colour = |frame: u64, target: Target| residuals.get(&(frame, target)).map_or(BLUE, |r| shade(*r));
         for target in Target::ALL {
@@ -149,8 +169,7 @@ impl Overlay<'_> {
                     tile.name(p.uv, target, colour(piece.frame, target));
                 }
                 None => {
-                    let expected = self.points.iter().find(|p| p.frame == piece.frame && p.target == target);
-                    if let Some(uv) = expected.and_then(|p| self.rig.project(camera, &p.position)) {
+                    if let Some(uv) = self.expected(piece.frame, target).and_then(|place| self.rig.project(camera, &place)) {
                         tile.square(uv, MAGENTA);
                         tile.name(uv, target, MAGENTA);
                     }
@@ -343,7 +362,7 @@ mod tests {
                 points.push(SpacePoint { frame, t: 0.0, target, position: Point3::origin(), sd: Vector3::zeros(), residual_px });
             }
         }
-        let overlay = Overlay { tracks: &tracks, points: &points, rig: &rig };
+        let overlay = Overlay { tracks: &tracks, points: &points, rig: &rig, markers: None };
         let pieces: Vec<(u64, bool)> = overlay.pieces(&Dark(10), CameraId::Left, 3).iter().map(|p| (p.frame, p.doubtful)).collect();
         assert_eq!(pieces, [(16, true), (10, false), (13, false), (16, false), (19, false)]);
         let sheet = overlay.sheet(&Dark(10), CameraId::Left, 3).expect("read").expect("tracked");
@@ -359,6 +378,28 @@ mod tests {
         // Marker 1 carries a 1: its upright stroke between black.
         let name = |dots: f64, row: f64| at(200.0 + NAME_OFFSET_PX + (dots - 0.5) * 0.5 * DOT as f64, 300.0 + NAME_OFFSET_PX + (row - 0.5) * 0.5 * DOT as f64);
         assert_eq!([name(1.5, 3.5), name(0.5, 3.5), name(2.5, 3.5)], [shade(0.0), Rgb([0; 3]), Rgb([0; 3])]);
-        assert!(Overlay { tracks: &Tracks::default(), points: &[], rig: &rig }.sheet(&Dark(10), CameraId::Left, 3).expect("read").is_none());
+        assert!(Overlay { tracks: &Tracks::default(), points: &[], ..overlay }.sheet(&Dark(10), CameraId::Left, 3).expect("read").is_none());
+    }
+
+    #[test]
+    fn truth_a_hidden_marker_is_expected_by_three_others_where_they_lie_on_the_racket() {
+        let rig = rig();
+        let markers = [[-0.2, 0.0, 0.0], [-0.1, 0.13, 0.0], [-0.1, -0.13, 0.0], [0.15, 0.05, 0.0], [0.15, -0.05, 0.0]].map(Point3::from);
+        let pose = nalgebra::Isometry3::new(Vector3::new(0.3, 1.0, 0.1), Vector3::new(0.2, -0.7, 1.1));
+        let seen = |target: Target, away: f64| SpacePoint {
+            frame: 7,
+            t: 0.0,
+            target,
+            position: pose * markers[target.index()] + Vector3::x() * away,
+            sd: Vector3::zeros(),
+            residual_px: 0.0,
+        };
+        let place = |points: &[SpacePoint]| Overlay { tracks: &Tracks::default(), points, rig: &rig, markers: Some(markers) }.expected(7, Target::M4);
+        let three = [Target::M1, Target::M2, Target::M5].map(|target| seen(target, 0.0));
+        assert!((place(&three).expect("three others") - pose * markers[3]).norm() < 1e-9);
+        assert_eq!(place(&three[..2]), None);
+        // One of them is elsewhere.
+        assert_eq!(place(&[three[0], three[1], seen(Target::M5, 0.2)]), None);
+        assert_eq!(place(&[three[0], seen(Target::M4, 0.2)]).map(|p| (p - pose * markers[3]).norm() > 0.1), Some(true));
     }
 }

@@ -197,6 +197,7 @@ fn write_report(session: &Session, results: &Path, model: &Path, outcome: &Outco
         // Without it words and table stand alone.
         all.at_its_best = session_at_its_best(session, &results.join("impacts.csv"), model, stated).ok();
     }
+    all.model = model.file_name().map(|name| name.to_string_lossy().into_owned());
     // What the first step to miss a shot said of it beats the bare fact that its file is missing; what is of no shot is of the step.
     for (id, why) in &mut all.failed {
         if let Some(reason) = outcome.failed.iter().find_map(|f| f.shots.get(id)) {
@@ -304,7 +305,7 @@ fn one_session(session: &Session, results: &Path, arguments: &Arguments, outcome
         Some(path) => path.clone(),
         None => rigid_model(results, shell)?,
     };
-    let words = table_words(session, &impacts, &model);
+    let mut words = table_words(session, &impacts, &model);
     let mut steps = vec!["predict"];
     if outcome.shots_measured >= FEWEST_IMPACTS {
         steps.extend(["compare", "diagnose"]);
@@ -314,6 +315,8 @@ fn one_session(session: &Session, results: &Path, arguments: &Arguments, outcome
             outcome.shots_measured,
             if outcome.shots_measured == 1 { "shot is" } else { "shots are" }
         ));
+        // The report sets what is predicted beside what was measured, each with its deviation.
+        words.push(OsStr::new("--sensitivities"));
     }
     for step in steps {
         shell.check_cancelled()?;

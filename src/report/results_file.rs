@@ -37,13 +37,16 @@ pub fn read_session_results(session: &Session, results: &Path) -> SessionResults
     }
     let table = |name: &str, failed: &mut _| read(&results.join(name), name, failed, ImpactTable::read).unwrap_or_default();
     let (measured, predictions) = (table("impacts.csv", &mut steps_failed), table("predictions.csv", &mut steps_failed));
+    let deviations = ImpactTable::read(&results.join("predictions_sd.csv")).unwrap_or_default();
+    let of = |table: &ImpactTable, id: &str| table.rows.iter().find(|row| row.id == id).cloned();
     let predicted = measured
         .rows
         .into_iter()
-        .filter_map(|m| Some(PredictedShot { predicted: predictions.rows.iter().find(|p| p.id == m.id)?.clone(), measured: m }))
+        .filter_map(|m| Some(PredictedShot { predicted: of(&predictions, &m.id)?, predicted_sd: of(&deviations, &m.id), measured: m }))
         .collect();
     SessionResults {
         predicted,
+        model: None,
         name: session.name.clone(),
         frame_rate_hz: session.frame_rate_hz,
         axes_known: rig.as_ref().is_some_and(StereoRig::axes_known),

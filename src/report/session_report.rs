@@ -18,7 +18,8 @@ pub fn session_report(results: &SessionResults) -> String {
     let racket = results.shots.first().map(|s| &s.racket);
     let path: Vec<_> = results.ledger.iter().collect();
     // Footage alone has no model; what was compared belongs in the title where there is one.
-    let model = results.comparison.as_ref().map(|c| c.model.as_str()).or(results.diagnosis.as_ref().map(|d| d.model.as_str()));
+    let judged = results.comparison.as_ref().map(|c| c.model.as_str()).or(results.diagnosis.as_ref().map(|d| d.model.as_str()));
+    let model = judged.or(results.model.as_deref().filter(|_| !results.predicted.is_empty()));
     let mut report = Report::new(&results.name)
         .command(&model.map_or_else(|| "session report".to_owned(), |m| format!("session report with {m}")))
         .subtitle(&format!(
@@ -45,7 +46,7 @@ pub fn session_report(results: &SessionResults) -> String {
         .section(sections::shots(results))
         .section(sections::season(results));
     if results.comparison.is_none() {
-        report = report.section(sections::few_shots(&results.predicted));
+        report = report.section(sections::few_shots(&results.predicted, results.model.as_deref()));
     }
     if let Some(c) = &results.comparison {
         report = report

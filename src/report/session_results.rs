@@ -35,11 +35,13 @@ pub struct ShotResults {
     pub recording: Vec<String>,
 }
 
-/// A measured shot and what the model says of it (row of `predictions.csv`).
+/// A measured shot and what the model says of it (rows of `predictions.csv` and `predictions_sd.csv`).
 #[derive(Debug, Clone)]
 pub struct PredictedShot {
     pub measured: ImpactRow,
     pub predicted: ImpactRow,
+    /// What the inputs' deviations carry into the prediction.
+    pub predicted_sd: Option<ImpactRow>,
 }
 
 /// A session with everything that was made of it.
@@ -57,6 +59,8 @@ pub struct SessionResults {
     pub steps_failed: Vec<(String, String)>,
     /// Shots with their prediction, for a session with too few of them for a comparison.
     pub predicted: Vec<PredictedShot>,
+    /// File of the model that these predictions are of.
+    pub model: Option<String>,
     pub comparison: Option<Comparison>,
     /// The same with the model's free parameters at their best, of which the diagnosis and its pictures speak.
     pub at_its_best: Option<Comparison>,

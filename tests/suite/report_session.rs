@@ -192,6 +192,7 @@ fn session(name: &str, shots: u32) -> SessionResults {
         rig: Some(rig(name)),
         axes_known: true,
         predicted: Vec::new(),
+        model: None,
         shots: (0..shots).map(|k| shot_results(name, k)).collect(),
         failed: vec![(name.to_owned(), name.to_owned())],
         steps_failed: vec![(name.to_owned(), name.to_owned())],

@@ -251,6 +251,11 @@ pub struct ImpactTable {
 }
 
 impl ImpactTable {
+    /// The smallest sequence number: the order of an impact counts from it, whichever rows can be used.
+    pub fn first_sequence(&self) -> f64 {
+        self.rows.iter().map(|r| r.sequence).fold(f64::INFINITY, f64::min)
+    }
+
     /// Reads and checks a table.
     pub fn read(path: &Path) -> Result<Self, TableError> {
         let file = LimitedFile::open(path, LARGEST_TABLE).map_err(|e| TableError::Unreadable { path: path.into(), source: e.into() })?;

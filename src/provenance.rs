@@ -5,6 +5,8 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::Path;
+use std::sync::RwLock;
+use std::time::{Duration, Instant};
 
 /// Version of the program and, after the plus, which source it was built from: written into every result, so that what
 /// another build computed is computed again.
@@ -172,6 +174,22 @@ pub fn is_replaced(path: &Path) -> bool {
     std::fs::symlink_metadata(path).is_ok_and(|there| !there.is_dir() && !goes_on(path, &there))
 }
 
+/// Read by everyone who has a temporary file that will be renamed or removed.
+static WRITING: RwLock<()> = RwLock::new(());
+
+/// Waits until no temporary file is left, and lets nobody begin another: who ends the process in the midst of a result would leave one behind. After
+/// `patience` it is ended all the same (a disk that does not answer).
+pub fn end_writing(patience: Duration) {
+    let until = Instant::now() + patience;
+    while Instant::now() < until {
+        if let Ok(held) = WRITING.try_write() {
+            std::mem::forget(held);
+            return;
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
 fn write_whole(path: &Path, bytes: &[u8], to_the_disk: bool) -> io::Result<()> {
     let named = |e: io::Error| io::Error::new(e.kind(), format!("{}: cannot be written ({e})", path.display()));
     // Opened a second time, a file behind such a name is written from its head on, over what it has.
@@ -187,6 +205,7 @@ fn write_whole(path: &Path, bytes: &[u8], to_the_disk: bool) -> io::Result<()> {
     has_room(path)?;
     let folder = folder_of(path);
     std::fs::create_dir_all(folder).map_err(named)?;
+    let _writing = WRITING.read();
     let mut file = tempfile::Builder::new().prefix(".sweetspot-").suffix(".tmp").tempfile_in(folder).map_err(named)?;
     file.write_all(bytes).map_err(named)?;
     if to_the_disk {

@@ -318,7 +318,15 @@ impl Session {
                 None => SessionError::UnknownShot { path, id, known: self.shots.iter().map(|s| s.id.as_str()).collect::<Vec<_>>().join(", ") },
             }
         };
-        ids.iter().map(|id| self.shots.iter().find(|s| &s.id == id).ok_or_else(|| missing(id))).collect()
+        let mut chosen: Vec<&ShotFolder> = Vec::new();
+        for id in ids {
+            let shot = self.shots.iter().find(|s| &s.id == id).ok_or_else(|| missing(id))?;
+            // One named twice is one shot.
+            if !chosen.iter().any(|s| s.id == shot.id) {
+                chosen.push(shot);
+            }
+        }
+        Ok(chosen)
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::Shell;
 use super::error::{CliError, existing};
+use super::set_aside::set_aside;
 use crate::calibration::{
     AxesFrame, CalibrationError, CalibrationOptions, Checkerboard, PairViews, StereoRig, ViewFault, calibrate_views, dltdv_csv, find_corners, global_axes,
 };
@@ -57,11 +58,15 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     write_forms(&out, &session, &rig, |_| true, shell)?;
     if arguments.dlt {
         let text = dltdv_csv(&rig).ok_or_else(|| CliError::input("no DLT coefficients: the origin of the axes lies in a camera's own plane, where their form has none (without pictures of the three-sphere frame the origin is the left camera)").hint("give [axes] in session.toml with pictures of the frame, or use calibration.yml"))?;
-        shell.write(&out.join("dlt-coefficients.csv"), text.as_bytes())?;
+        shell.write(&out.join(DLT_FILE), text.as_bytes())?;
+    } else if let Some(kept) = set_aside(&out.join(DLT_FILE), "earlier")? {
+        shell.say(format_args!("of the calibration before (--dlt makes them anew), kept as {}", kept.display()));
     }
     summarise(&rig, &json, shell);
     shell.print_json(&rig)
 }
+
+const DLT_FILE: &str = "dlt-coefficients.csv";
 
 /// The calibration's other forms, for OpenCV and to look at, where they are wanted.
 fn write_forms(out: &Path, session: &Session, rig: &StereoRig, wanted: impl Fn(&Path) -> bool, shell: &Shell) -> Result<(), CliError> {

@@ -261,6 +261,9 @@ impl Command {
     }
 }
 
+/// How long an end that was asked for waits for the result in hand.
+const PATIENCE: std::time::Duration = std::time::Duration::from_secs(2);
+
 /// Runs the program on the process's own arguments.
 pub fn main() -> ExitCode {
     let cli = match Cli::try_parse() {
@@ -280,9 +283,11 @@ pub fn main() -> ExitCode {
         if at_once {
             let e = CliError::interrupted_at_once();
             fail(&e, false);
+            crate::provenance::end_writing(PATIENCE);
             std::process::exit(e.exit_code().into());
         }
         if flag.swap(true, Ordering::Relaxed) {
+            crate::provenance::end_writing(PATIENCE);
             std::process::exit(2); // second Ctrl-C: at once
         }
     });

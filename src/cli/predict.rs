@@ -4,6 +4,7 @@ use super::Shell;
 use super::earlier_output::Output;
 use super::error::CliError;
 use super::impacts_input::{ImpactFiles, beyond_racket, doubtful_tensions};
+use super::set_aside::{listed, set_all_aside};
 use crate::equipment_set::EquipmentSet;
 use crate::impact::batch::{LimitedLaws, RowError, RowSensitivity, differentiate_table, gained_energies, limited_laws, predict_table, without_spin};
 use crate::impact::{ImpactOutput, Model};
@@ -33,7 +34,14 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     // An impulse has no contact time.
     let timed = results.iter().flatten().any(|o| o.contact_time.is_some());
     let columns = if timed { &OUTPUTS[..] } else { &OUTPUTS[..OUTPUTS.len() - 1] };
-    shell.write_output(&path, Output::Predictions, predictions_csv(&rows, columns)?.as_bytes())?;
+    let predictions = predictions_csv(&rows, columns)?;
+    if !arguments.sensitivities && std::fs::read(&path).is_ok_and(|earlier| earlier != predictions.as_bytes()) {
+        let kept = set_all_aside(&beside, &["sensitivities.csv", "predictions_sd.csv"])?;
+        if !kept.is_empty() {
+            shell.say(format_args!("of the predictions before (--sensitivities makes them anew), kept as {}", listed(&kept)));
+        }
+    }
+    shell.write_output(&path, Output::Predictions, predictions.as_bytes())?;
     let mut failed: Vec<String> = results.iter().filter_map(|r| r.as_ref().err().map(ToString::to_string)).collect();
     let unpredicted = failed.len();
     if arguments.sensitivities {

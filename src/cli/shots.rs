@@ -2,7 +2,7 @@
 
 use super::Shell;
 use super::error::{CliError, Kind, with_reasons};
-use super::set_aside::{listed, made_of_the_impacts, set_aside, set_judgements_aside, set_session_aside};
+use super::set_aside::{listed, made_of_the_impacts, set_all_aside, set_aside, set_judgements_aside, set_session_aside};
 use super::track::renew_c3d;
 use super::tracked_session::{TrackedSession, refuse_no_place};
 use crate::impact_table::{ImpactRow, ImpactTable};
@@ -11,8 +11,9 @@ use crate::kinematics::{
     point_name, rise_table, season_statistics, season_to_csv,
 };
 use crate::provenance::{Provenance, sha256_file, sha256_hex};
-use crate::report::{histograms_to_csv, season_figures};
+use crate::report::{SeasonFigure, histograms_to_csv, season_figures};
 use crate::session::ShotFolder;
+use crate::short_list::short_list;
 use crate::tracking::spin::{SPIN_FILE, SpinEstimate, read_spin};
 use crate::tracking::{TrackRecord, Tracks, points_to_csv};
 use nalgebra::Vector2;
@@ -219,11 +220,29 @@ fn write_season(tracked: &TrackedSession, records: &[ShotRecord], shell: &Shell)
     let json = serde_json::to_string_pretty(&season).map_err(CliError::output)? + "\n";
     shell.write(&results.join("season.json"), json.as_bytes())?;
     let figures = season_figures(&shots, Some(&tracked.session.racket));
+    set_figures_aside(&results.join("season"), &figures, shell)?;
     if !figures.is_empty() {
         shell.write(&results.join("season").join("histograms.csv"), histograms_to_csv(&figures).as_bytes())?;
     }
     for figure in figures {
         shell.write(&results.join("season").join(format!("{}.svg", figure.name)), figure.svg.as_bytes())?;
+    }
+    Ok(())
+}
+
+/// Figures of an earlier run that these shots do not have.
+fn set_figures_aside(folder: &Path, figures: &[SeasonFigure], shell: &Shell) -> Result<(), CliError> {
+    let Ok(entries) = std::fs::read_dir(folder) else { return Ok(()) };
+    let drawn = |name: &str| name.strip_suffix(".svg").is_some_and(|stem| !stem.contains(".earlier") && figures.iter().all(|f| f.name != stem));
+    let stale = |name: &str| drawn(name) || figures.is_empty() && name == "histograms.csv";
+    let mut names: Vec<String> = entries.flatten().map(|e| e.file_name().to_string_lossy().into_owned()).filter(|name| stale(name)).collect();
+    names.sort();
+    let kept = set_all_aside(folder, &names.iter().map(String::as_str).collect::<Vec<_>>())?;
+    if !kept.is_empty() {
+        shell.say(format_args!(
+            "figures of the season that these shots do not have are kept as {}",
+            short_list(&kept.iter().map(|p| p.display().to_string()).collect::<Vec<_>>(), 3, ", ")
+        ));
     }
     Ok(())
 }

@@ -276,8 +276,10 @@ fn one(
     keep_by_hand(&shot.id, manual, folder, said).map_err(Failure::All)?;
     let spin = spin.map(|s| (SPIN_FILE, spin_to_json(&s)));
     let write = |name: &str, text: &str| shell.write_soon(&folder.join(name), text.as_bytes()).map_err(Failure::All);
+    let points = points_to_csv(&tracked.points);
+    set_exports_aside(arguments, &shot.id, folder, &points, said).map_err(Failure::All)?;
     let (points, (tracks, provenance)) = rayon::join(
-        || write("points.csv", &points_to_csv(&tracked.points)),
+        || write("points.csv", &points),
         || {
             let tracks = || write("tracks.csv", &tracked.tracks.to_csv()).and_then(|()| spin.map_or(Ok(()), |(name, text)| write(name, &text)));
             rayon::join(tracks, || (*provenance).clone())
@@ -289,6 +291,25 @@ fn one(
     // track.json last: it says that the others are whole.
     write(TRACK_FILE, &json)?;
     Ok(record.summary)
+}
+
+/// What was exported of other points in space, and is not made anew now, is an earlier run's.
+fn set_exports_aside(arguments: &Arguments, id: &str, folder: &Path, points: &str, said: &mut Said) -> Result<(), CliError> {
+    let asked = |name: &str| {
+        let of = |format| arguments.export.contains(&format);
+        match name {
+            C3D_FILE => of(ExportFormat::C3d),
+            _ if name.starts_with("dltdv_") => of(ExportFormat::Dltdv),
+            _ => arguments.overlay.is_some(),
+        }
+    };
+    let left: Vec<&str> = EXPORTS.into_iter().filter(|name| !asked(name) && folder.join(name).exists()).collect();
+    if left.is_empty() || std::fs::read(folder.join("points.csv")).is_ok_and(|earlier| earlier == points.as_bytes()) {
+        return Ok(());
+    }
+    let kept = set_all_aside(folder, &left)?;
+    said.push(format!("{id}: exported from the tracks before, kept as {}", listed(&kept)));
+    Ok(())
 }
 
 /// Points in space follow a correction by hand only once `shots` has measured it.

@@ -63,11 +63,6 @@ fn input_of_row(row: &ImpactRow, first_sequence: f64, own: &[&str]) -> Result<Im
     Ok(ImpactInput { own: OwnColumns::of(&row.groups, own), ..ImpactInput::from_columns(&columns, row.sequence - first_sequence) })
 }
 
-/// The smallest sequence number of a table: the order of an impact counts from it.
-fn first_sequence(table: &ImpactTable) -> f64 {
-    table.rows.iter().map(|r| r.sequence).fold(f64::INFINITY, f64::min)
-}
-
 /// Something made ready for every pair of racket and ball that occurs in a table, and what each row needs to use it.
 struct Prepared<'a, P> {
     set: &'a EquipmentSet,
@@ -89,7 +84,7 @@ impl<'a, P> Prepared<'a, P> {
                 slot.insert(prepare(&set.rackets[r], &set.balls[b])?);
             }
         }
-        Ok(Prepared { set, pairs, first_sequence: first_sequence(table), own_columns: model.own_columns() })
+        Ok(Prepared { set, pairs, first_sequence: table.first_sequence(), own_columns: model.own_columns() })
     }
 
     /// A row's input, and what is ready for its racket and ball.
@@ -167,7 +162,7 @@ const GAIN_OF_A_HAND: f64 = 0.1;
 /// Impacts that leave ball and racket with more energy (of motion and spin) than they had, beyond what a hand gives, with the gain, J. No contact does that:
 /// an effect's equation or parameters are at fault.
 pub fn gained_energies<'a>(set: &EquipmentSet, table: &'a ImpactTable, outcomes: &[Result<ImpactOutput, RowError>]) -> Vec<(&'a str, f64)> {
-    let first = first_sequence(table);
+    let first = table.first_sequence();
     let gain = |row: &ImpactRow, after: &ImpactOutput| {
         let (before, (r, b)) = (input_of_row(row, first, &[]).ok()?, set.pick(row).ok()?);
         let (racket, ball) = (&set.rackets[r], &set.balls[b]);

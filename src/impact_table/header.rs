@@ -5,6 +5,8 @@ use super::{INPUTS, ImpactRow, Measured, OUTPUTS, SHARED, TableError, largest_sh
 use std::collections::BTreeSet;
 use std::path::Path;
 
+/// Larger sequence numbers lie too far apart, as doubles, to tell neighbours.
+const LARGEST_SEQUENCE: f64 = 1e15;
 /// Most impacts of a table (a kilobyte each), most cells in grouping columns (a hundred bytes each), and the longest name of a column, bytes: a small
 /// file must not ask for all the memory there is.
 const MOST_ROWS: usize = 1_000_000;
@@ -158,7 +160,8 @@ impl Header {
                 Column::Racket => row.racket = Some(cell.to_owned()).filter(|c| !c.is_empty()),
                 Column::Ball => row.ball = Some(cell.to_owned()).filter(|c| !c.is_empty()),
                 Column::Sequence => match read {
-                    Some(sequence) => row.sequence = sequence,
+                    Some(sequence) if sequence.abs() <= LARGEST_SEQUENCE => row.sequence = sequence,
+                    Some(_) => bad("a number up to 1e15"),
                     None => bad("a number in every row; or leave the column out, and the rows' order counts"),
                 },
                 Column::Group(g) => {

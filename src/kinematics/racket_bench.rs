@@ -34,6 +34,8 @@ pub struct Bifilar {
 pub enum BenchError {
     #[error("`{name}` is {}; allowed: {allowed}", as_written(*.seen))]
     Value { name: &'static str, seen: f64, allowed: &'static str },
+    #[error("the two supports are {seen_m:.4} m apart; at least {LEAST_APART_M} m are needed to tell where between them the balance point lies")]
+    SupportsTogether { seen_m: f64 },
     #[error("the pivot is {seen_m:.4} m from the centre of mass; at least 0.05 m is needed, or the period says nothing")]
     PivotAtBalance { seen_m: f64 },
     #[error("the period gives an inertia of {seen:.5} kg m² about the centre of mass; check mass, balance and period")]
@@ -98,9 +100,15 @@ pub fn twistweight_from_bifilar(mass: f64, b: &Bifilar) -> Result<Uncertain, Ben
     Ok(Uncertain { value, sd: 2.0 * value * period_sd / b.period_s })
 }
 
+/// Supports nearer to each other than this tell no balance, m.
+const LEAST_APART_M: f64 = 0.05;
+
 /// Balance from two scales: the racket rests on supports at `first_m` and `second_m` from the butt that read masses in kg.
 /// Mass and balance follow from sum and moment.
 pub fn balance_from_scales(first_m: f64, first_kg: f64, second_m: f64, second_kg: f64) -> Result<(f64, f64), BenchError> {
+    if !((first_m - second_m).abs() >= LEAST_APART_M) {
+        return Err(BenchError::SupportsTogether { seen_m: (first_m - second_m).abs() });
+    }
     let mass = positive("first_kg", first_kg)? + positive("second_kg", second_kg)?;
     let balance = (first_m * first_kg + second_m * second_kg) / mass;
     positive("balance_m", balance)?;
@@ -143,6 +151,7 @@ mod tests {
         let b = Bifilar { half_distance_above_m: 0.1, half_distance_below_m: 0.1, thread_m: 1.0, period_s: 1.2, period_sd_s: 0.006 };
         let twist = twistweight_from_bifilar(0.33, &b).expect("valid");
         assert!((twist.value - 1.18042e-3).abs() < 1e-8 && (twist.sd / twist.value - 0.01).abs() < 1e-12, "{twist:?}");
+        assert!(matches!(balance_from_scales(0.1, 0.1, 0.1, 0.2), Err(BenchError::SupportsTogether { .. })));
         let (mass, balance) = balance_from_scales(0.05, 0.11, 0.45, 0.22).expect("valid");
         assert!((mass - 0.33).abs() < 1e-15 && (balance - (0.0055 + 0.099) / 0.33).abs() < 1e-15);
         assert!((from_rdc_kg_cm2(325.0).expect("valid") - 0.0325).abs() < 1e-15);

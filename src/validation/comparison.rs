@@ -388,13 +388,13 @@ pub fn note_groups(structure: &StructureTest, notes: &mut Vec<String>) {
 
 /// Inputs that vary by more than three times their noise (those a residual can be read against).
 pub fn varied_inputs(observations: &Observations) -> Vec<usize> {
+    let noise = observations.usual_input_sd();
     (0..INPUTS.len())
         .filter(|&j| {
             let n = observations.impacts.len() as f64;
             let mean = observations.impacts.iter().map(|o| o.inputs[j]).sum::<f64>() / n;
             let sd = (observations.impacts.iter().map(|o| (o.inputs[j] - mean).powi(2)).sum::<f64>() / n).sqrt();
-            let noise = observations.typical_input_sd(0)[j];
-            sd > 3.0 * noise && sd > 1e-9
+            sd > 3.0 * noise[j] && sd > 1e-9
         })
         .collect()
 }
@@ -402,7 +402,7 @@ pub fn varied_inputs(observations: &Observations) -> Vec<usize> {
 /// What a residual is read against: the inputs that vary, and the order of the impacts (number [`INPUTS`]`.len()`).
 pub fn varied_coordinates(observations: &Observations) -> Vec<usize> {
     let mut varied = varied_inputs(observations);
-    varied.extend(observations.impacts.iter().any(|o| o.order > 0.0).then_some(INPUTS.len()));
+    varied.extend(observations.impacts.windows(2).any(|two| two[0].order != two[1].order).then_some(INPUTS.len()));
     varied
 }
 

@@ -146,7 +146,7 @@ fn grid(observations: &Observations, impacts: &[&Observation]) -> Vec<Inputs> {
         v[((v.len() - 1) as f64 * q).round() as usize]
     };
     // What is zero within the noise is meant to be zero: nobody sets up a racket at a millimetre per second.
-    let noise = observations.typical_input_sd(0);
+    let noise = observations.usual_input_sd();
     let usual: Inputs = std::array::from_fn(|j| Some(quantile(j, 0.5)).filter(|v| v.abs() >= 2.0 * noise[j]).unwrap_or(0.0));
     let head = observations.gear.first().map(|g| (0.5 * g.racket.head.inner_length_m, 0.5 * g.racket.head.inner_width_m)).unwrap_or((0.15, 0.12));
     let two = |j: usize| {

@@ -1,8 +1,8 @@
 //! An expression found from the residuals, when the catalogue's effects will not do or have another form.
 //!
 //! All pairs of a channel and a feature are scored at once (nuisance projected out), the best refitted in the full model,
-//! then up to two more terms of the same channel are added, each only if it gains more than its price; constants are
-//! rounded to two digits and refitted around. A dead spot (a bump over the face) has a place and a width to find
+//! then up to two more terms of the same channel are added, each only if it gains more than its price; the constants are those
+//! of the fit, in words rounded to two digits. A dead spot (a bump over the face) has a place and a width to find
 //! ([`super::local_spot`]), a step its moment ([`super::step_in_order`]). (docs/diagnosis.md, "The formula".)
 
 use super::diagnosis::{Estimate, SuggestedExpression};

@@ -84,7 +84,8 @@ impl FeatureInputs {
 /// The inputs of all impacts of a fit: without the racket's rates where they are nothing but noise, and without the side where all
 /// hit one (what goes with it is what does not).
 pub fn feature_inputs(fit: &Fit, observations: &Observations, impacts: &[&Observation]) -> Vec<FeatureInputs> {
-    let sd = |k: usize| DVector::from_iterator(impacts.len(), fit.impacts.iter().map(|l| l.true_inputs[k])).variance().sqrt();
+    // As measured: those of the fit take up what the model misses.
+    let sd = |k: usize| DVector::from_iterator(impacts.len(), impacts.iter().map(|o| o.inputs[k])).variance().sqrt();
     let turns = racket_turns(observations, [9, 10, 11].map(sd).into_iter().fold(0.0, f64::max));
     let from_above = fit.impacts.iter().filter(|l| l.true_inputs[2] < l.true_inputs[8]).count();
     let one_side = from_above == 0 || from_above == impacts.len();

@@ -10,6 +10,7 @@ use super::unseen_spin::is_open;
 use crate::equipment::{Ball, Racket};
 use crate::equipment_set::pick;
 use crate::impact_table::{INPUTS, ImpactRow, ImpactTable, OUTPUTS, OwnColumns, SHARED, impossible, lacking, unit};
+use crate::median::upper_median;
 use crate::short_list::short_list;
 use std::collections::BTreeMap;
 
@@ -140,7 +141,7 @@ impl Observations {
             let seen: Vec<&str> = own.chain(["racket", "ball"]).filter(|c| table.rows.iter().any(|r| group_of(r, c).is_some())).collect();
             return Err(ValidationError::NoGroup { column: column.clone(), seen: seen.join(", ") });
         }
-        let all_rows = table.rows.len();
+        let (all_rows, first_sequence) = (table.rows.len(), table.first_sequence());
         let racket_names: Vec<&str> = rackets.iter().map(|r| r.name.as_str()).collect();
         let ball_names: Vec<&str> = balls.iter().map(|b| b.name.as_str()).collect();
         let gear_of = |row: &ImpactRow| -> Result<(usize, usize), String> {
@@ -204,6 +205,8 @@ impl Observations {
         all.lost_to_model = unpredicted.keys().chain(lacks_column).cloned().collect();
         all.balance_groups(options);
         all.check(all_rows)?;
+        // From 0, whatever number the table's sequence starts with, and as `predict` counts: also where the first rows cannot be used.
+        all.impacts.iter_mut().for_each(|o| o.order -= first_sequence);
         all.share_sessions(table);
         all.note_assumptions(table);
         Ok(all)
@@ -318,9 +321,6 @@ impl Observations {
         if self.impacts.len() - held < FEWEST_FITTED {
             return Err(ValidationError::TooFew { usable: self.impacts.len() - held, rows, needed: FEWEST_FITTED, reason: "the others are held out".into() });
         }
-        // Order from 0, whatever number the table's sequence starts with.
-        let first = self.impacts.iter().map(|o| o.order).fold(f64::INFINITY, f64::min);
-        self.impacts.iter_mut().for_each(|o| o.order -= first);
         Ok(())
     }
 
@@ -413,6 +413,11 @@ impl Observations {
         self.impacts.iter().filter(|o| o.held_out == held_out).collect()
     }
 
+    /// Median stated deviation of every input over all sessions.
+    pub fn usual_input_sd(&self) -> Inputs {
+        std::array::from_fn(|j| median(self.impacts.iter().filter(|o| !o.missing[j]).map(|o| o.input_sd[j])))
+    }
+
     /// Median stated deviation of every input in a session; sets the size of its shared offset.
     pub fn typical_input_sd(&self, session: usize) -> Inputs {
         std::array::from_fn(|j| self.median(session, |o| Some(o.input_sd[j]).filter(|_| !o.missing[j])))
@@ -444,10 +449,13 @@ impl Observations {
     }
 
     fn median(&self, session: usize, of: impl Fn(&Observation) -> Option<f64>) -> f64 {
-        let mut values: Vec<f64> = self.impacts.iter().filter(|o| o.session == session).filter_map(of).collect();
-        values.sort_by(f64::total_cmp);
-        values.get(values.len() / 2).copied().unwrap_or(0.0)
+        median(self.impacts.iter().filter(|o| o.session == session).filter_map(of))
     }
+}
+
+/// The upper median; 0 of nothing.
+fn median(values: impl Iterator<Item = f64>) -> f64 {
+    upper_median(values).unwrap_or(0.0)
 }
 
 /// Size of the ball's incoming spin, per column, where it was not measured: that of its own column in other rows, else

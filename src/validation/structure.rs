@@ -32,6 +32,8 @@ const SMALLEST_SCALE: f64 = 0.25;
 
 /// Groups of outputs whose noise is judged together: the beginnings of their names.
 const GROUPS: [&str; 5] = ["ball_out_v", "ball_out_w", "racket_out_v", "racket_out_w", "contact_time"];
+/// Rates that vary by less are those of a racket that hangs, rad/s: a swing's vary by several.
+const LEAST_TURNING: f64 = 0.3;
 /// Degrees of freedom by which a group's noise scale is drawn toward that of all.
 const COMMON_WORTH: f64 = 20.0;
 
@@ -250,11 +252,11 @@ pub fn swings_in_order(impacts: &[&Observation]) -> Vec<f64> {
     HALF_SWINGS.iter().filter(|_| told).map(|half| std::f64::consts::PI * half / last).collect()
 }
 
-/// Whether the racket turns before its impacts by more than the noise of its rate: that of one that hangs still is no input
-/// to depend on. `sd`: of the rate's size over the impacts, rad/s.
+/// Whether the racket turns before its impacts by more than the noise of its rate as it is stated, and by more than what a rate is told to: that of one
+/// that hangs still is no input to depend on. `sd`: of the rate's size over the impacts, rad/s.
 pub fn racket_turns(observations: &Observations, sd: f64) -> bool {
-    let noise = observations.typical_input_sd(0);
-    sd > (noise[9] * noise[9] + noise[10] * noise[10] + noise[11] * noise[11]).sqrt()
+    let noise = observations.usual_input_sd();
+    sd > (noise[9] * noise[9] + noise[10] * noise[10] + noise[11] * noise[11]).sqrt().max(LEAST_TURNING)
 }
 
 /// How far each impact belongs to each place; places with hardly any impacts are left out.

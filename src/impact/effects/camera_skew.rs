@@ -22,7 +22,9 @@ pub(super) static CARD: EffectCard = EffectCard {
     signature: "Impact position off in proportion to the ball's tangential velocity relative to the face.",
     confused_with: &["face-plane-offset", "ball-centre-bias", "finite-contact"],
     separated_by: "epipolar residual against image speed; a free flight that crosses",
-    check_first: None,
+    check_first: Some(
+        "a lag longer than a frame is no camera's: then it is the point of contact that moves over the strings while they hold the ball (finite-contact), or the face's plane",
+    ),
     bases: Bases { rigid: "acts on the observation", viscoelastic: "acts on the observation" },
     effect: &CameraSkew,
 };

@@ -24,7 +24,9 @@ pub(super) static CARD: EffectCard = EffectCard {
                 window-bias.",
     confused_with: &["hand-mass", "frame-vibration", "grip-torque", "frame-torsion", "stringbed-edge", "swing-drive", "scale-error", "window-bias"],
     separated_by: "scales and a swing machine; momentum balance of a free racket (no restitution involved)",
-    check_first: None,
+    check_first: Some(
+        "a mass_kg in ball.toml that is not the ball's looks the same as mass and moments of the racket all changed by one factor: weigh the ball",
+    ),
     bases: Bases { rigid: "as given", viscoelastic: "as given" },
     effect: &RacketInertia,
 };

@@ -190,7 +190,9 @@ fn groups<'a>(shots: &[&'a Shot]) -> Vec<Group<'a>> {
         columns.entry(key).or_default().insert(value);
     }
     let rank = |key: &str| ["sex", "player"].iter().position(|k| *k == key).unwrap_or(2);
-    let column = columns.iter().filter(|(_, v)| (2..=MOST_GROUPS).contains(&v.len())).min_by_key(|(k, _)| (rank(k), **k));
+    // No shot is left out of the figures: a column tells groups apart where every shot has it.
+    let of_all = |key: &str| shots.iter().all(|s| s.groups.iter().any(|(k, _)| k == key));
+    let column = columns.iter().filter(|(k, v)| (2..=MOST_GROUPS).contains(&v.len()) && of_all(k)).min_by_key(|(k, _)| (rank(k), **k));
     let Some((key, values)) = column else {
         return vec![Group { name: "all shots".to_owned(), shots: shots.to_vec() }];
     };

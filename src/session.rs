@@ -418,6 +418,8 @@ mod tests {
         let asked = session.select(&["s2".to_owned()]).expect_err("broken").to_string();
         assert!(asked.contains(no_file.as_str()) && !asked.contains("is not there"), "{asked}");
         assert!(session.select(&["s9".to_owned()]).expect_err("unknown").to_string().contains("is not there"));
+        // Tracked twice at once, a shot would be written twice at once.
+        assert_eq!(session.select(&["s1".to_owned(), "s1".to_owned()]).expect("there").len(), 1);
     }
 
     #[test]

@@ -37,6 +37,8 @@ pub struct AxesReport {
 
 /// Mean square of the spheres' misses over their deviations beyond which something moved: good sessions stay below 7.
 const UNLIKELY_CHI2: f64 = 16.0;
+/// And the angle off the square beyond which what was found is no frame, degrees: a workshop's square is good to a tenth.
+const NO_FRAME_DEG: f64 = 2.0;
 
 /// Where the spheres of the frame lie in its own axes, m.
 fn frame_points(frame: &AxesFrame) -> [Point3<f64>; 3] {
@@ -231,6 +233,12 @@ fn lay_axes(
         ));
     }
     // Six centres of two coordinates, six numbers of the pose.
+    if chi2 / 6.0 > UNLIKELY_CHI2 && (angle - 90.0).abs() > NO_FRAME_DEG {
+        return Err(axes_error(format!(
+            "what was found in the place of the frame's spheres meets at {angle:.1} degrees and lies {:.1} px from where the frame's shape puts it: it is no frame of two square arms; see that no sphere is hidden, and that nothing beside them looks like one",
+            (squares / 6.0).sqrt()
+        )));
+    }
     if chi2 / 6.0 > UNLIKELY_CHI2 {
         warnings.push(format!(
             "the spheres lie {:.2} px from where the frame's shape puts them, {:.0} times what their outlines are good to: a camera moved between the boards and the frame, the frame's lengths are wrong, or the boards were not where the frame stands",

@@ -11,6 +11,7 @@ use crate::kinematics::{SHOT_FILE, ShotRecord};
 use crate::limited_file::{LARGEST_TABLE, LimitedFile};
 use crate::provenance::{Provenance, ends_with_line, sha256_file, sha256_hex};
 use crate::session::{Session, ShotFolder};
+use crate::short_list::short_list;
 use crate::tracking::spin::{SPIN_FILE, spin_to_json};
 use crate::tracking::{
     Overlay, PointState, ShotSetup, ShotSummary, SyncMode, TRACK_FILE, TrackExport, TrackRecord, TrackingError, Tracks, c3d_bytes, dltdv_tables, measure_spin,
@@ -276,12 +277,14 @@ fn one(
     keep_by_hand(&shot.id, manual, folder, said).map_err(Failure::All)?;
     let spin = spin.map(|s| (SPIN_FILE, spin_to_json(&s)));
     let write = |name: &str, text: &str| shell.write_soon(&folder.join(name), text.as_bytes()).map_err(Failure::All);
-    let points = points_to_csv(&tracked.points);
-    set_exports_aside(arguments, &shot.id, folder, &points, said).map_err(Failure::All)?;
     let (points, (tracks, provenance)) = rayon::join(
-        || write("points.csv", &points),
+        || write("points.csv", &points_to_csv(&tracked.points)),
         || {
-            let tracks = || write("tracks.csv", &tracked.tracks.to_csv()).and_then(|()| spin.map_or(Ok(()), |(name, text)| write(name, &text)));
+            let tracks = || {
+                let text = tracked.tracks.to_csv();
+                set_exports_aside(arguments, &shot.id, folder, &text, said).map_err(Failure::All)?;
+                write("tracks.csv", &text).and_then(|()| spin.map_or(Ok(()), |(name, text)| write(name, &text)))
+            };
             rayon::join(tracks, || (*provenance).clone())
         },
     );
@@ -293,8 +296,8 @@ fn one(
     Ok(record.summary)
 }
 
-/// What was exported of other points in space, and is not made anew now, is an earlier run's.
-fn set_exports_aside(arguments: &Arguments, id: &str, folder: &Path, points: &str, said: &mut Said) -> Result<(), CliError> {
+/// What was exported of other tracks, and is not made anew now, is an earlier run's.
+fn set_exports_aside(arguments: &Arguments, id: &str, folder: &Path, tracks: &str, said: &mut Said) -> Result<(), CliError> {
     let asked = |name: &str| {
         let of = |format| arguments.export.contains(&format);
         match name {
@@ -304,11 +307,12 @@ fn set_exports_aside(arguments: &Arguments, id: &str, folder: &Path, points: &st
         }
     };
     let left: Vec<&str> = EXPORTS.into_iter().filter(|name| !asked(name) && folder.join(name).exists()).collect();
-    if left.is_empty() || std::fs::read(folder.join("points.csv")).is_ok_and(|earlier| earlier == points.as_bytes()) {
+    if left.is_empty() || std::fs::read(folder.join("tracks.csv")).is_ok_and(|earlier| earlier == tracks.as_bytes()) {
         return Ok(());
     }
     let kept = set_all_aside(folder, &left)?;
-    said.push(format!("{id}: exported from the tracks before, kept as {}", listed(&kept)));
+    let names: Vec<String> = kept.iter().filter_map(|file| Some(file.file_name()?.to_string_lossy().into_owned())).collect();
+    said.push(format!("{id}: exported from the tracks before, kept as {}", short_list(&names, 2, ", ")));
     Ok(())
 }
 

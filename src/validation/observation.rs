@@ -531,6 +531,15 @@ mod tests {
     }
 
     #[test]
+    fn law_order_counts_from_the_tables_first_impact_also_where_that_cannot_be_used() {
+        // Of the first four nothing tells the column that the model asks for.
+        let names: Vec<String> = (0..24).map(|i| if i < 4 { String::new() } else { i.to_string() }).collect();
+        let options = TableOptions { group: None, own_columns: vec!["age".to_owned()] };
+        let seen = observed("age", &names.iter().map(String::as_str).collect::<Vec<_>>(), &options);
+        assert_eq!((seen.impacts.len(), seen.impacts[0].order, seen.impacts[19].order), (20, 4.0, 23.0));
+    }
+
+    #[test]
     fn fails_a_grouping_column_that_is_none_is_told_with_those_there_are() {
         for (column, told) in [("player", "it has: player;"), ("ball", "it has: ball;"), ("", "it has: none;")] {
             let refused = observe(column, &["b"; 12], &TableOptions { group: Some("ball_in_vz".to_owned()), own_columns: Vec::new() });

@@ -79,4 +79,12 @@ fn cli_predict_carries_deviations_into_the_prediction() {
         let (expected, seen): (f64, f64) = (0.002 * slope[3 + place].parse::<f64>().unwrap().abs(), row[1 + place].parse().unwrap());
         assert!((expected - seen).abs() <= 1e-12 * (1.0 + expected) && seen > 0.0, "{expected} {seen}");
     }
+    // Derivatives of another model do not stay under their name.
+    let predict = || sweetspot(folder.path(), &[&["--out", ".", "predict"][..], &files].concat());
+    let there = |name: &str| folder.path().join(name).exists();
+    predict();
+    assert!(there("sensitivities.csv") && there("predictions_sd.csv"), "the same predictions");
+    std::fs::write(folder.path().join("model.toml"), "base = \"rigid\"\n[effects.ball-damping]\nfall = 0.2\n").unwrap();
+    predict();
+    assert!(!there("sensitivities.csv") && there("sensitivities.earlier.csv") && there("predictions_sd.earlier.csv"));
 }

@@ -187,7 +187,7 @@ fn truth_the_title_tells_command_model_and_table() {
 
 #[test]
 fn truth_noise_floors_that_differ_are_told_apart() {
-    let why = "is the least that any model tried leaves; `compare`, which knows this model alone";
+    let why = "is the least that any model tried leaves; <code>compare</code>, which knows this model alone";
     let mut c = comparison(60, 0.8, "rigid");
     let d = diagnosis(Verdict::EffectMissing, "rigid");
     c.noise_floor = 1.13;

@@ -7,9 +7,10 @@ use std::collections::BTreeMap;
 use sweetspot::calibration::{
     BOARDS_KEY, BoardReport, Camera, CameraId, Coverage, MethodError, PairFate, RigidTransform, Slice, SlicePoint, SquareSize, StereoRig, Volume,
 };
+use sweetspot::impact_table::ImpactTable;
 use sweetspot::kinematics::{ImpactTiming, MarkerDistance, MomentumVerdict, Quantities, Shot, ShotRecord, WindowReport, Windows};
 use sweetspot::quantity::Quantity;
-use sweetspot::report::{FramePicture, SessionResults, ShotResults, season_figures, session_report};
+use sweetspot::report::{FramePicture, PredictedShot, SessionResults, ShotResults, season_figures, session_report};
 use sweetspot::tracking::{ImagePoint, PointState, SpacePoint, Target, TrackPoint, Tracks};
 use sweetspot::validation::Verdict;
 
@@ -300,4 +301,36 @@ fn truth_season_figures_follow_the_thesis_and_split_by_sex() {
     let trend = figures.iter().find(|f| f.name == "spin-planar-velocity").unwrap();
     assert!(trend.caption.contains("slope 90.00") && trend.caption.contains("R² = 1.00"), "{}", trend.caption);
     assert!(season_figures(&shots.iter().take(3).collect::<Vec<_>>(), None).is_empty());
+    // A column that two of six shots have parts none of them off.
+    let mut some: Vec<Shot> = shots.clone();
+    for (shot, player) in some.iter_mut().zip(["Ann", "Ben"]) {
+        shot.groups.push(("player".to_owned(), player.to_owned()));
+    }
+    some.iter_mut().for_each(|shot| shot.groups.retain(|(key, _)| key == "player"));
+    let figures = season_figures(&some.iter().collect::<Vec<_>>(), None);
+    let counted: usize = figures.iter().find(|f| f.name == "playing-angle").unwrap().bins.iter().map(|b| b.shots).sum();
+    assert_eq!(counted, 6);
+}
+
+#[test]
+fn truth_few_shots_show_what_prediction_and_difference_are_good_to() {
+    let folder = tempfile::tempdir().unwrap();
+    let table = |name: &str, text: &str| {
+        std::fs::write(folder.path().join(name), text).unwrap();
+        ImpactTable::read(&folder.path().join(name)).unwrap().rows
+    };
+    let head = "id,ball_in_vx,ball_in_vy,ball_in_vz,racket_in_vx,racket_in_vy,racket_in_vz,racket_in_wx,racket_in_wy,racket_in_wz,impact_x,impact_y";
+    let row = |id: &str, out: f64| format!("{id},0,0,-20,0,0,0,0,0,0,0,0,{out},0.3\n");
+    let measured = table("impacts.csv", &format!("{head},ball_out_vz,ball_out_vz_sd\n{}{}", row("s01", 10.0), row("s02", 11.0)));
+    let predicted = table("predictions.csv", "id,ball_out_vz\ns01,9\ns02,11.5\n");
+    let deviations = table("predictions_sd.csv", "id,ball_out_vz\ns01,0.4\ns02,0.4\n");
+    let shots = measured.into_iter().zip(predicted).zip(deviations);
+    let predicted = shots.map(|((measured, predicted), sd)| PredictedShot { measured, predicted, predicted_sd: Some(sd) }).collect();
+    let page = session_report(&SessionResults { predicted, model: Some("stiff.toml".to_owned()), ..SessionResults::default() });
+    assert_page(&page);
+    // Differences of 1 and -0.5 with a deviation of 0.5: their mean 0.25, root mean square 0.79, 1.6 deviations.
+    for text in ["The model <code>stiff.toml</code>", "9.00 ±\u{a0}0.40", "1.00 ±\u{a0}0.50", "\u{2212}0.50 ±\u{a0}0.50", ">2.0<", ">0.25<", ">0.79<", ">1.6<"]
+    {
+        assert!(page.contains(text), "{text}");
+    }
 }

@@ -577,6 +577,17 @@ fn cli_track_prints_gaps_and_writes_exports_and_sheets() {
         let drawn = sheet.pixels().filter(|p| p.0[1] > p.0[0].saturating_add(90) || p.0[0] > p.0[1].saturating_add(90)).count();
         assert!(drawn > 500, "{name}: {drawn} coloured pixels in {}x{}", sheet.width(), sheet.height());
     }
+    // `shots` knows the first contact better: the file for other programs follows.
+    let first = std::fs::read(made.join("points.c3d")).unwrap();
+    let shots = std::process::Command::new(env!("CARGO_BIN_EXE_sweetspot")).arg("shots").arg(session.path()).output().unwrap();
+    assert!(shots.status.success(), "{}", String::from_utf8_lossy(&shots.stderr));
+    assert_ne!(std::fs::read(made.join("points.c3d")).unwrap(), first);
+    // Exports of other tracks do not stay under their name; those that are asked for are made anew.
+    let tracks = std::fs::read_to_string(made.join("tracks.csv")).unwrap();
+    std::fs::write(made.join("tracks.csv"), tracks.lines().take(40).collect::<Vec<_>>().join("\n") + "\n").unwrap();
+    track(&["--no-spin", "--force", "--export", "c3d"]);
+    assert!(made.join("points.c3d").exists() && !made.join("points.earlier.c3d").exists());
+    assert!(!made.join("dltdv_xyzpts.csv").exists() && made.join("dltdv_xyzpts.earlier.csv").exists() && made.join("overlay_left.earlier.png").exists());
 }
 
 /// A ball with the real one's velocity flies past the strings, 12 cm above it: as near to them, as fast, as straight. Only the real one is turned.

@@ -15,10 +15,10 @@ const BARRIER: f64 = 0.015;
 /// Axes about which a ball that seems to stand still is turned: one in 0.25 rad, twice the width of a blurred line.
 const PROBES: u32 = 100;
 /// What a fit on the best one's slope, that has not arrived after as many steps, tells of how flat their valley is: squared distance, this
-/// share of it where it is as good, a quarter of that where it is behind by `FLAT_LEAD` of what the markings explain. Three rendered
-/// sessions of 70 shots (docs/spin-experiments.md, "Flat valleys").
-const FLAT_SHARE: f64 = 0.1;
-const FLAT_LEAD: f64 = 0.01;
+/// share of it where it is as good, a quarter of that where it is behind by `FLAT_LEAD` of what the markings explain. Rendered sessions, and
+/// balls with a single line by another renderer (docs/spin-experiments.md, "Flat valleys").
+const FLAT_SHARE: f64 = 0.3;
+const FLAT_LEAD: f64 = 0.02;
 /// Turn over the window within which another candidate lies in the same valley, rad.
 const SAME_VALLEY: f64 = 0.4;
 /// Candidates that are registered.

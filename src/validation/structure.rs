@@ -557,7 +557,7 @@ pub fn p_text(p: f64) -> String {
     if p < 1e-4 { "p < 0.0001".to_owned() } else { format!("p = {}", format!("{p:.2}").replace("0.00", &format!("{p:.4}"))) }
 }
 
-/// A noise floor as people read it: below [`SMALLEST_SCALE`] it is not followed.
+/// A noise floor as people read it: below a half it is not followed.
 pub fn floor_text(floor: f64) -> String {
     if floor * floor <= SMALLEST_SCALE * (1.0 + 1e-9) { format!("{floor:.2} or less") } else { format!("{floor:.2}") }
 }

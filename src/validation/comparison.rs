@@ -13,7 +13,7 @@ use super::outliers_together::outliers_together;
 use super::polynomial::{PolynomialFit, polynomial_fits};
 use super::refits::LARGEST_NOISE_SCALE;
 use super::smooth::{FaceCell, SmoothCurve, face_map, smooth};
-use super::structure::{BesideSmooth, StructureTest, chi2_tail, floor_text, p_text, structure_test};
+use super::structure::{BesideSmooth, StructureTest, chi2_tail, floor_text, is_least_floor, p_text, structure_test};
 use crate::impact_table::{INPUTS, OUTPUTS, RELATIVE, SHARED, unit};
 use crate::provenance::Provenance;
 use crate::short_list::short_list;
@@ -344,7 +344,7 @@ pub fn note_noise(factor: f64, sound: bool, notes: &mut Vec<String>) {
     }
     let size = factor.max(1.0 / factor);
     notes.push(if factor < 1.0 {
-        let (floor, more) = (floor_text(factor), if floor_text(factor).ends_with("less") { " or more" } else { "" });
+        let (floor, more) = (floor_text(factor), if is_least_floor(factor) { " or more" } else { "" });
         format!(
             "the noise is overstated by a factor {size:.2}{more}: with all structure taken out, residuals are {floor} times the stated noise; all tests and deviations here use the noise corrected by {size:.2}"
         )

@@ -557,9 +557,14 @@ pub fn p_text(p: f64) -> String {
     if p < 1e-4 { "p < 0.0001".to_owned() } else { format!("p = {}", format!("{p:.2}").replace("0.00", &format!("{p:.4}"))) }
 }
 
+/// Whether a noise floor may be lower than it is given.
+pub fn is_least_floor(floor: f64) -> bool {
+    floor * floor <= SMALLEST_SCALE * (1.0 + 1e-9)
+}
+
 /// A noise floor as people read it: below a half it is not followed.
 pub fn floor_text(floor: f64) -> String {
-    if floor * floor <= SMALLEST_SCALE * (1.0 + 1e-9) { format!("{floor:.2} or less") } else { format!("{floor:.2}") }
+    format!("{floor:.2}{}", if is_least_floor(floor) { " or less" } else { "" })
 }
 
 /// A probability in per cent as people write it: never certain.

@@ -83,8 +83,11 @@ pub fn few_shots(shots: &[PredictedShot], model: Option<&str>) -> Option<Section
         for p in &pairs {
             let sd = p.difference_sd();
             let in_sd = sd.map_or_else(String::new, |sd| fixed(p.difference() / sd, 1));
-            let (measured, predicted) = (Pair::shown(p.measured, p.sd[0]), Pair::shown(p.predicted, p.sd[1].or(p.sd[0])));
-            let predicted = if p.sd[1].is_some() { predicted } else { predicted.split(" ± ").next().unwrap_or_default().to_owned() };
+            let measured = Pair::shown(p.measured, p.sd[0]);
+            let predicted = match p.sd {
+                [Some(sd), None] => rounded(p.predicted, sd),
+                [_, sd] => Pair::shown(p.predicted, sd),
+            };
             of_shots = of_shots.row(&[p.shot.to_owned(), w.words.clone(), w.unit.to_owned(), measured, predicted, Pair::shown(p.difference(), sd), in_sd]);
         }
         let n = pairs.len() as f64;

@@ -1,7 +1,8 @@
 //! The impacts table (contract, section 4): one row per impact, racket-local axes, SI; footage or no footage.
 //!
 //! Comes in: CSV in which columns may be missing, in any order, with unknown columns kept as grouping columns. Goes out:
-//! [`ImpactTable`]. An empty cell is `None`; NaN, infinities and negative deviations are refused, all of them at once, with their lines.
+//! [`ImpactTable`]. An empty cell is `None`; NaN, infinities, text and negative deviations are faults, told with their lines: they cost their rows where most
+//! of a table that somebody gave is sound, else the table.
 
 mod column_words;
 mod header;
@@ -205,6 +206,8 @@ pub struct ImpactRow {
     pub shared_sd: [Option<f64>; SHARED.len()],
     /// Unknown columns: player, sex, session, ...
     pub groups: BTreeMap<String, String>,
+    /// Why nothing of the row counts but its name, its place in time and its groups: a cell of it cannot be read, or its id is another's too.
+    pub fault: Option<Box<str>>,
 }
 
 impl ImpactRow {
@@ -218,7 +221,13 @@ impl ImpactRow {
             outputs: [None; OUTPUTS.len()],
             shared_sd: [None; SHARED.len()],
             groups: BTreeMap::new(),
+            fault: None,
         }
+    }
+
+    /// The row without what was measured. What was read of it may be right, but who can tell which cell is not.
+    fn faulty(self, fault: Box<str>) -> Self {
+        ImpactRow { sequence: self.sequence, groups: self.groups, fault: Some(fault), ..ImpactRow::new(&self.id) }
     }
 
     /// The value of a named input or output column, if it was measured.
@@ -251,25 +260,40 @@ pub struct ImpactTable {
 }
 
 impl ImpactTable {
-    /// The smallest sequence number: the order of an impact counts from it, whichever rows can be used.
+    /// The smallest sequence number: the order of an impact counts from it, whichever rows can be used. (One that cannot be read is no number.)
     pub fn first_sequence(&self) -> f64 {
         self.rows.iter().map(|r| r.sequence).fold(f64::INFINITY, f64::min)
     }
 
-    /// Reads and checks a table.
+    /// Reads and checks a table of the program's own: it is whole, or it is damaged.
     pub fn read(path: &Path) -> Result<Self, TableError> {
         let file = LimitedFile::open(path, LARGEST_TABLE).map_err(|e| TableError::Unreadable { path: path.into(), source: e.into() })?;
         Self::from_reader(file, path)
     }
 
-    /// [`Self::read`] of a table that the user named, which may be a pipe.
+    /// A table that the user named, which may be a pipe; see [`Self::given`].
     pub fn read_given(path: &Path) -> Result<Self, TableError> {
         let file = LimitedFile::open_given(path, LARGEST_TABLE).map_err(|e| TableError::Unreadable { path: path.into(), source: e.into() })?;
-        Self::from_reader(file, path)
+        Self::given(file, path)
     }
 
-    /// Reads from any reader; `path` is for messages.
+    /// Reads from any reader; `path` is for messages. A fault in one row is one of the table.
     pub fn from_reader(reader: impl std::io::Read, path: &Path) -> Result<Self, TableError> {
+        let (table, faults) = Self::with_faults(reader, path)?;
+        if faults.is_empty() { Ok(table) } else { Err(TableError::Rows { path: path.into(), faults }) }
+    }
+
+    /// [`Self::from_reader`] of a table that somebody made: a row with a fault costs itself only ([`ImpactRow::fault`]).
+    ///
+    /// # Errors
+    /// Where half of the rows or more have one it is the table that is wrong (decimal commas, another program's words for "not measured").
+    pub fn given(reader: impl std::io::Read, path: &Path) -> Result<Self, TableError> {
+        let (table, faults) = Self::with_faults(reader, path)?;
+        let faulty = table.rows.iter().filter(|row| row.fault.is_some()).count();
+        if 2 * faulty < table.rows.len() { Ok(table) } else { Err(TableError::Rows { path: path.into(), faults }) }
+    }
+
+    fn with_faults(reader: impl std::io::Read, path: &Path) -> Result<(Self, RowFaults), TableError> {
         let unreadable = |source: csv::Error| match source.kind() {
             csv::ErrorKind::Utf8 { .. } => TableError::Encoding { path: path.into(), source },
             _ => TableError::Unreadable { path: path.into(), source },
@@ -282,10 +306,10 @@ impl ImpactTable {
         }
         let header = Header::of(names, path)?;
         let most_rows = header.most_rows();
-        let mut rows = Vec::new();
-        // The line in which each id stands.
-        let mut ids: BTreeMap<String, u64> = BTreeMap::new();
-        let (mut read, mut faults) = (0, RowFaults::default());
+        let mut rows: Vec<ImpactRow> = Vec::new();
+        // The line in which each id stands, and its place among the rows.
+        let mut ids: BTreeMap<String, (u64, usize)> = BTreeMap::new();
+        let mut faults = RowFaults::default();
         for record in csv.records() {
             let record = record.map_err(unreadable)?;
             let line = record.position().map_or(0, csv::Position::line);
@@ -293,33 +317,36 @@ impl ImpactTable {
             if record.iter().all(str::is_empty) {
                 continue;
             }
-            if read >= most_rows {
+            let n = rows.len();
+            if n >= most_rows {
                 return Err(TableError::TooLarge { path: path.into(), line, most: most_rows, grouping: header.grouping() });
             }
-            read += 1;
-            if record.len() != header.names.len() {
-                faults.add(|| RowFault::Fields { line, seen: record.len(), allowed: header.names.len() });
-                continue;
-            }
-            let row = header.row(&record, line, read - 1, &mut faults);
+            let mut of_row = Vec::new();
+            let row = if record.len() == header.names.len() {
+                header.row(&record, line, n, &mut of_row)
+            } else {
+                of_row.push(RowFault::Fields { line, seen: record.len(), allowed: header.names.len() });
+                header.unread(line, n)
+            };
             match ids.get(&row.id) {
-                Some(&first) if !row.id.is_empty() => faults.add(|| RowFault::same_id(line, &row.id, first)),
-                _ => {
-                    ids.insert(row.id.clone(), line);
+                // Which of the two is meant nobody can tell: neither counts.
+                Some(&(first, at)) => {
+                    of_row.push(RowFault::same_id(line, &row.id, first));
+                    let earlier = std::mem::replace(&mut rows[at], ImpactRow::new(""));
+                    let reason = earlier.fault.clone().unwrap_or_else(|| row_fault::reason(path, &[RowFault::same_id(first, &row.id, line)]));
+                    rows[at] = earlier.faulty(reason);
+                }
+                None => {
+                    ids.insert(row.id.clone(), (line, n));
                 }
             }
-            // A table with a fault is refused whatever follows: the rest is read for its faults alone.
-            if faults.is_empty() {
-                rows.push(row);
-            }
-        }
-        if !faults.is_empty() {
-            return Err(TableError::Rows { path: path.into(), faults });
+            rows.push(if of_row.is_empty() { row } else { row.faulty(row_fault::reason(path, &of_row)) });
+            faults.add(of_row);
         }
         if rows.is_empty() {
             return Err(TableError::Empty { path: path.into() });
         }
-        Ok(ImpactTable { rows })
+        Ok((ImpactTable { rows }, faults))
     }
 
     /// The table as CSV: every contract column that is measured anywhere, its `_sd`, then the grouping columns.
@@ -468,7 +495,7 @@ mod tests {
             "  line 4: `sequence` is \"\"; allowed: a number in every row; or leave the column out, and the rows' order counts",
             "  line 4: `ball_in_vz` is \"20,5\"; allowed: a finite number, its decimals after a point, or empty when not measured",
             "  line 4: `ball_in_vz_sd` is \"#N/A\"; allowed: a finite number, or empty when not measured",
-            "  line 4: id \"b\" stands twice (first in line 3); ids fix which impacts are held out, so each must be its own",
+            "  line 4: id \"b\" stands twice (also in line 3); ids fix which impacts are held out, so each must be its own",
             "  line 5: 3 fields; allowed: 4, as in the header; a field that holds a comma must stand in quotes, and decimals are written with a point",
             "  line 6: `id` is \"\"; allowed: a name of its own for every impact",
             "  line 7: `sequence` is \"x\"; allowed: a number in every row; or leave the column out, and the rows' order counts",
@@ -479,6 +506,50 @@ mod tests {
         let message = read(&many).expect_err("500 faults").to_string();
         assert!(message.lines().count() == 22 && message.contains(": 500 faults") && message.ends_with("\n  and 480 more"), "{message}");
         assert!(message.contains(&format!("\"{}…\"", "x".repeat(60))), "{message}");
+    }
+
+    #[test]
+    fn fails_a_bad_cell_of_a_given_table_costs_its_row_only() {
+        let given = |text: &str| ImpactTable::given(text.as_bytes(), Path::new("of/t.csv"));
+        let head = "id,player,ball_in_vz,ball_in_vz_sd,impact_x,speed_scale_sd\n";
+        let sound: String = (0..20).map(|k| format!("s{k},A,-20.{k},0.5,0.01,\n")).collect();
+        let fault = |table: &ImpactTable, id: &str| {
+            let row = table.rows.iter().find(|r| r.id == id).expect("the row keeps its place").clone();
+            assert!(row.inputs.iter().all(Option::is_none), "{row:?}");
+            row.fault.map(String::from).unwrap_or_default()
+        };
+        for (row, id, words) in [
+            ("a,B,n/a,0.5,0.01,", "a", &["t.csv, line 22: `ball_in_vz` is \"n/a\"; allowed: a finite number"][..]),
+            ("a,B,#REF!,NaN,0.01,", "a", &["`ball_in_vz` is \"#REF!\"", "`ball_in_vz_sd` is \"NaN\""]),
+            ("a,B,\"-20,5\",0.5,0.01,", "a", &["`ball_in_vz` is \"-20,5\"", "decimals after a point"]),
+            ("a,B,-20.5,0.5,inf,", "a", &["`impact_x` is \"inf\""]),
+            ("a,B,-20.5,-0.5,0.01,", "a", &["a standard deviation of 0 or more"]),
+            ("a,B,-20.5,0.5,0.01,7", "a", &["`speed_scale_sd` is \"7\""]),
+            ("a,B,-20,5,0.5,0.01,", "line 22", &["line 22: 7 fields; allowed: 6"]),
+            (",B,-20.5,0.5,0.01,", "line 22", &["`id` is \"\""]),
+            ("s3,B,-20.5,0.5,0.01,", "s3", &["line 5: id \"s3\" stands twice (also in line 22)"]),
+        ] {
+            let table = given(&format!("{head}{sound}{row}\nz,A,-21,0.5,0.01,\n")).expect("most rows are sound");
+            let told = fault(&table, id);
+            assert!(words.iter().all(|word| told.contains(word)), "{row}: {told}");
+            // The rows after it keep their place in time, whose beginning is that of all.
+            assert_eq!((table.rows.len(), table.rows[21].sequence, table.first_sequence()), (22, 21.0, 0.0));
+            let lost = table.rows.iter().filter(|r| r.fault.is_some()).count();
+            assert_eq!(lost, if id == "s3" { 2 } else { 1 }, "{row}");
+        }
+        // A place in time that cannot be read is none, least of all the first.
+        let timed = given("id,sequence,ball_in_vz\na,x,-20\nb,100,-20\nc,101,-20\n").expect("two sound rows");
+        assert!(timed.first_sequence() == 100.0 && timed.rows[0].fault.is_some());
+        // The table is wrong, not a row of it.
+        for text in [
+            "id,ball_in_vz\na,\"-20,5\"\nb,\"-21,5\"\nc,-20\n",
+            "id,ball_in_vz\na,-20,5\nb,-21,5\nc,-20\n",
+            "id,ball_in_vz\na,n/a\nb,-20\n",
+            "id,ball_in_vz\na,-20\nb,-20\na,-21\nb,-21\n",
+        ] {
+            let refused = given(text).expect_err(text).to_string();
+            assert!(refused.contains("2 faults; mend them all, nothing of the table is used") || refused.contains("line 2: `ball_in_vz`"), "{refused}");
+        }
     }
 
     #[test]

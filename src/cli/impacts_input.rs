@@ -109,8 +109,17 @@ impl Loaded {
             return Ok(());
         }
         let rows = unusable.len() + self.observations.impacts.len();
-        Err(CliError::some_failed(format!("{} of {rows} impacts cannot be used:\n  {}", unusable.len(), with_reasons(unusable, "\n  "))))
+        let failed = CliError::some_failed(format!("{} of {rows} impacts cannot be used:\n  {}", unusable.len(), with_reasons(unusable, "\n  ")));
+        Err(hint_at_faults(failed, &self.table))
     }
+}
+
+/// Of a table some rows of which cannot be read: what to do about it.
+pub(super) fn hint_at_faults(error: CliError, table: &ImpactTable) -> CliError {
+    if table.rows.iter().all(|row| row.fault.is_none()) {
+        return error;
+    }
+    error.hint("correct the cells named, or empty them where nothing was measured, and run the command again; nothing of these rows was used")
 }
 
 impl ImpactsInput {
@@ -119,7 +128,7 @@ impl ImpactsInput {
         let unreadable = |e: std::io::Error| TableError::Unreadable { path: files.impacts.clone(), source: e.into() };
         let mut bytes = Vec::new();
         LimitedFile::open_given(&files.impacts, LARGEST_TABLE).and_then(|mut file| file.read_to_end(&mut bytes)).map_err(unreadable)?;
-        let mut table = ImpactTable::from_reader(bytes.as_slice(), &files.impacts)?;
+        let mut table = ImpactTable::given(bytes.as_slice(), &files.impacts)?;
         few_enough(table.rows.len(), &files.impacts)?;
         let equipment = EquipmentSet::read(&files.racket, &files.ball)?;
         let model_text =

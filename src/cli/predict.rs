@@ -3,7 +3,7 @@
 use super::Shell;
 use super::earlier_output::Output;
 use super::error::CliError;
-use super::impacts_input::{ImpactFiles, beyond_racket, doubtful_tensions};
+use super::impacts_input::{ImpactFiles, beyond_racket, doubtful_tensions, hint_at_faults};
 use super::set_aside::{listed, set_all_aside};
 use crate::equipment_set::EquipmentSet;
 use crate::impact::batch::{LimitedLaws, RowError, RowSensitivity, differentiate_table, gained_energies, limited_laws, predict_table, without_spin};
@@ -80,7 +80,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
         shell.say(remark);
     }
     shell.say(format_args!("{} of {} impacts predicted: {}", rows.len() - unpredicted, rows.len(), path.display()));
-    if failed.is_empty() { Ok(()) } else { Err(CliError::some_failed(failed.join("\n"))) }
+    if failed.is_empty() { Ok(()) } else { Err(hint_at_faults(CliError::some_failed(failed.join("\n")), &table)) }
 }
 
 /// What the model makes of the impacts that no contact does: an effect's equation or parameters are at fault.

@@ -36,12 +36,20 @@ pub fn grouped(message: &str) -> String {
     lines.join("\n")
 }
 
-/// Whom a line names, and why it failed; a path through a shot's own folder is the same reason as through another's.
+/// Whom a line names, and why it failed; a path through a shot's own folder is the same reason as through another's, and so is a cell of another line.
 fn named(line: &str) -> Option<(&str, String)> {
     let (name, reason) = line.split_once(": ")?;
     let name = name.trim_start();
     let name = name.strip_prefix("impact ").unwrap_or(name);
-    Some((name, reason.replace(&format!("/{name}/"), "/*/")))
+    Some((name, of_any_line(&reason.replace(&format!("/{name}/"), "/*/"))))
+}
+
+/// A reason without the number of the line in which a table has it.
+fn of_any_line(reason: &str) -> String {
+    match reason.split_once(", line ") {
+        Some((file, rest)) if !file.contains(": ") => format!("{file}, line *{}", rest.trim_start_matches(|c: char| c.is_ascii_digit())),
+        _ => reason.to_owned(),
+    }
 }
 
 #[cfg(test)]
@@ -57,6 +65,13 @@ mod tests {
         assert_eq!(shown[..4], ["302 of 310 shots failed:", "  s1: no ball was found", "  s2: no ball was found", "  s3: no ball was found"]);
         assert!(shown[4].starts_with("  and 297 more for the same reason: s4, s5, ") && shown[4].ends_with(", s300"), "{}", shown[4]);
         assert_eq!(shown[5..], ["  t1: /results/t1/tracks.csv: empty", "  t2: the racket was lost"]);
+    }
+
+    #[test]
+    fn cells_with_one_fault_in_many_lines_are_told_once() {
+        let lines: Vec<String> = (2..=9).map(|k| format!("s{k}: t.csv, line {k}: `impact_x` is \"n/a\"")).collect();
+        let told = grouped(&lines.join("\n"));
+        assert!(told.starts_with(&lines[..3].join("\n")) && told.ends_with("\nand 5 more for the same reason: s5, s6, s7, s8, s9"), "{told}");
     }
 
     #[test]

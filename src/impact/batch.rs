@@ -16,6 +16,8 @@ use std::collections::btree_map::Entry;
 /// Why one impact of a table has no prediction.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum RowError {
+    #[error("impact {id}: {what}")]
+    Unreadable { id: String, what: String },
     #[error("impact {id}: `{column}` was not measured, and the model needs it; give 0 where it is known to be nothing")]
     Missing { id: String, column: &'static str },
     #[error("impact {id}: {what}")]
@@ -36,7 +38,7 @@ fn counts_as_zero(column: &str) -> bool {
 /// Impacts whose incoming spin, or part of it, was not measured and counts as 0: a prediction for a ball without spin.
 pub fn without_spin(table: &ImpactTable) -> Vec<&str> {
     let lacks = |row: &ImpactRow| INPUTS.iter().zip(&row.inputs).any(|(c, m)| c.starts_with("ball_in_w") && m.is_none());
-    table.rows.iter().filter(|r| lacks(r)).map(|r| r.id.as_str()).collect()
+    table.rows.iter().filter(|r| r.fault.is_none() && lacks(r)).map(|r| r.id.as_str()).collect()
 }
 
 /// The model input of one row. Incoming spin ([`without_spin`] names the rows) and `grip_torque` count as 0 when they
@@ -44,8 +46,11 @@ pub fn without_spin(table: &ImpactTable) -> Vec<&str> {
 /// the model asks for.
 ///
 /// # Errors
-/// [`RowError::Missing`] for any other input that was not measured, [`RowError::Impossible`] for one that no impact has, [`RowError::OwnColumn`].
+/// [`RowError::Unreadable`]; [`RowError::Missing`] for any other input that was not measured, [`RowError::Impossible`] for one that no impact has, [`RowError::OwnColumn`].
 fn input_of_row(row: &ImpactRow, first_sequence: f64, own: &[&str]) -> Result<ImpactInput, RowError> {
+    if let Some(what) = &row.fault {
+        return Err(RowError::Unreadable { id: row.id.clone(), what: what.to_string() });
+    }
     if let Some(what) = impossible(INPUTS.iter().zip(&row.inputs)) {
         return Err(RowError::Impossible { id: row.id.clone(), what });
     }

@@ -1,6 +1,6 @@
 //! The header of an impacts table: what each column is, and a row's cells read by it.
 
-use super::row_fault::{self, RowFault, RowFaults};
+use super::row_fault::{self, RowFault};
 use super::{INPUTS, ImpactRow, Measured, OUTPUTS, SHARED, TableError, largest_shared};
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -141,13 +141,31 @@ impl Header {
         MOST_ROWS.min(MOST_GROUPING_CELLS / self.grouping().max(1))
     }
 
+    /// What is left of the row at place `n`, in line `line`, whose cells cannot be told apart. It is named by its line.
+    pub(super) fn unread(&self, line: u64, n: usize) -> ImpactRow {
+        let mut row = ImpactRow::new(&self.name(line, n, ""));
+        row.sequence = if self.columns.iter().any(|c| matches!(c, Column::Sequence)) { f64::NAN } else { n as f64 };
+        // Whoever asks which columns there are may ask this row.
+        row.groups = self.columns.iter().filter_map(|c| if let Column::Group(g) = c { Some((g.clone(), String::new())) } else { None }).collect();
+        row
+    }
+
+    /// The id of a row at place `n`.
+    fn name(&self, line: u64, n: usize, cell: &str) -> String {
+        match cell {
+            _ if self.numbered => (n + 1).to_string(),
+            "" => format!("line {line}"),
+            id => id.to_owned(),
+        }
+    }
+
     /// The row at place `n`, in line `line` of the file. What is wrong with its cells is added to `faults`; such a cell counts as empty.
-    pub(super) fn row(&self, record: &csv::StringRecord, line: u64, n: usize, faults: &mut RowFaults) -> ImpactRow {
+    pub(super) fn row(&self, record: &csv::StringRecord, line: u64, n: usize, faults: &mut Vec<RowFault>) -> ImpactRow {
         let mut row = ImpactRow::new("");
         row.sequence = n as f64;
         let mut sds: Vec<(bool, usize, f64)> = Vec::new();
         for ((cell, kind), name) in record.iter().zip(&self.columns).zip(&self.names) {
-            let mut bad = |allowed| faults.add(|| RowFault::cell(line, name, cell, allowed));
+            let mut bad = |allowed| faults.push(RowFault::cell(line, name, cell, allowed));
             let read = cell.parse::<f64>().ok().filter(|v| v.is_finite());
             let mut number = || -> Option<f64> {
                 if read.is_none() && !cell.is_empty() {
@@ -161,8 +179,10 @@ impl Header {
                 Column::Ball => row.ball = Some(cell.to_owned()).filter(|c| !c.is_empty()),
                 Column::Sequence => match read {
                     Some(sequence) if sequence.abs() <= LARGEST_SEQUENCE => row.sequence = sequence,
-                    Some(_) => bad("a number up to 1e15"),
-                    None => bad("a number in every row; or leave the column out, and the rows' order counts"),
+                    other => {
+                        row.sequence = f64::NAN;
+                        bad(if other.is_some() { "a number up to 1e15" } else { "a number in every row; or leave the column out, and the rows' order counts" });
+                    }
                 },
                 Column::Group(g) => {
                     row.groups.insert(g.clone(), cell.to_owned());
@@ -186,12 +206,10 @@ impl Header {
                 m.sd = Some(sd);
             }
         }
-        if self.numbered {
-            row.id = (n + 1).to_string();
+        if row.id.is_empty() && !self.numbered {
+            faults.push(RowFault::cell(line, "id", "", "a name of its own for every impact"));
         }
-        if row.id.is_empty() {
-            faults.add(|| RowFault::cell(line, "id", "", "a name of its own for every impact"));
-        }
+        row.id = self.name(line, n, &row.id);
         row
     }
 }

@@ -1,9 +1,14 @@
 //! What is wrong with the rows of a table, all of it at once: who mends a season's table wants to run the program once more, not once for each cell.
+//! Of a table that somebody gave, a row with a fault costs itself only, and the row says why.
+
+use std::path::Path;
 
 /// Faults that a message lists, and names of columns; how many more there are is said.
 pub(super) const MOST_SHOWN: usize = 20;
 /// Letters of a cell that a message shows.
 const MOST_LETTERS: usize = 60;
+/// Faults of one row that its reason lists: half a million such rows are kept in the memory.
+const MOST_OF_A_ROW: usize = 3;
 
 /// Why a row cannot be read, with its line in the file (the header's is 1).
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -14,8 +19,8 @@ pub enum RowFault {
         "line {line}: {seen} fields; allowed: {allowed}, as in the header; a field that holds a comma must stand in quotes, and decimals are written with a point"
     )]
     Fields { line: u64, seen: usize, allowed: usize },
-    #[error("line {line}: id {id:?} stands twice (first in line {first}); ids fix which impacts are held out, so each must be its own")]
-    SameId { line: u64, id: String, first: u64 },
+    #[error("line {line}: id {id:?} stands twice (also in line {other}); ids fix which impacts are held out, so each must be its own")]
+    SameId { line: u64, id: String, other: u64 },
 }
 
 impl RowFault {
@@ -23,9 +28,18 @@ impl RowFault {
         RowFault::Cell { line, column: column.to_owned(), seen: shortened(seen), allowed }
     }
 
-    pub(super) fn same_id(line: u64, id: &str, first: u64) -> Self {
-        RowFault::SameId { line, id: shortened(id), first }
+    pub(super) fn same_id(line: u64, id: &str, other: u64) -> Self {
+        RowFault::SameId { line, id: shortened(id), other }
     }
+}
+
+/// Why a row of this file counts for nothing, in words.
+pub(super) fn reason(file: &Path, faults: &[RowFault]) -> Box<str> {
+    let told: Vec<String> = faults.iter().take(MOST_OF_A_ROW).map(ToString::to_string).collect();
+    let more = faults.len().saturating_sub(MOST_OF_A_ROW);
+    let more = if more == 0 { String::new() } else { format!("; and {more} more") };
+    // Results hold the file's name alone: they are the same in whatever folder it stands.
+    format!("{}, {}{more}", file.file_name().unwrap_or_default().to_string_lossy(), told.join("; ")).into_boxed_str()
 }
 
 /// What is allowed where `seen` stands and is no number.
@@ -54,11 +68,10 @@ pub struct RowFaults {
 
 impl RowFaults {
     /// A file of nothing but faults must not fill the memory with them.
-    pub(super) fn add(&mut self, fault: impl FnOnce() -> RowFault) {
-        if self.first.len() < MOST_SHOWN {
-            self.first.push(fault());
-        }
-        self.all += 1;
+    pub(super) fn add(&mut self, of_a_row: Vec<RowFault>) {
+        self.all += of_a_row.len();
+        let room = MOST_SHOWN - self.first.len();
+        self.first.extend(of_a_row.into_iter().take(room));
     }
 
     pub fn is_empty(&self) -> bool {

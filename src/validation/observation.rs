@@ -120,7 +120,7 @@ pub struct TableOptions {
 }
 
 impl Observations {
-    /// Makes a table ready. Rows without ball and racket velocities and an impact position, with a value that no impact has, or with a racket or ball that
+    /// Makes a table ready. Rows with a fault, without ball and racket velocities and an impact position, with a value that no impact has, or with a racket or ball that
     /// is not among the given ones, are left out and named.
     pub fn new(table: &ImpactTable, rackets: &[Racket], balls: &[Ball], options: &TableOptions) -> Result<Self, ValidationError> {
         Self::without(&BTreeMap::new(), table, rackets, balls, options)
@@ -145,6 +145,9 @@ impl Observations {
         let racket_names: Vec<&str> = rackets.iter().map(|r| r.name.as_str()).collect();
         let ball_names: Vec<&str> = balls.iter().map(|b| b.name.as_str()).collect();
         let gear_of = |row: &ImpactRow| -> Result<(usize, usize), String> {
+            if let Some(why) = &row.fault {
+                return Err(why.to_string());
+            }
             if let Some(why) = unpredicted.get(&row.id) {
                 return Err(why.clone());
             }

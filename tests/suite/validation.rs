@@ -463,6 +463,59 @@ fn cli_rows_that_cannot_be_used_are_left_out_with_exit_1() {
     }
 }
 
+/// A cell that cannot be read costs its row: results are those of the table without it, and the cell is named with file, line and column.
+#[test]
+fn cli_a_cell_that_cannot_be_read_costs_its_row_only() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let made = table(Kind::Lab, 60, &[], 1, NoiseOptions::default());
+    lay_out(&made, at);
+    std::fs::write(at.join("model.toml"), FIRST_MODEL).unwrap();
+    let sound = std::fs::read_to_string(at.join("impacts.csv")).unwrap();
+    let column = |name: &str| sound.lines().next().unwrap().split(',').position(|c| c == name).unwrap();
+    let with = |changes: &[(usize, &str, &str)]| {
+        let mut lines: Vec<Vec<String>> = sound.lines().map(|l| l.split(',').map(ToOwned::to_owned).collect()).collect();
+        for (line, name, cell) in changes {
+            lines[line - 1][column(name)] = (*cell).to_owned();
+        }
+        lines.iter().map(|l| l.join(",") + "\n").collect::<String>()
+    };
+    let broken = with(&[(4, "ball_in_vz", "n/a"), (7, "racket_out_wy", "#REF!"), (9, "ball_out_vx_sd", "NaN"), (11, "impact_x", "\"0,013\"")]);
+    // The same with a racket that nobody knows in these rows, whose other cells are sound.
+    let lost = with(&[4, 7, 9, 11].map(|line| (line, "racket", "another")));
+    let id = |line: usize| made.table.rows[line - 2].id.clone();
+    let files = ["--impacts", "impacts.csv", "--racket", "racket.toml", "--ball", "ball.toml", "--model", "model.toml", "--json", "--out"];
+    for (command, more) in [("predict", &[][..]), ("compare", &["--no-ledger"]), ("diagnose", &[]), ("fit", &["-o", "fitted.toml"])] {
+        let result = |text: &str, out: &str| {
+            std::fs::write(at.join("impacts.csv"), text).unwrap();
+            let output = Command::new(env!("CARGO_BIN_EXE_sweetspot")).current_dir(at).arg(command).args(files).arg(out).args(more).output().unwrap();
+            let told = String::from_utf8_lossy(&output.stderr).into_owned();
+            assert_eq!(output.status.code(), Some(1), "{command}: {told}");
+            (serde_json::from_slice::<serde_json::Value>(&output.stdout).unwrap(), told)
+        };
+        let (seen, told) = result(&broken, "a");
+        for (line, column, cell) in [(4, "ball_in_vz", "n/a"), (7, "racket_out_wy", "#REF!"), (9, "ball_out_vx_sd", "NaN"), (11, "impact_x", "0,013")] {
+            let named = format!("{}: impacts.csv, line {line}: `{column}` is \"{cell}\"; allowed: a finite number", id(line));
+            assert!(told.contains(&named), "{command}: {named}\n{told}");
+        }
+        assert!(told.contains("try: correct the cells named"), "{told}");
+        let (without, _) = result(&lost, "b");
+        if command == "predict" {
+            assert_eq!((&seen["predictions"], seen["failed"].as_array().unwrap().len()), (&without["predictions"], 4));
+            let lines = |out: &str| std::fs::read_to_string(at.join(out).join("predictions.csv")).unwrap();
+            assert!(lines("a") == lines("b") && lines("a").contains(&format!("\n{},,,", id(4))));
+        } else {
+            assert_eq!(seen["left_out"].as_array().unwrap().len(), 4);
+            let figures = if command == "diagnose" { ["outputs", "candidates"] } else { ["heldout_error", "noise_floor"] };
+            assert!(figures.iter().all(|k| !seen[*k].is_null() && seen[*k] == without[*k]), "{command}");
+        }
+    }
+    // What is wrong with the table is not told of its rows.
+    std::fs::write(at.join("impacts.csv"), sound.replace('.', ",")).unwrap();
+    let (status, told) = run(at, &[&["compare"], &files[..8]].concat());
+    assert!(status == 2 && told.contains("60 faults; mend them all") && !at.join("compare.json").exists(), "{told}");
+}
+
 /// A model that can use fewer rows is judged by others: its error is no step of the staircase.
 #[test]
 fn law_versions_judged_by_other_rows_are_not_set_beside_each_other() {

@@ -5,6 +5,7 @@ use super::earlier_output::Output;
 use super::error::CliError;
 use super::impacts_input::{DEFAULT_SEED, ImpactFiles, ImpactsInput, Loaded};
 use super::ledger_file::{LedgerFile, Version};
+use super::set_aside::{remove_if_there, set_model_aside};
 use crate::impact::Model;
 use crate::impact::model_file::with_values;
 use crate::provenance::sha256_hex;
@@ -71,9 +72,15 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let mut last = (input.files.model.clone(), loaded.model_text.clone());
     if arguments.auto {
         let walk = Walk::new(&loaded.model_text, &input.files.model, &diagnosis, &loaded.observations, &options, arguments.most_effects)?;
+        // Where the user says: a name of the program's own holds what it wrote. Written at every step, the model is known in the end only.
+        let kept = if arguments.output.is_some() { set_model_aside(&output, &input.files.model, &walk.text)? } else { None };
         let story = Story { input, shell, loaded: &loaded, file: &mut file, output: &output, versions };
         let text;
         (text, versions) = story.tell(walk, &comparison)?;
+        match kept {
+            Some(kept) if std::fs::read(&kept).is_ok_and(|earlier| earlier == text.as_bytes()) => remove_if_there(&kept)?,
+            kept => shell.say_kept(&output, kept.as_deref()),
+        }
         last = (output, text);
     }
     let hash = sha256_hex(last.1.as_bytes());

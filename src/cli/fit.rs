@@ -4,6 +4,7 @@ use super::Shell;
 use super::earlier_output::Output;
 use super::error::CliError;
 use super::impacts_input::ImpactsInput;
+use super::set_aside::set_model_aside;
 use crate::impact::model_file::with_values;
 use crate::validation::comparison::{parameter_values, session_offsets};
 use crate::validation::fit::{FitOptions, fit, fit_with_likely_offsets};
@@ -57,6 +58,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     };
     let values: Vec<(String, f64)> = parameters.iter().map(|p| (p.name.clone(), p.value)).collect();
     let text = with_values(&loaded.model_text, &values, &input.files.model)?;
+    let kept = set_model_aside(&arguments.output, &input.files.model, &text)?;
     shell.write_output(&arguments.output, Output::Model, text.as_bytes())?;
     for (p, old) in parameters.iter().zip(current.parameters()) {
         if p.undetermined {
@@ -96,6 +98,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     for note in &notes {
         shell.say(format_args!("note: {note}"));
     }
+    shell.say_kept(&arguments.output, kept.as_deref());
     shell.say(format_args!("written: {}", arguments.output.display()));
     shell.print_json(&serde_json::json!({
         "model": arguments.output.to_string_lossy(),

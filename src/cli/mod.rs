@@ -188,6 +188,13 @@ impl Shell {
         }
     }
 
+    /// Says where the model is that stood under a result's name, if there was one ([`set_aside::set_model_aside`]).
+    pub fn say_kept(&self, output: &Path, kept: Option<&Path>) {
+        if let Some(kept) = kept {
+            self.say(format_args!("{} held another model; it is kept as {}", output.display(), kept.display()));
+        }
+    }
+
     /// [`Self::write`] without waiting for the disk ([`crate::provenance::write_soon`]).
     pub fn write_soon(&self, path: &Path, bytes: &[u8]) -> Result<(), CliError> {
         crate::provenance::write_soon(path, bytes).map_err(CliError::output)

@@ -1,7 +1,9 @@
 //! Results that a newer run contradicts: kept under another name, never measured or shown in the new ones' place.
 
 use super::error::CliError;
-use std::io::ErrorKind;
+use crate::limited_file::{LARGEST_TEXT, LimitedFile};
+use crate::provenance::is_replaced;
+use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 
 /// Renames `tracks.csv` to `tracks.earlier.csv` (for the word "earlier"), or to `tracks.earlier-2.csv` and so on where that is taken.
@@ -10,15 +12,38 @@ pub fn set_aside(file: &Path, word: &str) -> Result<Option<PathBuf>, CliError> {
     if !file.exists() {
         return Ok(None);
     }
+    let Some(kept) = names_aside(file, word).find(|p| !p.exists()) else { return Ok(None) };
+    std::fs::rename(file, &kept).map_err(|e| CliError::output(format!("{}: cannot be renamed ({e})", file.display())))?;
+    Ok(Some(kept))
+}
+
+/// The names under which a file is kept, in the order in which they are taken.
+fn names_aside(file: &Path, word: &str) -> impl Iterator<Item = PathBuf> {
     let part = |of: Option<&std::ffi::OsStr>| of.unwrap_or_default().to_string_lossy().into_owned();
     let (stem, extension) = (part(file.file_stem()), part(file.extension()));
     // A folder's name has no extension.
     let extension = if extension.is_empty() { extension } else { format!(".{extension}") };
-    let numbered = (2..).map(|k| format!("{stem}.{word}-{k}{extension}"));
-    let names = std::iter::once(format!("{stem}.{word}{extension}")).chain(numbered).map(|name| file.with_file_name(name));
-    let Some(kept) = names.into_iter().find(|p| !p.exists()) else { return Ok(None) };
-    std::fs::rename(file, &kept).map_err(|e| CliError::output(format!("{}: cannot be renamed ({e})", file.display())))?;
-    Ok(Some(kept))
+    let numbered = (2..).map(|k| format!("-{k}"));
+    let (file, word) = (file.to_path_buf(), word.to_owned());
+    std::iter::once(String::new()).chain(numbered).map(move |number| file.with_file_name(format!("{stem}.{word}{number}{extension}")))
+}
+
+/// Sets aside a model that stands where another one, `new`, is to be written: it may be somebody's. One that `read` names is replaced by its own fit, as
+/// was asked for. A model that is kept already is not kept twice, so that a script may be run again and again.
+pub fn set_model_aside(file: &Path, read: &Path, new: &str) -> Result<Option<PathBuf>, CliError> {
+    let same = |a: &Path, b: &Path| a.canonicalize().is_ok_and(|a| b.canonicalize().is_ok_and(|b| a == b));
+    if !is_replaced(file) || same(file, read) {
+        return Ok(None);
+    }
+    // Whether it is one was asked before (`Shell::check_output`).
+    let Some(earlier) = text_of(file).filter(|text| text != new.as_bytes() && !text.iter().all(u8::is_ascii_whitespace)) else { return Ok(None) };
+    let kept = names_aside(file, "earlier").take_while(|kept| kept.exists()).find(|kept| text_of(kept).as_ref() == Some(&earlier));
+    if kept.is_some() { Ok(kept) } else { set_aside(file, "earlier") }
+}
+
+fn text_of(file: &Path) -> Option<Vec<u8>> {
+    let mut bytes = Vec::new();
+    LimitedFile::open(file, LARGEST_TEXT).and_then(|mut file| file.read_to_end(&mut bytes)).ok().map(|_| bytes)
 }
 
 /// What `predict`, `compare` and `diagnose` make of the impacts table.
@@ -80,6 +105,30 @@ mod tests {
         }
         assert_eq!(std::fs::read_to_string(folder.path().join("tracks.earlier.csv")).expect("kept"), "0");
         remove_if_there(&file).expect("is not there");
+    }
+
+    #[test]
+    fn law_a_model_is_kept_once_and_in_place_it_is_replaced() {
+        let folder = tempfile::tempdir().expect("folder");
+        let (model, kept) = (folder.path().join("mine.toml"), folder.path().join("mine.earlier.toml"));
+        let read = folder.path().join("model.toml");
+        std::fs::write(&read, "the one read").expect("written");
+        let write = |text: &str| {
+            let aside = set_model_aside(&model, &read, text).expect("room made");
+            std::fs::write(&model, text).expect("written");
+            aside
+        };
+        assert_eq!([write("mine"), write("mine")], [None, None]);
+        assert_eq!(write("fitted"), Some(kept.clone()));
+        assert_eq!(write("fitted"), None);
+        // A script that writes both in turn.
+        assert_eq!(
+            (write("mine"), write("fitted"), write("mine")),
+            (Some(folder.path().join("mine.earlier-2.toml")), Some(kept.clone()), Some(folder.path().join("mine.earlier-2.toml")))
+        );
+        assert_eq!(std::fs::read_to_string(&kept).expect("kept"), "mine");
+        assert_eq!(std::fs::read_dir(folder.path()).expect("listed").count(), 4);
+        assert_eq!(set_model_aside(&read, &folder.path().join("./model.toml"), "fitted in place").expect("asked for"), None);
     }
 
     #[test]

@@ -427,6 +427,31 @@ fn fails_no_output_replaces_a_file_of_another_kind() {
 }
 
 #[cfg(feature = "vision")]
+/// A model of the user's that stands where a new one goes is kept, and a script that is run again leaves the folder as it was.
+#[test]
+fn cli_another_model_under_the_outputs_name_is_kept() {
+    let bench = Bench::new();
+    let at = |name: &str| text(&bench.path(name));
+    let add = |output: &str| {
+        let done = sweetspot(&["add", "hand-mass", "--model", &at("model.toml"), "-o", &at(output)]);
+        assert!(done.status.success(), "{}", said(&done));
+        said(&done)
+    };
+    let mine = "# mine, of a long night\nbase = \"rigid\"\n[effects.hand-mass]\n";
+    bench.write("mine.toml", mine);
+    let told = add("mine.toml");
+    assert!(told.contains("held another model") && told.contains("mine.earlier.toml"), "{told}");
+    assert_eq!(std::fs::read_to_string(bench.path("mine.earlier.toml")).unwrap(), mine);
+    let after = everything(bench.folder.path());
+    assert!(!add("mine.toml").contains("another model"));
+    // What is kept already is not kept twice.
+    bench.write("mine.toml", mine);
+    assert!(add("mine.toml").contains("mine.earlier.toml"));
+    assert!(everything(bench.folder.path()) == after);
+    // In place, as was asked for.
+    assert!(!add("model.toml").contains("another model") && !bench.path("model.earlier.toml").exists());
+}
+
 #[test]
 fn fails_text_and_cut_off_pictures_are_named() {
     let bench = Bench::new();

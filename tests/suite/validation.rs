@@ -563,6 +563,25 @@ fn agrees_fit_tells_the_error_that_compare_finds_in_its_file() {
     assert!((error(&before) - error(&after)).abs() > 0.01, "{} before the fit", error(&before));
 }
 
+/// Another model under the name of the result is kept, by the walk of `diagnose --auto` too; the same again is no other.
+#[test]
+fn cli_fit_and_auto_keep_another_model_under_the_outputs_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    lay_out(&table(Kind::Lab, 60, &[], 1, NoiseOptions::default()), at);
+    let files = ["--impacts", "impacts.csv", "--racket", "racket.toml", "--ball", "ball.toml", "--model", "model.toml"];
+    std::fs::write(at.join("model.toml"), FIRST_MODEL.replace("base", "# read\nbase")).unwrap();
+    let kept = at.join("fitted.earlier.toml");
+    for command in [&["fit"][..], &["diagnose", "--auto", "--no-expression"]] {
+        let again = || run(at, &[command, &files[..], &["-o", "fitted.toml"]].concat()).1;
+        std::fs::write(at.join("fitted.toml"), FIRST_MODEL).unwrap();
+        let said = again();
+        assert!(said.contains("held another model") && std::fs::read_to_string(&kept).unwrap() == FIRST_MODEL, "{command:?}: {said}");
+        assert!(!again().contains("held another model") && !at.join("fitted.earlier-2.toml").exists(), "{command:?}");
+        std::fs::remove_file(&kept).unwrap();
+    }
+}
+
 /// A formula that has no value for some impacts is named as the reason, by every command that needs the model for all of them.
 #[test]
 fn fails_a_model_without_an_answer_says_why() {

@@ -61,6 +61,11 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let kept = set_model_aside(&arguments.output, &input.files.model, &text)?;
     shell.write_output(&arguments.output, Output::Model, text.as_bytes())?;
     for (p, old) in parameters.iter().zip(current.parameters()) {
+        if p.is_held() {
+            let value = short(old.value);
+            shell.say(format_args!("  {:<40} {value:>10}, held fixed: its min and max are both {value} (give it room, or write fit = false)", p.name));
+            continue;
+        }
         if p.undetermined {
             shell.say(format_args!(
                 "  {:<40} {:>10} -> {}, not determined: these impacts do not bound it within its range",

@@ -51,6 +51,11 @@ pub struct ParameterValue {
 }
 
 impl ParameterValue {
+    /// Whether its range is one number: asked to be fitted, it has nowhere to go, whatever the impacts say.
+    pub fn is_held(&self) -> bool {
+        self.undetermined && self.sd == 0.0
+    }
+
     /// What it means that it is at its limit. An effect's strength of nought is its absence: no wider limit would help.
     pub fn limit_words(&self) -> &'static str {
         if self.name.contains('.') && self.value == 0.0 { "at 0: the data show none of it" } else { "at its limit: the data want more than the file allows" }
@@ -536,7 +541,7 @@ pub fn parameter_values(forward: &dyn Forward, fit: &Fit, c: f64) -> Vec<Paramet
         .map(|(i, p)| {
             let value = fit.values[i];
             let room = 1e-9 * (p.max - p.min).abs();
-            let undetermined = !fit.is_informed(i);
+            let undetermined = !fit.is_informed(i) || p.min >= p.max;
             // Uniform over the range: its deviation.
             let sd = if undetermined { (p.max - p.min).abs() / 12f64.sqrt() } else { fit.sd(i, c) };
             ParameterValue { name: p.name.clone(), value, sd, at_limit: value <= p.min + room || value >= p.max - room, undetermined }

@@ -45,6 +45,9 @@ pub fn comparison_text(c: &Comparison) -> String {
         .iter()
         .zip(&c.parameters_as_stated)
         .map(|(f, s)| {
+            if f.is_held() {
+                return format!("{} {} (held fixed: its min and max are the same)", f.name, short(s.value));
+            }
             if f.undetermined {
                 return format!("{} {} (these impacts say nothing about it)", f.name, short(s.value));
             }

@@ -582,6 +582,24 @@ fn cli_fit_and_auto_keep_another_model_under_the_outputs_name() {
     }
 }
 
+/// A parameter without room says so, and not that the impacts were silent; the others are fitted.
+#[test]
+fn cli_a_parameter_whose_limits_are_one_number_is_told_as_held() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    lay_out(&table(Kind::Lab, 60, &[], 1, NoiseOptions::default()), at);
+    let model = "base = \"rigid\"\n[parameters]\nrestitution = { value = 0.75, fit = true, min = 0.75, max = 0.75 }\nfriction = { value = 0.4, fit = true }\n";
+    std::fs::write(at.join("model.toml"), model).unwrap();
+    let files = ["--impacts", "impacts.csv", "--racket", "racket.toml", "--ball", "ball.toml", "--model", "model.toml"];
+    let (status, said) = run(at, &[&["fit"], &files[..], &["-o", "fitted.toml"]].concat());
+    let line = said.lines().find(|l| l.trim_start().starts_with("restitution")).unwrap_or_default();
+    assert!(status == 0 && line.contains("0.75") && line.contains("held fixed: its min and max are both 0.75") && !said.contains("not determined"), "{said}");
+    let fitted = std::fs::read_to_string(at.join("fitted.toml")).unwrap();
+    assert!(fitted.contains("value = 0.75") && !fitted.contains("value = 0.4,"), "{fitted}");
+    let (status, said) = run(at, &[&["compare"], &files[..]].concat());
+    assert!(status == 0 && said.contains("restitution 0.75") && said.contains("(held fixed: its min and max are the same)"), "{said}");
+}
+
 /// A formula that has no value for some impacts is named as the reason, by every command that needs the model for all of them.
 #[test]
 fn fails_a_model_without_an_answer_says_why() {

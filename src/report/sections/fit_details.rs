@@ -17,6 +17,7 @@ pub fn fit_details(stated: &[ParameterValue], fitted: &[ParameterValue], outlier
     for p in fitted {
         let before = stated.iter().find(|s| s.name == p.name).map_or_else(|| "–".to_owned(), |s| significant(s.value, 4));
         let (after, remark) = match (p.undetermined, p.at_limit) {
+            (true, _) if p.is_held() => (significant(p.value, 4), "held fixed: its min and max are the same"),
             (true, _) => (significant(p.value, 4), "not determined by these impacts"),
             (false, true) => (with_sd(p.value, p.sd), p.limit_words()),
             (false, false) => (with_sd(p.value, p.sd), ""),

@@ -72,6 +72,11 @@ pub fn set_judgements_aside(results: &Path) -> Result<Vec<PathBuf>, CliError> {
     set_all_aside(results, &OF_THE_IMPACTS)
 }
 
+/// [`set_judgements_aside`] with the report, of a table that stands outside a session.
+pub fn set_made_of_table_aside(folder: &Path) -> Result<Vec<PathBuf>, CliError> {
+    set_all_aside(folder, &[&OF_THE_IMPACTS[..], &["report.html"]].concat())
+}
+
 /// [`set_aside`] of several files of a folder, as "earlier"; the names of those that were there.
 pub fn set_all_aside(folder: &Path, names: &[&str]) -> Result<Vec<PathBuf>, CliError> {
     names.iter().filter_map(|name| set_aside(&folder.join(name), "earlier").transpose()).collect()

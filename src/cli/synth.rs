@@ -2,7 +2,7 @@
 
 use super::Shell;
 use super::error::CliError;
-use super::set_aside::remove_if_there;
+use super::set_aside::{listed, remove_if_there, set_made_of_table_aside};
 use crate::limited_file::{LARGEST_TABLE, LARGEST_TEXT, read_text};
 use crate::synthetic::footage_spec::FootageSpec;
 use crate::synthetic::footage_world::{FootageWorld, FootageWorldError};
@@ -29,8 +29,16 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
             if !is_generated(output) {
                 refuse_others(output, &["session.toml", "racket.toml", "ball.toml", "model.toml", "impacts.csv", TRUTH])?;
             }
+            let files = TableFiles::of(&made).map_err(|e| named(&e))?.0;
+            // What was made of another table would stand beside this one as if made of it.
+            if files.iter().any(|(name, text)| std::fs::read(output.join(name)).is_ok_and(|earlier| earlier != text.as_bytes())) {
+                let kept = set_made_of_table_aside(output)?;
+                if !kept.is_empty() {
+                    shell.say(format_args!("what was made of the table before is kept as {}", listed(&kept)));
+                }
+            }
             // The truth first: by it a run that was broken off knows its files again.
-            for (name, text) in TableFiles::of(&made).map_err(|e| named(&e))?.0.into_iter().rev() {
+            for (name, text) in files.into_iter().rev() {
                 shell.write(&output.join(name), text.as_bytes())?;
             }
             shell.say(format!("{} impacts in {}; what is true of them stands in truth.json", made.table.rows.len(), output.display()));

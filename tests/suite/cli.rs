@@ -611,6 +611,32 @@ fn cli_synth_writes_over_what_it_wrote_and_nothing_else() {
     refused(&["synth", &scenario("table"), "-o", &text(&bench.path("footage"))], &["give another folder"]);
 }
 
+/// What was made of one table does not stand beside another as if it were of that; the same table again is no other.
+#[test]
+fn cli_synth_of_another_table_sets_aside_what_was_made_of_the_first() {
+    let bench = Bench::new();
+    let made = |seed: u32| {
+        bench.write("scenario.toml", TABLE_SCENARIO.replace("seed = 3", &format!("seed = {seed}")));
+        let done = sweetspot(&["synth", &text(&bench.path("scenario.toml")), "-o", &text(&bench.path("table"))]);
+        assert_eq!(done.status.code(), Some(0), "{}", said(&done));
+        said(&done)
+    };
+    made(3);
+    let results = ["diagnosis.json", "compare.json", "predictions.csv", "report.html"];
+    results.iter().for_each(|name| bench.write(&format!("table/{name}"), "of seed 3"));
+    bench.write("table/better.toml", "a model of the user's");
+    let before = everything(&bench.path("table"));
+    assert!(!made(3).contains("is kept as") && everything(&bench.path("table")) == before);
+    let told = made(4);
+    for name in results {
+        let (stem, extension) = name.split_once('.').unwrap();
+        let kept = format!("{stem}.earlier.{extension}");
+        assert!(!bench.path("table").join(name).exists() && told.contains(&kept), "{name}: {told}");
+        assert_eq!(std::fs::read_to_string(bench.path("table").join(kept)).unwrap(), "of seed 3");
+    }
+    assert!(bench.path("table/better.toml").exists());
+}
+
 /// Pictures of a world that was broken off do not stay among those of the next.
 #[test]
 fn cli_synth_makes_room_where_it_was_broken_off() {

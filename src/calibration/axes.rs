@@ -1,9 +1,9 @@
 //! The global axes from the three-sphere frame: corner sphere = origin, the arms along U and W, V = W x U.
 
 use super::sphere::{SphereImage, SphereShape, Spot, bright_spots, fit_sphere};
-use super::view::median;
 use super::{CalibrationError, CameraId, RigidTransform, StereoRig, rays};
 use crate::footage::GreyImage;
+use crate::median::median;
 use nalgebra::{Isometry3, Matrix2x3, Matrix3, Matrix6, Point3, Rotation3, SMatrix, Translation3, UnitQuaternion, Vector2, Vector3, Vector6};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -96,11 +96,11 @@ pub fn global_axes(rig: &StereoRig, left: &GreyImage, right: &GreyImage, frame: 
         }
         let px_per_m = |sphere: usize, camera: usize| rig.camera(CameraId::BOTH[camera]).fx / depths[sphere][camera];
         if radius_m == 0.0 {
-            let mut radii: Vec<f64> = (0..6).map(|k| seen[k / 2][k % 2].shape.radius_px / px_per_m(k / 2, k % 2)).collect();
-            radius_m = median(&mut radii).unwrap_or(0.0);
+            let radii = (0..6).map(|k| seen[k / 2][k % 2].shape.radius_px / px_per_m(k / 2, k % 2));
+            radius_m = median(radii).unwrap_or(0.0);
         }
         let shared: [SphereShape; 2] = [0, 1].map(|camera| {
-            let of = |value: fn(&SphereShape) -> f64| median(&mut seen.iter().map(|s| value(&s[camera].shape)).collect::<Vec<_>>()).unwrap_or(0.0);
+            let of = |value: fn(&SphereShape) -> f64| median(seen.iter().map(|s| value(&s[camera].shape))).unwrap_or(0.0);
             SphereShape { radius_px: 0.0, blur_px: of(|s| s.blur_px), shading: [of(|s| s.shading[0]), of(|s| s.shading[1]), of(|s| s.shading[2])] }
         });
         seen.par_iter_mut().enumerate().for_each(|(sphere, pictures)| {

@@ -6,8 +6,9 @@ use super::distortion::{CAMERA_NAMES, DistortionModel, ROTATION, SHARED, SHIFT, 
 use super::error::CalibrationError;
 use super::model_choice::{ModelFit, adjust_all, choose, shaped_board, summaries};
 use super::stereo_start::{HUBER_PX, common_pose, corner_pixels, single_camera};
-use super::view::{BoardView, ViewFault, median};
+use super::view::{BoardView, ViewFault};
 use super::{Camera, CameraId, PairFate, RigidTransform, StereoRig};
+use crate::median::median;
 use crate::short_list::short_list;
 use nalgebra::{Isometry3, Vector2};
 use serde_json::json;
@@ -250,7 +251,7 @@ fn board_turn(board: &Checkerboard, turn: usize) -> Isometry3<f64> {
 /// Leaves out whole views whose corners lie far from where all the others put them. Says whether it did.
 fn drop_inconsistent(bundle: &mut Bundle, pair_of_view: &mut Vec<usize>, pairs: &[PairViews], fates: &mut [PairFate]) -> bool {
     let rms: Vec<f64> = bundle.views.iter().map(|v| bundle.view_rms_px(v).unwrap_or(f64::INFINITY)).collect();
-    let allowed_px = (VIEW_FACTOR * median(&mut rms.clone()).unwrap_or(0.0)).max(VIEW_FLOOR_PX);
+    let allowed_px = (VIEW_FACTOR * median(rms.iter().copied()).unwrap_or(0.0)).max(VIEW_FLOOR_PX);
     let keep: Vec<bool> = rms.iter().map(|r| *r <= allowed_px).collect();
     for (k, &rms_px) in rms.iter().enumerate().filter(|(k, _)| !keep[*k]) {
         let fate = &mut fates[pair_of_view[k]];
@@ -269,8 +270,8 @@ fn drop_inconsistent(bundle: &mut Bundle, pair_of_view: &mut Vec<usize>, pairs: 
 /// Robust standard deviation of one coordinate over all views, px. `None` where a board lies behind a camera.
 fn robust_sd_px(bundle: &Bundle) -> Option<f64> {
     let residuals: Vec<_> = bundle.views.iter().map(|v| bundle.residuals(v)).collect::<Option<_>>()?;
-    let mut sizes: Vec<f64> = residuals.iter().flat_map(|(l, r)| l.iter().chain(r)).flat_map(|d| [d.x.abs(), d.y.abs()]).collect();
-    Some(1.4826 * median(&mut sizes)?)
+    let sizes = residuals.iter().flat_map(|(l, r)| l.iter().chain(r)).flat_map(|d| [d.x.abs(), d.y.abs()]);
+    Some(1.4826 * median(sizes)?)
 }
 
 /// Leaves out single corners far outside the spread of all; at most a twentieth of a view, else the view stays whole.

@@ -42,16 +42,6 @@ pub enum DistortionModel {
 impl DistortionModel {
     pub const ALL: [DistortionModel; 5] = [Self::None, Self::K1, Self::K1K2, Self::K1K2P1P2, Self::K1K2P1P2K3];
 
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::None => "none",
-            Self::K1 => "k1",
-            Self::K1K2 => "k1 k2",
-            Self::K1K2P1P2 => "k1 k2 p1 p2",
-            Self::K1K2P1P2K3 => "k1 k2 p1 p2 k3",
-        }
-    }
-
     /// Which of the shared parameters are free.
     pub fn active(self) -> [bool; SHARED] {
         let mut on = [true; SHARED];

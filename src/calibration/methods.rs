@@ -57,7 +57,7 @@ impl Kind {
 
 /// Coefficients L1 to L11 of `u = (L1 X + L2 Y + L3 Z + L4) / (L9 X + L10 Y + L11 Z + 1)` and the same for v, from control
 /// points; `None` when they lie in a plane or are too few.
-pub fn dlt_coefficients(points: &[Point3<f64>], pixels: &[Vector2<f64>]) -> Option<[f64; 11]> {
+fn dlt_coefficients(points: &[Point3<f64>], pixels: &[Vector2<f64>]) -> Option<[f64; 11]> {
     if points.len() < 6 || points.len() != pixels.len() {
         return None;
     }

@@ -48,7 +48,7 @@ pub(crate) use distortion::CAMERA_NAMES;
 pub use distortion::DistortionModel;
 pub use error::CalibrationError;
 pub use homography::homography;
-pub use methods::{MethodError, dlt_coefficients, dltdv_csv};
+pub use methods::{MethodError, dltdv_csv};
 pub use point_spread::CalibrationSpread;
 pub use rays::{CalibrationError3d, nearest_approach};
 pub use rig::{CameraId, PairFate, RigidTransform, SquareSize, StereoRig};

@@ -1,7 +1,8 @@
 //! Bright spheres in one picture: where they may be, and their centres to a small part of a pixel.
 
-use super::view::{median, sample};
+use super::view::sample;
 use crate::footage::GreyImage;
+use crate::median::median;
 use nalgebra::{SMatrix, SVector, Vector2};
 
 /// A bright round spot.
@@ -211,13 +212,11 @@ fn fit_from(image: &GreyImage, spot: &Spot, start: &Spot, shape: Option<&SphereS
 fn brightness(image: &GreyImage, spot: &Spot) -> Option<(f64, f64)> {
     let inside = sample(image, spot.centre)?;
     // Typical contrast: the spot's own is that of its worst direction.
-    let mut around: Vec<f64> = (0..24)
-        .filter_map(|k| {
-            let (s, c) = (k as f64 * std::f64::consts::TAU / 24.0).sin_cos();
-            sample(image, spot.centre + Vector2::new(c, s) * (1.7 * spot.radius_px))
-        })
-        .collect();
-    Some((inside, (inside - median(&mut around)?).max(spot.contrast)))
+    let around = (0..24).filter_map(|k| {
+        let (s, c) = (k as f64 * std::f64::consts::TAU / 24.0).sin_cos();
+        sample(image, spot.centre + Vector2::new(c, s) * (1.7 * spot.radius_px))
+    });
+    Some((inside, (inside - median(around)?).max(spot.contrast)))
 }
 
 /// The unknowns that a descent begins with.

@@ -3,6 +3,7 @@
 use super::board::Checkerboard;
 use super::homography::{homography, homography_rms_px, mapped};
 use crate::footage::GreyImage;
+use crate::median::median;
 use nalgebra::Vector2;
 
 /// The board's corners in one picture, in the board's order, with what the picture's quality is judged by.
@@ -113,9 +114,9 @@ fn exposure(board: &Checkerboard, corners: &[Vector2<f64>], image: &GreyImage) -
     let Some(middle) = greys.iter().copied().reduce(f64::max).zip(greys.iter().copied().reduce(f64::min)).map(|(a, b)| (a + b) / 2.0) else {
         return (0.0, 0.0);
     };
-    let (mut dark, bright): (Vec<f64>, Vec<f64>) = greys.into_iter().partition(|g| *g < middle);
+    let (dark, bright): (Vec<f64>, Vec<f64>) = greys.into_iter().partition(|g| *g < middle);
     let saturated = bright.iter().filter(|g| **g >= 253.5).count() as f64 / bright.len().max(1) as f64;
-    (saturated, median(&mut dark).unwrap_or(0.0))
+    (saturated, median(dark).unwrap_or(0.0))
 }
 
 /// Whether the inner squares at even places (row + column even) are the dark ones.
@@ -192,16 +193,6 @@ fn edge_quality(board: &Checkerboard, corners: &[Vector2<f64>], image: &GreyImag
         let edge = (0.5 - share) * 2.0 * n as f64 * step;
         blooms.push(if contrast > 0.0 { -edge } else { edge });
     }
-    let blur = blurs.iter_mut().filter_map(|b| median(b)).reduce(f64::max);
-    (blur, median(&mut blooms))
-}
-
-/// The middle value; `None` of nothing.
-pub fn median(values: &mut [f64]) -> Option<f64> {
-    if values.is_empty() {
-        return None;
-    }
-    values.sort_by(f64::total_cmp);
-    let n = values.len();
-    Some((values[(n - 1) / 2] + values[n / 2]) / 2.0)
+    let blur = blurs.into_iter().filter_map(median).reduce(f64::max);
+    (blur, median(blooms))
 }

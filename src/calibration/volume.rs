@@ -4,6 +4,7 @@
 use super::calibrator::Calibration;
 use super::rays::CalibrationError3d;
 use super::{Camera, CameraId, RigidTransform};
+use crate::median::median;
 use nalgebra::{Isometry3, Matrix3, Point3, Vector2, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -166,7 +167,7 @@ impl Calibration {
         let at = |i: usize, size: usize| (i as f64 + 0.5) / CELLS as f64 * size as f64 - 0.5;
         let all: Vec<Vec<Option<f64>>> =
             (0..CELLS).map(|r| (0..CELLS).map(|c| spread(at(c, self.image_size[0]), at(r, self.image_size[1]))).collect()).collect();
-        let middle = super::view::median(&mut all.iter().flatten().flatten().copied().collect::<Vec<_>>());
+        let middle = median(all.iter().flatten().flatten().copied());
         all.into_iter().map(|row| row.into_iter().map(|s| s.zip(middle).filter(|(_, m)| *m > 0.0).map(|(s, m)| s / m)).collect()).collect()
     }
 

@@ -9,6 +9,7 @@ use super::{Shell, undashed};
 use crate::calibration::StereoRig;
 use crate::impact_table::ImpactTable;
 use crate::limited_file::{LARGEST_TEXT, read_text};
+use crate::median::upper_median;
 use crate::provenance::{sha256_file, sha256_hex};
 use crate::quantity::HOLD_95_PERCENT;
 use crate::report::{read_session_results, session_report};
@@ -256,18 +257,12 @@ fn read<T: serde::de::DeserializeOwned>(path: &Path) -> Option<T> {
 
 /// Median half width of the 95 % interval of the ball's speed after impact, m/s.
 fn speed_interval(table: &ImpactTable) -> Option<f64> {
-    let mut widths: Vec<f64> = table
-        .rows
-        .iter()
-        .filter_map(|r| {
-            let v = ["ball_out_vx", "ball_out_vy", "ball_out_vz"].map(|c| r.get(c).map(|m| (m.value, m.sd)));
-            let [Some((x, Some(sx))), Some((y, Some(sy))), Some((z, Some(sz)))] = v else { return None };
-            let speed = (x * x + y * y + z * z).sqrt().max(1e-9);
-            Some(HOLD_95_PERCENT * ((x * sx).powi(2) + (y * sy).powi(2) + (z * sz).powi(2)).sqrt() / speed)
-        })
-        .collect();
-    widths.sort_by(f64::total_cmp);
-    widths.get(widths.len() / 2).copied()
+    upper_median(table.rows.iter().filter_map(|r| {
+        let v = ["ball_out_vx", "ball_out_vy", "ball_out_vz"].map(|c| r.get(c).map(|m| (m.value, m.sd)));
+        let [Some((x, Some(sx))), Some((y, Some(sy))), Some((z, Some(sz)))] = v else { return None };
+        let speed = (x * x + y * y + z * z).sqrt().max(1e-9);
+        Some(HOLD_95_PERCENT * ((x * sx).powi(2) + (y * sy).powi(2) + (z * sz).powi(2)).sqrt() / speed)
+    }))
 }
 
 /// What was done, the three figures that matter, and where the report is.

@@ -126,10 +126,6 @@ impl Model {
         self.base
     }
 
-    pub fn sliding(&self) -> Sliding {
-        self.sliding
-    }
-
     pub fn set_sliding(&mut self, sliding: Sliding) {
         self.sliding = sliding;
     }

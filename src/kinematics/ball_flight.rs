@@ -233,7 +233,6 @@ pub struct FlightEstimate {
     pub acceleration: Vector3<f64>,
     pub covariance: Matrix6<f64>,
     pub laws: Vec<(FlightLaw, f64)>,
-    pub best: FlightResult,
     pub used: UsedSightings,
     /// Probability of points that bend as much if gravity, drag and lift were all; `None` when the points do not tell.
     pub bending_p: Option<f64>,
@@ -255,7 +254,6 @@ pub(crate) fn average_flight(
         }
     }
     results.sort_by(|a, b| b.ln_evidence.total_cmp(&a.ln_evidence));
-    let best = results.first()?.clone();
     let weights = probabilities(results.iter().map(|r| r.ln_evidence));
     let vector = |r: &FlightResult| {
         let (p, v) = (r.state.position, r.state.velocity);
@@ -279,7 +277,6 @@ pub(crate) fn average_flight(
         acceleration,
         covariance,
         laws: results.iter().zip(&weights).map(|(r, w)| (r.law, *w)).collect(),
-        best,
         used,
         bending_p,
         shortened: false,

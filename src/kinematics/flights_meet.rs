@@ -79,7 +79,6 @@ impl Passing {
 
 #[cfg(test)]
 mod tests {
-    use super::super::ball_flight::{FlightLaw, FlightResult, FlightState};
     use super::super::sighting::UsedSightings;
     use super::*;
     use nalgebra::{Matrix6, Point3};
@@ -88,7 +87,6 @@ mod tests {
     fn flight(reference_t: f64, position: Point3<f64>, velocity: Vector3<f64>) -> FlightEstimate {
         let mut covariance = Matrix6::zeros();
         (0..3).for_each(|k| covariance[(k, k)] = 4e-6);
-        let state = FlightState::new(position, velocity);
         FlightEstimate {
             reference_t,
             position,
@@ -96,7 +94,6 @@ mod tests {
             acceleration: Vector3::zeros(),
             covariance,
             laws: Vec::new(),
-            best: FlightResult { law: FlightLaw::Gravity, state, covariance, ln_evidence: 0.0, chi2: 0.0, cost: 0.0 },
             used: UsedSightings { frames: 10, rejected: 0, length_s: 0.02, noise_scale: 1.0 },
             bending_p: None,
             shortened: false,

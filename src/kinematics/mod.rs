@@ -54,7 +54,7 @@ pub use racket_bench::{
 };
 pub use racket_motion::{MotionEstimate, MovingRacket};
 pub use racket_outline::past_racket;
-pub use season::{GroupStatistic, RiseInterval, rise_table, season_statistics, season_to_csv};
+pub use season::{GroupStatistic, RiseInterval, rise_table, season_statistics, season_to_csv, shots_by_group};
 pub use shot::{
     ImpactTiming, MeasuredShot, MomentumVerdict, Quantities, Shot, ShotInput, ShotSpin, SpinComponent, SwingTiming, WindowReport, Windows, measure_shot,
 };

@@ -70,17 +70,22 @@ pub struct GroupStatistic {
     pub thesis_women: Option<[f64; 2]>,
 }
 
-/// Statistics of all shots, then of every group of every grouping column that tells at most twelve groups apart.
-pub fn season_statistics(shots: &[&Shot]) -> Vec<GroupStatistic> {
-    const MOST_GROUPS: usize = 12;
+/// The shots of every group of every grouping column.
+pub fn shots_by_group<'a>(shots: &[&'a Shot]) -> BTreeMap<&'a str, BTreeMap<&'a str, Vec<&'a Shot>>> {
     let mut columns: BTreeMap<&str, BTreeMap<&str, Vec<&Shot>>> = BTreeMap::new();
     for shot in shots {
         for (column, value) in &shot.groups {
             columns.entry(column).or_default().entry(value).or_default().push(shot);
         }
     }
+    columns
+}
+
+/// Statistics of all shots, then of every group of every grouping column that tells at most twelve groups apart.
+pub fn season_statistics(shots: &[&Shot]) -> Vec<GroupStatistic> {
+    const MOST_GROUPS: usize = 12;
     let mut out = statistics("all", "", shots);
-    for (column, groups) in columns {
+    for (column, groups) in shots_by_group(shots) {
         if (2..=MOST_GROUPS).contains(&groups.len()) {
             out.extend(groups.into_iter().flat_map(|(value, own)| statistics(column, value, &own)));
         }

@@ -199,6 +199,14 @@ impl When {
         }
     }
 
+    /// The direction of time away from the contact.
+    fn outward(self) -> f64 {
+        match self {
+            When::Before => -1.0,
+            When::After { .. } => 1.0,
+        }
+    }
+
     /// What the laws after the contact are told, once it is known how the racket moves there.
     fn after(self, moves: Option<&MotionState>) -> Option<AfterContact> {
         let When::After { slow_hand, before: (velocity, rate) } = self else { return None };
@@ -218,44 +226,54 @@ impl When {
     }
 }
 
+/// One side of the contact, before its window and the contact have settled on each other.
+struct Window {
+    when: When,
+    /// Where the window ends toward the contact.
+    edge: f64,
+    contact: f64,
+    /// How far the window keeps from the contact.
+    guard: f64,
+    /// The contact lies nowhere else.
+    within: (f64, f64),
+    /// When the court turned the ball, shortly before the contact.
+    turned: Option<f64>,
+    /// The laws of the racket that are weighed.
+    laws: Vec<MotionLaw>,
+}
+
+struct Settled {
+    ball: FlightEstimate,
+    racket: MotionEstimate,
+    contact: f64,
+}
+
 impl Bench<'_> {
     fn measure(&self, frames: BTreeMap<u64, FrameView>, side: f64) -> Result<ShotMotion, KinematicsError> {
-        let radius = self.ball.radius_m();
-        let guard = 0.5 * self.settings.exposure_s;
-        let half = 0.5 * self.settings.frame_period_s;
         // Before: start well clear of the face, then take every frame up to the contact.
         // Where the ball is hidden long before, the racket is still seen.
-        let mut end = self.last_clear(&frames, side).max(-USUAL_CONTACT_S);
-        let mut contact = end + half;
+        let edge = self.last_clear(&frames, side).max(-USUAL_CONTACT_S);
+        let contact = edge + 0.5 * self.settings.frame_period_s;
         let turned = self.turned_late(&frames, contact);
-        let (mut fits, mut settled) = (None, false);
-        let all = MotionLaw::before_contact();
-        for round in 0..ROUNDS {
-            let from = contact - self.settings.window_s;
-            // The windows settle with one law; the last round weighs them all.
-            let laws: &[MotionLaw] = if settled && !self.settings.first_look { &all } else { &[MotionLaw::Hold(Pace::Brisk)] };
-            let ball_in = self.flight(&frames, When::Before, turned.map_or(from, |t| from.max(t + HALF_COURT_CONTACT_S)), end, contact);
-            let ball_in = ball_in.map_err(|why| half_volley(why, turned.map(|t| contact - t)))?;
-            let racket_in = self.motion(&frames, When::Before, from, end, contact, laws)?;
-            let dt = crossing(&PointMotion::from(&ball_in), &body_at(&self.moving, &racket_in, contact), &self.moving.com_local, side, radius)
-                .ok_or(KinematicsError::NoCrossing { when: "before" })?;
-            fits = Some((ball_in, racket_in, contact + dt));
-            if settled {
-                break;
-            }
-            contact += dt;
-            settled = round == ROUNDS - 2 || self.same_frames(end, contact - guard) && dt.abs() < SETTLED_S;
-            end = contact - guard;
-        }
-        let (ball_in, racket_in, contact) = fits.ok_or(KinematicsError::NoCrossing { when: "before" })?;
+        let before = Window {
+            when: When::Before,
+            edge,
+            contact,
+            guard: 0.5 * self.settings.exposure_s,
+            within: (f64::NEG_INFINITY, f64::INFINITY),
+            turned,
+            laws: if self.settings.first_look { vec![MotionLaw::Hold(Pace::Brisk)] } else { MotionLaw::before_contact() },
+        };
+        let settled = self.settle(&frames, side, before)?;
+        let contact = settled.contact;
         let mut shot = ShotMotion {
             clock: self.clock,
             side,
             moving: self.moving.clone(),
             frames,
             first_contact_t: contact,
-            ball_in,
-            racket_in,
+            ball_in: settled.ball,
+            racket_in: settled.racket,
             last_contact_t: None,
             ball_out: None,
             racket_out: None,
@@ -268,39 +286,49 @@ impl Bench<'_> {
             shot.remarks
                 .push(format!("a half-volley: the court turned the ball {before_ms:.1} ms before the strings; its velocity there is told by {frames} frames"));
         }
-        if let Err(e) = self.measure_after(&mut shot) {
-            self.measure_each_after(&mut shot, &e);
+        let after = Window {
+            when: When::After { slow_hand: self.slow_hand(&shot), before: shot.racket_in.velocities() },
+            edge: contact + SURELY_FREE_S,
+            contact: contact + USUAL_CONTACT_S,
+            // A frame stays out until the ball has surely left: its shape still swings and the crossing has its own error.
+            guard: 0.5 * self.settings.exposure_s + 0.0002,
+            within: (contact + 0.001, contact + SURELY_FREE_S),
+            turned: None,
+            laws: if self.settings.first_look { MotionLaw::TOLD_FREE.to_vec() } else { MotionLaw::after_contact() },
+        };
+        match self.settle(&shot.frames, side, after) {
+            Ok(settled) => {
+                shot.last_contact_t = Some(settled.contact);
+                (shot.ball_out, shot.racket_out) = (Some(settled.ball), Some(settled.racket));
+            }
+            Err(e) => self.measure_each_after(&mut shot, &e),
         }
         Ok(shot)
     }
 
-    fn measure_after(&self, shot: &mut ShotMotion) -> Result<(), KinematicsError> {
-        let radius = self.ball.radius_m();
-        // A frame stays out until the ball has surely left: its shape still swings and the crossing has its own error.
-        let guard = 0.5 * self.settings.exposure_s + 0.0002;
-        let mut start = shot.first_contact_t + SURELY_FREE_S;
-        let mut contact = shot.first_contact_t + USUAL_CONTACT_S;
+    /// Window and contact settle on each other with one law of the racket; the last round weighs all.
+    fn settle(&self, frames: &BTreeMap<u64, FrameView>, side: f64, window: Window) -> Result<Settled, KinematicsError> {
+        let Window { when, mut edge, mut contact, guard, within: (earliest, latest), turned, laws } = window;
+        let outward = when.outward();
         let mut settled = false;
-        let after = When::After { slow_hand: self.slow_hand(shot), before: shot.racket_in.velocities() };
-        let all = if self.settings.first_look { MotionLaw::TOLD_FREE.to_vec() } else { MotionLaw::after_contact() };
-        for round in 0..ROUNDS {
-            let laws: &[MotionLaw] = if settled { &all } else { &[MotionLaw::Hold(Pace::Brisk)] };
-            let to = contact + self.settings.window_s;
-            let ball_out = self.flight(&shot.frames, after, start, to, contact)?;
-            let racket_out = self.motion(&shot.frames, after, start, to, contact, laws)?;
-            let dt = crossing(&PointMotion::from(&ball_out), &body_at(&self.moving, &racket_out, contact), &self.moving.com_local, shot.side, radius)
-                .ok_or(KinematicsError::NoCrossing { when: "after" })?;
-            let next = (contact + dt).clamp(shot.first_contact_t + 0.001, shot.first_contact_t + SURELY_FREE_S);
+        let mut round = 0;
+        loop {
+            let far = contact + outward * self.settings.window_s;
+            let (from, to) = if outward < 0.0 { (far, edge) } else { (edge, far) };
+            let ball_from = turned.map_or(from, |t| from.max(t + HALF_COURT_CONTACT_S));
+            let ball = self.flight(frames, when, ball_from, to, contact).map_err(|why| half_volley(why, turned.map(|t| contact - t)))?;
+            let racket = self.motion(frames, when, from, to, contact, if settled { &laws } else { &[MotionLaw::Hold(Pace::Brisk)] })?;
+            let dt = crossing(&PointMotion::from(&ball), &body_at(&self.moving, &racket, contact), &self.moving.com_local, side, self.ball.radius_m())
+                .ok_or(KinematicsError::NoCrossing { when: when.word() })?;
+            let next = (contact + dt).clamp(earliest, latest);
             if settled {
-                shot.last_contact_t = Some(next);
-                (shot.ball_out, shot.racket_out) = (Some(ball_out), Some(racket_out));
-                break;
+                return Ok(Settled { ball, racket, contact: next });
             }
-            settled = round == ROUNDS - 2 || self.same_frames(start, next + guard) && (next - contact).abs() < SETTLED_S;
-            contact = next;
-            start = contact + guard;
+            let next_edge = next + outward * guard;
+            round += 1;
+            settled = round == ROUNDS - 1 || self.same_frames(edge, next_edge) && (next - contact).abs() < SETTLED_S;
+            (contact, edge) = (next, next_edge);
         }
-        Ok(())
     }
 
     /// When the last contact cannot be found, because one of the two is not seen after it: what can be measured of either, for

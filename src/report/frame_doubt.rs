@@ -1,6 +1,7 @@
 //! Which frames around an impact deserve a look, from the tracks alone.
 
 use crate::calibration::CameraId;
+use crate::median::upper_median;
 use crate::tracking::{PointState, SpacePoint, Target, Tracks};
 
 /// Frames looked at on either side of the impact.
@@ -85,10 +86,8 @@ fn doubt(tracks: &Tracks, points: &[SpacePoint], frame: u64, camera: CameraId, i
     (score > 0.0).then(|| Doubt { frame, camera, score: score * weight, words: words.join("; ") })
 }
 
-fn median(mut values: Vec<f64>) -> f64 {
-    values.retain(|v| v.is_finite());
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
+fn median(values: Vec<f64>) -> f64 {
+    upper_median(values.into_iter().filter(|v| v.is_finite())).unwrap_or(0.0)
 }
 
 #[cfg(test)]

@@ -17,7 +17,6 @@ mod session_report;
 mod session_results;
 
 pub use frame_rate::frame_rate_page;
-pub use markup::escape;
 pub use model_reports::{comparison_report, diagnosis_report};
 pub use page::{Layout, Report, Section, Table, Tone};
 pub use results_file::read_session_results;

@@ -1,7 +1,7 @@
 //! The page: sections one after the other, with a table of contents, in one file that needs nothing else.
 
 use super::chart;
-use super::markup::{base64, escape, prose};
+use super::markup::{escape, prose};
 use std::fmt::Write;
 
 const STYLE: &str = include_str!("page.css");
@@ -130,17 +130,6 @@ impl Section {
         }
         self.body.push_str("</div>");
         self
-    }
-
-    /// Pictures in PNG form with their captions.
-    pub fn pictures(self, layout: Layout, pictures: &[(Vec<u8>, String)]) -> Self {
-        let tags: Vec<(String, String)> = pictures
-            .iter()
-            .map(|(png, caption)| {
-                (format!("<img alt=\"{}\" loading=\"lazy\" src=\"data:image/png;base64,{}\"/>", escape(caption), base64(png)), caption.clone())
-            })
-            .collect();
-        self.figures(layout, &tags)
     }
 
     pub fn table(mut self, table: Table) -> Self {

@@ -64,34 +64,12 @@ pub fn expose(view: &View, scene: &Scene, look: &Look, t: f64, exposure_s: f64, 
     let balls = times.map(|t| scene.motion.ball(t));
     let limbs: [Vec<Limb>; INSTANTS] = std::array::from_fn(|i| limbs_of(scene, &rackets[i]));
     let tiles = tiles_of(view, scene, &rackets, &balls, &limbs);
-
-    // Everything in camera axes or, for the racket, in racket axes: one rotation a sample.
-    let to_camera = view.pose;
-    let racket_from_camera: Vec<Isometry3<f64>> = rackets.iter().map(|r| (to_camera * r).inverse()).collect();
-    let racket_turn: Vec<Matrix3<f64>> = racket_from_camera.iter().map(|r| *r.rotation.to_rotation_matrix().matrix()).collect();
-    let eye: Vec<Point3<f64>> = racket_from_camera.iter().map(|r| r * Point3::origin()).collect();
-    let tubes: Vec<Vec<SeenTube>> = eye.iter().map(|e| scene.shape.seen_from(e)).collect();
-    let ball_centre: Vec<Point3<f64>> = balls.iter().map(|b| to_camera * Point3::from(b.translation.vector)).collect();
     let side = (rackets[0].rotation * Vector3::z()).dot(&(balls[0].translation.vector - rackets[0].translation.vector)).signum();
-    let pressed: Vec<Option<PressedBall>> = (0..INSTANTS)
-        .map(|k| {
-            let share = scene.motion.flattening(times[k]);
-            let toward_strings = to_camera.rotation * rackets[k].rotation * Vector3::z() * -side;
-            (share > 0.0).then(|| PressedBall::new(&ball_centre[k], scene.ball_radius_m, &toward_strings, share))
-        })
-        .collect();
-    let hit_ball = |k: usize, direction: &Vector3<f64>| match &pressed[k] {
-        Some(ball) => ball.hit(direction),
-        None => hit_sphere(&ball_centre[k], scene.ball_radius_m, &Point3::origin(), direction).map(|(depth, normal)| (depth, normal, normal)),
-    };
-    let marking: Vec<Matrix3<f64>> =
-        balls.iter().map(|b| *(scene.ball_marking * b.rotation.inverse() * to_camera.rotation.inverse()).to_rotation_matrix().matrix()).collect();
-    let limbs: Vec<Vec<(Point3<f64>, Point3<f64>, f64, f64)>> =
-        limbs.iter().map(|ls| ls.iter().map(|l| (to_camera * l.from, to_camera * l.to, l.radius, l.brightness)).collect()).collect();
-    let sun = to_camera.rotation * look.light.into_inner();
-    let sun_on_racket: Vec<Vector3<f64>> = racket_turn.iter().map(|m| m * sun).collect();
-    let shade = |brightness: f64, cosine: f64| brightness * (look.ambient + (1.0 - look.ambient) * cosine.max(0.0));
-
+    let sun = view.pose.rotation * look.light.into_inner();
+    let moments: [Moment; INSTANTS] = std::array::from_fn(|k| {
+        let flattening = scene.motion.flattening(times[k]);
+        Moment::of(view, scene, &rackets[k], &balls[k], &limbs[k], &sun, flattening, side)
+    });
     let samples = pattern(look.blur_px).map(|s| (s, view.beside_pixel(&s.offset_px)));
     let mut counts = [Count::default(); 6];
     let across = view.width.div_ceil(TILE);
@@ -106,69 +84,14 @@ pub fn expose(view: &View, scene: &Scene, look: &Look, t: f64, exposure_s: f64, 
                 let mut sum = 0.0;
                 for (s, place) in &samples {
                     let (pu, pv) = (u as f64 + s.offset_px.x, v as f64 + s.offset_px.y);
-                    let k = s.instant;
-                    let direction = view.direction_beside(u, v, place);
-                    let on_racket = racket_turn[k] * direction;
-                    let mut colour = behind;
-                    let mut nearest = f64::INFINITY;
-                    let (mut tape, mut crossed) = (None, [false; 5]);
-                    for &i in &tile.tubes {
-                        let Some(hit) = scene.shape.hit(usize::from(i), &tubes[k][usize::from(i)], &on_racket, scene.hidden_marker) else { continue };
-                        if let Paint::Tape(m) = hit.paint {
-                            crossed[m] = true;
-                        }
-                        if hit.depth < nearest {
-                            nearest = hit.depth;
-                            tape = if let Paint::Tape(m) = hit.paint { Some(m) } else { None };
-                            let brightness = match hit.paint {
-                                Paint::Frame => look.frame,
-                                Paint::Ornament => look.ornament,
-                                Paint::Black => look.black,
-                                Paint::Tape(_) => look.tape,
-                                Paint::Grip => look.grip,
-                            };
-                            let cosine = hit.normal.dot(&sun_on_racket[k]);
-                            let shading = look.tape_shading;
-                            colour = if tape.is_some() { brightness * (1.0 - shading + shading * cosine.max(0.0)) } else { shade(brightness, cosine) };
-                        }
+                    let met = moments[s.instant].along(tile, scene, look, &sun, &view.direction_beside(u, v, place), behind);
+                    for m in (0..met.crossed.len()).filter(|m| met.crossed[*m]) {
+                        counts[m].add(met.tape == Some(m), pu, pv);
                     }
-                    let tube_depth = nearest;
-                    for &i in &tile.limbs {
-                        let (from, to, radius, brightness) = &limbs[k][usize::from(i)];
-                        if let Some((depth, normal)) = hit_capsule(from, to, *radius, &Point3::origin(), &direction)
-                            && depth < nearest
-                        {
-                            nearest = depth;
-                            colour = shade(*brightness, normal.dot(&sun));
-                        }
-                    }
-                    let mut ball_seen = None;
-                    if tile.ball
-                        && let Some((depth, normal, on_round_ball)) = hit_ball(k, &direction)
-                    {
-                        ball_seen = Some(depth < nearest);
-                        if depth < nearest {
-                            nearest = depth;
-                            let own = marking[k] * on_round_ball;
-                            let line = own.x.abs() < LINE || own.y.abs() < LINE;
-                            let toward_limb = 1.0 + normal.dot(&direction) / direction.norm();
-                            colour = shade(if line { look.ball_line } else { look.ball }, normal.dot(&sun)) * (1.0 - look.felt_limb * toward_limb);
-                        }
-                    }
-                    if tile.strings
-                        && let Some(depth) = scene.shape.string_hit(&eye[k], &on_racket)
-                        && depth < nearest
-                    {
-                        colour = look.string;
-                    }
-                    // Tape behind another tube is there too, and hidden.
-                    for m in (0..crossed.len()).filter(|m| crossed[*m]) {
-                        counts[m].add(tape == Some(m) && nearest >= tube_depth, pu, pv);
-                    }
-                    if let Some(seen) = ball_seen {
+                    if let Some(seen) = met.ball {
                         counts[5].add(seen, pu, pv);
                     }
-                    sum += colour;
+                    sum += met.colour;
                 }
                 light[v * view.width + u] = (sum / SAMPLES as f64) as f32;
             }
@@ -179,6 +102,116 @@ pub fn expose(view: &View, scene: &Scene, look: &Look, t: f64, exposure_s: f64, 
         let point = if i < 5 { now * scene.shape.markers[i] } else { Point3::from(scene.motion.ball(t).translation.vector) };
         counts[i].sight(view, &point)
     })
+}
+
+/// The moving things at one instant of the exposure, in camera axes or, for the racket, in its own: one rotation a sample.
+struct Moment {
+    racket_turn: Matrix3<f64>,
+    eye: Point3<f64>,
+    tubes: Vec<SeenTube>,
+    sun_on_racket: Vector3<f64>,
+    limbs: Vec<(Point3<f64>, Point3<f64>, f64, f64)>,
+    ball_centre: Point3<f64>,
+    ball_radius_m: f64,
+    pressed: Option<PressedBall>,
+    marking: Matrix3<f64>,
+}
+
+/// What one sample's line of sight meets.
+struct Met {
+    colour: f64,
+    /// Markers whose tape is there, also behind other things; and the one whose tape is seen.
+    crossed: [bool; 5],
+    tape: Option<usize>,
+    /// The ball is there; whether it is seen through nothing but strings.
+    ball: Option<bool>,
+}
+
+impl Moment {
+    /// `flattening` of a ball that lies on the `side` of the face.
+    fn of(view: &View, scene: &Scene, racket: &Isometry3<f64>, ball: &Isometry3<f64>, limbs: &[Limb], sun: &Vector3<f64>, flattening: f64, side: f64) -> Self {
+        let to_camera = view.pose;
+        let from_camera = (to_camera * racket).inverse();
+        let racket_turn = *from_camera.rotation.to_rotation_matrix().matrix();
+        let eye = from_camera * Point3::origin();
+        let ball_centre = to_camera * Point3::from(ball.translation.vector);
+        let toward_strings = to_camera.rotation * racket.rotation * Vector3::z() * -side;
+        Moment {
+            racket_turn,
+            tubes: scene.shape.seen_from(&eye),
+            eye,
+            sun_on_racket: racket_turn * sun,
+            limbs: limbs.iter().map(|l| (to_camera * l.from, to_camera * l.to, l.radius, l.brightness)).collect(),
+            ball_centre,
+            ball_radius_m: scene.ball_radius_m,
+            pressed: (flattening > 0.0).then(|| PressedBall::new(&ball_centre, scene.ball_radius_m, &toward_strings, flattening)),
+            marking: *(scene.ball_marking * ball.rotation.inverse() * to_camera.rotation.inverse()).to_rotation_matrix().matrix(),
+        }
+    }
+
+    fn along(&self, tile: &Tile, scene: &Scene, look: &Look, sun: &Vector3<f64>, direction: &Vector3<f64>, behind: f64) -> Met {
+        let shade = |brightness: f64, cosine: f64| brightness * (look.ambient + (1.0 - look.ambient) * cosine.max(0.0));
+        let on_racket = self.racket_turn * direction;
+        let mut colour = behind;
+        let mut nearest = f64::INFINITY;
+        let (mut tape, mut crossed) = (None, [false; 5]);
+        for &i in &tile.tubes {
+            let Some(hit) = scene.shape.hit(usize::from(i), &self.tubes[usize::from(i)], &on_racket, scene.hidden_marker) else { continue };
+            let of_marker = if let Paint::Tape(m) = hit.paint { Some(m) } else { None };
+            if let Some(m) = of_marker {
+                crossed[m] = true;
+            }
+            if hit.depth < nearest {
+                nearest = hit.depth;
+                tape = of_marker;
+                let cosine = hit.normal.dot(&self.sun_on_racket);
+                colour = match hit.paint {
+                    Paint::Frame => shade(look.frame, cosine),
+                    Paint::Ornament => shade(look.ornament, cosine),
+                    Paint::Black => shade(look.black, cosine),
+                    Paint::Tape(_) => look.tape * (1.0 - look.tape_shading + look.tape_shading * cosine.max(0.0)),
+                    Paint::Grip => shade(look.grip, cosine),
+                };
+            }
+        }
+        for &i in &tile.limbs {
+            let (from, to, radius, brightness) = &self.limbs[usize::from(i)];
+            if let Some((depth, normal)) = hit_capsule(from, to, *radius, &Point3::origin(), direction)
+                && depth < nearest
+            {
+                (nearest, tape) = (depth, None);
+                colour = shade(*brightness, normal.dot(sun));
+            }
+        }
+        let mut ball = None;
+        if tile.ball
+            && let Some((depth, normal, on_round_ball)) = self.hit_ball(direction)
+        {
+            ball = Some(depth < nearest);
+            if depth < nearest {
+                (nearest, tape) = (depth, None);
+                let own = self.marking * on_round_ball;
+                let line = own.x.abs() < LINE || own.y.abs() < LINE;
+                let toward_limb = 1.0 + normal.dot(direction) / direction.norm();
+                colour = shade(if line { look.ball_line } else { look.ball }, normal.dot(sun)) * (1.0 - look.felt_limb * toward_limb);
+            }
+        }
+        if tile.strings
+            && let Some(depth) = scene.shape.string_hit(&self.eye, &on_racket)
+            && depth < nearest
+        {
+            colour = look.string;
+        }
+        Met { colour, crossed, tape, ball }
+    }
+
+    /// Depth, outward normal, and the direction the place had on the round ball.
+    fn hit_ball(&self, direction: &Vector3<f64>) -> Option<(f64, Vector3<f64>, Vector3<f64>)> {
+        match &self.pressed {
+            Some(ball) => ball.hit(direction),
+            None => hit_sphere(&self.ball_centre, self.ball_radius_m, &Point3::origin(), direction).map(|(depth, normal)| (depth, normal, normal)),
+        }
+    }
 }
 
 #[derive(Debug, Clone, Copy, Default)]

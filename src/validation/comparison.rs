@@ -15,6 +15,7 @@ use super::refits::LARGEST_NOISE_SCALE;
 use super::smooth::{FaceCell, SmoothCurve, face_map, smooth};
 use super::structure::{BesideSmooth, StructureTest, chi2_tail, floor_text, is_least_floor, p_text, structure_test};
 use crate::impact_table::{INPUTS, OUTPUTS, RELATIVE, SHARED, unit};
+use crate::median::upper_median;
 use crate::provenance::Provenance;
 use crate::short_list::short_list;
 use serde::{Deserialize, Serialize};
@@ -480,21 +481,17 @@ pub fn summarise(seen: &[Linearised], held: &[Linearised]) -> Vec<OutputSummary>
                 .chain(held)
                 .filter_map(|l| l.measured.iter().position(|m| *m == k).map(|row| (l.residual[row], l.covariance[(row, row)])))
                 .collect();
-            if cells.is_empty() {
-                return None;
-            }
+            // The usual one: a few impacts that are hardly known must not make it theirs.
+            let noise = upper_median(cells.iter().map(|c| c.1))?;
             let n = cells.len() as f64;
             let chi2: f64 = cells.iter().map(|(r, v)| r * r / v).sum();
-            // The usual one: a few impacts that are hardly known must not make it theirs.
-            let mut variances: Vec<f64> = cells.iter().map(|c| c.1).collect();
-            variances.sort_by(f64::total_cmp);
             Some(OutputSummary {
                 name: OUTPUTS[k].to_owned(),
                 unit: unit(OUTPUTS[k]).to_owned(),
                 n: cells.len(),
                 rmse: (cells.iter().map(|(r, _)| r * r).sum::<f64>() / n).sqrt(),
                 bias: cells.iter().map(|(r, _)| r).sum::<f64>() / n,
-                noise_sd: variances[variances.len() / 2].sqrt(),
+                noise_sd: noise.sqrt(),
                 chi2_reduced: chi2 / n,
                 p_value: chi2_tail(chi2, n),
             })

@@ -65,7 +65,6 @@ pub struct Found {
     /// Fall in minus twice the log posterior, less the price of having looked among all terms for each of those kept.
     pub honest_gain: f64,
     pub goes_with_order: bool,
-    pub effect: OwnEffect,
 }
 
 /// The whitened derivative of the prediction with respect to k of a channel with feature 1, at the base fit. `None` when the
@@ -381,7 +380,7 @@ pub fn find_expression(
     };
     let honest_gain = gain_over(reference.base, &best.fit, c) - chosen.len() as f64 * 2.0 * ((CHANNELS.len() * features.names.len()) as f64).ln();
     let goes_with_order = reference.adds_what_goes_with_order(forward.as_ref(), &best.fit)?;
-    Ok(Some(Found { suggestion, fit: best.fit, structure, log_evidence, honest_gain, goes_with_order, effect: best.effect }))
+    Ok(Some(Found { suggestion, fit: best.fit, structure, log_evidence, honest_gain, goes_with_order }))
 }
 
 /// The three terms that score best at the fit that already has the chosen ones.

@@ -108,7 +108,6 @@ pub struct Fit {
     pub chi2: f64,
     /// Σ z'z + ln|S| + prior terms: minus twice the log posterior density at noise scale 1, up to a constant.
     pub objective: f64,
-    pub rounds: usize,
     /// Parameters that hardly any impact told where the fit began.
     untold_at_start: Vec<usize>,
     /// Parameters that hardly any impact tells, whose deviation is larger than the slope at the best says: by this factor.
@@ -251,12 +250,10 @@ fn fit_holding(
         untold_at_start = plateau::untold(&work, &state)?;
         state = plateau::leave(&work, state, untold_at_start.iter().copied().filter(|p| !held.contains(p)), &spread)?;
     }
-    let mut rounds = 0;
     let mut information: Option<DMatrix<f64>> = None;
     // Outlier weights settle with the parameters; fixed from then on, so that what the steps lower is one function.
     let mut settle = if start.is_some() { 2 } else { 3 };
-    while rounds < MOST_ROUNDS {
-        rounds += 1;
+    for rounds in 1..=MOST_ROUNDS {
         if !observations.keeps_outliers && rounds <= settle {
             spread = Spread::of(&state.impacts);
             // Where input Jacobians are kept from step to step, nothing but the weights changes.
@@ -308,7 +305,6 @@ fn fit_holding(
         spread,
         chi2: state.chi2,
         objective: state.objective,
-        rounds,
         untold_at_start,
         widened,
     })

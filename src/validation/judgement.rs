@@ -293,65 +293,35 @@ impl<'a> Judgement<'a> {
 
     /// Writes the verdict, and everything that stands behind it, into the report of the case.
     pub fn report(mut self, mut diagnosis: Diagnosis, expressions: bool) -> Result<Diagnosis, ValidationError> {
-        let (case, c) = (self.case, self.refits.c);
+        let case = self.case;
         diagnosis.verdict = self.verdict;
         diagnosis.notes.append(&mut self.notes);
-        diagnosis.noise_floor = c.sqrt();
-        // Where a model fails shows without the offsets of the cameras that it asks for in the place of what it lacks.
-        let likely = fit_with_likely_offsets(case.library.current(), case.observations, &case.seen, &FitOptions::default())?;
-        if let Some((offset, _)) = &likely.unlikely {
-            let error = held_out_error(case.library.current(), &likely.fit, case.observations)?;
-            diagnosis
-                .notes
-                .push(format!("the model asks for {offset}: where it fails is told without any offset (its error on held-out impacts is {error:.2} then)"));
-        }
-        diagnosis.places = places(&case.seen, &likely.fit.impacts, &varied_coordinates(case.observations), &case.structure.by_group, c);
+        diagnosis.noise_floor = self.refits.c.sqrt();
+        self.tell_places(&mut diagnosis)?;
         diagnosis.candidates = self.candidates()?;
         if let Some(own) = &self.own {
-            own.tell_candidates(&mut diagnosis.candidates);
-            diagnosis.candidates.sort_by(|a, b| b.probability.total_cmp(&a.probability).then(a.effect.cmp(&b.effect)));
-            diagnosis.recommended = vec![own.effect.clone()];
-            diagnosis.structure_after = Some(own.structure.clone());
-            diagnosis.noise_floor = diagnosis.noise_floor.min(own.c.sqrt());
-            diagnosis.outliers = outliers(&case.seen, &own.fit.impacts, &case.held, &own.held_out);
+            self.tell_own_strengths(own, &mut diagnosis);
         }
         let believed = self.chosen.filter(|_| !self.refused);
-        let mut goes_with_order = false;
-        if let Some(best) = believed {
-            diagnosis.structure_after = Some(best.structure.clone());
-            if self.verdict == Verdict::EffectMissing {
-                diagnosis.recommended = best.effects.clone();
-                goes_with_order = self.reference.adds_what_goes_with_order(case.library.with(&best.names())?.as_ref(), &best.fit)?;
-            }
-            diagnosis.together = self.together(best)?;
-            let (estimated, at_limit) = self.strengths_if_in_model(best)?;
-            diagnosis.notes.extend(at_limit);
-            let named = case.library.effects().iter().filter(|o| diagnosis.recommended.contains(&o.name));
-            diagnosis.notes.extend(named.filter_map(|o| Some(format!("check before {} is added: {}", o.name, o.check_first?))));
-            match &mut diagnosis.together {
-                Some(together) => together.parameters = estimated,
-                None => diagnosis.candidates.iter_mut().filter(|c| c.effect == best.effects[0]).for_each(|c| c.parameters.clone_from(&estimated)),
-            }
-            diagnosis.outliers = outliers(&case.seen, &best.fit.impacts, &case.held, &best.held_out);
-        }
-        let form_is_off = believed.is_some_and(|b| b.structure.p_value < STRUCTURE_LEVEL || self.formula_does_better(b));
+        let mut goes_with_order = match believed {
+            Some(best) => self.tell_believed(best, &mut diagnosis)?,
+            None => false,
+        };
+        let named = self.verdict == Verdict::EffectMissing;
+        let form_is_off = named && believed.is_some_and(|b| b.structure.p_value < STRUCTURE_LEVEL || self.formula_does_better(b));
         if expressions
-            && (self.verdict == Verdict::Unexplained || self.verdict == Verdict::EffectMissing && form_is_off)
+            && (self.verdict == Verdict::Unexplained || form_is_off)
             && let Some(found) = self.best_formula()?
         {
             diagnosis.noise_floor = diagnosis.noise_floor.min(found.structure.noise_scale.sqrt()).min(self.c_of_formula.sqrt());
             goes_with_order |= found.goes_with_order;
             diagnosis.suggested_expression = Some(found.suggestion);
         }
-        if self.verdict == Verdict::EffectMissing && form_is_off {
+        if form_is_off {
             diagnosis.other_form = diagnosis.recommended.first().cloned();
         }
-        if self.verdict != Verdict::Adequate
-            && !self.refused
-            && self.own.is_none()
-            && let Some(why) = self.refits.refused_pair()
-        {
-            diagnosis.notes.push(why);
+        if self.verdict != Verdict::Adequate && !self.refused && self.own.is_none() {
+            diagnosis.notes.extend(self.refits.refused_pair());
         }
         let at_the_floor = diagnosis.heldout_error < 1.1 * diagnosis.noise_floor;
         let sound = at_the_floor || (self.chosen.is_none_or(|b| b.structure.p_value >= STRUCTURE_LEVEL) && self.verdict != Verdict::Unexplained);
@@ -360,11 +330,55 @@ impl<'a> Judgement<'a> {
             diagnosis.notes.extend(slow_columns_words(&slow_columns(case.observations, &case.seen)));
         }
         // Names that take nothing away are not worth an experiment.
-        if self.verdict == Verdict::EffectMissing && self.own.is_none() {
+        if named && self.own.is_none() {
             diagnosis.next_experiments = self.refits.next_experiments(&self.reference, &diagnosis.candidates)?;
         }
         diagnosis.words = verdict_words(&diagnosis);
         Ok(diagnosis)
+    }
+
+    /// Where a model fails shows without the offsets of the cameras that it asks for in the place of what it lacks.
+    fn tell_places(&self, diagnosis: &mut Diagnosis) -> Result<(), ValidationError> {
+        let case = self.case;
+        let likely = fit_with_likely_offsets(case.library.current(), case.observations, &case.seen, &FitOptions::default())?;
+        if let Some((offset, _)) = &likely.unlikely {
+            let error = held_out_error(case.library.current(), &likely.fit, case.observations)?;
+            diagnosis
+                .notes
+                .push(format!("the model asks for {offset}: where it fails is told without any offset (its error on held-out impacts is {error:.2} then)"));
+        }
+        diagnosis.places = places(&case.seen, &likely.fit.impacts, &varied_coordinates(case.observations), &case.structure.by_group, self.refits.c);
+        Ok(())
+    }
+
+    fn tell_own_strengths(&self, own: &OwnStrengths, diagnosis: &mut Diagnosis) {
+        own.tell_candidates(&mut diagnosis.candidates);
+        diagnosis.candidates.sort_by(|a, b| b.probability.total_cmp(&a.probability).then(a.effect.cmp(&b.effect)));
+        diagnosis.recommended = vec![own.effect.clone()];
+        diagnosis.structure_after = Some(own.structure.clone());
+        diagnosis.noise_floor = diagnosis.noise_floor.min(own.c.sqrt());
+        diagnosis.outliers = outliers(&self.case.seen, &own.fit.impacts, &self.case.held, &own.held_out);
+    }
+
+    /// The effect or pair that is chosen and not refused. Says whether what it adds goes with the order of the impacts.
+    fn tell_believed(&self, best: &Refit, diagnosis: &mut Diagnosis) -> Result<bool, ValidationError> {
+        let case = self.case;
+        let mut goes_with_order = false;
+        diagnosis.structure_after = Some(best.structure.clone());
+        if self.verdict == Verdict::EffectMissing {
+            diagnosis.recommended = best.effects.clone();
+            goes_with_order = self.reference.adds_what_goes_with_order(case.library.with(&best.names())?.as_ref(), &best.fit)?;
+        }
+        let (strengths, at_limit) = self.strengths_if_in_model(best)?;
+        diagnosis.notes.extend(at_limit);
+        let named = case.library.effects().iter().filter(|o| diagnosis.recommended.contains(&o.name));
+        diagnosis.notes.extend(named.filter_map(|o| Some(format!("check before {} is added: {}", o.name, o.check_first?))));
+        match best.effects.as_slice() {
+            [only] => diagnosis.candidates.iter_mut().filter(|c| c.effect == *only).for_each(|c| c.parameters.clone_from(&strengths)),
+            _ => diagnosis.together = Some(self.together(best, strengths)),
+        }
+        diagnosis.outliers = outliers(&case.seen, &best.fit.impacts, &case.held, &best.held_out);
+        Ok(goes_with_order)
     }
 
     fn candidates(&self) -> Result<Vec<CandidateReport>, ValidationError> {
@@ -395,20 +409,16 @@ impl<'a> Judgement<'a> {
     }
 
     /// Two effects as one model.
-    fn together(&self, best: &Refit) -> Result<Option<Together>, ValidationError> {
-        if best.effects.len() < 2 {
-            return Ok(None);
-        }
-        let forward = self.case.library.with(&best.names())?;
-        Ok(Some(Together {
+    fn together(&self, best: &Refit, strengths: BTreeMap<String, Estimate>) -> Together {
+        Together {
             effects: best.effects.clone(),
             probability: self.refits.probability_of(best, self.overdispersion),
             heldout_error_before: self.case.error,
             heldout_error_after: self.after,
             log_evidence_gain: best.log_evidence,
             share_removed: share_removed(self.excess, excess_at(&best.structure, self.c_believed)),
-            parameters: estimates(&added_parameters(forward.as_ref(), &best.fit, self.case.base.values.len(), self.refits.c)),
-        }))
+            parameters: strengths,
+        }
     }
 
     /// The formula to offer: in the effect's place, or beside it when the effect with its form mended says more.

@@ -14,6 +14,7 @@ use super::observation::{Observation, Observations};
 use super::predicted::{predict_measured, predict_roughly, scatter_over_spins};
 use super::session_shift::SessionShift;
 use crate::impact_table::{INPUTS, OUTPUTS};
+use crate::median::upper_median;
 use nalgebra::{DMatrix, DVector};
 
 /// Standardised residual beyond which a cell loses weight. Of 27 cells in 900 impacts a Gaussian puts eleven beyond it.
@@ -63,13 +64,9 @@ impl Spread {
     /// From the standardised residuals of a set of linearised impacts.
     pub fn of(impacts: &[Linearised]) -> Self {
         let spread = |pick: &dyn Fn(&Linearised) -> Option<f64>| {
-            let mut t: Vec<f64> = impacts.iter().filter_map(pick).map(f64::abs).collect();
-            if t.len() < 8 {
-                return 1.0;
-            }
-            t.sort_by(f64::total_cmp);
+            let t: Vec<f64> = impacts.iter().filter_map(pick).map(f64::abs).collect();
             // 0.6745: third quartile of the standard normal distribution.
-            (t[t.len() / 2] / 0.6745).max(0.5)
+            if t.len() < 8 { 1.0 } else { upper_median(t).map_or(1.0, |median| (median / 0.6745).max(0.5)) }
         };
         Spread {
             outputs: std::array::from_fn(|k| spread(&|l| l.measured.iter().position(|m| *m == k).map(|row| l.output_t[row]))),
@@ -394,11 +391,29 @@ fn square_of_lower(lower: &DMatrix<f64>) -> DMatrix<f64> {
 }
 
 fn whiten(point: &Point, setting: &Setting) -> Option<Whitened> {
-    let Point { o, measured, x, at_x, jacobian, jump, open, .. } = point;
-    let k = o.measured.len();
+    let Point { o, measured, x, at_x, jacobian, .. } = point;
     let gap = DVector::from_iterator(INPUTS.len(), (0..INPUTS.len()).map(|j| if o.input_sd[j] > 0.0 { measured.inputs[j] - x[j] } else { 0.0 }));
     let residual = &measured.outputs - (at_x + jacobian * gap);
     let predicted = DVector::from_column_slice(&o.outputs) - &residual;
+    let mut covariance = stated_covariance(point, setting);
+    let mut lower = covariance.clone().cholesky()?.unpack();
+    let mut whitener = inverse_of_lower(&lower);
+    let precision = square_of_lower(&whitener);
+    let t = Standardised::of(point, &residual, &precision);
+    let outliers = widen_odd_cells(point, setting.spread, &residual, t.clone(), precision, &mut covariance);
+    if !outliers.is_empty() {
+        lower = covariance.clone().cholesky()?.unpack();
+        whitener = inverse_of_lower(&lower);
+    }
+    let z = &whitener * &residual;
+    let log_det = 2.0 * lower.diagonal().iter().map(|d| d.ln()).sum::<f64>();
+    Some(Whitened { predicted, residual, covariance, whitener, z, log_det, output_t: t.outputs, input_t: t.inputs, outliers })
+}
+
+/// S of what is stated: S_y² + F S_x² F', the jump, and what open spins scatter by.
+fn stated_covariance(point: &Point, setting: &Setting) -> DMatrix<f64> {
+    let Point { o, x, at_x, jacobian, jump, open, .. } = point;
+    let k = o.measured.len();
     let mut covariance = DMatrix::zeros(k, k);
     for (row, &column) in o.measured.iter().enumerate() {
         let sd = setting.observations.output_noise[column].sd(Some(o.output_sd[row]), at_x[row]);
@@ -415,14 +430,23 @@ fn whiten(point: &Point, setting: &Setting) -> Option<Whitened> {
     if open.nrows() == k {
         covariance += open;
     }
-    let mut lower = covariance.clone().cholesky()?.unpack();
-    let mut whitener = inverse_of_lower(&lower);
-    let mut precision = square_of_lower(&whitener);
-    let mut told = DVector::zeros(k);
-    let mut standardise = |precision: &DMatrix<f64>| {
-        let pulled = precision * &residual;
-        let output_t: Vec<f64> = (0..k).map(|i| pulled[i] / precision[(i, i)].max(1e-300).sqrt()).collect();
-        let input_t: [f64; INPUTS.len()] = std::array::from_fn(|j| {
+    covariance
+}
+
+/// Each cell's residual given all other cells, in deviations; the outputs by row.
+#[derive(Clone)]
+struct Standardised {
+    outputs: Vec<f64>,
+    inputs: [f64; INPUTS.len()],
+}
+
+impl Standardised {
+    fn of(point: &Point, residual: &DVector<f64>, precision: &DMatrix<f64>) -> Self {
+        let Point { o, jacobian, .. } = point;
+        let pulled = precision * residual;
+        let mut told = DVector::zeros(pulled.len());
+        let outputs = (0..pulled.len()).map(|i| pulled[i] / precision[(i, i)].max(1e-300).sqrt()).collect();
+        let inputs = std::array::from_fn(|j| {
             if o.input_sd[j] <= 0.0 || o.missing[j] {
                 return 0.0;
             }
@@ -432,43 +456,72 @@ fn whiten(point: &Point, setting: &Setting) -> Option<Whitened> {
             // An input that hardly moves any output cannot be told to be odd.
             if information * o.input_sd[j].powi(2) < 1e-3 { 0.0 } else { f.dot(&pulled) / information.sqrt() }
         });
-        (output_t, input_t)
-    };
-    let (output_t, input_t) = standardise(&precision);
+        Standardised { outputs, inputs }
+    }
+
+    /// The cell that is farthest out of its column's spread, if any is odd. Of gross errors it is the one that alone explains most of the
+    /// residuals, the largest in deviations (for one wrong cell by Cauchy and Schwarz its own).
+    fn oddest(&self, o: &Observation, spread: &Spread) -> Option<OddCell> {
+        let of_output = self.outputs.iter().enumerate().map(|(row, t)| (true, row, *t, spread.outputs[o.measured[row]]));
+        let of_input = self.inputs.iter().enumerate().map(|(j, t)| (false, j, *t, spread.inputs[j]));
+        let cells = of_output.chain(of_input).map(|(output, index, standardised, spread)| OddCell { output, index, standardised, spread });
+        let odd: Vec<OddCell> = cells.filter(|c| c.times_its_spread() > OUTLIER_START).collect();
+        let gross = odd.iter().filter(|c| c.times_its_spread() > GROSS).max_by(|a, b| a.size().total_cmp(&b.size()));
+        gross.or_else(|| odd.iter().max_by(|a, b| (a.size() / a.spread).total_cmp(&(b.size() / b.spread)))).copied()
+    }
+}
+
+#[derive(Clone, Copy)]
+struct OddCell {
+    output: bool,
+    /// Row of an output, column of an input.
+    index: usize,
+    standardised: f64,
+    /// Of its column.
+    spread: f64,
+}
+
+impl OddCell {
+    fn times_its_spread(&self) -> f64 {
+        self.standardised.abs() / self.spread
+    }
+
+    /// What an input alone moves may be the output's error as well (a spin about the normal): of two that do as well it is the output.
+    fn size(&self) -> f64 {
+        if self.output { AS_WELL * self.standardised.abs() } else { self.standardised.abs() }
+    }
+}
+
+/// Gives the odd cells of an impact the variance with which they lose their weight, the worst first: its neighbours often look odd only
+/// because of it. `t` and `precision` are those of `covariance` as it is stated.
+fn widen_odd_cells(
+    point: &Point,
+    spread: &Spread,
+    residual: &DVector<f64>,
+    mut t: Standardised,
+    mut precision: DMatrix<f64>,
+    covariance: &mut DMatrix<f64>,
+) -> Vec<OutlyingCell> {
+    let Point { o, jacobian, .. } = point;
     let mut outliers: Vec<OutlyingCell> = Vec::new();
-    let (mut now_out, mut now_in) = (output_t.clone(), input_t);
-    // The worst cell first: its neighbours often look odd only because of it. Of gross errors the worst is the one that alone explains most
-    // of the residuals, the largest in deviations (for one wrong cell by Cauchy and Schwarz its own).
-    for cell in 1..=MOST_CELLS {
-        let of_output = (0..k).map(|i| (now_out[i].abs(), setting.spread.outputs[o.measured[i]], true, i));
-        let of_input = (0..INPUTS.len()).map(|j| (now_in[j].abs(), setting.spread.inputs[j], false, j));
-        let odd: Vec<(f64, f64, bool, usize)> = of_output.chain(of_input).filter(|(t, spread, ..)| t / spread > OUTLIER_START).collect();
-        // What an input alone moves may be the output's error as well (a spin about the normal): of two that do as well it is the output.
-        let as_well = |c: &(f64, f64, bool, usize)| if c.2 { AS_WELL * c.0 } else { c.0 };
-        let gross = odd.iter().filter(|(t, spread, ..)| t / spread > GROSS).max_by(|a, b| as_well(a).total_cmp(&as_well(b)));
-        let Some(&(size, spread, output, index)) = gross.or(odd.iter().max_by(|a, b| (as_well(a) / a.1).total_cmp(&(as_well(b) / b.1)))) else { break };
-        let t = size / spread;
+    while let Some(odd) = t.oddest(o, spread) {
+        let OddCell { output, index, standardised, .. } = odd;
         let column = if output { o.measured[index] } else { index };
         if outliers.iter().any(|c| c.output == output && c.column == column) {
             break;
         }
         // Variance of this cell's residual given the others, times how far it is out, squared: weight (start / t)².
-        let direction = if output { DVector::from_fn(k, |i, _| f64::from(u8::from(i == index))) } else { jacobian.column(index).into_owned() };
-        let information = (&precision * &direction).dot(&direction);
-        let extra = ((t / OUTLIER_START).powi(2) - 1.0) / information.max(1e-300);
-        covariance.ger(extra, &direction, &direction, 1.0);
+        let direction = if output { DVector::from_fn(precision.nrows(), |i, _| f64::from(u8::from(i == index))) } else { jacobian.column(index).into_owned() };
         let pulled = &precision * &direction;
+        let information = pulled.dot(&direction);
+        let extra = ((odd.times_its_spread() / OUTLIER_START).powi(2) - 1.0) / information.max(1e-300);
+        covariance.ger(extra, &direction, &direction, 1.0);
         precision.ger(-extra / (1.0 + extra * information), &pulled, &pulled, 1.0);
-        outliers.push(OutlyingCell { output, column, standardised: if output { now_out[index] } else { now_in[index] } });
-        if cell < MOST_CELLS {
-            (now_out, now_in) = standardise(&precision);
+        outliers.push(OutlyingCell { output, column, standardised });
+        if outliers.len() == MOST_CELLS {
+            break;
         }
+        t = Standardised::of(point, residual, &precision);
     }
-    if !outliers.is_empty() {
-        lower = covariance.clone().cholesky()?.unpack();
-        whitener = inverse_of_lower(&lower);
-    }
-    let z = &whitener * &residual;
-    let log_det = 2.0 * lower.diagonal().iter().map(|d| d.ln()).sum::<f64>();
-    Some(Whitened { predicted, residual, covariance, whitener, z, log_det, output_t, input_t, outliers })
+    outliers
 }

@@ -45,11 +45,6 @@ impl ExpressionEffect {
         Ok(ExpressionEffect { text: text.to_owned(), expression, channel })
     }
 
-    /// The expression as the user wrote it.
-    pub fn text(&self) -> &str {
-        &self.text
-    }
-
     /// The columns of a table that it asks for, beside the usual ones.
     pub fn own_columns(&self) -> impl Iterator<Item = &str> {
         self.expression.own_columns().iter().map(String::as_str)
@@ -63,11 +58,6 @@ impl ExpressionEffect {
     /// Whether it changes the bodies or the outcome, and not the contact itself.
     pub(crate) fn acts_around_contact(&self) -> bool {
         matches!(self.channel.access::<f64>(), Access::Body(..) | Access::Output(..))
-    }
-
-    /// What it replaces.
-    pub fn replaces(&self) -> &'static str {
-        self.channel.name
     }
 }
 

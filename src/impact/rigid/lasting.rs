@@ -81,6 +81,67 @@ impl<T: Real> Bodies<'_, T> {
     }
 }
 
+/// How the push is parted: equal parts of its impulse while the ball comes, equal parts while it leaves.
+struct Phases<T> {
+    /// Impulse until the ball stops, and what of it comes again.
+    compression: T,
+    restitution: T,
+    closing_s: T,
+    opening_s: T,
+    lasts_s: T,
+}
+
+impl<T: Real> Phases<T> {
+    /// Impulse of a part, when it has half passed, and how deep the bed is then, as a share.
+    fn part(&self, part: usize) -> (T, T, f64) {
+        let middle = ((part % PARTS) as f64 + 0.5) / PARTS as f64;
+        // Angle of the quarter sine at which this part of the impulse has half passed.
+        match part / PARTS {
+            0 => {
+                let then = self.closing_s * ((1.0 - middle).acos() * std::f64::consts::FRAC_2_PI);
+                (self.compression / PARTS as f64, then, (1.0 - (1.0 - middle).powi(2)).sqrt())
+            }
+            1 => {
+                let then = self.closing_s + self.opening_s * (middle.asin() * std::f64::consts::FRAC_2_PI);
+                (self.restitution * self.compression / PARTS as f64, then, (1.0 - middle * middle).sqrt())
+            }
+            _ => (T::zero(), self.lasts_s, 0.0),
+        }
+    }
+}
+
+/// Friction from part to part.
+struct Friction<T> {
+    law: Sliding,
+    /// The slip has stopped.
+    holds: bool,
+    /// Direction of the slip.
+    along: [T; 2],
+}
+
+impl<T: Real> Friction<T> {
+    /// Impulse on the ball beside a part of the push that allows `limit`; `stick` would hold the slip where it belongs. The last part decides
+    /// nothing.
+    fn impulse(&mut self, slip: &Vector3<T>, stick: [T; 2], limit: T, last: bool) -> [T; 2] {
+        let needed = stick[0].hypot(stick[1]);
+        let forward = slip.x * self.along[0] + slip.y * self.along[1];
+        if !last {
+            self.holds = self.holds || forward.value() <= 0.0 || needed.value() <= limit.value();
+        }
+        if !self.holds {
+            if self.law == Sliding::Exact {
+                let size = slip.x.hypot(slip.y);
+                self.along = [slip.x / size, slip.y / size];
+            }
+            [-limit * self.along[0], -limit * self.along[1]]
+        } else if last || needed.value() <= limit.value() {
+            stick
+        } else {
+            [stick[0] * limit / needed, stick[1] * limit / needed]
+        }
+    }
+}
+
 /// The whole of a lasting contact, as impulses along the axes at first touch that lead to its outcome. `instant`: the same
 /// contact without duration.
 pub(super) fn collide_lasting<T: Real>(at: &Contact<T>, laws: &Laws<T>, instant: &Impulse<T>) -> Impulse<T> {
@@ -103,7 +164,7 @@ pub(super) fn collide_lasting<T: Real>(at: &Contact<T>, laws: &Laws<T>, instant:
     let axes = slip_axes(laws, &frame);
     let first = axes.map_or_else(|| bodies.slip(), |axes| axes.tr_mul(&bodies.slip()));
     let size = first.x.hypot(first.y);
-    let mut along = if size.value() > 0.0 { [first.x / size, first.y / size] } else { [zero; 2] };
+    let along = if size.value() > 0.0 { [first.x / size, first.y / size] } else { [zero; 2] };
     bodies.offset -= (frame.column(0) * along[0] + frame.column(1) * along[1]) * laws.normal_offset;
     let held_slip = laws.rebound([first.x, first.y]);
 
@@ -113,19 +174,14 @@ pub(super) fn collide_lasting<T: Real>(at: &Contact<T>, laws: &Laws<T>, instant:
         return *instant;
     }
     let (compression, lasts) = (whole / (e + 1.0), at.duration(laws.face_time));
-    let (closing_time, opening_time) = (lasts * e / (e + 1.0), lasts / (e + 1.0));
-    let depth = laws.bed_share * at.approach_speed * closing_time * std::f64::consts::FRAC_2_PI;
-    let (mut holds, mut now, mut given) = (size.value() == 0.0, zero, zero);
+    let phases = Phases { compression, restitution: e, closing_s: lasts * e / (e + 1.0), opening_s: lasts / (e + 1.0), lasts_s: lasts };
+    let depth = laws.bed_share * at.approach_speed * phases.closing_s * std::f64::consts::FRAC_2_PI;
+    let mut friction = Friction { law: laws.sliding, holds: size.value() == 0.0, along };
+    let (mut now, mut given) = (zero, zero);
     // Work of the normal force on the spring: all of it, and what was absorbed.
     let (mut work, mut absorbed) = (zero, zero);
     for part in 0..=2 * PARTS {
-        let middle = ((part % PARTS) as f64 + 0.5) / PARTS as f64;
-        // Angle of the quarter sine at which this part of the impulse has half passed.
-        let (normal, then, sunk) = match part / PARTS {
-            0 => (compression / PARTS as f64, closing_time * ((1.0 - middle).acos() * std::f64::consts::FRAC_2_PI), (1.0 - (1.0 - middle).powi(2)).sqrt()),
-            1 => (e * compression / PARTS as f64, closing_time + opening_time * (middle.asin() * std::f64::consts::FRAC_2_PI), (1.0 - middle * middle).sqrt()),
-            _ => (zero, lasts, 0.0),
-        };
+        let (normal, then, sunk) = phases.part(part);
         bodies.drift(then - now, depth * sunk);
         now = then;
         let k = response(at.body, laws, &bodies.frame, &bodies.arm, &bodies.lever, &bodies.offset);
@@ -147,23 +203,8 @@ pub(super) fn collide_lasting<T: Real>(at: &Contact<T>, laws: &Laws<T>, instant:
         let wish = [held_slip[0] * share - slip.x, held_slip[1] * share - slip.y];
         let det = k[(0, 0)] * k[(1, 1)] - k[(0, 1)] * k[(1, 0)];
         let stick = [(k[(1, 1)] * wish[0] - k[(0, 1)] * wish[1]) / det, (k[(0, 0)] * wish[1] - k[(1, 0)] * wish[0]) / det];
-        let (needed, limit) = (stick[0].hypot(stick[1]), laws.friction * normal);
-        let forward = slip.x * along[0] + slip.y * along[1];
-        if !last {
-            holds = holds || forward.value() <= 0.0 || needed.value() <= limit.value();
-        }
-        let friction = if !holds {
-            if laws.sliding == Sliding::Exact {
-                let size = slip.x.hypot(slip.y);
-                along = [slip.x / size, slip.y / size];
-            }
-            [-limit * along[0], -limit * along[1]]
-        } else if last || needed.value() <= limit.value() {
-            stick
-        } else {
-            [stick[0] * limit / needed, stick[1] * limit / needed]
-        };
-        bodies.kick(Vector3::new(friction[0], friction[1], zero));
+        let [along, across] = friction.impulse(&slip, stick, laws.friction * normal, last);
+        bodies.kick(Vector3::new(along, across, zero));
         let after = -bodies.slip().z * side;
         let done = (before + after) * normal * 0.5;
         work += done;
@@ -174,7 +215,7 @@ pub(super) fn collide_lasting<T: Real>(at: &Contact<T>, laws: &Laws<T>, instant:
         };
     }
     let (turn, b, i) = (bodies.turn, at.body, &at.input);
-    let regime = if holds { Regime::Stick } else { Regime::Slide };
+    let regime = if friction.holds { Regime::Stick } else { Regime::Slide };
     let rate = turn * bodies.rate();
     Impulse {
         ball: (turn * bodies.ball - i.ball_velocity) * b.ball_mass,

@@ -21,12 +21,6 @@ macro_rules! choice {
                     _ => None,
                 }
             }
-
-            pub fn name(self) -> &'static str {
-                match self {
-                    $($name::$variant => $text,)*
-                }
-            }
         }
     };
 }

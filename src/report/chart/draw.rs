@@ -1,7 +1,7 @@
 //! Drawing of each layer in pixels, and the plane between the axes.
 
 use super::axis::Scale;
-use super::layer::{Arrows, Band, Bars, Cells, Label, Line, Picture, Points, Rule, Shape, Symbol};
+use super::layer::{Arrows, Band, Bars, Cells, Line, Picture, Points, Rule, Shape, Symbol};
 use super::palette::{Colour, diverging, sequential};
 use super::svg::{Anchor, Form, Path, Svg, TEXT, polyline, px, text_width};
 use std::fmt::Write;
@@ -14,7 +14,6 @@ pub(super) struct Plane {
     pub bottom: f64,
     pub x: Scale,
     pub y: Scale,
-    pub x_reversed: bool,
     pub y_reversed: bool,
 }
 
@@ -22,7 +21,6 @@ impl Plane {
     pub fn at(&self, (x, y): (f64, f64)) -> (f64, f64) {
         let sx = (x - self.x.low) / (self.x.high - self.x.low);
         let sy = (y - self.y.low) / (self.y.high - self.y.low);
-        let sx = if self.x_reversed { 1.0 - sx } else { sx };
         let sy = if self.y_reversed { 1.0 - sy } else { sy };
         (self.left + sx * (self.right - self.left), self.bottom - sy * (self.bottom - self.top))
     }
@@ -302,15 +300,6 @@ pub(super) fn rule_stroke(layer: &Rule) -> String {
     let ink = layer.colour.map_or("currentColor".to_owned(), |c| c.to_string());
     let dashes = if layer.solid { "" } else { " stroke-dasharray=\"4 3\"" };
     format!("stroke=\"{ink}\" stroke-opacity=\"0.75\"{dashes}")
-}
-
-pub(super) fn label(svg: &mut Svg, plane: &Plane, layer: &Label, width: f64) {
-    if !finite(layer.at) {
-        return;
-    }
-    let (x, y) = plane.clamp(plane.at(layer.at));
-    let x = x.min(width - text_width(&layer.text, TEXT) - 2.0).max(2.0);
-    svg.text(x, y, Anchor::Start, &layer.text, "");
 }
 
 pub(super) fn picture(svg: &mut Svg, plane: &Plane, layer: &Picture) {

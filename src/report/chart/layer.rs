@@ -37,7 +37,7 @@ macro_rules! layers {
     };
 }
 
-layers!(Points, Line, Band, Bars, Cells, Arrows, Shape, Rule, Label, Picture);
+layers!(Points, Line, Band, Bars, Cells, Arrows, Shape, Rule, Picture);
 
 macro_rules! styled {
     ($($type:ident),*) => {$(
@@ -316,19 +316,6 @@ impl Picture {
     }
 }
 
-/// Text at a place of the chart.
-#[derive(Debug, Clone)]
-pub struct Label {
-    pub(super) at: (f64, f64),
-    pub(super) text: String,
-}
-
-impl Label {
-    pub fn new(at: (f64, f64), text: &str) -> Self {
-        Label { at, text: text.to_owned() }
-    }
-}
-
 /// Least and greatest abscissa and ordinate of a layer's data; `None` when it should not stretch the axes.
 pub(super) fn extent(layer: &Layer) -> Vec<(f64, f64)> {
     let error = |e: &[f64], i: usize| e.get(i).copied().filter(|s| s.is_finite()).unwrap_or(0.0);
@@ -351,7 +338,6 @@ pub(super) fn extent(layer: &Layer) -> Vec<(f64, f64)> {
         Layer::Arrows(a) => a.from.iter().zip(&a.by).flat_map(|(&(x, y), &(u, v))| [(x, y), (x + a.scale * u, y + a.scale * v)]).collect(),
         Layer::Shape(s) => s.corners.clone(),
         Layer::Rule(r) => vec![if r.horizontal { (f64::NAN, r.at) } else { (r.at, f64::NAN) }],
-        Layer::Label(_) => Vec::new(),
         Layer::Picture(p) => vec![(p.corner.0 - 0.5, p.corner.1 - 0.5), (p.corner.0 + p.size.0 - 0.5, p.corner.1 + p.size.1 - 0.5)],
     }
 }

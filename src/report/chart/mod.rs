@@ -1,7 +1,7 @@
 //! Charts as SVG text: a small library of the figures this field uses.
 //!
 //! A [`Chart`] has two axes with units and any number of layers ([`Points`], [`Line`], [`Band`], [`Bars`], [`Cells`],
-//! [`Arrows`], [`Shape`], [`Rule`], [`Label`]), drawn in the order they were added. [`face`] draws the racket's face,
+//! [`Arrows`], [`Shape`], [`Rule`]), drawn in the order they were added. [`face`] draws the racket's face,
 //! [`Scene`] a room in a fixed oblique view. Every figure is complete by itself: it may stand in a page or in a file of
 //! its own; its ink is `currentColor`, so it follows the page's light or dark theme. Coordinates are rounded to a tenth
 //! of a pixel; same input, same bytes. Values that are not finite are left out.
@@ -28,7 +28,7 @@ mod scene;
 mod svg;
 
 pub use histogram::{bin_edges, histogram};
-pub use layer::{Arrows, Band, Bars, Cells, Label, Layer, Line, Picture, Points, Rule, Shape, Symbol};
+pub use layer::{Arrows, Band, Bars, Cells, Layer, Line, Picture, Points, Rule, Shape, Symbol};
 pub(in crate::report) use palette::dark_style;
 pub use palette::{Colour, diverging, sequential};
 pub use plot::{Chart, Legend};

@@ -90,10 +90,6 @@ impl Chart {
         self.y.include.push(value);
         self
     }
-    pub fn x_reversed(mut self) -> Self {
-        self.x.reversed = true;
-        self
-    }
     /// Ordinate grows downward, as in an image.
     pub fn y_reversed(mut self) -> Self {
         self.y.reversed = true;
@@ -201,7 +197,7 @@ impl Chart {
         let right = (self.width - if bar { 62.0 } else { 10.0 }).max(left + 20.0);
         let columns = ((right - left) / 58.0).clamp(2.0, 9.0) as usize;
         let x = self.x.scale(dx, columns);
-        let mut plane = Plane { left, top, right, bottom: bottom.max(top + 20.0), x, y, x_reversed: self.x.reversed, y_reversed: self.y.reversed };
+        let mut plane = Plane { left, top, right, bottom: bottom.max(top + 20.0), x, y, y_reversed: self.y.reversed };
         if self.equal {
             // Widen the range that has room, about its middle.
             let (w, h) = (plane.right - plane.left, plane.bottom - plane.top);
@@ -282,7 +278,7 @@ impl Chart {
                 Layer::Bars(l) => l.colour,
                 Layer::Arrows(l) => l.colour,
                 Layer::Shape(l) => Some(l.colour.unwrap_or(Colour::GREY)),
-                Layer::Rule(_) | Layer::Cells(_) | Layer::Label(_) | Layer::Picture(_) => Some(Colour::GREY),
+                Layer::Rule(_) | Layer::Cells(_) | Layer::Picture(_) => Some(Colour::GREY),
             };
             own.unwrap_or_else(|| {
                 next += 1;
@@ -302,7 +298,6 @@ impl Chart {
             Layer::Arrows(l) => draw::arrows(svg, p, l, colour),
             Layer::Shape(l) => draw::shape(svg, p, l),
             Layer::Rule(l) => draw::rule(svg, p, l),
-            Layer::Label(l) => draw::label(svg, p, l, self.width),
             Layer::Picture(l) => draw::picture(svg, p, l),
         }
     }
@@ -322,7 +317,7 @@ impl Chart {
                 Layer::Arrows(l) => &l.name,
                 Layer::Shape(l) => &l.name,
                 Layer::Rule(l) => &l.name,
-                Layer::Cells(_) | Layer::Label(_) | Layer::Picture(_) => continue,
+                Layer::Cells(_) | Layer::Picture(_) => continue,
             };
             if name.is_empty() {
                 continue;

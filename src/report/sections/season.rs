@@ -3,13 +3,13 @@
 use super::quantity_words::quantity_words;
 use super::regression::regression;
 use crate::equipment::Racket;
-use crate::kinematics::{Shot, effective_mass, season_statistics};
+use crate::kinematics::{Shot, effective_mass, season_statistics, shots_by_group};
 use crate::report::chart::{Arrows, Band, Bars, Cells, Chart, Colour, Line, Points, Rule, Symbol, bin_edges, face, histogram};
 use crate::report::markup::{fixed, significant, with_sd};
 use crate::report::page::{Layout, Section, Table};
 use crate::report::session_results::SessionResults;
 use nalgebra::Vector2;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 /// Fewest shots that make a histogram.
 const FEWEST: usize = 4;
@@ -60,7 +60,8 @@ pub fn histograms_to_csv(figures: &[SeasonFigure]) -> String {
 
 /// Shots of one group (all, or those with one value of the grouping column).
 struct Group<'a> {
-    name: String,
+    column: &'a str,
+    name: &'a str,
     shots: Vec<&'a Shot>,
 }
 
@@ -72,7 +73,7 @@ impl Group<'_> {
 
     /// Name for a legend; a legend of one group says nothing.
     fn legend(&self, of: usize) -> &str {
-        if of > 1 { &self.name } else { "" }
+        if of > 1 { self.name } else { "" }
     }
 }
 
@@ -108,20 +109,21 @@ fn against_thesis(shots: &[&Shot]) -> Table {
         .numbers("shots")
         .numbers("here")
         .numbers("measuring error in it (sd)");
-    let groups = groups(shots);
-    let own: Vec<_> = groups.iter().filter(|_| groups.len() > 1).map(|g| (&g.name, season_statistics(&g.shots))).collect();
-    for (name, _) in &own {
-        table = table.numbers(&format!("here, {name}"));
+    let mut own = groups(shots);
+    own.retain(|g| g.shots.len() < shots.len());
+    for group in &own {
+        table = table.numbers(&format!("here, {}", group.name));
     }
     table = table.numbers("thesis, men").numbers("thesis, women").column("unit");
-    for s in season_statistics(shots).iter().filter(|s| s.column == "all") {
+    let statistics = season_statistics(shots);
+    for s in statistics.iter().filter(|s| s.column == "all") {
         let (Some(men), Some(women)) = (s.thesis_men, s.thesis_women) else { continue };
         let w = quantity_words(&s.quantity);
         // Two digits of the spread: the mean of some tens of shots is known to no more.
         let spread = |mean: f64, sd: Option<f64>| sd.map_or_else(|| significant(w.factor * mean, 3), |sd| with_sd(w.factor * mean, w.factor * sd));
         let mut cells = vec![w.words.clone(), s.n.to_string(), spread(s.mean, s.sd), significant(w.factor * s.measuring_sd, 2)];
-        for (_, statistics) in &own {
-            let group = statistics.iter().find(|g| g.column == "all" && g.quantity == s.quantity);
+        for own in &own {
+            let group = statistics.iter().find(|g| (g.column.as_str(), g.value.as_str()) == (own.column, own.name) && g.quantity == s.quantity);
             cells.push(group.map_or_else(String::new, |g| spread(g.mean, g.sd)));
         }
         cells.extend([spread(men[0], Some(men[1])), spread(women[0], Some(women[1])), if w.unit.is_empty() { s.unit.clone() } else { w.unit.to_owned() }]);
@@ -157,7 +159,7 @@ pub fn season_figures(shots: &[&Shot], racket: Option<&Racket>) -> Vec<SeasonFig
             let all = group.values(resultant);
             let resultant = if all.is_empty() { String::new() } else { format!("; resultant {}", mean_sd(&all)) };
             let figure = frequency(&name, &title, "", unit, &series, &format!("{resultant} {unit} (as thesis figures {thesis})"));
-            figures.extend(figure.map(|f| f.counted(|b| b.group.clone_from(&group.name))));
+            figures.extend(figure.map(|f| f.counted(|b| b.group = group.name.to_owned())));
         }
     }
     for (name, quantity, thesis) in [
@@ -185,19 +187,14 @@ pub fn season_figures(shots: &[&Shot], racket: Option<&Racket>) -> Vec<SeasonFig
 }
 
 fn groups<'a>(shots: &[&'a Shot]) -> Vec<Group<'a>> {
-    let mut columns: BTreeMap<&str, BTreeSet<&str>> = BTreeMap::new();
-    for (key, value) in shots.iter().flat_map(|s| &s.groups) {
-        columns.entry(key).or_default().insert(value);
-    }
-    let rank = |key: &str| ["sex", "player"].iter().position(|k| *k == key).unwrap_or(2);
+    let rank = |column: &str| ["sex", "player"].iter().position(|c| *c == column).unwrap_or(2);
     // No shot is left out of the figures: a column tells groups apart where every shot has it.
-    let of_all = |key: &str| shots.iter().all(|s| s.groups.iter().any(|(k, _)| k == key));
-    let column = columns.iter().filter(|(k, v)| (2..=MOST_GROUPS).contains(&v.len()) && of_all(k)).min_by_key(|(k, _)| (rank(k), **k));
-    let Some((key, values)) = column else {
-        return vec![Group { name: "all shots".to_owned(), shots: shots.to_vec() }];
-    };
-    let of = |s: &Shot, value: &str| s.groups.iter().any(|(k, v)| k == key && v == value);
-    values.iter().map(|v| Group { name: (*v).to_owned(), shots: shots.iter().filter(|s| of(s, v)).copied().collect() }).collect()
+    let of_all = |groups: &BTreeMap<&str, Vec<&Shot>>| groups.values().map(Vec::len).sum::<usize>() == shots.len();
+    let columns = shots_by_group(shots).into_iter().filter(|(_, groups)| (2..=MOST_GROUPS).contains(&groups.len()) && of_all(groups));
+    match columns.min_by_key(|(column, _)| (rank(column), *column)) {
+        Some((column, groups)) => groups.into_iter().map(|(name, shots)| Group { column, name, shots }).collect(),
+        None => vec![Group { column: "all", name: "all shots", shots: shots.to_vec() }],
+    }
 }
 
 fn mean_sd(values: &[f64]) -> String {
@@ -263,10 +260,10 @@ fn impact_positions(racket: &Racket, groups: &[Group<'_>]) -> Option<SeasonFigur
     let mut chart = face::face("Impact positions", racket);
     let mut any = false;
     for (k, g) in groups.iter().enumerate() {
-        let of_racket = Group { name: g.name.clone(), shots: g.shots.iter().copied().filter(|s| s.racket == racket.name).collect() };
+        let of_racket = Group { shots: g.shots.iter().copied().filter(|s| s.racket == racket.name).collect(), ..*g };
         let at = pairs(&of_racket, "impact_y", "impact_x");
         any |= !at.is_empty();
-        chart = chart.add(Points::new(&at).name(if groups.len() > 1 { &g.name } else { "impacts" }).symbol(Symbol::of_series(k)).colour(Colour::of_series(k)));
+        chart = chart.add(Points::new(&at).name(if groups.len() > 1 { g.name } else { "impacts" }).symbol(Symbol::of_series(k)).colour(Colour::of_series(k)));
     }
     let chart = face::spots(chart, &sweet_spots(racket, &shots));
     let caption = format!("Impacts on {} and the mean sweet spots of these shots, as far as they lie on the head (as thesis figure 5.20).", racket.name);

@@ -156,11 +156,6 @@ impl RacketFigure {
     pub fn distance_m(&self, i: usize, j: usize) -> f64 {
         (self.points[i] - self.points[j]).norm()
     }
-
-    /// Largest distance of a marker from the local origin, m.
-    pub fn reach_m(&self) -> f64 {
-        self.points.iter().map(|p| p.coords.norm()).fold(0.0, f64::max)
-    }
 }
 
 /// Unit vector from the axis toward the eye, perpendicular to the tube.

@@ -16,7 +16,8 @@ use super::local_spot::SPOT_LEVEL;
 use super::own_strengths::{Found as FoundByGroup, OwnStrengths, own_strengths};
 use super::place::places;
 use super::rank::{Reference, Refit, added_parameters, form_overdispersion, gain_over, log_evidence_over};
-use super::refits::{FIRST_LEVEL, LARGEST_NOISE_SCALE, LOG_ODDS, Refits, SHARE, estimates, excess_at, share_removed};
+use super::refits::{ALONE_SHARE, FIRST_LEVEL, LARGEST_NOISE_SCALE, LOG_ODDS, Refits, SHARE, estimates, excess_at, share_removed};
+use super::screen::STRENGTH_PRIOR;
 use super::structure::{STRUCTURE_LEVEL, StructureTest, p_text};
 use super::terminal::short;
 use super::verdict_words::verdict_words;
@@ -29,6 +30,11 @@ const FAR_MORE: f64 = 10.0;
 /// Fall of the held-out impacts' chi-square that an effect beside those already in the model must bring (odds of seven to one), on
 /// top of what choosing it among the catalogue is worth: what the first one's form leaves is imitated in part by some other.
 const WORTH_A_FURTHER_EFFECT: f64 = 4.0;
+/// What is left of the catalogue's probability when no form of the best effect does what is missing: as likely as not it is none of these.
+const IMITATING: f64 = 0.5;
+/// Typical sizes that an effect's only strength exceeds once in a hundred, by the prior that it is weighed with: 4.6 deviations of Student's t of 4
+/// degrees of freedom.
+const UNUSUAL: f64 = 4.604 * STRENGTH_PRIOR;
 /// What is left of an effect's probability when the held-out impacts refuse it.
 const REFUSED: f64 = 0.3;
 
@@ -57,6 +63,8 @@ pub(super) struct Judgement<'a> {
     own: Option<Box<OwnStrengths>>,
     /// The held-out error with parameters of their own in each group, where these account for what is wrong.
     with_own_parameters: Option<f64>,
+    /// Why what is chosen may only be like what is missing.
+    imitates: Option<String>,
     notes: Vec<String>,
 }
 
@@ -82,6 +90,7 @@ impl<'a> Judgement<'a> {
             beside: None,
             own: None,
             with_own_parameters: None,
+            imitates: None,
             notes: Vec::new(),
         };
         judgement.choose()?;
@@ -94,6 +103,9 @@ impl<'a> Judgement<'a> {
             (None, _) if !case.smooth() && !case.one_place() => Verdict::Adequate,
             _ => Verdict::Unexplained,
         };
+        if let (Some(b), Verdict::EffectMissing) = (judgement.chosen, judgement.verdict) {
+            judgement.imitates = judgement.imitates(b)?;
+        }
         Ok(judgement)
     }
 
@@ -133,13 +145,37 @@ impl<'a> Judgement<'a> {
         if self.case.only_one_place() && self.reference.spot_beside(b)?.is_some_and(|s| s.p_value < SPOT_LEVEL) {
             return Ok(false);
         }
-        // A share has its own uncertainty: what is left scatters by its deviation, which may not make a right name wrong.
-        let give = |left: f64| (left - (2.0 * self.case.structure.rank as f64 + 4.0 * left).sqrt()).max(0.0);
-        let at_best = share_removed(self.excess, give(excess_at(&b.structure, self.c_believed)));
+        let at_best = self.share_granted(excess_at(&b.structure, self.c_believed));
         let held = |error: f64| (error.powi(2) - self.c_believed).max(0.0);
         let sound = b.structure.p_value >= STRUCTURE_LEVEL && b.structure.noise_scale <= LARGEST_NOISE_SCALE;
         let likely = self.refits.is_likelier_than_nothing(b, self.overdispersion);
         Ok(at_best >= SHARE || share_removed(held(self.case.error), held(self.after)) >= SHARE || sound && likely)
+    }
+
+    /// Share of the excess that is gone where `left` is left. A share has its own uncertainty: what is left scatters by its deviation, which may not make
+    /// a right name wrong.
+    fn share_granted(&self, left: f64) -> f64 {
+        share_removed(self.excess, (left - (2.0 * self.case.structure.rank as f64 + 4.0 * left).sqrt()).max(0.0))
+    }
+
+    /// That an effect may take much of the excess away for being like what is missing, not for being it, in words. The right effect in a form that is not quite
+    /// nature's leaves much as well, but nearly all of that is gone when its strength may vary; what another mechanism does no form of it does. Of a
+    /// pair each has shown already what it explains beyond any form of the other.
+    fn imitates(&self, b: &Refit) -> Result<Option<String>, ValidationError> {
+        let gone = share_removed(self.excess, excess_at(&b.structure, self.c_believed));
+        let [name] = &b.effects[..] else { return Ok(None) };
+        if b.structure.p_value >= STRUCTURE_LEVEL || gone >= ALONE_SHARE {
+            return Ok(None);
+        }
+        let (left, p_value) = self.reference.left_in_any_form(b, self.c_believed)?;
+        Ok((p_value < STRUCTURE_LEVEL && self.share_granted(left) < ALONE_SHARE).then(|| {
+            format!(
+                "But {name} takes {:.0} % of the excess away, and no form of it the rest ({:.0} % left, {}): it may only imitate, in part, something that the catalogue has not.",
+                100.0 * gone,
+                100.0 * left / self.excess,
+                p_text(p_value),
+            )
+        }))
     }
 
     /// Where the model fails by groups and no effect of one strength for all accounts for it: one whose strength is each group's own, or the model's
@@ -334,6 +370,11 @@ impl<'a> Judgement<'a> {
             diagnosis.next_experiments = self.refits.next_experiments(&self.reference, &diagnosis.candidates)?;
         }
         diagnosis.words = verdict_words(&diagnosis);
+        if let (Some(best), Verdict::EffectMissing) = (believed, self.verdict) {
+            let doubts = self.imitates.take().into_iter().chain(unusual_strength(best));
+            let at = diagnosis.words.len().min(2);
+            diagnosis.words.splice(at..at, doubts);
+        }
         Ok(diagnosis)
     }
 
@@ -386,6 +427,9 @@ impl<'a> Judgement<'a> {
         if let (true, Some(refused)) = (self.refused, self.chosen) {
             list.iter_mut().filter(|c| refused.effects.contains(&c.effect)).for_each(|c| c.probability *= REFUSED);
         }
+        if self.verdict == Verdict::EffectMissing && self.imitates.is_some() {
+            list.iter_mut().for_each(|c| c.probability *= IMITATING);
+        }
         list.sort_by(|a, b| b.probability.total_cmp(&a.probability).then(b.log_evidence_gain.total_cmp(&a.log_evidence_gain)).then(a.effect.cmp(&b.effect)));
         if self.verdict == Verdict::Adequate {
             less_likely_than_nothing(&mut list);
@@ -437,6 +481,18 @@ impl<'a> Judgement<'a> {
             (a, b) => a.or(b),
         })
     }
+}
+
+/// That the one effect of a model is found far larger than usual, in words: it may be something else that has its signature.
+fn unusual_strength(best: &Refit) -> Option<String> {
+    let [strength] = best.strengths[..] else { return None };
+    (strength.abs() > UNUSUAL).then(|| {
+        format!(
+            "But {} is found at {:.0} times its usual size: something else with the same signature may be at work, and these impacts cannot tell.",
+            best.effects.join(" and "),
+            strength.abs()
+        )
+    })
 }
 
 /// The excess of a structure test at a noise scale that is believed.

@@ -24,7 +24,7 @@ use super::observation::{Observation, Observations};
 use super::predicted::difference;
 use super::project::{Nuisance, beside};
 use super::screen::{Screening, screen_beyond};
-use super::structure::{BesideSmooth, StructureTest, chi2_tail, form_features, structure_test};
+use super::structure::{BesideSmooth, StructureTest, chi2_tail, form_features, structure_beyond, structure_test};
 use nalgebra::DMatrix;
 
 /// Directions in which a catalogue formula may differ from nature's (see the module's text).
@@ -268,6 +268,12 @@ impl Reference<'_> {
     pub fn spot_beside(&self, first: &Refit) -> Result<Option<LocalSpot>, ValidationError> {
         let (library, nuisance) = self.beside_any_form(first)?;
         Ok(local_spot(&Reference { library: library.as_ref(), base: &first.fit, ..*self }, &nuisance))
+    }
+
+    /// The excess that smooth corrections find beside any form of `first`, at a noise scale that is believed, and its p-value.
+    pub fn left_in_any_form(&self, first: &Refit, c: f64) -> Result<(f64, f64), ValidationError> {
+        let (_, nuisance) = self.beside_any_form(first)?;
+        Ok(structure_beyond(&first.fit, self.observations, self.impacts, &nuisance, c, self.seed))
     }
 
     /// The model with `first` in it, and what any form of it can absorb.

@@ -14,7 +14,7 @@ use super::fit::Fit;
 use super::forward::Inputs;
 use super::lone_term::{LoneTerm, lone_term};
 use super::observation::{Gear, Observation, Observations};
-use super::project::{Projected, beside, project};
+use super::project::{Nuisance, Projected, beside, project, project_out};
 use crate::impact_table::OUTPUTS;
 use nalgebra::{DMatrix, DVector, RowDVector, Vector3};
 use rand::{Rng, SeedableRng};
@@ -451,6 +451,15 @@ fn of_signatures(fit: &Fit, signatures: &[DMatrix<f64>], seed: u64) -> Structure
         lone_term: None,
         seed,
     }
+}
+
+/// What smooth corrections find beyond `nuisance`: the excess over what noise of scale `c` gives them, and its p-value.
+pub fn structure_beyond(fit: &Fit, observations: &Observations, impacts: &[&Observation], nuisance: &Nuisance, c: f64, seed: u64) -> (f64, f64) {
+    let projected = project_out(fit, nuisance, &generic_signatures(fit, observations, impacts));
+    let directions = independent_directions(&projected);
+    let parts = &projected.contributions * &directions;
+    let statistic = parts.row_sum().norm_squared();
+    ((statistic / c - directions.ncols() as f64).max(0.0), wild_p_value(&parts, statistic, seed))
 }
 
 /// Directions in the space of the terms, terms × rank, along which the projected scores are independent with variance one.

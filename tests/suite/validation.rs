@@ -194,6 +194,26 @@ fn real_practice_table_outside_the_catalogue_is_unexplained_with_a_formula() {
     assert!(d.candidates.iter().all(|c| c.probability < 0.5));
 }
 
+/// A ball that leaves with more spin than the contact gives it is in no card, and no form of a ball with a shorter arm does it: that is not certain.
+/// What has the right mechanism in another form is.
+#[test]
+fn truth_what_imitates_something_outside_the_catalogue_is_not_certain() {
+    let mut made = table(Kind::Court, 300, &[], 1, NoiseOptions::default());
+    for row in &mut made.table.rows {
+        for (name, measured) in OUTPUTS.iter().zip(&mut row.outputs) {
+            if ["ball_out_wx", "ball_out_wy"].contains(name) {
+                *measured = measured.map(|m| Measured { value: 1.1 * m.value, ..m });
+            }
+        }
+    }
+    let d = diagnosis_of(&made);
+    assert!(d.candidates.iter().all(|c| c.probability <= 0.5), "{:?}", d.words);
+    assert!(d.words.iter().any(|w| w.contains("no form of it the rest")), "{:?}", d.words);
+    let right = diagnosis_of(&table(Kind::Lab, 200, &[("frame-vibration", 2.0)], 2, NoiseOptions { scale: 0.2, ..NoiseOptions::default() }));
+    assert_eq!(right.recommended, ["frame-vibration"], "{:?}", right.words);
+    assert!(right.candidates[0].probability > 0.5 && !right.words.iter().any(|w| w.contains("no form of it")), "{:?}", right.words);
+}
+
 #[test]
 fn law_nothing_hidden_is_called_adequate() {
     let mut alarms = Vec::new();

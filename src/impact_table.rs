@@ -7,6 +7,7 @@
 mod column_words;
 mod header;
 mod own_columns;
+mod pooled;
 mod remarks;
 mod row_fault;
 

@@ -188,7 +188,7 @@ impl Shell {
         }
     }
 
-    /// Says where the model is that stood under a result's name, if there was one ([`set_aside::set_model_aside`]).
+    /// Says where the model is that stood under a result's name, if there was one.
     pub fn say_kept(&self, output: &Path, kept: Option<&Path>) {
         if let Some(kept) = kept {
             self.say(format_args!("{} held another model; it is kept as {}", output.display(), kept.display()));
@@ -235,6 +235,7 @@ commands! {
     track => Track,
     shots => Shots,
     racket => Racket,
+    pool => Pool,
     predict => Predict,
     compare => Compare,
     diagnose => Diagnose,
@@ -252,6 +253,7 @@ impl Command {
         match self {
             Command::Add(a) => Some(&a.output),
             Command::Fit(a) => Some(&a.output),
+            Command::Pool(a) => Some(&a.output),
             Command::Diagnose(a) => a.output.as_deref(),
             Command::Racket(a) => a.photograph.overlay.as_deref(),
             _ => None,

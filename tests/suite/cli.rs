@@ -453,6 +453,51 @@ fn cli_another_model_under_the_outputs_name_is_kept() {
 }
 
 #[test]
+fn cli_sessions_are_pooled_into_one_table_and_measured_impacts_never_replaced_unasked() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let path = |name: &str| at(name).to_str().unwrap().to_owned();
+    let head = "id,ball_in_vz,ball_in_wx,ball_in_wy,ball_in_wz,racket_in_vz,impact_x,impact_y";
+    std::fs::create_dir_all(at("mon/results")).unwrap();
+    std::fs::write(at("mon/results/impacts.csv"), format!("{head}\ns1,-20,0,0,0,15,0.01,0\ns2,-21,0,0,0,15,0.02,0\n")).unwrap();
+    std::fs::write(at("tue.csv"), format!("{head}\ns1,-22,0,0,0,15,0.01,0\n")).unwrap();
+    let pool = |more: &[&str]| sweetspot(&[&["pool", &path("mon"), &path("tue.csv"), "-o", &path("week.csv")], more].concat());
+    let output = pool(&[]);
+    assert!(output.status.success() && said(&output).contains("3 impacts of 2 sessions (mon 2, tue 1)"), "{}", said(&output));
+    let week = std::fs::read_to_string(at("week.csv")).unwrap();
+    assert_eq!(week.lines().skip(1).map(|l| l.split(',').next().unwrap()).collect::<Vec<_>>(), ["mon/s1", "mon/s2", "tue/s1"]);
+    assert!(week.lines().next().unwrap().ends_with(",session") && week.lines().last().unwrap().ends_with(",tue"));
+    // The same again changes nothing; another one does not take its place unasked, and never that of what it is made of.
+    assert!(pool(&[]).status.success());
+    std::fs::write(at("tue.csv"), format!("{head}\ns1,-22,0,0,0,15,0.01,0\ns2,-22,0,0,0,15,n/a,0\ns3,-23,0,0,0,15,0.01,0\n")).unwrap();
+    refused(&["pool", &path("mon"), &path("tue.csv"), "-o", &path("week.csv")], &["week.csv: is there already", "--force"]);
+    refused(&["pool", &path("mon"), &path("tue.csv"), "-o", &path("tue.csv"), "--force"], &["tue.csv: is what this command was given to read"]);
+    refused(&["pool", &path("mon"), &path("mon/results/impacts.csv"), "-o", &path("x.csv")], &["impacts.csv: is given twice"]);
+    refused(&["pool", &path("mon"), &path(""), "-o", &path("x.csv")], &["holds neither results/impacts.csv nor impacts.csv", "sweetspot shots"]);
+    // Two rackets of one name: a row could mean either.
+    for (session, racket) in [("mon", RACKET), ("wed", &RACKET.replace("0.340", "0.310"))] {
+        std::fs::create_dir_all(at(session).join("shots/s1/left")).unwrap();
+        std::fs::write(at(session).join("session.toml"), SESSION).unwrap();
+        std::fs::write(at(session).join("racket.toml"), racket).unwrap();
+        std::fs::write(at(session).join("ball.toml"), BALL).unwrap();
+    }
+    std::fs::copy(at("mon/results/impacts.csv"), at("wed/impacts.csv")).unwrap();
+    let either = ["wed/racket.toml: has the name \"typical 27 inch\", and so has", "mon/racket.toml", "sweetspot shots"];
+    refused(&["pool", &path("mon"), &path("wed"), "-o", &path("x.csv")], &either);
+    std::fs::write(at("wed/racket.toml"), RACKET).unwrap();
+    let output = sweetspot(&["pool", &path("mon"), &path("wed"), "-o", &path("x.csv")]);
+    let gear = format!("--impacts {} --racket {} --ball {}\n", path("x.csv"), path("mon/racket.toml"), path("mon/ball.toml"));
+    assert!(output.status.success() && said(&output).contains(&gear), "{}", said(&output));
+    let output = pool(&["--force"]);
+    let told = said(&output);
+    assert_eq!(output.status.code(), Some(1), "{told}");
+    for words in ["1 of 5 impacts are left out", "tue/s2: tue.csv, line 3: `impact_x` is \"n/a\"", "correct the cells named"] {
+        assert!(told.contains(words), "expected {words:?} in: {told}");
+    }
+    assert_eq!(std::fs::read_to_string(at("week.csv")).unwrap().lines().count(), 5);
+}
+
+#[test]
 fn fails_text_and_cut_off_pictures_are_named() {
     let bench = Bench::new();
     bench.write("calib/left/a1.bmp", b"BM\x36\x00\x00\x00");

@@ -89,6 +89,11 @@ pub fn write_soon(path: &Path, bytes: &[u8]) -> io::Result<()> {
     write_whole(path, bytes, false)
 }
 
+/// Whether exactly these bytes stand there already. A file of another length is not read.
+pub fn holds(path: &Path, bytes: &[u8]) -> bool {
+    std::fs::metadata(path).is_ok_and(|m| m.is_file() && m.len() == bytes.len() as u64) && std::fs::read(path).is_ok_and(|there| there == bytes)
+}
+
 /// Whether a file ends with a whole line, as every table does; one cut off by a power failure is empty or ends with zeros.
 pub fn ends_with_line(path: &Path) -> bool {
     let last = |mut file: std::fs::File| {

@@ -8,7 +8,7 @@ use super::ledger_file::{LedgerFile, Version};
 use super::set_aside::{remove_if_there, set_model_aside};
 use crate::impact::Model;
 use crate::impact::model_file::with_values;
-use crate::provenance::sha256_hex;
+use crate::provenance::{holds, sha256_hex};
 use crate::session::Session;
 use crate::validation::Verdict;
 use crate::validation::auto::{Tried, Walk};
@@ -78,7 +78,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
         let text;
         (text, versions) = story.tell(walk, &comparison)?;
         match kept {
-            Some(kept) if std::fs::read(&kept).is_ok_and(|earlier| earlier == text.as_bytes()) => remove_if_there(&kept)?,
+            Some(kept) if holds(&kept, text.as_bytes()) => remove_if_there(&kept)?,
             kept => shell.say_kept(&output, kept.as_deref()),
         }
         last = (output, text);

@@ -5,7 +5,7 @@ use super::error::{CliError, with_reasons};
 use super::impacts_input::hint_at_faults;
 use crate::equipment::{Ball, EquipmentError, Racket};
 use crate::impact_table::ImpactTable;
-use crate::provenance::is_replaced;
+use crate::provenance::{holds, is_replaced};
 use crate::session::Session;
 use std::path::{Path, PathBuf};
 
@@ -37,7 +37,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let text = sound.to_csv();
     let output = &arguments.output;
     // A table of impacts is what was measured: no other makes room for this one unasked.
-    if is_replaced(output) && !shell.args.force && std::fs::read(output).map_or(true, |earlier| earlier != text.as_bytes()) {
+    if is_replaced(output) && !shell.args.force && !holds(output, text.as_bytes()) {
         let what = format!("{}: is there already and holds something else", output.display());
         return Err(CliError::input(what).hint("name another file (-o), or say --force if this table may replace it"));
     }

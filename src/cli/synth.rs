@@ -4,6 +4,7 @@ use super::Shell;
 use super::error::CliError;
 use super::set_aside::{listed, remove_if_there, set_made_of_table_aside};
 use crate::limited_file::{LARGEST_TABLE, LARGEST_TEXT, read_text};
+use crate::provenance::holds;
 use crate::synthetic::footage_spec::FootageSpec;
 use crate::synthetic::footage_world::{FootageWorld, FootageWorldError};
 use crate::synthetic::scenario::{Scenario, TableFiles};
@@ -31,7 +32,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
             }
             let files = TableFiles::of(&made).map_err(|e| named(&e))?.0;
             // What was made of another table would stand beside this one as if made of it.
-            if files.iter().any(|(name, text)| std::fs::read(output.join(name)).is_ok_and(|earlier| earlier != text.as_bytes())) {
+            if files.iter().map(|(name, text)| (output.join(name), text)).any(|(file, text)| file.is_file() && !holds(&file, text.as_bytes())) {
                 let kept = set_made_of_table_aside(output)?;
                 if !kept.is_empty() {
                     shell.say(format_args!("what was made of the table before is kept as {}", listed(&kept)));

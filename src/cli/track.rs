@@ -9,7 +9,7 @@ use crate::equipment::Markers;
 use crate::footage::{Clip, FrameBuffer, FrameSource, Rows};
 use crate::kinematics::{SHOT_FILE, ShotRecord};
 use crate::limited_file::{LARGEST_TABLE, LimitedFile};
-use crate::provenance::{Provenance, ends_with_line, sha256_file, sha256_hex};
+use crate::provenance::{Provenance, ends_with_line, holds, sha256_file, sha256_hex};
 use crate::session::{Session, ShotFolder};
 use crate::short_list::short_list;
 use crate::tracking::spin::{SPIN_FILE, spin_to_json};
@@ -307,7 +307,7 @@ fn set_exports_aside(arguments: &Arguments, id: &str, folder: &Path, tracks: &st
         }
     };
     let left: Vec<&str> = EXPORTS.into_iter().filter(|name| !asked(name) && folder.join(name).exists()).collect();
-    if left.is_empty() || std::fs::read(folder.join("tracks.csv")).is_ok_and(|earlier| earlier == tracks.as_bytes()) {
+    if left.is_empty() || holds(&folder.join("tracks.csv"), tracks.as_bytes()) {
         return Ok(());
     }
     let kept = set_all_aside(folder, &left)?;

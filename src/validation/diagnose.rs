@@ -106,7 +106,7 @@ fn with_strengths_freed(
     mended.candidates.iter_mut().for_each(|c| c.probability *= WRONG_STRENGTH);
     mended.next_experiments.clear();
     mended.noise_floor = second.noise_floor;
-    mended.words = verdict_words(&mended);
+    mended.words = verdict_words(&mended, None);
     mended.words.truncate(mended.words.len().saturating_sub(1));
     mended.words.insert(
         1,
@@ -134,7 +134,7 @@ fn diagnose_as_given(library: &dyn Library, observations: &Observations, options
             diagnosis.notes.extend(case.not_shown());
         }
         note_noise(diagnosis.noise_floor, diagnosis.verdict == Verdict::Adequate, &mut diagnosis.notes);
-        diagnosis.words = verdict_words(&diagnosis);
+        diagnosis.words = verdict_words(&diagnosis, None);
         return Ok(diagnosis);
     }
     let mut reference = case.reference(case.structure.noise_scale);

@@ -369,12 +369,8 @@ impl<'a> Judgement<'a> {
         if named && self.own.is_none() {
             diagnosis.next_experiments = self.refits.next_experiments(&self.reference, &diagnosis.candidates)?;
         }
-        diagnosis.words = verdict_words(&diagnosis);
-        if let (Some(best), Verdict::EffectMissing) = (believed, self.verdict) {
-            let doubts = self.imitates.take().into_iter().chain(unusual_strength(best));
-            let at = diagnosis.words.len().min(2);
-            diagnosis.words.splice(at..at, doubts);
-        }
+        let doubts = believed.into_iter().flat_map(|best| self.imitates.take().into_iter().chain(unusual_strength(best)));
+        diagnosis.words = verdict_words(&diagnosis, doubts);
         Ok(diagnosis)
     }
 

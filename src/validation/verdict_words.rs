@@ -20,8 +20,8 @@ fn with_probability(d: &Diagnosis, alias: &str) -> String {
     }
 }
 
-/// The answer first, then what carries it.
-pub fn verdict_words(d: &Diagnosis) -> Vec<String> {
+/// The answer first, then what carries it. `doubts` are sentences about the effect that is named.
+pub fn verdict_words(d: &Diagnosis, doubts: impl IntoIterator<Item = String>) -> Vec<String> {
     let tests = format!(
         "structure test {}, strongest place on the face {}, best of {} effects {} (corrected); together they raise a false alarm in at most {:.1} % of sound tables",
         p_text(d.structure.p_value),
@@ -61,6 +61,7 @@ pub fn verdict_words(d: &Diagnosis) -> Vec<String> {
                     floor_text(d.noise_floor)
                 ));
             }
+            words.extend(doubts);
             words.extend(by_group(d));
             if let Some(c) = d.candidates.iter().find(|c| d.recommended.first() == Some(&c.effect))
                 && let others = c.aliases.iter().filter(|a| !d.recommended.contains(a)).map(|a| with_probability(d, a)).collect::<Vec<_>>()

@@ -10,7 +10,6 @@ use super::diagnosis::{CandidateReport, Diagnosis, Estimate, Together, Verdict};
 use super::error::ValidationError;
 use super::expression::{Found, find_expression};
 use super::fit::{FitOptions, Start, fit, fit_with_likely_offsets};
-use super::forward::FreeParameter;
 use super::heldout::{error_of, held_out_error, is_worth, log_evidence_of, taken_for_chance, taken_for_shared};
 use super::local_spot::SPOT_LEVEL;
 use super::own_strengths::{Found as FoundByGroup, OwnStrengths, own_strengths};
@@ -30,13 +29,34 @@ const FAR_MORE: f64 = 10.0;
 /// Fall of the held-out impacts' chi-square that an effect beside those already in the model must bring (odds of seven to one), on
 /// top of what choosing it among the catalogue is worth: what the first one's form leaves is imitated in part by some other.
 const WORTH_A_FURTHER_EFFECT: f64 = 4.0;
-/// What is left of the catalogue's probability when no form of the best effect does what is missing: as likely as not it is none of these.
+/// What is left of the catalogue's probability when no form of the best effect does what is missing, or only a size of it that it hardly ever has: as
+/// likely as not it is none of these.
 const IMITATING: f64 = 0.5;
 /// Typical sizes that an effect's only strength exceeds once in a hundred, by the prior that it is weighed with: 4.6 deviations of Student's t of 4
 /// degrees of freedom.
 const UNUSUAL: f64 = 4.604 * STRENGTH_PRIOR;
 /// What is left of an effect's probability when the held-out impacts refuse it.
 const REFUSED: f64 = 0.3;
+
+/// Effects fitted with the wide prior of what is in a model: the one that weighs an effect against others draws a large strength toward none.
+struct Settled {
+    strengths: BTreeMap<String, Estimate>,
+    at_limit: Vec<AtLimit>,
+}
+
+/// A parameter at an end of its range.
+struct AtLimit {
+    name: String,
+    value: f64,
+    /// This end is that of no effect at all.
+    is_none: bool,
+}
+
+impl AtLimit {
+    fn words(&self) -> String {
+        format!("{} is fitted at the end of its range ({}): the impacts ask for more than the card allows, or for another form", self.name, short(self.value))
+    }
+}
 
 /// A verdict in the making.
 pub(super) struct Judgement<'a> {
@@ -63,8 +83,11 @@ pub(super) struct Judgement<'a> {
     own: Option<Box<OwnStrengths>>,
     /// The held-out error with parameters of their own in each group, where these account for what is wrong.
     with_own_parameters: Option<f64>,
-    /// Why what is chosen may only be like what is missing.
+    /// What is chosen as it would be in the model.
+    settled: Option<Settled>,
+    /// Why what is named may only be like what is missing: no form of it does, or no usual size.
     imitates: Option<String>,
+    unusual: Option<String>,
     notes: Vec<String>,
 }
 
@@ -90,10 +113,13 @@ impl<'a> Judgement<'a> {
             beside: None,
             own: None,
             with_own_parameters: None,
+            settled: None,
             imitates: None,
+            unusual: None,
             notes: Vec::new(),
         };
         judgement.choose()?;
+        judgement.settled = judgement.chosen.map(|b| judgement.settle(b)).transpose()?;
         let accounted = match judgement.chosen {
             Some(b) => judgement.accounts(b)?,
             None => false,
@@ -105,6 +131,7 @@ impl<'a> Judgement<'a> {
         };
         if let (Some(b), Verdict::EffectMissing) = (judgement.chosen, judgement.verdict) {
             judgement.imitates = judgement.imitates(b)?;
+            judgement.unusual = judgement.unusual(b);
         }
         Ok(judgement)
     }
@@ -282,7 +309,9 @@ impl<'a> Judgement<'a> {
     pub fn set_formula_against_name(&mut self) -> Result<(), ValidationError> {
         let (Some(best), Verdict::EffectMissing, Some(f)) = (self.chosen, self.verdict, &self.alone) else { return Ok(()) };
         let gain = gain_over(&self.case.base, &best.fit, self.c_of_formula);
-        if gain >= SHARE * f.honest_gain || f.honest_gain - gain <= FAR_MORE || f.suggestion.heldout_error_after >= self.after {
+        // No form of what only imitates takes more than it does.
+        let takes_most = gain >= SHARE * f.honest_gain && self.imitates.is_none();
+        if takes_most || f.honest_gain - gain <= FAR_MORE || f.suggestion.heldout_error_after >= self.after {
             return Ok(());
         }
         let form = self.form_beside(best)?;
@@ -290,7 +319,7 @@ impl<'a> Judgement<'a> {
         if named + LOG_ODDS < f.log_evidence {
             self.verdict = Verdict::Unexplained;
             self.notes.push(format!(
-                "{} fits, but takes only {:.0} % of what a formula takes, and no other form of it does as well",
+                "{} fits, but takes {:.0} % of what a formula takes, and no other form of it does as well",
                 best.effects.join(" and "),
                 100.0 * gain / f.honest_gain
             ));
@@ -369,7 +398,7 @@ impl<'a> Judgement<'a> {
         if named && self.own.is_none() {
             diagnosis.next_experiments = self.refits.next_experiments(&self.reference, &diagnosis.candidates)?;
         }
-        let doubts = believed.into_iter().flat_map(|best| self.imitates.take().into_iter().chain(unusual_strength(best)));
+        let doubts = self.imitates.take().into_iter().chain(self.unusual.take()).filter(|_| believed.is_some());
         diagnosis.words = verdict_words(&diagnosis, doubts);
         Ok(diagnosis)
     }
@@ -406,13 +435,13 @@ impl<'a> Judgement<'a> {
             diagnosis.recommended = best.effects.clone();
             goes_with_order = self.reference.adds_what_goes_with_order(case.library.with(&best.names())?.as_ref(), &best.fit)?;
         }
-        let (strengths, at_limit) = self.strengths_if_in_model(best)?;
-        diagnosis.notes.extend(at_limit);
+        let Some(Settled { strengths, at_limit }) = &self.settled else { return Ok(goes_with_order) };
+        diagnosis.notes.extend(at_limit.iter().map(AtLimit::words));
         let named = case.library.effects().iter().filter(|o| diagnosis.recommended.contains(&o.name));
         diagnosis.notes.extend(named.filter_map(|o| Some(format!("check before {} is added: {}", o.name, o.check_first?))));
         match best.effects.as_slice() {
-            [only] => diagnosis.candidates.iter_mut().filter(|c| c.effect == *only).for_each(|c| c.parameters.clone_from(&strengths)),
-            _ => diagnosis.together = Some(self.together(best, strengths)),
+            [only] => diagnosis.candidates.iter_mut().filter(|c| c.effect == *only).for_each(|c| c.parameters.clone_from(strengths)),
+            _ => diagnosis.together = Some(self.together(best, strengths.clone())),
         }
         diagnosis.outliers = outliers(&case.seen, &best.fit.impacts, &case.held, &best.held_out);
         Ok(goes_with_order)
@@ -423,7 +452,7 @@ impl<'a> Judgement<'a> {
         if let (true, Some(refused)) = (self.refused, self.chosen) {
             list.iter_mut().filter(|c| refused.effects.contains(&c.effect)).for_each(|c| c.probability *= REFUSED);
         }
-        if self.verdict == Verdict::EffectMissing && self.imitates.is_some() {
+        if self.verdict == Verdict::EffectMissing && (self.imitates.is_some() || self.unusual.is_some()) {
             list.iter_mut().for_each(|c| c.probability *= IMITATING);
         }
         list.sort_by(|a, b| b.probability.total_cmp(&a.probability).then(b.log_evidence_gain.total_cmp(&a.log_evidence_gain)).then(a.effect.cmp(&b.effect)));
@@ -433,19 +462,31 @@ impl<'a> Judgement<'a> {
         Ok(list)
     }
 
-    /// Strengths with the wide prior of what is in a model: the one that weighs an effect against others draws a large one toward none. And
-    /// which of the effects' parameters end at a limit, in words.
-    fn strengths_if_in_model(&self, best: &Refit) -> Result<(BTreeMap<String, Estimate>, Vec<String>), ValidationError> {
+    fn settle(&self, best: &Refit) -> Result<Settled, ValidationError> {
         let library = self.case.library.extended(&best.names(), &best.fit.values)?;
         let (forward, start) = (library.current(), Start { fit: &best.fit, keep_jacobians: library.current().costly() });
         let options = FitOptions { start_values: Some(best.fit.values.clone()), ..FitOptions::default() };
-        let settled = fit(forward, self.case.observations, &self.case.seen, &options, Some(start))?;
+        let fit = fit(forward, self.case.observations, &self.case.seen, &options, Some(start))?;
         let shared = self.case.base.values.len();
-        let at_limit = forward.parameters().iter().zip(&settled.values).skip(shared).filter(|(p, v)| **v <= p.min || **v >= p.max);
-        let words = |(p, v): (&FreeParameter, &f64)| {
-            format!("{} is fitted at the end of its range ({}): the impacts ask for more than the card allows, or for another form", p.name, short(*v))
+        let added = forward.parameters().iter().zip(&fit.values).skip(shared);
+        let at_limit = added
+            .filter(|(p, v)| **v <= p.min || **v >= p.max)
+            .map(|(p, v)| AtLimit { name: p.name.clone(), value: *v, is_none: p.prior.is_some_and(|prior| prior.mean == *v) })
+            .collect();
+        Ok(Settled { strengths: estimates(&added_parameters(forward, &fit, shared, self.refits.c)), at_limit })
+    }
+
+    /// That the one effect named is found far larger than usual, in words: it may be something else that has its signature.
+    fn unusual(&self, b: &Refit) -> Option<String> {
+        let [name] = &b.effects[..] else { return None };
+        let how = match b.strengths[..] {
+            [strength] if strength.abs() > UNUSUAL => format!("is found at {:.0} times its usual size", strength.abs()),
+            _ => {
+                let end = self.settled.iter().flat_map(|s| &s.at_limit).find(|l| !l.is_none)?;
+                format!("is found at the end of what its card allows ({} {})", end.name, short(end.value))
+            }
         };
-        Ok((estimates(&added_parameters(forward, &settled, shared, self.refits.c)), at_limit.map(words).collect()))
+        Some(format!("But {name} {how}: something else with the same signature may be at work, and these impacts cannot tell."))
     }
 
     /// Two effects as one model.
@@ -477,18 +518,6 @@ impl<'a> Judgement<'a> {
             (a, b) => a.or(b),
         })
     }
-}
-
-/// That the one effect of a model is found far larger than usual, in words: it may be something else that has its signature.
-fn unusual_strength(best: &Refit) -> Option<String> {
-    let [strength] = best.strengths[..] else { return None };
-    (strength.abs() > UNUSUAL).then(|| {
-        format!(
-            "But {} is found at {:.0} times its usual size: something else with the same signature may be at work, and these impacts cannot tell.",
-            best.effects.join(" and "),
-            strength.abs()
-        )
-    })
 }
 
 /// The excess of a structure test at a noise scale that is believed.

@@ -29,9 +29,14 @@ fn table(kind: Kind, impacts: usize, hidden: &[(&str, f64)], seed: u64, noise: N
 }
 
 fn diagnosis_of(made: &SyntheticTable) -> Diagnosis {
+    diagnosis(made, "", &DiagnoseOptions::default())
+}
+
+/// The diagnosis of a model that holds `effects` already.
+fn diagnosis(made: &SyntheticTable, effects: &str, options: &DiagnoseOptions) -> Diagnosis {
     let observations = Observations::new(&made.table, std::slice::from_ref(&made.racket), std::slice::from_ref(&made.ball), &TableOptions::default()).unwrap();
-    let model = Model::parse(FIRST_MODEL, Path::new("model.toml")).unwrap();
-    diagnose(&ModelLibrary::new(model, &observations.gear), &observations, &DiagnoseOptions::default()).unwrap()
+    let model = Model::parse(&format!("{FIRST_MODEL}\n{effects}"), Path::new("model.toml")).unwrap();
+    diagnose(&ModelLibrary::new(model, &observations.gear), &observations, options).unwrap()
 }
 
 fn practice(number: usize) -> Option<Diagnosis> {
@@ -41,13 +46,6 @@ fn practice(number: usize) -> Option<Diagnosis> {
     let observations = Observations::new(&impacts, &[racket], &[ball], &TableOptions::default()).unwrap();
     let model = Model::read(&folder.join("model.toml")).unwrap();
     Some(diagnose(&ModelLibrary::new(model, &observations.gear), &observations, &DiagnoseOptions::default()).unwrap())
-}
-
-/// The diagnosis of a model that holds `effects` already.
-fn diagnosis_with(made: &SyntheticTable, effects: &str) -> Diagnosis {
-    let observations = Observations::new(&made.table, std::slice::from_ref(&made.racket), std::slice::from_ref(&made.ball), &TableOptions::default()).unwrap();
-    let model = Model::parse(&format!("{FIRST_MODEL}\n{effects}"), Path::new("model.toml")).unwrap();
-    diagnose(&ModelLibrary::new(model, &observations.gear), &observations, &DiagnoseOptions::default()).unwrap()
 }
 
 /// The practice tables' answers (shared/practice/impacts/answers.json), by somebody else's world.
@@ -166,7 +164,7 @@ fn truth_held_out_impacts_help_to_choose() {
 fn law_what_imitates_an_effect_in_the_model_is_not_added_to_it() {
     for seed in [1, 2] {
         let made = table(Kind::Lab, 120, &[("finite-contact", 0.5)], seed, NoiseOptions { scale: 0.3, ..NoiseOptions::default() });
-        let d = diagnosis_with(&made, "[effects.finite-contact]\ncontact_time_s = { value = 0.001, fit = true }\n");
+        let d = diagnosis(&made, "[effects.finite-contact]\ncontact_time_s = { value = 0.001, fit = true }\n", &DiagnoseOptions::default());
         assert!(d.recommended.is_empty(), "table {seed}: {:?} {:?}", d.recommended, d.words);
         assert!(d.notes.iter().any(|n| n.starts_with("face-plane-offset would fit what is left, but imitates finite-contact")), "table {seed}: {:?}", d.notes);
     }
@@ -194,24 +192,45 @@ fn real_practice_table_outside_the_catalogue_is_unexplained_with_a_formula() {
     assert!(d.candidates.iter().all(|c| c.probability < 0.5));
 }
 
-/// A ball that leaves with more spin than the contact gives it is in no card, and no form of a ball with a shorter arm does it: that is not certain.
-/// What has the right mechanism in another form is.
+/// A ball that leaves with more spin than the contact gives it is in no card, and no form of a ball with a shorter arm does it: where no formula may
+/// tell, that name is not certain; a formula of what it is takes its place. What has the right mechanism in another form stays certain.
 #[test]
 fn truth_what_imitates_something_outside_the_catalogue_is_not_certain() {
     let mut made = table(Kind::Court, 300, &[], 1, NoiseOptions::default());
-    for row in &mut made.table.rows {
-        for (name, measured) in OUTPUTS.iter().zip(&mut row.outputs) {
-            if ["ball_out_wx", "ball_out_wy"].contains(name) {
+    let mut enlarge = |columns: &[&str]| {
+        for (name, measured) in made.table.rows.iter_mut().flat_map(|row| OUTPUTS.iter().zip(&mut row.outputs)) {
+            if columns.contains(name) {
                 *measured = measured.map(|m| Measured { value: 1.1 * m.value, ..m });
             }
         }
-    }
-    let d = diagnosis_of(&made);
+        made.clone()
+    };
+    let d = diagnosis(&enlarge(&["ball_out_wx", "ball_out_wy"]), "", &DiagnoseOptions { expressions: false, ..DiagnoseOptions::default() });
+    assert_eq!(d.verdict, Verdict::EffectMissing);
     assert!(d.candidates.iter().all(|c| c.probability <= 0.5), "{:?}", d.words);
     assert!(d.words.iter().any(|w| w.contains("no form of it the rest")), "{:?}", d.words);
+    let d = diagnosis_of(&enlarge(&["ball_out_wz"]));
+    assert_eq!(d.verdict, Verdict::Unexplained, "{:?}", d.words);
+    let e = d.suggested_expression.expect("a formula");
+    assert_eq!(e.replaces, "spin_kept", "{:?}", d.words);
+    assert!((e.parameters.values().next().unwrap().value - 0.1).abs() < 0.02 && e.heldout_error_after < 1.1 * d.noise_floor, "{e:?}");
     let right = diagnosis_of(&table(Kind::Lab, 200, &[("frame-vibration", 2.0)], 2, NoiseOptions { scale: 0.2, ..NoiseOptions::default() }));
     assert_eq!(right.recommended, ["frame-vibration"], "{:?}", right.words);
     assert!(right.candidates[0].probability > 0.5 && !right.words.iter().any(|w| w.contains("no form of it")), "{:?}", right.words);
+}
+
+/// Places told 70 mm too far toward the handle are more than the card of a biased ball centre allows.
+#[test]
+fn truth_an_effect_at_the_end_of_its_card_is_not_certain() {
+    let mut made = table(Kind::Court, 300, &[], 1, NoiseOptions::default());
+    for (name, measured) in made.table.rows.iter_mut().flat_map(|row| INPUTS.iter().zip(&mut row.inputs)) {
+        if *name == "impact_x" {
+            *measured = measured.map(|m| Measured { value: m.value + 0.07, ..m });
+        }
+    }
+    let d = diagnosis_of(&made);
+    assert!(d.words.iter().any(|w| w.contains("the end of what its card allows")), "{:#?} {:#?}", d.words, d.candidates);
+    assert!(d.candidates.iter().all(|c| c.probability <= 0.5), "{:?}", d.words);
 }
 
 #[test]

@@ -15,7 +15,7 @@ pub(super) enum Access<T = f64> {
     Laws(fn(&Laws<T>) -> T, fn(&mut Laws<T>, T)),
     /// The new value may need the geometry: a contact impulse acts on both bodies at the contact point.
     Impulse(fn(&Contact<T>, &Impulse<T>) -> T, fn(&Contact<T>, &Laws<T>, &mut Impulse<T>, T)),
-    Output(fn(&mut ImpactOutput<T>) -> &mut T),
+    Output(fn(&ImpactOutput<T>) -> T, fn(&mut ImpactOutput<T>, T)),
 }
 
 /// One replaceable quantity.
@@ -73,7 +73,7 @@ macro_rules! impulse {
 }
 macro_rules! output {
     ($vector:ident . $axis:ident) => {
-        Access::Output(|o| &mut o.$vector.$axis)
+        Access::Output(|o| o.$vector.$axis, |o, v| o.$vector.$axis = v)
     };
 }
 
@@ -170,6 +170,12 @@ channels![
     ("ball_out_wx", "rad/s", "outgoing spin", output!(ball_spin.x)),
     ("ball_out_wy", "rad/s", "outgoing spin", output!(ball_spin.y)),
     ("ball_out_wz", "rad/s", "outgoing spin", output!(ball_spin.z)),
+    (
+        "spin_kept",
+        "",
+        "share of its spin that the ball keeps as it leaves, about all axes; 1 before",
+        Access::Output(|_| T::one(), |o, kept| o.ball_spin *= kept)
+    ),
     ("racket_out_vz", "m/s", "racket velocity after", output!(racket_velocity.z)),
     ("racket_out_wx", "rad/s", "racket twist rate after", output!(racket_rate.x)),
     ("racket_out_wy", "rad/s", "racket swing rate after", output!(racket_rate.y)),

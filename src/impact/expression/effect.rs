@@ -93,10 +93,10 @@ impl<T: Real> Effect<T> for ExpressionEffect {
     }
 
     fn change_output(&self, p: &[T], at: &Contact<T>, laws: &Laws<T>, impulse: &Impulse<T>, output: &mut ImpactOutput<T>) {
-        if let Access::Output(get) = self.channel.access::<T>() {
-            let own = *get(output);
+        if let Access::Output(get, set) = self.channel.access::<T>() {
+            let own = get(output);
             let value = self.expression.value(&Scope { at, body: at.body, laws: Some(laws), impulse: Some(impulse), output: Some(output) }, own, p);
-            *get(output) = value;
+            set(output, value);
         }
     }
 }

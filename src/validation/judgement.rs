@@ -452,7 +452,7 @@ impl<'a> Judgement<'a> {
         if let (true, Some(refused)) = (self.refused, self.chosen) {
             list.iter_mut().filter(|c| refused.effects.contains(&c.effect)).for_each(|c| c.probability *= REFUSED);
         }
-        if self.verdict == Verdict::EffectMissing && (self.imitates.is_some() || self.unusual.is_some()) {
+        if self.imitates.is_some() || self.unusual.is_some() {
             list.iter_mut().for_each(|c| c.probability *= IMITATING);
         }
         list.sort_by(|a, b| b.probability.total_cmp(&a.probability).then(b.log_evidence_gain.total_cmp(&a.log_evidence_gain)).then(a.effect.cmp(&b.effect)));

@@ -49,6 +49,9 @@ pub struct ParameterCard {
     /// Of a strength: in base viscoelastic only its size counts, and none is no limit of small ones.
     #[serde(skip)]
     pub size_alone: bool,
+    /// Of a strength: its physics has it positive only, though a fit may find it the other way round.
+    #[serde(skip)]
+    pub one_way: bool,
     pub meaning: &'static str,
 }
 
@@ -65,13 +68,14 @@ impl ParameterCard {
             role: Role::Strength { absent: 0.0, one_sided: range.0 >= 0.0 },
             fit: true,
             size_alone: false,
+            one_way: false,
             meaning,
         }
     }
 
     /// A shape parameter, kept at its default unless the user frees it.
     pub const fn shape(name: &'static str, unit: &'static str, meaning: &'static str, default: f64, range: (f64, f64), typical: f64) -> Self {
-        ParameterCard { name, unit, default, min: range.0, max: range.1, typical, role: Role::Shape, fit: false, size_alone: false, meaning }
+        ParameterCard { name, unit, default, min: range.0, max: range.1, typical, role: Role::Shape, fit: false, size_alone: false, one_way: false, meaning }
     }
 
     /// The same, and the fit may move it.
@@ -86,9 +90,15 @@ impl ParameterCard {
         ParameterCard { size_alone: true, ..self }
     }
 
+    /// The same, and its physics has it positive only.
+    #[must_use]
+    pub const fn one_way(self) -> Self {
+        ParameterCard { one_way: true, ..self }
+    }
+
     /// A parameter of the base model.
     pub const fn base(name: &'static str, unit: &'static str, meaning: &'static str, default: f64, range: (f64, f64), typical: f64) -> Self {
-        ParameterCard { name, unit, default, min: range.0, max: range.1, typical, role: Role::Base, fit: false, size_alone: false, meaning }
+        ParameterCard { name, unit, default, min: range.0, max: range.1, typical, role: Role::Base, fit: false, size_alone: false, one_way: false, meaning }
     }
 
     /// True for a strength.

@@ -134,7 +134,8 @@ fn diagnose_as_given(library: &dyn Library, observations: &Observations, options
             diagnosis.notes.extend(case.not_shown());
         }
         note_noise(diagnosis.noise_floor, diagnosis.verdict == Verdict::Adequate, &mut diagnosis.notes);
-        diagnosis.words = verdict_words(&diagnosis, None);
+        let doubts = if diagnosis.verdict == Verdict::Adequate { case.doubts(&diagnosis.outputs) } else { Vec::new() };
+        diagnosis.words = verdict_words(&diagnosis, doubts);
         return Ok(diagnosis);
     }
     let mut reference = case.reference(case.structure.noise_scale);

@@ -5,6 +5,7 @@
 //! of the fit, in words rounded to two digits. A dead spot (a bump over the face) has a place and a width to find
 //! ([`super::local_spot`]), a step its moment ([`super::step_in_order`]). (docs/diagnosis.md, "The formula".)
 
+use super::carried_noise::noise_grows_by;
 use super::diagnosis::{Estimate, SuggestedExpression};
 use super::error::ValidationError;
 use super::expression_terms::{CHANNELS, FEATURES, TermChannel, feature_inputs};
@@ -30,6 +31,9 @@ const MOST_COLUMN_FEATURES: usize = 8;
 /// Most that a formula may take of a mass, an inertia or a radius; and, as a share of the racket's mass, from a hand that has none.
 const LARGEST_LOSS: f64 = 0.8;
 const LARGEST_HAND_LOSS: f64 = 0.02;
+/// Most that the noise of a prediction and its measurement may grow by, as a variance: 1.2 in seventy sound formulae, 1.8 and more where a formula's
+/// own noise stood for what was missing.
+const MOST_NOISE: f64 = 1.5;
 /// Step of a channel's signature, as a share of its typical strength.
 const STEP: f64 = 0.05;
 /// The first term must gain this much in chi-square, five deviations: it is chosen among some 2000 pairs.
@@ -306,7 +310,8 @@ fn refit(reference: &Reference, table: &TableFeatures, channel: &TermChannel, fe
     let options = FitOptions { start_values: Some(values), ..FitOptions::default() };
     let begin = Start { fit: reference.base, keep_jacobians: forward.costly() };
     let fitted = fit(forward.as_ref(), reference.observations, reference.impacts, &options, Some(begin)).ok()?;
-    if !is_possible(reference, table, channel, features, &fitted.values[reference.base.values.len()..]) {
+    let possible = is_possible(reference, table, channel, features, &fitted.values[reference.base.values.len()..]);
+    if !possible || noise_grows_by(reference.base, &fitted, reference.impacts) > MOST_NOISE {
         return None;
     }
     let log_evidence = log_evidence_over(reference.base, &fitted, reference.c, 0);

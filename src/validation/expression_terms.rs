@@ -97,6 +97,11 @@ pub fn feature_inputs(fit: &Fit, observations: &Observations, impacts: &[&Observ
     impacts.iter().zip(&fit.impacts).map(inputs).collect()
 }
 
+/// As an expression's `sign`: 0 in the middle.
+fn side_of(place: f64) -> f64 {
+    if place == 0.0 { 0.0 } else { place.signum() }
+}
+
 /// A dimensionless function of the inputs.
 pub struct Feature {
     /// As the model file has it.
@@ -111,7 +116,7 @@ const fn f(text: &'static str, words: &'static str, value: fn(&FeatureInputs) ->
 }
 
 /// All features, simple ones first: of two that do equally well the earlier one is taken.
-pub static FEATURES: [Feature; 60] = [
+pub static FEATURES: [Feature; 62] = [
     f("1", "everywhere alike", |_| 1.0),
     f("(approach_speed / 25)", "with the approach speed", |i| i.u),
     f("(approach_speed / 25)^2", "with the square of the approach speed", |i| i.u * i.u),
@@ -126,6 +131,8 @@ pub static FEATURES: [Feature; 60] = [
     f("((impact_x / half_length)^2 + (impact_y / half_width)^2)", "toward the rim", |i| i.place[0].powi(2) + i.place[1].powi(2)),
     f("abs(impact_x / half_length)", "with the distance from the middle along the racket", |i| i.place[0].abs()),
     f("abs(impact_y / half_width)", "with the distance from the middle across the face", |i| i.place[1].abs()),
+    f("sign(impact_x)", "from the tip's half of the face to the handle's", |i| side_of(i.place[0])),
+    f("sign(impact_y)", "from marker 2's half of the face to marker 3's", |i| side_of(i.place[1])),
     f("obliqueness", "with the slip relative to the approach", |i| i.g[0].hypot(i.g[1])),
     f("obliqueness^2", "with the squared slip relative to the approach", |i| i.g[0].powi(2) + i.g[1].powi(2)),
     f("(tangential_speed / approach_speed)", "with the obliqueness of the ball's path", |i| i.t[0].hypot(i.t[1])),
@@ -174,9 +181,7 @@ pub static FEATURES: [Feature; 60] = [
     f("side * (impact_y / half_width)", "with the place across the face, reversed with the side hit", |i| i.side * i.place[1]),
     f("side * (impact_x / half_length)", "with the place along the racket, reversed with the side hit", |i| i.side * i.place[0]),
     f("side * (ball_in_wz * ball_radius / approach_speed)", "with the spin about the normal", |i| i.side * i.s[2]),
-    f("(grip_torque / 10) * sign(impact_y)", "with the grip torque, toward the middle", |i| {
-        i.torque * if i.place[1] == 0.0 { 0.0 } else { i.place[1].signum() }
-    }),
+    f("(grip_torque / 10) * sign(impact_y)", "with the grip torque, toward the middle", |i| i.torque * side_of(i.place[1])),
     f("(grip_torque / 10) * (impact_y / half_width)^2", "with the grip torque, toward both sides", |i| i.torque * i.place[1].powi(2)),
 ];
 

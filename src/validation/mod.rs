@@ -10,6 +10,7 @@
 
 pub mod auto;
 pub mod by_group;
+mod carried_noise;
 mod case;
 pub mod comparison;
 pub mod diagnose;
@@ -29,6 +30,7 @@ mod linearise_all;
 pub mod local_spot;
 pub mod lone_term;
 pub mod model_library;
+mod neighbours;
 pub mod noise;
 pub mod observation;
 mod one_sided;

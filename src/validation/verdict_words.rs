@@ -20,7 +20,7 @@ fn with_probability(d: &Diagnosis, alias: &str) -> String {
     }
 }
 
-/// The answer first, then what carries it. `doubts` are sentences about the effect that is named.
+/// The answer first, then what carries it. `doubts` are sentences about the effect that is named, or about a model that no test faults.
 pub fn verdict_words(d: &Diagnosis, doubts: impl IntoIterator<Item = String>) -> Vec<String> {
     let tests = format!(
         "structure test {}, strongest place on the face {}, best of {} effects {} (corrected); together they raise a false alarm in at most {:.1} % of sound tables",
@@ -47,6 +47,7 @@ pub fn verdict_words(d: &Diagnosis, doubts: impl IntoIterator<Item = String>) ->
                     d.outliers.len()
                 ));
             }
+            words.extend(doubts);
         }
         Verdict::EffectMissing => {
             let names = d.recommended.join(" and ");
@@ -73,7 +74,7 @@ pub fn verdict_words(d: &Diagnosis, doubts: impl IntoIterator<Item = String>) ->
             if let Some(name) = &d.other_form {
                 let left = d.structure_after.as_ref().is_none_or(|s| s.p_value < STRUCTURE_LEVEL);
                 words.push(if !left {
-                    "Another form than the catalogue's fits better, though neither leaves structure.".to_owned()
+                    "A formula fits better, though neither leaves structure.".to_owned()
                 } else if d.recommended.len() > 1 {
                     "One of them is not quite in the catalogue's form: some structure is left when both are added.".to_owned()
                 } else {

@@ -13,7 +13,7 @@ pub(super) static CARD: EffectCard = EffectCard {
               everywhere on the face alike.",
     equation: "e = e_0 - fall ((v_n / 25 m/s)^exponent - 1)",
     parameters: &[
-        ParameterCard::strength("fall", "", "fall of the restitution per unit of (v_n/25)^exponent", 0.13, (-0.5, 2.0), 0.1),
+        ParameterCard::strength("fall", "", "fall of the restitution per unit of (v_n/25)^exponent", 0.13, (-0.5, 2.0), 0.1).one_way(),
         ParameterCard::shape("exponent", "", "power of the approach speed; 0.5 fits the visco-elastic model", 0.5, (0.1, 3.0), 0.5),
     ],
     source: "Miller and Messner 2003 (0.575 at 20 m/s, 0.40 at 45 m/s on a rigid wall); visco-elastic model on strings: e = 0.925 - 0.0257 sqrt(v_n)",

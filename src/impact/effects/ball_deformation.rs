@@ -13,8 +13,8 @@ pub(super) static CARD: EffectCard = EffectCard {
               falls as well, by about 5 % at 10 mm.",
     equation: "arm = r - lambda (pi/4) x_c, I_B' = I_B (1 - kappa (pi/4) x_c), x_c = 17.5 mm (v_n / 20 m/s)^0.7",
     parameters: &[
-        ParameterCard::strength("arm_share", "", "lambda: share of the compression by which the arm shortens", 0.5, (-1.0, 1.0), 0.5),
-        ParameterCard::strength("inertia_per_m", "1/m", "kappa: relative fall of the inertia per metre of compression", 5.0, (-20.0, 20.0), 5.0),
+        ParameterCard::strength("arm_share", "", "lambda: share of the compression by which the arm shortens", 0.5, (-1.0, 1.0), 0.5).one_way(),
+        ParameterCard::strength("inertia_per_m", "1/m", "kappa: relative fall of the inertia per metre of compression", 5.0, (-20.0, 20.0), 5.0).one_way(),
     ],
     source: "Brody (thesis eq 2.22, sign put right); Haake 2005; thesis 2.7.2 (5 % at 10 mm)",
     signature: "Spin change per change of tangential velocity falls as the approach speed rises; tangential velocity and spin of impacts \

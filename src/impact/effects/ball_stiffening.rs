@@ -12,7 +12,7 @@ pub(super) static CARD: EffectCard = EffectCard {
     physics: "A ball stiffens as its shell buckles and its gas is compressed. A stiffer ball leaves more of the energy to the strings, \
               which return it, so the restitution gains at high speed.",
     equation: "e = e_0 + gain ((v_n / 25 m/s)^2 - 1)",
-    parameters: &[ParameterCard::strength("gain", "", "gain of the restitution per unit of (v_n/25)^2", 0.02, (-0.5, 0.5), 0.03)],
+    parameters: &[ParameterCard::strength("gain", "", "gain of the restitution per unit of (v_n/25)^2", 0.02, (-0.5, 0.5), 0.03).one_way()],
     source: "visco-elastic model: a constant 40 kN/m gives +0.034, -0.009, -0.075 in the apparent restitution at 15, 30, 45 m/s",
     signature: "Restitution departs from the model in proportion to the square of the approach speed; shorter contact; nothing on \
                 position, angle, spin.",

@@ -12,7 +12,7 @@ pub(super) static CARD: EffectCard = EffectCard {
     physics: "Every hard impact fluffs or wears the felt, and the ball loses pressure and warms. The restitution therefore drifts with \
               the order of the impacts, more so at high speed.",
     equation: "e = e_0 (1 - loss_per_100 (order / 100) (v_n / 25 m/s)^0.5)",
-    parameters: &[ParameterCard::strength("loss_per_100", "", "relative fall of the restitution per 100 impacts at 25 m/s", 0.02, (-0.3, 0.3), 0.02)],
+    parameters: &[ParameterCard::strength("loss_per_100", "", "relative fall of the restitution per 100 impacts at 25 m/s", 0.02, (-0.3, 0.3), 0.02).one_way()],
     source: "thesis 2.2 (visible after 100 impacts at 40 m/s); Lane et al. 2017 (105 impacts a ball in play)",
     signature: "Rebound speed drifts with the order of the impacts, whatever their place; stronger at high speed.",
     confused_with: &["ball-damping", "string-tension"],

@@ -23,7 +23,10 @@ pub(super) static CARD: EffectCard = EffectCard {
                 the whole face.",
     confused_with: &["string-tilt", "ball-centre-bias", "finite-contact", "camera-skew"],
     separated_by: "impact dye on the strings; balls at opposite incidence",
-    check_first: None,
+    check_first: Some(
+        "a contact that creeps along the strings by a share of the ball's way looks the same as an offset of the plane, outgoing velocities told turned by \
+         one angle as a tilt: dye on the strings, and balls at normal incidence, tell",
+    ),
     bases: Bases { rigid: "acts on the observation", viscoelastic: "acts on the observation" },
     effect: &FacePlaneOffset,
 };

@@ -12,7 +12,7 @@ pub(super) static CARD: EffectCard = EffectCard {
     physics: "While the ball flattens, parts of its shell are stopped by the strings one after the other and their energy is lost. The \
               lost share grows with the compression, so with speed.",
     equation: "e'^2 = e^2 - share (v_n / 30 m/s)^0.52",
-    parameters: &[ParameterCard::strength("share", "", "share of the normal energy lost at 30 m/s beyond the base", 0.05, (-0.3, 0.8), 0.05)],
+    parameters: &[ParameterCard::strength("share", "", "share of the normal energy lost at 30 m/s beyond the base", 0.05, (-0.3, 0.8), 0.05).one_way()],
     source: "thesis 2.7.3, eq 2.33 (compression only); 15 % of the energy at 7 m/s and 32 % at 30 m/s on a rigid wall",
     signature: "Rebound speed lower, slightly more so at high speed, alike over the whole face; nothing tangential.",
     confused_with: &["ball-damping", "string-damping", "string-stiffening", "ball-stiffening"],

@@ -25,7 +25,8 @@ pub(super) static CARD: EffectCard = EffectCard {
     confused_with: &["hand-mass", "frame-vibration", "grip-torque", "frame-torsion", "stringbed-edge", "swing-drive", "scale-error", "window-bias"],
     separated_by: "scales and a swing machine; momentum balance of a free racket (no restitution involved)",
     check_first: Some(
-        "a mass_kg in ball.toml that is not the ball's looks the same as mass and moments of the racket all changed by one factor: weigh the ball",
+        "a mass_kg in ball.toml that is not the ball's looks the same as mass and moments of the racket all changed by one factor (weigh the ball), and so do \
+         racket velocities and rates after the impact that are all told too large or too small by one factor",
     ),
     bases: Bases { rigid: "as given", viscoelastic: "as given" },
     effect: &RacketInertia,

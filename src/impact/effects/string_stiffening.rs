@@ -12,7 +12,7 @@ pub(super) static CARD: EffectCard = EffectCard {
     physics: "Deflected strings are stretched, so the bed stiffens with the square of its deflection. At high speed less energy goes \
               into the strings and more into the lossy ball.",
     equation: "e = e_0 - fall (v_n / 30 m/s)^2",
-    parameters: &[ParameterCard::strength("fall", "", "fall of the restitution at 30 m/s", 0.02, (-0.3, 0.5), 0.02)],
+    parameters: &[ParameterCard::strength("fall", "", "fall of the restitution at 30 m/s", 0.02, (-0.3, 0.5), 0.02).one_way()],
     source: "visco-elastic model: without stiffening +0.004, +0.018, +0.037 in the apparent restitution at 15, 30, 45 m/s; string stiffness 26-53 kN/m",
     signature: "Restitution falls with the square of the approach speed, as damping does; contact shortens at high speed; no dependence \
                 on position.",

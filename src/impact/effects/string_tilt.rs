@@ -15,7 +15,7 @@ pub(super) static CARD: EffectCard = EffectCard {
     equation: "tilt = -strength x_S (x / 0.165^2, y / 0.12^2), x_S = 13.1 mm (v_n / 20 m/s), of the normal that points to the ball; the whole \
                contact frame turns, slip is told in one that is turned by at_ends of it",
     parameters: &[
-        ParameterCard::strength("strength", "", "0 none; 1: 2.6 degrees at 50 mm across and 20 m/s", 0.5, (-5.0, 5.0), 0.5),
+        ParameterCard::strength("strength", "", "0 none; 1: 2.6 degrees at 50 mm across and 20 m/s", 0.5, (-5.0, 5.0), 0.5).one_way(),
         ParameterCard::shape("at_ends", "", "share of the lean that is there at first touch and at release (rigid base only)", 1.0, (0.0, 1.0), 0.5).fitted(),
     ],
     source: "Tennis Warehouse University (rebounds lean toward the centre on both halves)",

@@ -14,7 +14,7 @@ pub(super) static CARD: EffectCard = EffectCard {
     physics: "Near the frame the strings are shorter and the bed is stiffer. Less of the energy goes into the strings there, so the \
               restitution falls toward the edge of the face on all sides.",
     equation: "e = e_0 - drop ((x / a)^2 + (y / b)^2), a, b: half length and width of the stringbed",
-    parameters: &[ParameterCard::strength("drop", "", "fall of the restitution from the centre to the frame", 0.05, (-0.5, 1.0), 0.05)],
+    parameters: &[ParameterCard::strength("drop", "", "fall of the restitution from the centre to the frame", 0.05, (-0.5, 1.0), 0.05).one_way()],
     source: "membrane stiffness 1/ln[(R^2 - rho^2)/(R a)]; Tennis Warehouse University maps of the apparent restitution",
     signature: "Rebound slower toward the frame, even in x and y about the stringbed's centre; shorter contact off centre; nothing \
                 tangential.",

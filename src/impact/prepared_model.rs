@@ -141,7 +141,7 @@ where
             return Ok(Cow::Borrowed(&self.body));
         }
         let mut body = self.body.clone();
-        let at = contact(&self.body, *truth)?;
+        let at = contact(&self.body, truth)?;
         for (effect, p) in self.each() {
             effect.change_body_at(p, &at, &mut body);
         }
@@ -169,7 +169,7 @@ where
                 }
             }
         }
-        let Ok(at) = contact(&self.body, *input) else { return ModelError::NotFinite };
+        let Ok(at) = contact(&self.body, input) else { return ModelError::NotFinite };
         let mut laws = self.base_laws(&self.body);
         for e in &self.model.effects {
             e.effect().change_laws(&self.values[e.range.clone()], &at, &mut laws);
@@ -212,12 +212,12 @@ where
     pub(crate) fn predict_gripping(&self, input: &ImpactInput<T>, grip: f64) -> Result<(ImpactOutput<T>, Regime, T), ModelError> {
         let truth = self.true_input(input)?;
         let body = self.body_at(&truth)?;
-        let (output, regime, spare) = self.collide(&body, truth, grip)?;
+        let (output, regime, spare) = self.collide(&body, &truth, grip)?;
         Ok((self.finish(&truth, output)?, regime, spare))
     }
 
     /// The true outcome in base rigid; the racket's velocity at the centre of mass that its file states, in and out.
-    fn collide(&self, body: &Body<T>, input: ImpactInput<T>, grip: f64) -> Result<(ImpactOutput<T>, Regime, T), ModelError> {
+    fn collide(&self, body: &Body<T>, input: &ImpactInput<T>, grip: f64) -> Result<(ImpactOutput<T>, Regime, T), ModelError> {
         let at = contact(body, input)?;
         let mut laws = self.laws_at(&at);
         if laws.impossible().is_some() {
@@ -287,7 +287,7 @@ where
     pub(crate) fn stage(&self, input: &ImpactInput<T>) -> Result<Staged<T>, ModelError> {
         let truth = self.true_input(input)?;
         let body = self.body_at(&truth)?.into_owned();
-        let at = contact(&body, truth)?;
+        let at = contact(&body, &truth)?;
         let (contact, laws) = (at.input, self.viscoelastic_laws(&at));
         Ok(Staged { truth, body, contact, laws })
     }
@@ -318,7 +318,7 @@ impl PreparedModel {
     pub fn unlimited_laws(&self, input: &ImpactInput) -> Option<(f64, f64)> {
         let truth = self.true_input(input).ok().filter(|_| self.model.base == Base::Rigid)?;
         let body = self.body_at(&truth).ok()?;
-        let laws = self.laws_at(&contact(&body, truth).ok()?);
+        let laws = self.laws_at(&contact(&body, &truth).ok()?);
         Some((laws.restitution, laws.friction))
     }
 
@@ -371,7 +371,7 @@ impl PreparedModel {
         let mut results: Vec<Result<ImpactOutput, ModelError>> = Vec::with_capacity(inputs.len());
         let (mut places, mut truths, mut ready) = (Vec::new(), Vec::new(), Vec::new());
         for begun in &begun {
-            let staged = begun.as_ref().map_err(ModelError::clone).and_then(|(truth, body)| Ok((*truth, self.ready(contact(body, *truth)?))));
+            let staged = begun.as_ref().map_err(ModelError::clone).and_then(|(truth, body)| Ok((*truth, self.ready(contact(body, truth)?))));
             match staged {
                 Ok((truth, contact)) => {
                     places.push(results.len());
@@ -406,11 +406,13 @@ impl Staged {
 const PIECE: usize = 128;
 
 /// The contact at the true centre of mass, where effects have moved it from the stated one.
-fn contact<T: Real>(body: &Body<T>, mut input: ImpactInput<T>) -> Result<Contact<'_, T>, ModelError> {
+fn contact<'a, T: Real>(body: &'a Body<T>, input: &ImpactInput<T>) -> Result<Contact<'a, T>, ModelError> {
     let shift = body.com_x - body.reported_com_x;
-    if !shift.is_zero() {
-        input.racket_velocity += input.racket_rate.cross(&Vector3::new(shift, T::zero(), T::zero()));
+    if shift.is_zero() {
+        return Contact::new(body, input);
     }
+    let mut input = *input;
+    input.racket_velocity += input.racket_rate.cross(&Vector3::new(shift, T::zero(), T::zero()));
     Contact::new(body, &input)
 }
 

@@ -9,7 +9,7 @@
 //! point would be wrong for half of the noise. The model itself jumps at that edge where
 //! nature does not: a prediction that may be off by j has j j' in S beside the noise (impact::sliding_edge).
 
-use super::forward::{Asked, Inputs, Prediction};
+use super::forward::{Inputs, Prediction};
 use super::observation::{Observation, Observations};
 use super::predicted::{predict_measured, predict_roughly, scatter_over_spins};
 use super::session_shift::SessionShift;
@@ -176,10 +176,10 @@ pub fn linearise(
     }
     whiten_all(&mut points, setting);
     // An input nobody measured is told by the outputs, far more narrowly than by its range: the slope that counts is that
-    // near the value they tell.
+    // near the value they tell. Where the spin is open they tell none.
     if reuse.is_none() {
-        let (mut with_gaps, whole): (Vec<Point>, Vec<Point>) =
-            points.into_iter().partition(|point| (0..INPUTS.len()).any(|j| point.o.missing[j] && point.o.input_sd[j] > 0.0));
+        let is_told = |o: &Observation| !o.has_open_spin() && (0..INPUTS.len()).any(|j| o.missing[j] && o.input_sd[j] > 0.0);
+        let (mut with_gaps, whole): (Vec<Point>, Vec<Point>) = points.into_iter().partition(|point| is_told(point.o));
         for _ in 0..UNMEASURED_PASSES {
             advance(p, setting, &mut with_gaps);
             differentiate(p, &mut with_gaps, UNMEASURED_STEP);
@@ -323,7 +323,7 @@ fn scatter_by_spin(p: &dyn Prediction, points: &mut [Point]) {
 }
 
 fn jump(p: &dyn Prediction, point: &Point) -> DVector<f64> {
-    let found = p.jump(&Asked { gear: point.o.gear, order: point.o.order, own: point.o.own, inputs: point.x });
+    let found = p.jump(&point.o.asked_at(point.x));
     DVector::from_iterator(point.o.measured.len(), point.o.measured.iter().map(|&k| found.map_or(0.0, |j| j[k])))
 }
 

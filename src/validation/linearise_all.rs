@@ -1,7 +1,7 @@
 //! All impacts of a table linearised side by side, in their order.
 
 use super::error::ValidationError;
-use super::forward::{Asked, Inputs, Prediction};
+use super::forward::{Inputs, Prediction};
 use super::linearise::{Linearised, Setting, Spread, linearise, weigh_again};
 use super::observation::{Observation, Observations};
 use super::predicted::PIECE;
@@ -32,7 +32,7 @@ pub fn linearise_all(
     // An estimate of the true inputs may have gone where the model has no answer though it has one where the estimate began: then nothing is told.
     let why_not = |i: usize| {
         let (o, inputs) = (impacts.get(i)?, *begin.get(i)?);
-        prediction.why_not(&Asked { gear: o.gear, order: o.order, own: o.own, inputs })
+        prediction.why_not(&o.asked_at(inputs))
     };
     all_of(impacts.par_chunks(PIECE).enumerate().flat_map_iter(piece).collect(), impacts, why_not)
 }

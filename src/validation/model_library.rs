@@ -92,6 +92,9 @@ impl Prediction for Ready {
     }
 
     fn predict_many(&self, asked: &[Asked]) -> Vec<Option<Outputs>> {
+        if self.0.iter().all(|model| model.model().base() == Base::Rigid) {
+            return asked.iter().map(|a| self.predict(a)).collect();
+        }
         let mut outputs = vec![None; asked.len()];
         for (gear, model) in self.0.iter().enumerate() {
             let places: Vec<usize> = (0..asked.len()).filter(|&i| asked[i].gear == gear).collect();

@@ -3,7 +3,7 @@
 
 use super::comparison::LeftOut;
 use super::error::ValidationError;
-use super::forward::{Inputs, Outputs};
+use super::forward::{Asked, Inputs, Outputs};
 use super::holdout::{hash_fraction, is_held_out};
 use super::noise::ColumnNoise;
 use super::unseen_spin::is_open;
@@ -12,6 +12,7 @@ use crate::equipment_set::pick;
 use crate::impact_table::{INPUTS, ImpactRow, ImpactTable, OUTPUTS, OwnColumns, SHARED, impossible, lacking, unit};
 use crate::median::upper_median;
 use crate::short_list::short_list;
+use nalgebra::DVector;
 use std::collections::BTreeMap;
 
 /// A model with two base parameters and an offset per input needs more than this to say anything.
@@ -74,6 +75,17 @@ impl Observation {
     /// Whether its spin in the face is open.
     pub fn has_open_spin(&self) -> bool {
         self.open_spin_sd.iter().any(|sd| *sd > 0.0)
+    }
+
+    /// What a model is asked of it, were these its inputs.
+    pub fn asked_at(&self, inputs: Inputs) -> Asked {
+        Asked { gear: self.gear, order: self.order, own: self.own, inputs }
+    }
+
+    /// The measured ones of a prediction's outputs. `None` where one is not finite.
+    pub fn measured_of(&self, all: &Outputs) -> Option<DVector<f64>> {
+        let picked = DVector::from_iterator(self.measured.len(), self.measured.iter().map(|&k| all[k]));
+        picked.iter().all(|v| v.is_finite()).then_some(picked)
     }
 
     /// Deviation of input `j` when its true value is `at`; 0 for an input known exactly.

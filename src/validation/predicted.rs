@@ -1,7 +1,7 @@
 //! What a model says of many impacts, and the difference between two states of it.
 
 use super::error::ValidationError;
-use super::forward::{Asked, Forward, Inputs, Prediction};
+use super::forward::{Asked, Forward, Inputs, Outputs, Prediction};
 use super::linearise::Linearised;
 use super::observation::{Observation, Observations};
 use super::unseen_spin::{TRIED, TRIED_FOR_SLOPES, covariance, mean, spins, with_spin};
@@ -11,6 +11,9 @@ use std::collections::BTreeMap;
 
 /// Impacts per task: enough to fill the lanes of a time-stepped model, few enough to share a table between threads.
 pub const PIECE: usize = 32;
+
+/// Predictions over open spins that are made at once: enough to fill the lanes of a time-stepped model, few enough to stay in a core's cache.
+const AT_ONCE: usize = 128;
 
 /// Impacts for which the model as stated has no answer at their measured inputs (the ball does not approach, a user's formula gives no number), by id,
 /// with the reason.
@@ -32,7 +35,7 @@ pub fn unpredicted(forward: &dyn Forward, observations: &Observations) -> Result
 
 /// Why an impact has no answer, at its measured inputs or with a spin that nobody measured.
 fn why_not(p: &dyn Prediction, o: &Observation) -> String {
-    let at = |inputs: Inputs| p.why_not(&Asked { gear: o.gear, order: o.order, own: o.own, inputs });
+    let at = |inputs: Inputs| p.why_not(&o.asked_at(inputs));
     let with_unseen_spin = || spins(o, TRIED).filter(|_| o.has_open_spin()).find_map(|spin| at(with_spin(o.inputs, spin)));
     at(o.inputs).or_else(with_unseen_spin).unwrap_or_else(|| "the model gives no finite number for an output that was measured".to_owned())
 }
@@ -59,34 +62,39 @@ fn predict_with(p: &dyn Prediction, asked: &[(&Observation, Inputs)], tried: usi
         all[i] = value;
     }
     let some: Vec<(&Observation, Inputs)> = open.iter().map(|&i| asked[i]).collect();
-    for (i, over) in open.into_iter().zip(over_spins(p, &some, tried).chunks(tried)) {
-        all[i] = mean(over);
+    for (i, value) in open.into_iter().zip(over_spins(p, &some, tried, mean)) {
+        all[i] = value;
     }
     all
 }
 
 /// Covariance of the measured outputs over the open spins of each impact.
 pub fn scatter_over_spins(p: &dyn Prediction, asked: &[(&Observation, Inputs)]) -> Vec<Option<DMatrix<f64>>> {
-    over_spins(p, asked, TRIED).chunks(TRIED).map(covariance).collect()
+    over_spins(p, asked, TRIED, covariance)
 }
 
-/// Predictions with `tried` spins of each impact, one impact after the other.
-fn over_spins(p: &dyn Prediction, asked: &[(&Observation, Inputs)], tried: usize) -> Vec<Option<DVector<f64>>> {
-    let with: Vec<(&Observation, Inputs)> = asked.iter().flat_map(|(o, x)| spins(o, tried).map(|spin| (*o, with_spin(*x, spin)))).collect();
-    predict_as_asked(p, &with)
+/// What `of` makes of the predictions with `tried` spins of each impact.
+fn over_spins<R>(
+    p: &dyn Prediction,
+    asked: &[(&Observation, Inputs)],
+    tried: usize,
+    of: impl Fn(&Observation, &[Option<Outputs>]) -> Option<R>,
+) -> Vec<Option<R>> {
+    let mut results = Vec::with_capacity(asked.len());
+    for some in asked.chunks(AT_ONCE / tried) {
+        let mut points = Vec::with_capacity(AT_ONCE);
+        for same in some.chunk_by(|a, b| std::ptr::eq(a.0, b.0)) {
+            let spins: Vec<[f64; 2]> = spins(same[0].0, tried).collect();
+            points.extend(same.iter().flat_map(|(o, x)| spins.iter().map(|spin| o.asked_at(with_spin(*x, *spin)))));
+        }
+        results.extend(some.iter().zip(p.predict_many(&points).chunks(tried)).map(|((o, _), predictions)| of(o, predictions)));
+    }
+    results
 }
 
 fn predict_as_asked(p: &dyn Prediction, asked: &[(&Observation, Inputs)]) -> Vec<Option<DVector<f64>>> {
-    let points: Vec<Asked> = asked.iter().map(|(o, inputs)| Asked { gear: o.gear, order: o.order, own: o.own, inputs: *inputs }).collect();
-    p.predict_many(&points)
-        .into_iter()
-        .zip(asked)
-        .map(|(outputs, (o, _))| {
-            let all = outputs?;
-            let picked = DVector::from_iterator(o.measured.len(), o.measured.iter().map(|&k| all[k]));
-            picked.iter().all(|v| v.is_finite()).then_some(picked)
-        })
-        .collect()
+    let points: Vec<Asked> = asked.iter().map(|(o, inputs)| o.asked_at(*inputs)).collect();
+    p.predict_many(&points).iter().zip(asked).map(|(outputs, (o, _))| o.measured_of(outputs.as_ref()?)).collect()
 }
 
 /// `above` less `below` at the impacts' true inputs: measured outputs of each impact, zero where either has no answer.

@@ -4,6 +4,7 @@
 //! what is left open of the spin decides whether the ball slides, and no slope tells that: the prediction is then the mean over
 //! the spins of play, and what they scatter it by is noise that all its outputs share.
 
+use super::forward::Outputs;
 use super::observation::Observation;
 use crate::impact_table::{INPUTS, OUTPUTS};
 use nalgebra::{DMatrix, DVector};
@@ -28,14 +29,13 @@ pub fn spins(o: &Observation, tried: usize) -> impl Iterator<Item = [f64; 2]> + 
     /// Angle between points that fill a disc evenly, rad.
     const GOLDEN: f64 = 2.399_963_229_728_653;
     let pairs = tried / 2;
-    (0..tried).map(move |i| {
-        let k = i / 2;
+    (0..pairs).flat_map(move |k| {
         // Radius of equal shares of the plane's normal distribution (Rayleigh's quantiles).
         let radius = (-2.0 * (1.0 - (k as f64 + 0.5) / pairs as f64).ln()).sqrt();
         let angle = GOLDEN * (k as f64 + 1.0 + 0.37 * o.order);
-        let sign = if i % 2 == 0 { 1.0 } else { -1.0 };
-        let of = |j: usize, v: f64| if o.missing[SPIN_IN + j] { sign * radius * v * o.open_spin_sd[j] } else { 0.0 };
-        [of(0, angle.cos()), of(1, angle.sin())]
+        let of = |j: usize, v: f64| if o.missing[SPIN_IN + j] { radius * v * o.open_spin_sd[j] } else { 0.0 };
+        let spin = [of(0, angle.cos()), of(1, angle.sin())];
+        [spin, spin.map(|w| -w)]
     })
 }
 
@@ -46,21 +46,21 @@ pub fn with_spin(mut inputs: [f64; INPUTS.len()], spin: [f64; 2]) -> [f64; INPUT
     inputs
 }
 
-/// Mean of the predictions with all spins tried. `None` where the model has no answer for one of them.
-pub fn mean(predictions: &[Option<DVector<f64>>]) -> Option<DVector<f64>> {
-    let mut sum = predictions.first()?.clone()?;
+/// Mean of the measured outputs with all spins tried. `None` where the model has no answer for one of them.
+pub fn mean(o: &Observation, predictions: &[Option<Outputs>]) -> Option<DVector<f64>> {
+    let mut sum = (*predictions.first()?)?;
     for p in &predictions[1..] {
-        sum += p.as_ref()?;
+        sum.iter_mut().zip(p.as_ref()?).for_each(|(sum, v)| *sum += v);
     }
-    Some(sum / predictions.len() as f64)
+    o.measured_of(&sum.map(|sum| sum / predictions.len() as f64))
 }
 
 /// Their covariance.
-pub fn covariance(predictions: &[Option<DVector<f64>>]) -> Option<DMatrix<f64>> {
-    let mean = mean(predictions)?;
+pub fn covariance(o: &Observation, predictions: &[Option<Outputs>]) -> Option<DMatrix<f64>> {
+    let mean = mean(o, predictions)?;
     let mut covariance = DMatrix::zeros(mean.len(), mean.len());
     for p in predictions.iter().flatten() {
-        let off = p - &mean;
+        let off = o.measured_of(p)? - &mean;
         covariance.ger(1.0 / predictions.len() as f64, &off, &off, 1.0);
     }
     Some(covariance)

@@ -33,7 +33,7 @@ const REFERENCE_APPROACH: f64 = 25.0;
 
 fn factor<T: Real>(p: &[T], at: &Contact<T>) -> T {
     let level = |v: T| (v / SOFT_SLIP).powi(2) + 1.0;
-    (level(at.slip_speed) / level(T::constant(REFERENCE_SLIP))).powf(p[0] * 0.5) * (at.approach_speed / REFERENCE_APPROACH).powf(p[1])
+    (level(at.slip_speed()) / level(T::constant(REFERENCE_SLIP))).powf(p[0] * 0.5) * (at.approach_speed / REFERENCE_APPROACH).powf(p[1])
 }
 
 #[derive(Debug)]

@@ -35,7 +35,8 @@ struct OffsetNormalForce;
 impl<T: Real> Effect<T> for OffsetNormalForce {
     fn change_laws(&self, p: &[T], at: &Contact<T>, laws: &mut Laws<T>) {
         // Without slip there is no direction; the offset grows in over half a metre per second of it.
-        laws.normal_offset += p[0] * at.slip_speed / (at.slip_speed * at.slip_speed + SOFT_SLIP * SOFT_SLIP).sqrt();
+        let slip = at.slip_speed();
+        laws.normal_offset += p[0] * slip / (slip * slip + SOFT_SLIP * SOFT_SLIP).sqrt();
     }
 
     fn change_viscoelastic(&self, p: &[T], _: &Contact<T>, laws: &mut viscoelastic::Laws<T>) {

@@ -84,7 +84,7 @@ macro_rules! quantities {
 
 quantities![
     ("approach_speed", "m/s", Body, "speed at which the ball's centre and the impact point approach along the normal, positive", |s| s.at.approach_speed),
-    ("slip_speed", "m/s", Body, "speed of the ball's surface along the strings at first touch, spin included", |s| s.at.slip_speed),
+    ("slip_speed", "m/s", Body, "speed of the ball's surface along the strings at first touch, spin included", |s| s.at.slip_speed()),
     ("slip_x", "m/s", Body, "its part along x (toward the handle), ball less strings", |s| s.at.relative_velocity.x),
     ("slip_y", "m/s", Body, "its part along y (across the face)", |s| s.at.relative_velocity.y),
     ("tangential_speed", "m/s", Body, "speed of the ball's centre along the strings, without spin", |s| norm(&s.at.tangential_velocity())),
@@ -94,7 +94,7 @@ quantities![
         &s.at.tangential_velocity()
     )
     .atan2(s.at.approach_speed)),
-    ("obliqueness", "", Body, "slip speed over approach speed", |s| s.at.slip_speed / s.at.approach_speed),
+    ("obliqueness", "", Body, "slip speed over approach speed", |s| s.at.slip_speed() / s.at.approach_speed),
     ("spin_ratio", "", Body, "ball radius times spin_across over approach speed", |s| {
         norm_xy(&s.at.input.ball_spin.xy()) * s.at.body.ball_radius / s.at.approach_speed
     }),

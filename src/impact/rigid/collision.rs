@@ -92,9 +92,10 @@ fn solve_plain<T: Real>(at: &Contact<T>, laws: &Laws<T>) -> Impulse<T> {
     let det = k[0] * k[2] - k[1] * k[1];
     let stick = [(k[2] * wish[0] - k[1] * wish[1]) / det, (k[0] * wish[1] - k[1] * wish[0]) / det];
     let limit = laws.friction * normal;
-    let size = u.x.hypot(u.y);
     let needed = stick[0].hypot(stick[1]);
-    let (tx, ty, regime) = if needed.value() <= limit.value() || size.value() == 0.0 {
+    // Of a slip that friction can stop the size does not matter.
+    let size = if needed.value() <= limit.value() { T::zero() } else { u.x.hypot(u.y) };
+    let (tx, ty, regime) = if size.value() == 0.0 {
         (stick[0], stick[1], Regime::Stick)
     } else {
         match laws.sliding {

@@ -28,8 +28,6 @@ pub struct Contact<'a, T = f64> {
     pub relative_velocity: Vector3<T>,
     /// Normal approach speed, m/s, positive.
     pub approach_speed: T,
-    /// Size of the tangential part of `relative_velocity`, m/s.
-    pub slip_speed: T,
     /// 1/m + 1/m_e: relative normal velocity per unit of normal impulse, 1/kg.
     pub normal_compliance: T,
 }
@@ -39,6 +37,7 @@ impl<'a, T: Real> Contact<'a, T> {
     ///
     /// # Errors
     /// [`ModelError::NoApproach`] when the ball does not move toward the strings.
+    #[inline]
     pub fn new(body: &'a Body<T>, input: &ImpactInput<T>) -> Result<Self, ModelError> {
         let lever = body.lever(&input.position);
         let strings = input.racket_velocity + input.racket_rate.cross(&lever);
@@ -60,9 +59,13 @@ impl<'a, T: Real> Contact<'a, T> {
             lever,
             relative_velocity,
             approach_speed,
-            slip_speed: relative_velocity.x.hypot(relative_velocity.y),
             normal_compliance: body.ball_mass.recip() + body.inverse_effective_mass(&lever),
         })
+    }
+
+    /// Size of the tangential part of the relative velocity, m/s. Few ask for it, and it takes as long as all the rest.
+    pub fn slip_speed(&self) -> T {
+        self.relative_velocity.x.hypot(self.relative_velocity.y)
     }
 
     /// How long this contact lasts, `reference` being the duration at 20 m/s in the middle of the face: a spring under a smaller mass

@@ -58,6 +58,7 @@ pub struct Laws<T = f64> {
 }
 
 impl<T: Real> Laws<T> {
+    #[inline]
     pub fn new(restitution: T, friction: T, sliding: Sliding, ball_arm: T, ball_inertia: T) -> Self {
         Laws {
             restitution,

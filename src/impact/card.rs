@@ -49,7 +49,7 @@ pub struct ParameterCard {
     /// Of a strength: in base viscoelastic only its size counts, and none is no limit of small ones.
     #[serde(skip)]
     pub size_alone: bool,
-    /// Of a strength: its physics has it positive only, though a fit may find it the other way round.
+    /// Of a strength: its physics has it positive only, though a fit of base rigid may find it the other way round.
     #[serde(skip)]
     pub one_way: bool,
     pub meaning: &'static str,

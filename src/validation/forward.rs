@@ -131,6 +131,8 @@ pub struct Strength {
     pub usual: f64,
     /// Physically only on one side of `absent` (above it).
     pub one_sided: bool,
+    /// Above `absent`, though a fit may go below: that says something else is at work.
+    pub one_way: bool,
     /// Small ones are not near `absent`: their signature is that of a typical size.
     pub jumps: bool,
 }

@@ -500,13 +500,17 @@ impl<'a> Judgement<'a> {
 
     fn unlike_its_card(&self, name: &str) -> Option<String> {
         let settled = self.settled.as_ref()?;
-        for p in effect_card(name)?.parameters {
-            let Some(found) = settled.strengths.get(&format!("{name}.{}", p.name)) else { continue };
-            if p.one_way && found.value < -REVERSED * found.sd {
-                return Some(format!("the other way round ({} {} ± {})", p.name, short(found.value), short(found.sd)));
+        let outline = self.case.library.effects().iter().find(|o| o.name == name)?;
+        for s in outline.strengths.iter().filter(|s| s.one_way) {
+            let found = settled.strengths.get(&s.parameter)?;
+            if found.value < s.absent - REVERSED * found.sd {
+                return Some(format!("the other way round ({} {} ± {})", s.parameter, short(found.value), short(found.sd)));
             }
+        }
+        for p in effect_card(name)?.parameters.iter().filter(|p| !p.is_strength()) {
+            let Some(found) = settled.strengths.get(&format!("{name}.{}", p.name)) else { continue };
             let sizes = (found.value - p.default).abs() / p.typical;
-            if !p.is_strength() && sizes > ELSEWHERE {
+            if sizes > ELSEWHERE {
                 return Some(format!("with {} {sizes:.0} deviations from where it usually lies", p.name));
             }
         }

@@ -153,7 +153,9 @@ impl ModelLibrary {
                         .filter_map(|(_, p)| match Parameter::from_card(Some(card.name), p).in_base(model.base(), p) {
                             Parameter { name: parameter, role: Role::Strength { absent, one_sided }, typical, value: usual, .. } => {
                                 let jumps = p.size_alone && model.base() == Base::Viscoelastic;
-                                Some(Strength { parameter, absent, typical, usual, one_sided, jumps })
+                                // The time-stepped base has some of each in itself, and may have too much.
+                                let one_way = p.one_way && model.base() == Base::Rigid;
+                                Some(Strength { parameter, absent, typical, usual, one_sided, one_way, jumps })
                             }
                             _ => None,
                         })

@@ -92,8 +92,9 @@ pub(super) struct Judgement<'a> {
     with_own_parameters: Option<f64>,
     /// What is chosen as it would be in the model.
     settled: Option<Settled>,
-    /// Why what is named may only be like what is missing: no form of it does, or no usual size.
+    /// Why what is named may only be like what is missing: no form of it takes the rest away.
     imitates: Option<String>,
+    /// The same for being found unlike its card.
     unusual: Option<String>,
     notes: Vec<String>,
 }
@@ -475,6 +476,7 @@ impl<'a> Judgement<'a> {
         Ok(list)
     }
 
+    /// Fits the effects as they would be in the model.
     fn settle(&self, best: &Refit) -> Result<Settled, ValidationError> {
         let library = self.case.library.extended(&best.names(), &best.fit.values)?;
         let (forward, start) = (library.current(), Start { fit: &best.fit, keep_jacobians: library.current().costly() });
@@ -498,6 +500,7 @@ impl<'a> Judgement<'a> {
         Some(format!("But {name} is found {how}: something else with the same signature may be at work, and these impacts cannot tell."))
     }
 
+    /// What of an effect as it is found is not as its card has it.
     fn unlike_its_card(&self, name: &str) -> Option<String> {
         let settled = self.settled.as_ref()?;
         let outline = self.case.library.effects().iter().find(|o| o.name == name)?;

@@ -7,7 +7,7 @@
 use super::observation::Gear;
 use super::project::{Nuisance, TOLD, project_out};
 use super::rank::Reference;
-use super::structure::ratio_tail;
+use super::tails::ratio_tail;
 use nalgebra::{DMatrix, DVector, RowDVector};
 use rayon::prelude::*;
 

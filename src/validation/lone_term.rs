@@ -10,7 +10,8 @@
 use super::expression_terms::{FEATURES, FeatureInputs, feature_inputs};
 use super::fit::Fit;
 use super::observation::{Observation, Observations};
-use super::structure::{channels, effective, normal_tail};
+use super::structure::{channels, effective};
+use super::tails::normal_tail;
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 

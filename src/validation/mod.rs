@@ -48,6 +48,7 @@ pub mod session_shift;
 pub mod smooth;
 pub mod step_in_order;
 pub mod structure;
+mod tails;
 pub mod terminal;
 pub mod unseen_spin;
 pub mod verdict_words;

@@ -6,7 +6,7 @@
 
 use super::linearise::Linearised;
 use super::observation::Observation;
-use super::structure::normal_tail;
+use super::tails::normal_tail;
 use crate::impact_table::OUTPUTS;
 use std::collections::BTreeMap;
 

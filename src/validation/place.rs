@@ -9,7 +9,7 @@ use super::comparison::{NormalSigns, coordinate_name};
 use super::diagnosis::Place;
 use super::linearise::Linearised;
 use super::observation::Observation;
-use super::structure::normal_tail;
+use super::tails::normal_tail;
 use crate::impact_table::{OUTPUTS, OwnColumn, column_subject, unit};
 use crate::quantity::HOLD_95_PERCENT;
 

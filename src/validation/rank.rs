@@ -24,7 +24,8 @@ use super::observation::{Observation, Observations};
 use super::predicted::difference;
 use super::project::{Nuisance, beside};
 use super::screen::{Screening, screen_beyond};
-use super::structure::{BesideSmooth, StructureTest, chi2_tail, form_features, structure_beyond, structure_test};
+use super::structure::{BesideSmooth, StructureTest, form_features, structure_beyond, structure_test};
+use super::tails::chi2_tail;
 use nalgebra::DMatrix;
 
 /// Directions in which a catalogue formula may differ from nature's (see the module's text).

@@ -12,7 +12,7 @@ use super::linearise::Linearised;
 use super::observation::Observation;
 use super::predicted::difference;
 use super::project::{Nuisance, Projected, beside, project_out};
-use super::structure::ratio_tail;
+use super::tails::ratio_tail;
 use crate::impact_table::INPUTS;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;

@@ -1,7 +1,8 @@
 //! The current model on a table, before any effect is tried: its best fit, the tests of it, and the held-out impacts.
 
+use super::beside_the_tests::beside_the_tests;
 use super::by_group::GROUP_LEVEL;
-use super::comparison::{OutputSummary, is_more_than_noise, missed_groups, note_groups, outliers, parameter_values, session_offsets, summarise};
+use super::comparison::{is_more_than_noise, missed_groups, note_groups, outliers, parameter_values, session_offsets, summarise};
 use super::diagnosis::{CandidateReport, Diagnosis, NotVisible, Verdict};
 use super::error::ValidationError;
 use super::expression::local_spot;
@@ -11,7 +12,6 @@ use super::heldout::{error_of, linearise_held_out};
 use super::linearise::Linearised;
 use super::local_spot::SPOT_LEVEL;
 use super::lone_term::TERM_LEVEL;
-use super::neighbours::miss_alike;
 use super::observation::{Observation, Observations};
 use super::one_sided::one_sided;
 use super::outliers_together::outliers_together;
@@ -20,17 +20,12 @@ use super::rank::{Reference, flexible_nuisance};
 use super::screen::{LIBRARY_LEVEL, Screening, screen_beyond};
 use super::structure::{BesideSmooth, STRUCTURE_LEVEL, StructureTest, structure_test};
 use super::terminal::short;
-use crate::median::median;
 
 /// The tests together (that of the groups only where there are any): how often nothing-missing is called missing, at most.
 const FALSE_ALARM_RATE: f64 = LIBRARY_LEVEL + STRUCTURE_LEVEL + SPOT_LEVEL + TERM_LEVEL;
 
 /// Deviation of a strength over its typical size, below which a strength of none is told from one too small to see.
 const SURELY_NONE: f64 = 0.25;
-
-/// Chi-square per number over that of the other outputs, and deviations of such a ratio, from which an output is told to scatter more than they do.
-const SCATTERS: f64 = 1.5;
-const SURELY: f64 = 6.0;
 
 /// When nothing is missing, all candidates together are no more likely than that.
 const ALL_CANDIDATES: f64 = 0.5;
@@ -107,27 +102,9 @@ impl<'a> Case<'a> {
         fails
     }
 
-    /// What the tests of a model that none of them faults do not look at, in words: an output that scatters far more than the others do, or goes with the
-    /// impact before.
-    pub fn doubts(&self, outputs: &[OutputSummary]) -> Vec<String> {
-        let usual = median(outputs.iter().map(|o| o.chi2_reduced)).unwrap_or(1.0).max(1.0);
-        let beyond = |o: &&OutputSummary| (o.chi2_reduced / usual - 1.0) * (0.5 * o.n as f64).sqrt();
-        let widest = outputs.iter().max_by(|a, b| beyond(a).total_cmp(&beyond(b))).filter(|o| o.chi2_reduced > SCATTERS * usual && beyond(o) > SURELY);
-        let scatters = widest.map(|o| {
-            format!(
-                "But {} scatters {:.1} times as widely as stated, the other outputs {:.1} times: its deviations are understated, or something acts on it that these tests do not look for.",
-                o.name,
-                o.chi2_reduced.sqrt(),
-                usual.sqrt()
-            )
-        });
-        let in_order = miss_alike(self.seen.iter().zip(&self.base.impacts).chain(self.held.iter().zip(&self.held_out))).map(|(output, alike)| {
-            format!(
-                "But impacts that follow each other miss {output} {}: something changes with their order that these tests do not look for (balls in turn, strings exchanged).",
-                if alike { "alike" } else { "by turns to either side" }
-            )
-        });
-        scatters.into_iter().chain(in_order).collect()
+    /// What the tests do not look at, in words.
+    pub fn doubts(&self) -> Vec<String> {
+        beside_the_tests(&self.seen, &self.base.impacts, &self.held, &self.held_out)
     }
 
     pub fn reference(&self, c: f64) -> Reference<'_> {

@@ -1,5 +1,6 @@
 //! The model against the measurement, impact by impact: everything a reader or a report needs to see it.
 
+use super::beside_the_tests::beside_the_tests;
 use super::by_group::GROUP_LEVEL;
 use super::error::ValidationError;
 use super::fit::{Column, Fit, FitOptions, fit, fit_with_likely_offsets};
@@ -205,6 +206,9 @@ pub struct Comparison {
     pub session_offsets: Vec<SessionOffset>,
     #[serde(default)]
     pub left_out: Vec<LeftOut>,
+    /// Of an adequate model: what its tests do not look at.
+    #[serde(default)]
+    pub doubts: Vec<String>,
     pub notes: Vec<String>,
     pub provenance: Option<Provenance>,
 }
@@ -314,6 +318,7 @@ pub fn compare(forward: &dyn Forward, observations: &Observations, model: &str, 
         impacts,
         structure,
         left_out: observations.left_out(),
+        doubts: if fails { Vec::new() } else { beside_the_tests(&seen, &refitted.impacts, &held, &held_refitted) },
         notes,
         provenance: None,
     })

@@ -134,7 +134,7 @@ fn diagnose_as_given(library: &dyn Library, observations: &Observations, options
             diagnosis.notes.extend(case.not_shown());
         }
         note_noise(diagnosis.noise_floor, diagnosis.verdict == Verdict::Adequate, &mut diagnosis.notes);
-        let doubts = if diagnosis.verdict == Verdict::Adequate { case.doubts(&diagnosis.outputs) } else { Vec::new() };
+        let doubts = if diagnosis.verdict == Verdict::Adequate { case.doubts() } else { Vec::new() };
         diagnosis.words = verdict_words(&diagnosis, doubts);
         return Ok(diagnosis);
     }

@@ -408,7 +408,7 @@ impl<'a> Judgement<'a> {
             diagnosis.next_experiments = self.refits.next_experiments(&self.reference, &diagnosis.candidates)?;
         }
         let of_name = self.imitates.take().into_iter().chain(self.unusual.take()).filter(|_| believed.is_some());
-        let doubts = if self.verdict == Verdict::Adequate { case.doubts(&diagnosis.outputs) } else { of_name.collect() };
+        let doubts = if self.verdict == Verdict::Adequate { case.doubts() } else { of_name.collect() };
         diagnosis.words = verdict_words(&diagnosis, doubts);
         Ok(diagnosis)
     }

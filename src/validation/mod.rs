@@ -9,6 +9,7 @@
 //! will do (`expression`). `docs/diagnosis.md` gives its measured error rates.
 
 pub mod auto;
+mod beside_the_tests;
 pub mod by_group;
 mod carried_noise;
 mod case;

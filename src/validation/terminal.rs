@@ -69,6 +69,9 @@ pub fn comparison_text(c: &Comparison) -> String {
             "No structure beyond the noise shows in the residuals"
         };
         let _ = writeln!(t, "verdict: ADEQUATE. {left} ({structure}).");
+        for doubt in &c.doubts {
+            let _ = writeln!(t, "         {doubt}");
+        }
         let _ = writeln!(t, "         `sweetspot diagnose` looks harder: at every effect of the catalogue, and every place on the face, by itself.");
         if c.stated_is_worse() {
             let _ = writeln!(t, "         The numbers in the file are not the best ones: run `sweetspot fit`.");

@@ -102,6 +102,7 @@ pub fn comparison(n: usize, miss: f64, name: &str) -> Comparison {
         outliers: vec![Outlier { id: name.to_owned(), column: name.to_owned(), standardised: -6.3 }],
         session_offsets: vec![SessionOffset { session: name.to_owned(), input: "impact_x".into(), value: 1e-4, sd: 2e-4, prior_sd: 6e-4, unit: "m".into() }],
         left_out: vec![LeftOut { id: name.to_owned(), reason: name.to_owned() }],
+        doubts: vec![name.to_owned()],
         notes: vec![name.to_owned()],
         provenance: Some(provenance(name)),
     }

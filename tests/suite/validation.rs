@@ -28,13 +28,17 @@ fn table(kind: Kind, impacts: usize, hidden: &[(&str, f64)], seed: u64, noise: N
     generate_table(&TableSpec { kind, impacts, hidden, seed, noise }).unwrap()
 }
 
+fn observations_of(made: &SyntheticTable) -> Observations {
+    Observations::new(&made.table, std::slice::from_ref(&made.racket), std::slice::from_ref(&made.ball), &TableOptions::default()).unwrap()
+}
+
 fn diagnosis_of(made: &SyntheticTable) -> Diagnosis {
     diagnosis(made, "", &DiagnoseOptions::default())
 }
 
 /// The diagnosis of a model that holds `effects` already.
 fn diagnosis(made: &SyntheticTable, effects: &str, options: &DiagnoseOptions) -> Diagnosis {
-    let observations = Observations::new(&made.table, std::slice::from_ref(&made.racket), std::slice::from_ref(&made.ball), &TableOptions::default()).unwrap();
+    let observations = observations_of(made);
     let model = Model::parse(&format!("{FIRST_MODEL}\n{effects}"), Path::new("model.toml")).unwrap();
     diagnose(&ModelLibrary::new(model, &observations.gear), &observations, options).unwrap()
 }
@@ -284,14 +288,23 @@ fn law_no_formula_lets_its_own_noise_stand_for_what_is_missing() {
 fn truth_an_adequate_model_is_doubted_for_what_goes_with_the_order() {
     let doubted = |d: &Diagnosis| d.words.iter().any(|w| w.contains("by turns to either side"));
     let mut made = table(Kind::Lab, 300, &[], 4, NoiseOptions::default());
+    let compared = |made: &SyntheticTable| {
+        let observations = observations_of(made);
+        let model = Model::parse(FIRST_MODEL, Path::new("model.toml")).unwrap();
+        compare(ModelLibrary::new(model, &observations.gear).current(), &observations, "model.toml", 1).unwrap()
+    };
     let sound = diagnosis_of(&made);
     assert!(sound.verdict == Verdict::Adequate && sound.words.iter().all(|w| !w.starts_with("But")), "{:?}", sound.words);
+    assert_eq!((compared(&made).verdict, compared(&made).doubts), (Adequacy::Adequate, Vec::new()));
     for (n, row) in made.table.rows.iter_mut().enumerate() {
         let at = OUTPUTS.iter().position(|c| *c == "ball_out_vz").unwrap();
         row.outputs[at] = row.outputs[at].map(|m| Measured { value: m.value + if n % 2 == 0 { 0.15 } else { -0.15 }, ..m });
     }
     let d = diagnosis_of(&made);
     assert!(d.verdict != Verdict::Adequate || doubted(&d), "{:?}", d.words);
+    let c = compared(&made);
+    assert!(c.verdict == Adequacy::Inadequate || c.doubts.iter().any(|w| w.contains("by turns to either side")), "{:?}", c.doubts);
+    assert_eq!(c.doubts.is_empty(), c.verdict == Adequacy::Inadequate);
 }
 
 #[test]
@@ -361,7 +374,7 @@ fn agrees_two_effects_are_both_found_and_an_impossible_catalogue_gives_a_formula
     let text = format!("{FIRST_MODEL}\n{}", e.model_file_text);
     let model = Model::parse(&text, Path::new("model.toml")).unwrap();
     let made = table(Kind::Lab, 300, &[("grip-restitution", 1.0)], 1, NoiseOptions::default());
-    let observations = Observations::new(&made.table, std::slice::from_ref(&made.racket), std::slice::from_ref(&made.ball), &TableOptions::default()).unwrap();
+    let observations = observations_of(&made);
     let after = diagnose(&ModelLibrary::new(model, &observations.gear), &observations, &DiagnoseOptions::default()).unwrap();
     assert!(after.heldout_error < 1.08 * after.noise_floor, "{} against {}", after.heldout_error, after.noise_floor);
 }
@@ -432,7 +445,7 @@ fn law_a_fit_begun_again_stays_where_it_is() {
 #[test]
 fn law_parameters_that_do_not_move_stay_where_they_are_put() {
     let made = table(Kind::Lab, 60, &[], 1, NoiseOptions::default());
-    let observations = Observations::new(&made.table, std::slice::from_ref(&made.racket), std::slice::from_ref(&made.ball), &TableOptions::default()).unwrap();
+    let observations = observations_of(&made);
     let library = ModelLibrary::new(Model::parse(FIRST_MODEL, Path::new("model.toml")).unwrap(), &observations.gear);
     let put = vec![0.7, 0.3];
     let options = FitOptions { move_parameters: false, start_values: Some(put.clone()), ..FitOptions::default() };

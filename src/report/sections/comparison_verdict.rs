@@ -29,6 +29,7 @@ pub fn comparison_verdict(c: &Comparison) -> Section {
     } else {
         format!("The model “{}” is not adequate: its errors on these {} impacts have structure that noise does not explain.", c.model, c.n_impacts)
     }];
+    lines.extend(c.doubts.iter().cloned());
     lines.push(format!(
         "With its free parameters at their best, the error on {} impacts that the fit never saw is {} times the noise (as its file states them: {}); a model without fault would have {}{}.",
         c.n_held_out,
@@ -64,7 +65,7 @@ pub fn comparison_verdict(c: &Comparison) -> Section {
         (floor_text(c.noise_floor), format!("{}: what is left when every smooth trend is taken out of this model's residuals", floor_words(c))),
         (format!("{} + {}", c.n_impacts.saturating_sub(c.n_held_out), c.n_held_out), "impacts to fit + held out".to_owned()),
     ];
-    let tone = match (adequate, c.keeps_structure()) {
+    let tone = match (adequate, c.keeps_structure() || !c.doubts.is_empty()) {
         (false, _) => Tone::Bad,
         (true, true) => Tone::Doubt,
         (true, false) => Tone::Good,

@@ -72,6 +72,7 @@ pub fn session_verdict(r: &SessionResults) -> Section {
             tone = Tone::Bad;
         }
         lines.insert(0, format!("The model “{}” is {} for these shots.", c.model, if adequate { "adequate" } else { "not adequate" }));
+        lines.extend(c.doubts.iter().cloned());
         cards.push((
             fixed(c.heldout_error_refitted, 2),
             format!("held-out error of the model in units of the noise; {} {}", floor_words(c), floor_text(c.noise_floor)),

@@ -148,9 +148,9 @@ impl<S: FrameSource> Shot<'_, S> {
             let circle = reach.circle(self.view, camera);
             // What lies next to the border of what is looked through is no peak.
             let columns = circle.map_or(0..usize::MAX, |(at, radius)| around(at.x, radius + band_search::AROUND as f64));
-            let mut candidates = band_search::candidates(image, columns, self.px_per_m(camera), self.shape.white_half_m, MOST_BEFORE_SOME_GO);
             let least = FAINTEST * least_contrast[camera.index()];
-            candidates.retain(|c| c.contrast > least && circle.is_none_or(|(at, radius)| (c.uv - at).norm() < radius));
+            let mut candidates = band_search::candidates(image, columns, self.px_per_m(camera), self.shape.white_half_m, least, MOST_BEFORE_SOME_GO);
+            candidates.retain(|c| circle.is_none_or(|(at, radius)| (c.uv - at).norm() < radius));
             candidates
         };
         let (left, right) = rayon::join(|| of(CameraId::Left), || of(CameraId::Right));

@@ -183,7 +183,7 @@ impl<S: FrameSource> Shot<'_, S> {
 
     /// What may be tape in either picture.
     fn band_candidates(&self, images: [&GreyView; 2], most: usize) -> [Vec<BandCandidate>; 2] {
-        let of = |camera: CameraId| band_search::candidates(images[camera.index()], 0..usize::MAX, self.px_per_m(camera), self.shape.white_half_m, most);
+        let of = |camera: CameraId| band_search::candidates(images[camera.index()], 0..usize::MAX, self.px_per_m(camera), self.shape.white_half_m, 0.0, most);
         let (left, right) = rayon::join(|| of(CameraId::Left), || of(CameraId::Right));
         [left, right]
     }

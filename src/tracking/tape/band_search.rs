@@ -41,10 +41,10 @@ pub fn reach_px(px_per_m: f64, white_half_m: f64) -> f64 {
     dark_px(px_per_m, white_half_m).1.ceil() + 2.0
 }
 
-/// Candidates in some columns, strongest first and at most so many. Where most of them would lie along lines, longer than any band, those come after
-/// all others: a white line of the court has hundreds, all stronger than tape. `px_per_m` is the scale of the picture at the racket; `white_half_m`
-/// the expected half length of the white tape.
-pub fn candidates(image: &GreyView, columns: Range<usize>, px_per_m: f64, white_half_m: f64, most: usize) -> Vec<BandCandidate> {
+/// Candidates in some columns of more than a contrast, grey levels, strongest first and at most `most`. Where more than half as many lie along lines,
+/// longer than any band, those come after all others: a white line of the court has hundreds, all stronger than tape. `px_per_m` is the scale of the
+/// picture at the racket; `white_half_m` the expected half length of the white tape.
+pub fn candidates(image: &GreyView, columns: Range<usize>, px_per_m: f64, white_half_m: f64, least_contrast: f64, most: usize) -> Vec<BandCandidate> {
     let (w, h) = (image.width, image.rows);
     let (near, far) = dark_px(px_per_m, white_half_m);
     let steps = ((far - near).round() as usize).clamp(2, 6);
@@ -64,7 +64,8 @@ pub fn candidates(image: &GreyView, columns: Range<usize>, px_per_m: f64, white_
     if columns.is_empty() || h <= 2 * margin {
         return Vec::new();
     }
-    let mut found = pulp::Arch::new().dispatch(Look { image, columns, reach, margin, offsets: &offsets }).unwrap_or_default();
+    let least = ((9.0 * least_contrast) as u16).max(LEAST);
+    let mut found = pulp::Arch::new().dispatch(Look { image, columns, reach, margin, offsets: &offsets, least }).unwrap_or_default();
     found.sort_by(|a, b| b.0.cmp(&a.0).then((a.2, a.1).cmp(&(b.2, b.1))));
     let found = Lines::new(image, far, &places).last_where_they_crowd(found, most);
     let first_row = Vector2::new(0.0, image.first_row as f64);
@@ -91,9 +92,9 @@ impl<'a> Lines<'a> {
         Lines { image, steps, places, sums: Sums::new(2 * far.ceil() as usize) }
     }
 
-    /// The first `most` of these places, strongest first; where more than half of those lie along lines, these after all others.
+    /// The first `most` of these places, strongest first; where more than half as many lie along lines, these after all others.
     fn last_where_they_crowd(mut self, mut places: Vec<Highest>, most: usize) -> Vec<Highest> {
-        if places.len() > most && self.hold_most(&places[..most]) {
+        if self.crowd(&places[..most.min(places.len())], most / 2) {
             let mut others = 0;
             let looked_at = places.iter().map(|place| (self.hold(place), *place)).take_while(|(along, _)| {
                 others += usize::from(!along);
@@ -106,16 +107,16 @@ impl<'a> Lines<'a> {
         places
     }
 
-    /// Whether more than half of these places lie along lines.
-    fn hold_most(&mut self, places: &[Highest]) -> bool {
-        let (mut along, mut apart) = (0, 0);
-        for place in places {
-            *if self.hold(place) { &mut along } else { &mut apart } += 1;
-            if 2 * along > places.len() || 2 * apart >= places.len() {
+    /// Whether more than so many of these places lie along lines.
+    fn crowd(&mut self, places: &[Highest], many: usize) -> bool {
+        let mut along = 0;
+        for (left, place) in (0..places.len()).rev().zip(places) {
+            along += usize::from(self.hold(place));
+            if along > many || along + left <= many {
                 break;
             }
         }
-        2 * along > places.len()
+        along > many
     }
 
     /// Whether a place goes on as such on two opposite sides. What lies beyond the border is taken to go on.
@@ -220,6 +221,8 @@ struct Look<'a> {
     reach: usize,
     margin: usize,
     offsets: &'a [Vec<isize>],
+    /// Scores up to here are no place's.
+    least: u16,
 }
 
 impl pulp::NullaryFnOnce for Look<'_> {
@@ -227,7 +230,7 @@ impl pulp::NullaryFnOnce for Look<'_> {
 
     #[inline(always)]
     fn call(self) -> Self::Output {
-        let Look { image, columns, reach, margin, offsets } = self;
+        let Look { image, columns, reach, margin, offsets, least } = self;
         let (w, h) = (image.width, image.rows);
         let mut stripe = Stripe::default();
         let mut found = Vec::new();
@@ -236,9 +239,9 @@ impl pulp::NullaryFnOnce for Look<'_> {
             // The rows next to those asked for are scored as well, and what these look at lies farther out.
             let scored = (top - AROUND).max(margin)..(end + AROUND).min(h - margin);
             stripe.smooth(image, scored.start - reach..scored.end + reach)?;
-            stripe.score(w, top - AROUND..end + AROUND, scored, (&columns, reach), offsets);
+            stripe.score(w, top - AROUND..end + AROUND, scored, (&columns, reach), (offsets, least));
             for y in top..end {
-                stripe.highest(w, &columns, y, &mut found);
+                stripe.highest(w, &columns, y, least, &mut found);
             }
         }
         Some(found)
@@ -285,7 +288,7 @@ impl Stripe {
 
     /// Bright with dark on two opposite sides: by how much, for the rows `scored` of `rows`; zero in the others and beside the columns.
     #[inline(always)]
-    fn score(&mut self, w: usize, rows: Range<usize>, scored: Range<usize>, (columns, reach): (&Range<usize>, usize), offsets: &[Vec<isize>]) {
+    fn score(&mut self, w: usize, rows: Range<usize>, scored: Range<usize>, (columns, reach): (&Range<usize>, usize), (offsets, least): (&[Vec<isize>], u16)) {
         // Nothing within reach is darker than the darkest of a box around: most places need no look at all.
         let darkest = self.darkest.around(&self.smooth, w, reach);
         let smooth = &self.smooth;
@@ -294,21 +297,21 @@ impl Stripe {
         self.score_from = rows.start;
         for y in scored {
             let (from, to) = ((y - self.smooth_from) * w, (y - rows.start) * w);
-            Row { smooth, darkest, from: from + columns.start, offsets }.score(&mut self.score[to..][columns.clone()]);
+            Row { smooth, darkest, from: from + columns.start, offsets, least }.score(&mut self.score[to..][columns.clone()]);
         }
     }
 
-    /// Appends the places of a row that are the highest of their surroundings, with the scores' centroid there. Ties go to the first
+    /// Appends the places of a row that are the highest of their surroundings and above `least`, with the scores' centroid there. Ties go to the first
     /// in reading order.
     #[inline(always)]
-    fn highest(&self, w: usize, columns: &Range<usize>, y: usize, found: &mut Vec<Highest>) {
+    fn highest(&self, w: usize, columns: &Range<usize>, y: usize, least: u16, found: &mut Vec<Highest>) {
         const SIDE: usize = 2 * AROUND + 1;
         let rows: [&[u16]; SIDE] = std::array::from_fn(|j| &self.score[(y + j - AROUND - self.score_from) * w..][..w]);
         let row = rows[AROUND];
         for x in columns.clone() {
             // Most places have a higher neighbour in their own row.
             let s = row[x];
-            if s == 0 || row[x - 1] >= s || row[x + 1] > s {
+            if s <= least || row[x - 1] >= s || row[x + 1] > s {
                 continue;
             }
             let (before, after) = (&rows[..AROUND], &rows[AROUND + 1..]);
@@ -336,6 +339,8 @@ struct Row<'a> {
     darkest: &'a [u16],
     from: usize,
     offsets: &'a [Vec<isize>],
+    /// Places together none of which is so much brighter than what is around need no score.
+    least: u16,
 }
 
 impl Row<'_> {
@@ -358,14 +363,14 @@ impl Row<'_> {
     }
 
     /// How much brighter `N` places are than the brighter of two darks on opposite sides, in the direction where that is most; zero below
-    /// [`LEAST`], `None` where all are.
+    /// [`LEAST`], `None` where none can be above `least`.
     #[inline(always)]
     fn places<const N: usize>(&self, x: usize) -> Option<[u16; N]> {
         let at = self.from + x;
         let many = |values: &[u16], at: usize| -> [u16; N] { std::array::from_fn(|i| values[at..][..N][i]) };
         let (here, darkest) = (many(self.smooth, at), many(self.darkest, at));
         // A box holds its own middle: what is darkest in it is not brighter.
-        if (0..N).all(|i| here[i] - darkest[i] <= LEAST) {
+        if (0..N).all(|i| here[i] - darkest[i] <= self.least) {
             return None;
         }
         let mut dark = [u16::MAX; N];
@@ -473,7 +478,7 @@ mod tests {
         let offsets: Vec<Vec<isize>> =
             [(3, 0), (2, 2), (0, 3), (-2, 2)].map(|(x, y): (isize, isize)| vec![x + y * w as isize, 2 * x + 2 * y * w as isize]).to_vec();
         let (from, darkest) = (20 * w + 8, vec![0; w * h]);
-        let row = Row { smooth: &smooth, darkest: &darkest, from, offsets: &offsets };
+        let row = Row { smooth: &smooth, darkest: &darkest, from, offsets: &offsets, least: LEAST };
         let mut together = vec![0; 84];
         row.score(&mut together);
         for (x, score) in together.iter().enumerate() {
@@ -513,8 +518,8 @@ mod tests {
         };
         let image = crate::footage::GreyImage { width: 220, height: 120, pixels: (0..220 * 120).map(|i| grey(i % 220, i / 220)).collect() };
         let view = GreyView::of(&image);
-        let all = candidates(&view, 0..usize::MAX, 240.0, 0.0125, MOST);
-        let some = candidates(&view, 100..200, 240.0, 0.0125, MOST);
+        let all = candidates(&view, 0..usize::MAX, 240.0, 0.0125, 0.0, MOST);
+        let some = candidates(&view, 100..200, 240.0, 0.0125, 0.0, MOST);
         assert_eq!((all.len(), some.len()), (2, 1), "{all:?} {some:?}");
         // Anywhere on the band: all of it is as bright.
         assert!((some[0].uv - Vector2::new(150.0, 80.4)).norm() < 2.0 && all.iter().any(|c| c.uv == some[0].uv && c.contrast == some[0].contrast));
@@ -535,7 +540,7 @@ mod tests {
             }
         };
         let image = crate::footage::GreyImage { width: 220, height: 120, pixels: (0..220 * 120).map(|i| grey(i % 220, i / 220)).collect() };
-        let found = candidates(&GreyView::of(&image), 0..usize::MAX, 240.0, 0.0125, 12);
+        let found = candidates(&GreyView::of(&image), 0..usize::MAX, 240.0, 0.0125, 0.0, 12);
         assert_eq!(found.len(), 12, "the line has its places after them");
         let among_the_first = |(u, v): &(f64, f64)| found[..6].iter().any(|c| (c.uv - Vector2::new(*u, *v)).norm() < 2.5);
         assert!(bands.iter().all(among_the_first), "{found:?}");

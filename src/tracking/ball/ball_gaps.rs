@@ -8,7 +8,7 @@ use crate::calibration::CameraId;
 use crate::footage::{FrameBuffer, FrameSource};
 use crate::tracking::ball::ball_choice::{Sighting, moves_in_racket};
 use crate::tracking::ball::ball_follower::{Flight, nearest};
-use crate::tracking::ball::ball_pieces::{LONGEST_STEP, Piece, foretold, goes_on, meet, met_at_strings, straight_pieces};
+use crate::tracking::ball::ball_pieces::{LONGEST_STEP, Piece, foretold, goes_on, goes_on_unturned, meet, met_at_strings, straight_pieces};
 use crate::tracking::ball::ball_track::{BallFrame, BallScene};
 use crate::tracking::ball::ball_way::BallWay;
 use crate::tracking::ball::free_flight::FreeFlight;
@@ -150,18 +150,35 @@ impl<S: FrameSource> Shot<'_, S> {
         (known, piece)
     }
 
-    /// The ball before and after the strings, wherever in the ways followed it stands: which way, and the piece of it.
-    fn both_halves(&self, ways: &[Vec<Option<BallFrame>>], racket: &[Option<RacketFrame>]) -> Option<[(usize, Piece); 2]> {
+    /// The straight pieces of the ways followed, and which way each is of.
+    fn pieces_in(&self, ways: &[Vec<Option<BallFrame>>], racket: &[Option<RacketFrame>]) -> (Vec<usize>, Vec<Piece>) {
+        let pieces_of = |frames: &[Option<BallFrame>]| straight_pieces(&self.sightings(frames, racket), self.setup.frame_rate_hz);
+        ways.iter().enumerate().flat_map(|(way, frames)| pieces_of(frames).into_iter().map(move |p| (way, p))).unzip()
+    }
+
+    /// The ball before and after the strings, wherever in the ways followed it stands, each half with the pieces from which it was lost in flight: which
+    /// way, and the piece of it.
+    fn whole_way(&self, ways: &[Vec<Option<BallFrame>>], racket: &[Option<RacketFrame>]) -> Option<Vec<(usize, Piece)>> {
         let rate = self.setup.frame_rate_hz;
-        let pieces_of = |frames: &[Option<BallFrame>]| straight_pieces(&self.sightings(frames, racket), rate);
-        let (way_of, pieces): (Vec<usize>, Vec<Piece>) =
-            ways.iter().enumerate().flat_map(|(way, frames)| pieces_of(frames).into_iter().map(move |p| (way, p))).unzip();
-        met_at_strings(&pieces, rate).map(|pair| pair.map(|k| (way_of[k], pieces[k].clone())))
+        let (way_of, pieces) = self.pieces_in(ways, racket);
+        let [mut first, mut last] = met_at_strings(&pieces, rate)?;
+        let mut parts = vec![first, last];
+        let longest = |goes_on: &dyn Fn(&usize) -> bool| (0..pieces.len()).filter(|k| goes_on(k)).max_by_key(|k| pieces[*k].len());
+        while let Some(earlier) = longest(&|k| goes_on_unturned(&pieces[*k], &pieces[first], rate)) {
+            first = earlier;
+            parts.push(first);
+        }
+        while let Some(later) = longest(&|k| goes_on_unturned(&pieces[last], &pieces[*k], rate)) {
+            last = later;
+            parts.push(last);
+        }
+        Some(parts.into_iter().map(|k| (way_of[k], pieces[k].clone())).collect())
     }
 
     /// Whether the ball before and after the strings stands in what was followed, both flights at least so many frames long.
     pub(in crate::tracking) fn stands_in(&self, ways: &[Vec<Option<BallFrame>>], racket: &[Option<RacketFrame>], shortest: usize) -> bool {
-        self.both_halves(ways, racket).is_some_and(|halves| halves.iter().all(|(_, piece)| piece.len() >= shortest))
+        let (_, pieces) = self.pieces_in(ways, racket);
+        met_at_strings(&pieces, self.setup.frame_rate_hz).is_some_and(|halves| halves.iter().all(|k| pieces[*k].len() >= shortest))
     }
 
     /// Frames of the longest straight piece of what was followed that moves as a ball does.
@@ -192,11 +209,11 @@ impl<S: FrameSource> Shot<'_, S> {
         let own = self.flights_of(&flight.frames, racket);
         // Two short pieces may meet by chance: a longer one speaks against them.
         let longest = own.iter().map(Vec::len).max().unwrap_or(0);
-        let pair = self.both_halves(ways, racket).filter(|halves| halves.iter().map(|(_, piece)| piece.len()).sum::<usize>() > longest);
+        let whole = self.whole_way(ways, racket).filter(|parts| parts.iter().map(|(_, piece)| piece.len()).sum::<usize>() > longest);
         let mut kept = vec![false; flight.frames.len()];
-        match pair {
-            Some(halves) => {
-                for (way, piece) in halves {
+        match whole {
+            Some(parts) => {
+                for (way, piece) in parts {
                     for s in piece {
                         kept[s.index] = true;
                         flight.set(s.index, ways[way][s.index]);
@@ -223,7 +240,7 @@ impl<S: FrameSource> Shot<'_, S> {
 
     /// Takes into a flight the ball before and after the strings, wherever in the ways followed it stands.
     pub(in crate::tracking) fn take_in_other_half(&self, flight: &mut Flight, ways: &[Vec<Option<BallFrame>>], racket: &[Option<RacketFrame>]) {
-        for (way, piece) in self.both_halves(ways, racket).into_iter().flatten() {
+        for (way, piece) in self.whole_way(ways, racket).into_iter().flatten() {
             for s in piece {
                 flight.set(s.index, ways[way][s.index]);
             }

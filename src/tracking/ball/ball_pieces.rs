@@ -24,6 +24,13 @@ const TURN_HZ: f64 = 1000.0;
 /// Longest time between the two flights, s, contact included.
 const LONGEST_BETWEEN_S: f64 = 0.025;
 
+/// Longest time over which a ball may be lost in flight, s, and how near its two pieces come to each other half-way between them, m: what gravity and
+/// drag bend is alike from both sides. Time over which a piece tells its direction, s, and its fewest sightings.
+const LONGEST_LOST_S: f64 = 0.08;
+const ONE_WAY_M: f64 = 0.03;
+const LINE_S: f64 = 0.03;
+const FEWEST_OF_WAY: usize = OF_LINE;
+
 /// A straight piece of a flight, sightings in time.
 pub type Piece = Vec<Sighting>;
 
@@ -109,6 +116,20 @@ pub fn meet(before: &[Sighting], after: &[Sighting], frame_rate_hz: f64) -> bool
     (p - q).norm() < MEET_M && at_bed(last, &p) && at_bed(first, &q)
 }
 
+/// Whether a ball that was lost in flight goes on as it went.
+pub fn goes_on_unturned(before: &[Sighting], after: &[Sighting], frame_rate_hz: f64) -> bool {
+    let (Some(last), Some(first)) = (before.last(), after.first()) else { return false };
+    let between = first.number - last.number;
+    if between <= 0.0 || between > LONGEST_LOST_S * frame_rate_hz || before.len().min(after.len()) < FEWEST_OF_WAY {
+        return false;
+    }
+    // As long a time at any frame rate: a line through a dozen frames of a fast camera hardly tells its direction.
+    let of_line = (LINE_S * frame_rate_hz) as usize;
+    let (a, b) = (line(&before[before.len().saturating_sub(of_line)..]), line(&after[..after.len().min(of_line)]));
+    let half_way = last.number + 0.5 * between;
+    (b.step - a.step).norm() * frame_rate_hz < LEAST_TURN_M_S && (b.at(half_way) - a.at(half_way)).norm() < ONE_WAY_M
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -147,6 +168,24 @@ mod tests {
         let mut back = seen(0..40, |t| if t < 20.0 { before(t) } else { after(t) });
         back.drain(19..22);
         assert!(turned(&back, 1000.0));
+    }
+
+    #[test]
+    fn truth_a_ball_lost_in_flight_goes_on_as_it_went_and_nothing_else_does() {
+        // 8 m/s, falling; the noise of outlines without light.
+        let flight = |t: f64| {
+            let noise = 0.004 * (f64::from(t as i32 * 7919 % 13) / 6.0 - 1.0);
+            Point3::new(1.4 - 0.008 * t, 1.1 + noise, 0.2 - 4.9e-6 * t * t - noise)
+        };
+        let (before, after) = (seen(0..40, flight), seen(70..100, flight));
+        assert!(goes_on_unturned(&before, &after, 1000.0) && !goes_on_unturned(&after, &before, 1000.0));
+        let others = [
+            seen(70..100, |t| flight(t) + Vector3::new(0.0, 0.08, 0.0)),
+            seen(70..100, |t| flight(t) + Vector3::new(0.0, 0.006 * (t - 55.0), 0.0)),
+            seen(125..155, flight),
+            seen(70..76, flight),
+        ];
+        assert!(others.iter().all(|other| !goes_on_unturned(&before, other, 1000.0)));
     }
 
     #[test]

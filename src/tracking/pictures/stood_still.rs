@@ -41,8 +41,9 @@ pub fn stood_still(frames: &[Option<RacketFrame>]) -> Vec<[bool; 2]> {
     let motion = |from, to, camera| Some(motion_of(2, from, to, camera, &[true; 5])?[1]);
     // Where one band moves on the picture is no repeat, however many stand.
     let stands = |[_, median, largest]: [f64; 3]| median < STILL_PX.0 && largest < STILL_PX.1;
-    // The last frames before one, of which some may be missing, with how many frames earlier they are.
+    // The last frames before one, of which some may be missing, with how many frames earlier they are; the next ones after one.
     let earlier = |i: usize| (1..=MOST_MISSING).filter_map(move |frames| Some((frames, i.checked_sub(frames)?)));
+    let later = |i: usize| (1..=MOST_MISSING).map(move |frames| (frames, i + frames));
     // px per frame up to a frame, of these bands: of a racket that turns about two of them these always stand.
     let pace = |i: usize, camera: usize, bands: &[bool; 5]| {
         let least = bands.iter().filter(|b| **b).count().clamp(1, 2);
@@ -67,7 +68,7 @@ pub fn stood_still(frames: &[Option<RacketFrame>]) -> Vec<[bool; 2]> {
         let fast = |pace: Option<f64>| pace.is_some_and(|m| m > STOPPED_PX);
         motion_of(1, i - 1, i, camera, &bands).is_some_and(stands)
             && fast(pace(i - 1, camera, &bands))
-            && fast(motion_of(1, i, i + 1, camera, &bands).map(|m| m[0]))
+            && fast(later(i).find_map(|(frames, b)| Some(motion_of(1, i, b, camera, &bands)?[0] / frames as f64)))
     };
     // Where the picture before is missing, it may be that one which stands here: the bands are a frame's way behind the line from the last
     // picture to the next, and the other camera's are not.
@@ -97,19 +98,21 @@ pub fn stood_still(frames: &[Option<RacketFrame>]) -> Vec<[bool; 2]> {
     (0..frames.len()).map(|i| [0, 1].map(|c| told(i, c))).collect()
 }
 
-/// Whether every band stands in a frame and makes twice its way to the next: no racket does that, however slow, whatever the other camera sees.
+/// Whether every band stands in a frame and makes up for it on its way to the next that is seen: no racket does that, however slow, whatever the other
+/// camera sees.
 fn catches_up(frames: &[Option<RacketFrame>], i: usize, camera: usize) -> Option<bool> {
     let points = |k: usize| frames.get(k)?.as_ref().map(|f| f.points[camera]);
-    let (before, now, next) = (points(i.checked_sub(1)?)?, points(i)?, points(i + 1)?);
+    let (before, now) = (points(i.checked_sub(1)?)?, points(i)?);
     let both = |a: &[Option<ImagePoint>; 5]| a.iter().zip(&before).filter(|(a, b)| a.is_some() && b.is_some()).count();
     let (ago, earlier) = (1..=MOST_MISSING).find_map(|ago| Some((ago, points((i - 1).checked_sub(ago)?).filter(|a| both(a) >= 2)?)))?;
+    let (on, next) = (1..=MOST_MISSING).find_map(|on| Some((on, points(i + on).filter(|b| both(b) >= 2)?)))?;
     let (mut catching_up, mut going_on, mut way, mut bands) = (0.0, 0.0, 0.0, 0);
     for m in 0..before.len() {
         let (Some(a), Some(b), Some(c), Some(d)) = (earlier[m], before[m], now[m], next[m]) else { continue };
         let pace = (b.uv - a.uv) / ago as f64;
         let (first, second) = (c.uv - b.uv, d.uv - c.uv);
-        catching_up += first.norm_squared() + (second - 2.0 * pace).norm_squared();
-        going_on += (first - pace).norm_squared() + (second - pace).norm_squared();
+        catching_up += first.norm_squared() + (second - (on + 1) as f64 * pace).norm_squared();
+        going_on += (first - pace).norm_squared() + (second - on as f64 * pace).norm_squared();
         way += pace.norm();
         bands += 1;
     }
@@ -198,6 +201,12 @@ mod tests {
         let mut slower: Vec<[Option<f64>; 2]> = (0..10).map(|k| [Some(0.05 * f64::from(k)), Some(0.6 * f64::from(k))]).collect();
         slower[5][1] = Some(2.4);
         assert_eq!(stood_still(&seen(&slower))[5], [false, true]);
+        // Nor is the picture after it there.
+        slower[6][1] = None;
+        assert_eq!(stood_still(&seen(&slower))[5], [false, true]);
+        // The other camera hardly sees it move, and the picture after it is missing.
+        (slow[3][1], slow[6][1]) = (Some(4.5), None);
+        assert_eq!(stood_still(&seen(&slow))[5], [false, true]);
         // One that is struck, or set in motion, does not catch up.
         for after in [-1.0, 0.0, 0.4, 1.6, 3.0] {
             let struck: Vec<[Option<f64>; 2]> = (0..10).map(|k| [Some(f64::from(k.min(5)) + after * f64::from((k - 5).max(0))); 2]).collect();

@@ -16,6 +16,7 @@ use crate::tracking::racket::marker_deviations;
 use crate::tracking::racket::racket_figure::RacketFigure;
 use crate::tracking::racket::racket_pose::View;
 use crate::tracking::racket::racket_scene::RacketFrame;
+use crate::tracking::racket::stray_racket;
 use crate::tracking::shot_tracks::{ShotSetup, ShotTracks, TrackingError};
 use crate::tracking::side_by_side::{SideBySide, side_by_side};
 use crate::tracking::space_points;
@@ -64,8 +65,11 @@ pub fn track_shot(source: &impl FrameSource, setup: &ShotSetup, cancel: &AtomicB
     stray_ball::drop_strays(source, &view, &mut ball, contact_frame, setup.frame_rate_hz, stray_ball::OUTLINE_PX);
     let contact_frame = space_points::first_contact(source, &racket, &ball, setup.ball.radius_m());
     marker_deviations::grow_unusual(&view, &figure, &mut racket);
+    let hit = frames_of_contact(contact_frame, setup.frame_rate_hz);
+    let numbers: Vec<f64> = (0..source.len()).map(|index| source.number(index) as f64).collect();
+    stray_racket::drop_strays(&view, &figure, &mut racket, (&numbers, setup.frame_rate_hz), &hit);
     let tracks = named(source, &racket, &ball);
-    let shake = || camera_shake(&tracks, &frames_of_contact(contact_frame, setup.frame_rate_hz));
+    let shake = || camera_shake(&tracks, &hit);
     let told = || -> Vec<String> { shot.saturated_ball(&ball).into_iter().chain(shot.gamma_encoded()).collect() };
     let ((mut points, shake_px), told) =
         rayon::join(|| (space_points::space_points(source, setup, &view, &figure, &racket, &ball, contact_frame), shake()), told);

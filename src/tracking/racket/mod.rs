@@ -19,3 +19,4 @@ pub(in crate::tracking) mod racket_search;
 pub(in crate::tracking) mod racket_track;
 pub(in crate::tracking) mod rigid_points;
 pub(in crate::tracking) mod shot_racket;
+pub(in crate::tracking) mod stray_racket;

@@ -286,6 +286,21 @@ fn law_next_to_nothing_still_makes_a_page() {
 }
 
 #[test]
+fn truth_a_session_is_doubted_as_its_comparison_is() {
+    let mut doubted = session("lab", 2);
+    (doubted.comparison, doubted.diagnosis) = (Some(comparison(60, 0.0, "rigid")), None);
+    (doubted.failed, doubted.steps_failed) = (Vec::new(), Vec::new());
+    let mut clear = doubted.clone();
+    clear.comparison.as_mut().expect("compared").doubts.clear();
+    let mut failing = doubted.clone();
+    failing.comparison = Some(comparison(60, 0.8, "rigid"));
+    for (session, tone) in [(&doubted, "doubt"), (&clear, "good"), (&failing, "bad")] {
+        let page = session_report(session);
+        assert!(page.contains(&format!("<div class=\"verdict {tone}\">")), "{tone}: {:.600}", page.split("class=\"verdict").nth(1).unwrap_or_default());
+    }
+}
+
+#[test]
 fn truth_season_figures_follow_the_thesis_and_split_by_sex() {
     let shots: Vec<Shot> = (0..6).map(|k| shot("male", k)).collect();
     let figures = season_figures(&shots.iter().collect::<Vec<_>>(), Some(&racket("r")));

@@ -65,12 +65,16 @@ pub fn comparison_verdict(c: &Comparison) -> Section {
         (floor_text(c.noise_floor), format!("{}: what is left when every smooth trend is taken out of this model's residuals", floor_words(c))),
         (format!("{} + {}", c.n_impacts.saturating_sub(c.n_held_out), c.n_held_out), "impacts to fit + held out".to_owned()),
     ];
-    let tone = match (adequate, c.keeps_structure() || !c.doubts.is_empty()) {
+    Section::new("verdict", "Verdict").verdict(tone_of(c), &lines).cards(&cards).list(&c.notes)
+}
+
+/// How a comparison's verdict is to be taken.
+pub(super) fn tone_of(c: &Comparison) -> Tone {
+    match (c.verdict == Adequacy::Adequate, c.keeps_structure() || !c.doubts.is_empty()) {
         (false, _) => Tone::Bad,
         (true, true) => Tone::Doubt,
         (true, false) => Tone::Good,
-    };
-    Section::new("verdict", "Verdict").verdict(tone, &lines).cards(&cards).list(&c.notes)
+    }
 }
 
 /// The output furthest above its noise.

@@ -1,6 +1,6 @@
 //! What came of a session, in words and a few figures, at the top of its report.
 
-use super::comparison_verdict::floor_words;
+use super::comparison_verdict::{floor_words, tone_of};
 use super::diagnosis_verdict::{VERDICT_WORDS, floors_differ};
 use crate::report::markup::{fixed, probability, with_sd};
 use crate::report::page::{Section, Tone};
@@ -67,11 +67,11 @@ pub fn session_verdict(r: &SessionResults) -> Section {
             cards.push((fixed(c.heldout_error_after, 2), format!("held-out error with {} (probability {})", c.effect, probability(c.probability))));
         }
     } else if let Some(c) = &r.comparison {
-        let adequate = c.verdict == Adequacy::Adequate;
-        if !adequate {
-            tone = Tone::Bad;
+        match tone_of(c) {
+            Tone::Good => (),
+            of_model => tone = of_model,
         }
-        lines.insert(0, format!("The model “{}” is {} for these shots.", c.model, if adequate { "adequate" } else { "not adequate" }));
+        lines.insert(0, format!("The model “{}” is {} for these shots.", c.model, if c.verdict == Adequacy::Adequate { "adequate" } else { "not adequate" }));
         lines.extend(c.doubts.iter().cloned());
         cards.push((
             fixed(c.heldout_error_refitted, 2),

@@ -8,7 +8,7 @@ use crate::tracking::racket::foretold_pose::Foretold;
 use crate::tracking::racket::racket_figure::RacketFigure;
 use crate::tracking::racket::racket_pose::{MarkerObservation, View, fit_pose};
 use crate::tracking::racket::racket_scene::RacketFrame;
-use nalgebra::{Isometry3, Matrix6, Vector6};
+use nalgebra::Isometry3;
 use std::ops::RangeInclusive;
 
 /// Farthest frames before and after between which a racket is expected on a straight way.
@@ -60,8 +60,8 @@ fn expected(racket: &[Option<RacketFrame>], numbers: &[f64], index: usize, frame
     // Half the acceleration times the two times from that way.
     let times = 0.5 * ago * ahead / (frame_rate_hz * frame_rate_hz);
     let (turn, shift) = (DEPARTURE.0 + times * ACCELERATION.0, DEPARTURE.1 + times * ACCELERATION.1);
-    let departure = Matrix6::from_diagonal(&Vector6::from_fn(|k, _| if k < 3 { turn * turn } else { shift * shift }));
-    Foretold::new(pose, &(before.covariance * (1.0 - share).powi(2) + after.covariance * share.powi(2) + departure))
+    let departure = Foretold::within(pose, turn, shift);
+    Foretold::new(pose, &(before.covariance * (1.0 - share).powi(2) + after.covariance * share.powi(2) + departure.covariance()))
 }
 
 /// A frame without the bands that speak for its leap, those that do most first; `None` where too few would be left.
@@ -91,7 +91,7 @@ mod tests {
     use crate::tracking::racket::racket_figure::tests::figure;
     use crate::tracking::racket::racket_pose::{RacketPose, tests::rig};
     use crate::tracking::track_file::ImagePoint;
-    use nalgebra::{Translation3, UnitQuaternion, Vector2};
+    use nalgebra::{Matrix6, Translation3, UnitQuaternion, Vector2};
 
     const RATE_HZ: f64 = 1000.0;
 

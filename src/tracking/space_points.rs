@@ -22,6 +22,8 @@ pub const BALL_ERRORS_ALIKE: f64 = 0.25;
 
 /// Sightings through which a line to the contact is drawn, and fewest of a flight that leads to a hidden one.
 const TO_THE_CONTACT: usize = 6;
+/// So many of them by both cameras do without the others.
+const BY_BOTH: usize = 3;
 const LEADING: usize = 4;
 /// A hidden contact lies this near to the head, m: what the racket's turn bends the ball's way by in its axes.
 const AT_THE_HEAD_M: f64 = 0.05;
@@ -39,16 +41,21 @@ pub fn first_contact(source: &impl FrameSource, racket: &[Option<RacketFrame>], 
     // Frame number and place in the racket's axes, as seen from that side.
     let seen: Vec<(bool, (f64, Point3<f64>))> = seen.iter().map(|s| (s.stereo, (s.number, Point3::new(s.local.x, s.local.y, side * s.local.z)))).collect();
     let touching = (0..=met).rev().take_while(|i| seen[*i].1.1.z <= radius_m).last();
-    // Frames in which the ball is clear of the strings.
+    // Frames in which the ball is clear of the strings: the depth of what one camera sees is foretold, and counts where both hardly see it.
     let clear = touching.map(|touching| &seen[touching.saturating_sub(TO_THE_CONTACT)..touching]).filter(|clear| clear.len() > 1);
-    clear.and_then(|clear| StraightLine::through(clear.iter().map(|s| s.1)).number_at_height(radius_m)).or_else(|| {
+    let way = |clear: &[(bool, (f64, Point3<f64>))]| {
+        let by_both = clear.iter().filter(|s| s.0).count() >= BY_BOTH;
+        StraightLine::through(clear.iter().filter(|s| s.0 || !by_both).map(|s| s.1))
+    };
+    clear.and_then(|clear| way(clear).number_at_height(radius_m)).or_else(|| {
         let in_space: Vec<(f64, Point3<f64>)> = seen.iter().filter(|s| s.0).map(|s| s.1).collect();
         hidden_contact(&in_space, radius_m)
     })
 }
 
-/// First contact in a gap to which the ball's way leads from both ends, in the racket's axes.
+/// First contact in a gap to which the ball's way leads from both ends, in the racket's axes. What is seen of the contact itself belongs to the gap.
 fn hidden_contact(seen: &[(f64, Point3<f64>)], radius_m: f64) -> Option<f64> {
+    let seen: Vec<(f64, Point3<f64>)> = seen.iter().filter(|(_, local)| face::off_the_face_m(local) > radius_m).copied().collect();
     (LEADING..(seen.len() + 1).saturating_sub(LEADING)).find_map(|end| {
         let (before, after) = (&seen[end.saturating_sub(TO_THE_CONTACT)..end], &seen[end..(end + TO_THE_CONTACT).min(seen.len())]);
         let gap = seen[end - 1].0..seen[end].0;
@@ -190,6 +197,9 @@ mod tests {
         };
         let seen = |beside: f64| (0..10).chain(34..45).map(|n| at(n, beside)).collect::<Vec<_>>();
         assert!((hidden_contact(&seen(0.0), radius_m).expect("told") - 20.3).abs() < 1e-6);
+        // Its last frame is seen.
+        let with_last: Vec<_> = (0..10).chain(24..45).map(|n| at(n, 0.0)).collect();
+        assert!((hidden_contact(&with_last, radius_m).expect("told") - 20.3).abs() < 1e-6);
         // Past the head.
         assert!(hidden_contact(&seen(0.3), radius_m).is_none());
         // Half of a flight leads nowhere.

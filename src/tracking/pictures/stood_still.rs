@@ -18,6 +18,8 @@ const CATCHING_UP: (f64, f64) = (0.7, 0.15);
 /// Pictures missing in a row, after which one of them may stand in the next frame, and how late that one is at least, frames.
 const MOST_MISSING: usize = 4;
 const LATE_FRAMES: f64 = 0.6;
+/// Where the other camera cannot tell that it is in time, every band is one frame late to this.
+const A_FRAME_LATE: f64 = 0.4;
 /// With none missing, a repeat whose bands were found half-way to where the racket was expected is as late as the first, where the other camera's is in time to the
 /// second, frames, and the racket moves as fast before and after, to this share: one that is struck does not.
 const HALF_WAY: (f64, f64) = (0.4, 0.2);
@@ -70,27 +72,32 @@ pub fn stood_still(frames: &[Option<RacketFrame>]) -> Vec<[bool; 2]> {
             && fast(pace(i - 1, camera, &bands))
             && fast(later(i).find_map(|(frames, b)| Some(motion_of(1, i, b, camera, &bands)?[0] / frames as f64)))
     };
+    // Whether the racket moves as fast before the first and after the last of three frames as on the way between them.
+    let as_fast = |before: usize, after: usize, camera: usize| {
+        let across = motion(before, after, camera).map(|way| way / (after - before) as f64);
+        let beside = [before.checked_sub(1).and_then(|earlier| motion(earlier, before, camera)), motion(after, after + 1, camera)];
+        beside.map(|pace| Some((pace? / across? - 1.0).abs() < AS_FAST))
+    };
     // Where the picture before is missing, it may be that one which stands here: the bands are a frame's way behind the line from the last
     // picture to the next, and the other camera's are not.
     let behind = |i: usize, camera: usize| {
         let seen_before = (1..=MOST_MISSING).filter_map(|g| i.checked_sub(g)).find(|a| motion(*a, i, camera).is_some());
         let late = |a: usize, camera: usize| frames_late(frames, [a, i, i + 1], camera);
+        let all_late = |a: usize| each_late(frames, [a, i, i + 1], camera).iter().all(|late| (late - 1.0).abs() < A_FRAME_LATE);
         seen_before.filter(|a| *a + 1 < i).is_some_and(|a| {
             late(a, camera).is_some_and(|late| late > LATE_FRAMES && late < (i - a) as f64)
-                && late(a, 1 - camera).is_some_and(|late| late.abs() < 1.0 - LATE_FRAMES)
+                && match late(a, 1 - camera) {
+                    Some(late) => late.abs() < 1.0 - LATE_FRAMES,
+                    None => all_late(a) && as_fast(a, i + 1, camera) == [Some(true); 2],
+                }
         })
     };
     let half_way = |i: usize, camera: usize| {
         let Some(before) = i.checked_sub(1) else { return false };
         let late = each_late(frames, [before, i, i + 1], camera);
         let in_time = || frames_late(frames, [before, i, i + 1], 1 - camera).is_some_and(|late| late.abs() < HALF_WAY.1);
-        let Some(across) = motion(before, i + 1, camera).map(|way| 0.5 * way) else { return false };
-        let beside = [before.checked_sub(1).and_then(|earlier| motion(earlier, before, camera)), motion(i + 1, i + 2, camera)];
-        late.len() >= 2
-            && late.iter().all(|late| *late > HALF_WAY.0)
-            && in_time()
-            && beside.iter().any(Option::is_some)
-            && beside.iter().flatten().all(|pace| (pace / across - 1.0).abs() < AS_FAST)
+        let as_fast = as_fast(before, i + 1, camera);
+        late.len() >= 2 && late.iter().all(|late| *late > HALF_WAY.0) && in_time() && as_fast.contains(&Some(true)) && !as_fast.contains(&Some(false))
     };
     let told = |i: usize, camera: usize| {
         half_way(i, camera) || still(i, camera) || stopped(i, camera) || behind(i, camera) || catches_up(frames, i, camera).is_some_and(|told| told)
@@ -190,6 +197,10 @@ mod tests {
         let found = stood_still(&seen(&repeated));
         assert_eq!(found.iter().position(|s| s[1]), Some(5));
         assert!(found.iter().all(|s| !s[0]));
+        // Nor does the other camera see the racket in it.
+        repeated[5][0] = None;
+        assert_eq!(stood_still(&seen(&repeated)).iter().position(|s| s[1]), Some(5));
+        repeated[5][0] = Some(5.0);
         // The other camera's picture of the frame before is missing.
         repeated[4] = [None, Some(4.0)];
         assert_eq!(stood_still(&seen(&repeated))[5], [false, true]);

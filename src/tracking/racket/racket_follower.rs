@@ -154,7 +154,7 @@ impl<S: FrameSource> Shot<'_, S> {
     }
 
     /// The motion of a racket of which only a frame is known.
-    fn found_at(&self, index: usize, frame: &RacketFrame) -> RacketMotion {
+    pub(in crate::tracking) fn found_at(&self, index: usize, frame: &RacketFrame) -> RacketMotion {
         RacketMotion::start(self.source.number(index) as f64, &frame.pose, self.setup.frame_rate_hz)
     }
 

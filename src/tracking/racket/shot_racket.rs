@@ -47,6 +47,8 @@ const CLEAR_BANDS: usize = 8;
 const AGREEING_PX: f64 = 0.15;
 /// Unclear rackets looked at before other likely figures of as many frames are asked, and the best of them is taken.
 const DOUBTFUL_STARTS: usize = 16;
+/// Frames beside those that a stale picture has spoilt, which tell how the racket moves there.
+const BESIDE_STALE: usize = 8;
 /// Places of a picture that look like tape before those that keep their place, or cannot be the racket's, are left out.
 pub(in crate::tracking) const MOST_BEFORE_SOME_GO: usize = 400;
 /// What keeps its place moves by less than this, px,
@@ -370,17 +372,46 @@ impl<S: FrameSource> Shot<'_, S> {
         Ok((all, prints))
     }
 
-    /// Measures the frames with a stale picture again, from the other camera alone.
+    /// Measures the frames with a stale picture again, from the other camera alone, and looks again into those beside them in which the racket was lost:
+    /// followed with that picture, it was expected elsewhere.
     pub(in crate::tracking) fn remeasure_stale(&self, start: &RacketStart, racket: &mut [Option<RacketFrame>]) -> Result<(), TrackingError> {
         let mut buffers = [FrameBuffer::default(), FrameBuffer::default()];
-        for index in (0..racket.len()).filter(|i| self.stale.get(*i).is_some_and(|s| s.contains(&true))) {
-            let images = self.read(index, &mut buffers)?;
+        let stale = |index: &usize| self.stale.get(*index).is_some_and(|stale| stale.contains(&true));
+        for index in (0..racket.len()).filter(stale) {
             let pose = |i: Option<usize>| racket.get(i?)?.as_ref().map(|r| r.pose.global_from_racket);
-            let expected = match (pose(index.checked_sub(1)), pose(Some(index + 1))) {
-                (Some(a), Some(b)) => Some(a.lerp_slerp(&b, 0.5)),
-                (one, other) => one.or(other),
+            racket[index] = match (pose(index.checked_sub(1)), pose(Some(index + 1))) {
+                (Some(a), Some(b)) => {
+                    let images = self.read(index, &mut buffers)?;
+                    racket_track::measure(&self.scene(), &images, &a.lerp_slerp(&b, 0.5), 2, &start.least_contrast)
+                }
+                _ => None,
             };
-            racket[index] = expected.and_then(|p| racket_track::measure(&self.scene(), &images, &p, 2, &start.least_contrast));
+        }
+        let lost: Vec<usize> = (0..racket.len()).filter(|index| racket[*index].is_none()).collect();
+        for gap in lost.chunk_by(|a, b| a + 1 == *b).filter(|gap| gap.iter().any(stale)) {
+            let (first, last) = (gap[0], gap[gap.len() - 1]);
+            self.follow_into(start, first..=last, (0..first).rev(), racket)?;
+            self.follow_into(start, (first..=last).rev(), last + 1..racket.len(), racket)?;
+        }
+        Ok(())
+    }
+
+    /// Follows it into frames without it from those beside them, the nearest first.
+    fn follow_into(
+        &self,
+        start: &RacketStart,
+        frames: impl Iterator<Item = usize>,
+        beside: impl Iterator<Item = usize>,
+        racket: &mut [Option<RacketFrame>],
+    ) -> Result<(), TrackingError> {
+        let known: Vec<(usize, &RacketFrame)> = beside.map_while(|index| Some((index, racket[index].as_ref()?))).take(BESIDE_STALE).collect();
+        let (Some((index, nearest)), Some((farthest, nearer))) = (known.first(), known.split_last()) else { return Ok(()) };
+        let mut motion = self.found_at(farthest.0, farthest.1);
+        nearer.iter().rev().for_each(|(index, frame)| motion.go_on(self.source.number(*index) as f64, frame));
+        let found = RacketStart { index: *index, frame: (*nearest).clone(), ..*start };
+        let unseen: Vec<usize> = frames.take_while(|index| racket[*index].is_none()).collect();
+        for (index, frame) in self.follow_racket_through(&found, Some(motion), unseen.into_iter(), false)?.0 {
+            racket[index] = Some(frame);
         }
         Ok(())
     }

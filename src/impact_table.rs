@@ -11,7 +11,7 @@ mod pooled;
 mod remarks;
 mod row_fault;
 
-pub use column_words::{ColumnWords, RELATIVE, column_subject, column_words};
+pub use column_words::{ColumnWords, MEAN, RELATIVE, column_subject, column_words};
 pub use header::{LONGEST_NAME, is_own_column};
 pub use own_columns::{MOST_OWN_COLUMNS, OwnColumn, OwnColumns, lacking};
 pub use remarks::remarks;

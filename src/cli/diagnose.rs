@@ -10,7 +10,6 @@ use crate::impact::Model;
 use crate::impact::model_file::with_values;
 use crate::provenance::{holds, sha256_hex};
 use crate::session::Session;
-use crate::validation::Verdict;
 use crate::validation::auto::{Tried, Walk};
 use crate::validation::comparison::{Comparison, ParameterValue, compare};
 use crate::validation::diagnose::{DiagnoseOptions, diagnose};
@@ -19,6 +18,7 @@ use crate::validation::forward::Library;
 use crate::validation::ledger::Refusal;
 use crate::validation::model_library::ModelLibrary;
 use crate::validation::terminal::{diagnosis_text, ledger_text};
+use crate::validation::{Diagnosis, Verdict};
 use std::path::{Path, PathBuf};
 
 /// Deviations from its fitted value within which a parameter is at its best for a picture.
@@ -173,10 +173,11 @@ impl Story<'_> {
         let staircase = self.file.ledger.path_to(&sha256_hex(text.as_bytes()), &self.loaded.data_hash);
         shell.say(format_args!("\n{}", ledger_text(&staircase).trim_end()));
         shell.say(format_args!("verdict now: {}; model: {} (every version: {})", walk.diagnosis.verdict, self.output.display(), self.file.path.display()));
-        if walk.diagnosis.verdict != Verdict::Adequate {
-            for line in walk.diagnosis.words.iter().chain(&walk.diagnosis.notes) {
-                shell.say(format_args!("  {line}"));
-            }
+        let Diagnosis { words, notes, verdict, .. } = &walk.diagnosis;
+        // Beside "adequate" only what makes one doubt it: the words after the verdict and its figures.
+        let (words, notes) = if *verdict == Verdict::Adequate { (words.get(2..).unwrap_or_default(), &[][..]) } else { (&words[..], &notes[..]) };
+        for line in words.iter().chain(notes) {
+            shell.say(format_args!("  {line}"));
         }
         if self.versions.len() > 2 {
             shell.say(format_args!(

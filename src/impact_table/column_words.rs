@@ -12,6 +12,8 @@ pub struct ColumnWords {
 
 /// What follows a column's name when its error in proportion is meant.
 pub const RELATIVE: &str = " (relative)";
+/// The same when its mean over the impacts that lack it is meant.
+pub const MEAN: &str = " (mean where not measured)";
 
 /// What a column of three parts (`ball_in_vx`) holds.
 struct Motion {
@@ -48,6 +50,10 @@ pub fn column_words(column: &str) -> ColumnWords {
     }
     if let Some(whole) = column.strip_suffix(RELATIVE) {
         return plain(&format!("{}, in proportion", column_words(whole).words), "%", 100.0);
+    }
+    if let Some(lacked) = column.strip_suffix(MEAN) {
+        let of = column_words(lacked);
+        return ColumnWords { words: format!("{}, mean where not measured", of.words), ..of };
     }
     match column {
         "impact_x" => plain("impact position x", "mm", 1000.0),

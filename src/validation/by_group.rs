@@ -211,6 +211,15 @@ fn parted<'a>(observations: &'a Observations, impacts: &[&'a Observation]) -> Ve
     parted
 }
 
+/// Every column that parts the impacts: of each impact the place of its group among the column's, and how many these are.
+pub(super) fn parts(observations: &Observations, impacts: &[&Observation]) -> Vec<(String, Vec<Option<usize>>, usize)> {
+    let place = |((column, labels), groups): (Labels, Vec<String>)| {
+        let of = labels.iter().map(|label| groups.iter().position(|g| Some(g.as_str()) == label.as_deref())).collect();
+        (column, of, groups.len())
+    };
+    parted(observations, impacts).into_iter().map(place).collect()
+}
+
 /// The groups of one column that are large enough among the impacts of the fit, and of each of `impacts` its place among these. What belongs to no such
 /// group goes with the last one, of the rest.
 pub(super) fn groups_of_column(observations: &Observations, impacts: &[&Observation], column: &str) -> Option<(Vec<String>, Vec<usize>)> {

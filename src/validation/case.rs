@@ -18,8 +18,10 @@ use super::outliers_together::outliers_together;
 use super::present::Present;
 use super::rank::{Reference, flexible_nuisance};
 use super::screen::{LIBRARY_LEVEL, Screening, screen_beyond};
-use super::structure::{BesideSmooth, STRUCTURE_LEVEL, StructureTest, structure_test};
+use super::strength_by_group::unlike_strengths;
+use super::structure::{BesideSmooth, STRUCTURE_LEVEL, StructureTest, p_text, structure_test};
 use super::terminal::short;
+use super::unseen_spin::mean_words;
 
 /// The tests together (that of the groups only where there are any): how often nothing-missing is called missing, at most.
 const FALSE_ALARM_RATE: f64 = LIBRARY_LEVEL + STRUCTURE_LEVEL + SPOT_LEVEL + TERM_LEVEL;
@@ -104,7 +106,16 @@ impl<'a> Case<'a> {
 
     /// What the tests do not look at, in words.
     pub fn doubts(&self) -> Vec<String> {
-        beside_the_tests(&self.seen, &self.base.impacts, &self.held, &self.held_out)
+        let own = self.present.strengths.iter().map(|s| s.0).collect::<Vec<_>>();
+        let by_group = unlike_strengths(&self.base, self.observations, &self.seen, &own, self.structure.noise_scale).map(|unlike| {
+            format!(
+                "But {} is not of one strength in all groups of `{}` ({}): make a model for each group.",
+                self.present.names.join(" and "),
+                unlike.column,
+                p_text(unlike.p_value)
+            )
+        });
+        by_group.into_iter().chain(beside_the_tests(&self.seen, &self.base.impacts, &self.held, &self.held_out)).collect()
     }
 
     pub fn reference(&self, c: f64) -> Reference<'_> {
@@ -123,6 +134,7 @@ impl<'a> Case<'a> {
     fn notes(&self) -> Vec<String> {
         let mut notes = self.observations.notes.clone();
         note_groups(&self.structure, &mut notes);
+        notes.extend(mean_words(&session_offsets(self.observations, &self.base, self.structure.noise_scale)));
         notes
     }
 

@@ -16,7 +16,8 @@ use super::refits::LARGEST_NOISE_SCALE;
 use super::smooth::{FaceCell, SmoothCurve, face_map, smooth};
 use super::structure::{BesideSmooth, StructureTest, floor_text, is_least_floor, p_text, structure_test};
 use super::tails::chi2_tail;
-use crate::impact_table::{INPUTS, OUTPUTS, RELATIVE, SHARED, unit};
+use super::unseen_spin::mean_words;
+use crate::impact_table::{INPUTS, MEAN, OUTPUTS, RELATIVE, SHARED, unit};
 use crate::median::upper_median;
 use crate::provenance::Provenance;
 use crate::short_list::short_list;
@@ -286,6 +287,8 @@ pub fn compare(forward: &dyn Forward, observations: &Observations, model: &str, 
     note_noise(floor, !fails, &mut notes);
     note_group_noise(&structure, &mut notes);
     note_groups(&structure, &mut notes);
+    let offsets = session_offsets(observations, &refitted, structure.noise_scale);
+    notes.extend(mean_words(&offsets));
     notes.extend(group);
     notes.extend(odd);
     notes.extend(asked.map(|offset| format!("even with its free parameters at their best the model asks for {offset}: it does not hold without")));
@@ -314,7 +317,7 @@ pub fn compare(forward: &dyn Forward, observations: &Observations, model: &str, 
         face_maps: face_maps(&impacts, &signs, &present),
         polynomials: polynomial_fits(&impacts, &varied_inputs(observations)),
         outliers,
-        session_offsets: session_offsets(observations, &refitted, structure.noise_scale),
+        session_offsets: offsets,
         impacts,
         structure,
         left_out: observations.left_out(),
@@ -578,6 +581,7 @@ pub fn session_offsets(observations: &Observations, fit: &Fit, c: f64) -> Vec<Se
         .filter_map(|(i, column)| {
             let (session, name, unit) = match *column {
                 Column::Offset { session, input } => (session, INPUTS[input].to_owned(), unit(INPUTS[input])),
+                Column::Unmeasured { session, input } => (session, format!("{}{MEAN}", INPUTS[input]), unit(INPUTS[input])),
                 Column::OutputOffset { session, output } => (session, OUTPUTS[output].to_owned(), unit(OUTPUTS[output])),
                 Column::InputScale { session, input } => (session, in_proportion(INPUTS[input]), ""),
                 Column::OutputScale { session, output } => (session, in_proportion(OUTPUTS[output]), ""),

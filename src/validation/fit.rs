@@ -67,11 +67,31 @@ impl FitOptions {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Column {
     Parameter(usize),
-    Offset { session: usize, input: usize },
-    OutputOffset { session: usize, output: usize },
-    InputScale { session: usize, input: usize },
-    OutputScale { session: usize, output: usize },
-    Shared { session: usize, component: usize },
+    Offset {
+        session: usize,
+        input: usize,
+    },
+    /// Mean of an input that nobody measured.
+    Unmeasured {
+        session: usize,
+        input: usize,
+    },
+    OutputOffset {
+        session: usize,
+        output: usize,
+    },
+    InputScale {
+        session: usize,
+        input: usize,
+    },
+    OutputScale {
+        session: usize,
+        output: usize,
+    },
+    Shared {
+        session: usize,
+        component: usize,
+    },
 }
 
 /// Where a free parameter stands among columns; `None` where it does not move.
@@ -343,6 +363,11 @@ impl<'a> Work<'a> {
                     priors.push(about_zero(options.offset_share * sd));
                 }
             }
+            // Balls that nobody saw turn may all turn one way: no error of a camera, and there without offsets too.
+            for (input, sd) in observations.unmeasured_sd(session).iter().enumerate().filter(|(_, sd)| **sd > 0.0) {
+                columns.push(Column::Unmeasured { session, input });
+                priors.push(about_zero(*sd));
+            }
             for (output, sd) in observations.shared_output_sd(session).iter().enumerate() {
                 if options.offset_share > 0.0 && *sd > 0.0 {
                     columns.push(Column::OutputOffset { session, output });
@@ -378,6 +403,7 @@ impl<'a> Work<'a> {
         let at = self.columns.iter().map(|column| match *column {
             Column::Parameter(p) => self.begins_at[p],
             Column::Offset { session, input } => found(&|shifts| shifts[session].offsets[input]),
+            Column::Unmeasured { session, input } => found(&|shifts| shifts[session].unmeasured[input]),
             Column::OutputOffset { session, output } => found(&|shifts| shifts[session].output_offsets[output]),
             Column::InputScale { session, input } => found(&|shifts| shifts[session].input_scales[input]),
             Column::OutputScale { session, output } => found(&|shifts| shifts[session].output_scales[output]),
@@ -401,6 +427,7 @@ impl<'a> Work<'a> {
             match *column {
                 Column::Parameter(p) => values[p] = *value,
                 Column::Offset { session, input } => shifts[session].offsets[input] = *value,
+                Column::Unmeasured { session, input } => shifts[session].unmeasured[input] = *value,
                 Column::OutputOffset { session, output } => shifts[session].output_offsets[output] = *value,
                 Column::InputScale { session, input } => shifts[session].input_scales[input] = *value,
                 Column::OutputScale { session, output } => shifts[session].output_scales[output] = *value,
@@ -496,6 +523,9 @@ impl<'a> Work<'a> {
                         }
                         Column::Offset { session, input } if session == o.session && o.input_sd[input] > 0.0 => {
                             a.set_column(c, &(-l.jacobian.column(input)));
+                        }
+                        Column::Unmeasured { session, input } if session == o.session && o.missing[input] => {
+                            a.set_column(c, &l.jacobian.column(input));
                         }
                         Column::InputScale { session, input } if session == o.session => {
                             a.set_column(c, &(l.jacobian.column(input) * -o.inputs[input]));

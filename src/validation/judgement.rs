@@ -18,6 +18,7 @@ use super::place::places;
 use super::rank::{Reference, Refit, added_parameters, form_overdispersion, gain_over, log_evidence_over};
 use super::refits::{ALONE_SHARE, FIRST_LEVEL, LARGEST_NOISE_SCALE, LOG_ODDS, Refits, SHARE, estimates, excess_at, share_removed};
 use super::screen::STRENGTH_PRIOR;
+use super::strength_by_group::unlike_strengths;
 use super::structure::{STRUCTURE_LEVEL, StructureTest, p_text};
 use super::terminal::short;
 use super::verdict_words::verdict_words;
@@ -216,18 +217,10 @@ impl<'a> Judgement<'a> {
     /// Where the model fails by groups and no effect of one strength for all accounts for it: one whose strength is each group's own, or the model's
     /// own parameters.
     pub fn ask_groups(&mut self) -> Result<(), ValidationError> {
-        if self.verdict != Verdict::Unexplained || self.case.structure.by_group.is_empty() {
-            return Ok(());
-        }
-        match own_strengths(&self.reference, self.refits.singles(), &self.case.structure, &self.case.held_out)? {
+        let Some(misfit) = self.case.structure.by_group.first().filter(|_| self.verdict == Verdict::Unexplained) else { return Ok(()) };
+        match own_strengths(&self.reference, &misfit.column, self.refits.singles(), &self.case.structure, &self.case.held_out)? {
             // Of effects in the model already the other forms are not known here.
-            Some(FoundByGroup::Effect(own)) if self.case.present.is_empty() => {
-                self.verdict = Verdict::EffectMissing;
-                self.chosen = None;
-                self.after = error_of(&own.held_out);
-                self.notes.push(own.words());
-                self.own = Some(own);
-            }
+            Some(FoundByGroup::Effect(own)) if self.case.present.is_empty() => self.name_by_group(own),
             Some(FoundByGroup::Parameters { error, words }) => {
                 self.with_own_parameters = Some(error);
                 self.notes.push(words);
@@ -235,6 +228,30 @@ impl<'a> Judgement<'a> {
             Some(FoundByGroup::Effect(_)) | None => {}
         }
         Ok(())
+    }
+
+    /// The named effect with a strength of its own in each group, where one for all is not what the impacts say.
+    pub fn ask_groups_of_name(&mut self) -> Result<(), ValidationError> {
+        let named = self.chosen.filter(|b| self.verdict == Verdict::EffectMissing && !self.refused && b.effects.len() == 1 && self.case.present.is_empty());
+        let Some(best) = named else { return Ok(()) };
+        let forward = self.case.library.with(&best.names())?;
+        let strengths: Vec<usize> = self.reference.strengths_in(forward.as_ref(), &best.names()).iter().map(|s| s.0).collect();
+        let Some(unlike) = unlike_strengths(&best.fit, self.case.observations, &self.case.seen, &strengths, self.refits.c) else { return Ok(()) };
+        let one = std::slice::from_ref(best);
+        if let Some(FoundByGroup::Effect(own)) = own_strengths(&self.reference, &unlike.column, one, &self.case.structure, &self.case.held_out)?
+            && error_of(&own.held_out) < error_of(&best.held_out)
+        {
+            self.name_by_group(own);
+        }
+        Ok(())
+    }
+
+    fn name_by_group(&mut self, own: Box<OwnStrengths>) {
+        self.verdict = Verdict::EffectMissing;
+        self.chosen = None;
+        self.after = error_of(&own.held_out);
+        self.notes.push(own.words());
+        self.own = Some(own);
     }
 
     /// A formula in the catalogue's place.
@@ -408,7 +425,8 @@ impl<'a> Judgement<'a> {
             diagnosis.next_experiments = self.refits.next_experiments(&self.reference, &diagnosis.candidates)?;
         }
         let of_name = self.imitates.take().into_iter().chain(self.unusual.take()).filter(|_| believed.is_some());
-        let doubts = if self.verdict == Verdict::Adequate { case.doubts() } else { of_name.collect() };
+        let by_group = self.own.as_ref().map(|own| own.in_short());
+        let doubts = if self.verdict == Verdict::Adequate { case.doubts() } else { of_name.chain(by_group).collect() };
         diagnosis.words = verdict_words(&diagnosis, doubts);
         Ok(diagnosis)
     }

@@ -27,6 +27,8 @@ const GROSS: f64 = 8.0;
 pub const OUTLIER_LISTED: f64 = 4.2;
 /// Widest step of a derivative by a spin nobody measured, rad/s: about what the outputs leave open of it.
 const UNMEASURED_STEP: f64 = 15.0;
+/// Share of an open spin's deviation by which the mean over such spins is moved for its slope.
+const OPEN_STEP: f64 = 0.5;
 /// Steps by which such a spin is first estimated.
 const UNMEASURED_PASSES: usize = 4;
 /// Cells of one impact that may be outliers at once; more, and the impact as a whole is odd and keeps its inflated rest.
@@ -120,7 +122,12 @@ pub struct Setting<'a> {
 fn input_jacobians(p: &dyn Prediction, points: &[&Point], widest: f64) -> Vec<DMatrix<f64>> {
     let step = |point: &Point, j: usize| {
         let sd = point.o.input_sd[j];
-        if point.o.missing[j] { sd.min(widest) } else { sd }
+        match point.o.missing[j] {
+            true if sd > 0.0 => sd.min(widest),
+            // Where the prediction is a mean over all spins: how it goes with their mean.
+            true => OPEN_STEP * point.o.open_sd(j),
+            false => sd,
+        }
     };
     let mut places = Vec::new();
     let mut asked = Vec::new();

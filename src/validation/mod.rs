@@ -48,6 +48,7 @@ pub mod screen;
 pub mod session_shift;
 pub mod smooth;
 pub mod step_in_order;
+mod strength_by_group;
 pub mod structure;
 mod tails;
 pub mod terminal;

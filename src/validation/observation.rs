@@ -6,7 +6,7 @@ use super::error::ValidationError;
 use super::forward::{Asked, Inputs, Outputs};
 use super::holdout::{hash_fraction, is_held_out};
 use super::noise::ColumnNoise;
-use super::unseen_spin::is_open;
+use super::unseen_spin::{SPIN_IN, is_open};
 use crate::equipment::{Ball, Racket};
 use crate::equipment_set::pick;
 use crate::impact_table::{INPUTS, ImpactRow, ImpactTable, OUTPUTS, OwnColumns, SHARED, impossible, lacking, unit};
@@ -21,6 +21,8 @@ pub const FEWEST_IMPACTS: usize = 12;
 const FEWEST_FITTED: usize = 8;
 /// Sessions with fewer impacts than this share one set of offsets: their own could not be told from noise.
 const FEWEST_PER_SESSION: usize = 12;
+/// Fewest impacts that tell the mean of an input that none of them has.
+const FEWEST_PER_MEAN: usize = 8;
 /// Offsets are fitted for at most this many sessions.
 const MOST_SESSIONS: usize = 12;
 
@@ -75,6 +77,16 @@ impl Observation {
     /// Whether its spin in the face is open.
     pub fn has_open_spin(&self) -> bool {
         self.open_spin_sd.iter().any(|sd| *sd > 0.0)
+    }
+
+    /// Deviation of an input that nobody measured, whether the outputs tell it or it is open.
+    pub fn unmeasured_sd(&self, input: usize) -> f64 {
+        self.input_sd[input].max(self.open_sd(input))
+    }
+
+    /// Deviation of an input over which the prediction is a mean; 0 for any other.
+    pub fn open_sd(&self, input: usize) -> f64 {
+        input.checked_sub(SPIN_IN).and_then(|k| self.open_spin_sd.get(k)).copied().unwrap_or(0.0)
     }
 
     /// What a model is asked of it, were these its inputs.
@@ -385,8 +397,7 @@ impl Observations {
                 }
                 let missing = table.rows.iter().filter(|r| r.inputs.get(i).copied().flatten().is_none()).count();
                 if !output && name.starts_with("ball_in_w") && missing > 0 {
-                    let open = |o: &Observation| if name.ends_with('z') { 0.0 } else { o.open_spin_sd[i - 3] };
-                    let sd = self.impacts.iter().find(|o| o.missing[i]).map_or(MISSING_SPIN_SD, |o| o.input_sd[i].max(open(o)));
+                    let sd = self.impacts.iter().find(|o| o.missing[i]).map_or(MISSING_SPIN_SD, |o| o.unmeasured_sd(i));
                     self.notes.push(format!("`{name}` is empty in {missing} rows; taken as 0 ± {sd:.0} rad/s there"));
                 }
             }
@@ -436,6 +447,14 @@ impl Observations {
     /// Median stated deviation of every input in a session; sets the size of its shared offset.
     pub fn typical_input_sd(&self, session: usize) -> Inputs {
         std::array::from_fn(|j| self.median(session, |o| Some(o.input_sd[j]).filter(|_| !o.missing[j])))
+    }
+
+    /// Deviation of the mean of every input that some impacts of a session lack, where they are enough to tell it: that of one.
+    pub fn unmeasured_sd(&self, session: usize) -> Inputs {
+        std::array::from_fn(|j| {
+            let without = || self.impacts.iter().filter(|o| o.session == session && o.missing[j]);
+            if without().count() < FEWEST_PER_MEAN { 0.0 } else { without().map(|o| o.unmeasured_sd(j)).fold(0.0, f64::max) }
+        })
     }
 
     /// Median stated deviation of every output in a session whose shots share a calibration (its table states what else they

@@ -160,7 +160,7 @@ pub(super) enum Found {
     },
 }
 
-/// The table with every racket and ball once for each group of the column by which the model fails most.
+/// The table with every racket and ball once for each group of a column.
 struct Table {
     observations: Observations,
     column: String,
@@ -169,8 +169,7 @@ struct Table {
 }
 
 impl Table {
-    fn of(reference: &Reference, most: usize) -> Option<Self> {
-        let column = &reference.groups.first()?.column;
+    fn of(reference: &Reference, column: &str, most: usize) -> Option<Self> {
         let all: Vec<&Observation> = reference.observations.impacts.iter().collect();
         let (groups, of_impact) = groups_of_column(reference.observations, &all, column)?;
         if groups.len() > most {
@@ -180,7 +179,7 @@ impl Table {
         let mut observations = reference.observations.clone();
         observations.gear = (0..groups.len()).flat_map(|_| reference.observations.gear.clone()).collect();
         observations.impacts.iter_mut().zip(of_impact).for_each(|(o, g)| o.gear += g * pairs);
-        Some(Table { observations, column: column.clone(), groups, pairs })
+        Some(Table { observations, column: column.to_owned(), groups, pairs })
     }
 
     /// `inner` with the parameters at `own` each group's own, fitted from `start`.
@@ -205,19 +204,20 @@ fn values_in_words(groups: &[String], values: &[Estimate], c: f64) -> String {
     groups.iter().zip(values).map(one).collect::<Vec<_>>().join(", ")
 }
 
-/// Whether the groups of the column by which the model fails most differ in the strength of an effect, or in the model's own parameters.
+/// Whether the groups of a column differ in the strength of an effect, or in the model's own parameters.
 /// `singles`: the effects with one strength for all; `held_base`: the held-out impacts under the current model.
 ///
 /// # Errors
 /// As [`fit`].
 pub(super) fn own_strengths(
     reference: &Reference,
+    column: &str,
     singles: &[Refit],
     base: &StructureTest,
     held_base: &[Linearised],
 ) -> Result<Option<Found>, ValidationError> {
     let most = if reference.library.current().costly() { MOST_GROUPS_IN_TIME } else { MOST_GROUPS };
-    let Some(table) = Table::of(reference, most) else { return Ok(None) };
+    let Some(table) = Table::of(reference, column, most) else { return Ok(None) };
     let groups = table.groups.len();
     // What the model has already, with a value in each group.
     let all: Vec<usize> = (0..reference.base.values.len()).collect();
@@ -313,6 +313,11 @@ impl OwnStrengths {
             self.column,
             error_of(&self.held_out)
         )
+    }
+
+    /// The same in a sentence beside the name.
+    pub fn in_short(&self) -> String {
+        format!("That is with a strength of its own in each group of `{}` (in the notes); one strength for all does not hold.", self.column)
     }
 
     /// Puts what strengths in each group say in the place of what one strength for all does.

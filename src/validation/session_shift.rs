@@ -1,4 +1,4 @@
-//! What all impacts of a session share: an offset of each measured input (of footage: of each output too, and an error of both in
+//! What all impacts of a session share: an offset of each measured input, the mean of a spin that nobody measured (of footage: of each output too, and an error of both in
 //! proportion to what is measured), the error of the racket face's own axes, of its balance point and of the contact's end.
 //!
 //! Every vector of the impacts table is resolved along axes that come from tape on the frame. Where the tape's middle lies
@@ -55,6 +55,8 @@ pub fn relative_sd(column: &str, shared_sd: &[f64; SHARED.len()]) -> f64 {
 pub struct SessionShift {
     /// Order of [`INPUTS`].
     pub offsets: Inputs,
+    /// Mean of the inputs that nobody measured, order of [`INPUTS`].
+    pub unmeasured: Inputs,
     /// Order of [`OUTPUTS`].
     pub output_offsets: Outputs,
     /// Errors in proportion to the measured value, order of [`INPUTS`] and [`OUTPUTS`].
@@ -71,7 +73,8 @@ impl SessionShift {
 
     /// The measured inputs with what the session shares taken out.
     pub fn inputs_of(&self, o: &Observation, gear: &Gear) -> Inputs {
-        let mut inputs: Inputs = std::array::from_fn(|j| o.inputs[j] * (1.0 - self.input_scales[j]) - self.offsets[j]);
+        let mean = |j: usize| if o.missing[j] { self.unmeasured[j] } else { 0.0 };
+        let mut inputs: Inputs = std::array::from_fn(|j| o.inputs[j] * (1.0 - self.input_scales[j]) - self.offsets[j] + mean(j));
         if self.any_shared() {
             for (by, moved) in self.shared.iter().zip(shared_inputs(o, gear)) {
                 inputs.iter_mut().zip(moved).for_each(|(x, m)| *x -= by * m);

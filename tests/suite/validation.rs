@@ -980,6 +980,27 @@ fn agrees_a_place_that_is_off_is_called_inadequate_and_named() {
     assert!(c.notes.iter().any(|n| n.contains("impact_y")), "{:?}", c.notes);
 }
 
+/// Balls that nobody saw turn may all turn one way: their mean is asked of the outputs, and is nothing that the model lacks.
+#[test]
+fn law_spins_that_nobody_measured_may_have_a_mean() {
+    for kind in [Kind::Court, Kind::Lab] {
+        let mut made = table(kind, 400, &[], 11, NoiseOptions::default());
+        made.table.rows.retain(|row| row.get("ball_in_wx").is_some_and(|wx| wx.value > 0.0));
+        let mean = made.table.rows.iter().map(|row| row.get("ball_in_wx").unwrap().value).sum::<f64>() / made.table.rows.len() as f64;
+        for row in &mut made.table.rows {
+            INPUTS.iter().zip(&mut row.inputs).filter(|(name, _)| name.starts_with("ball_in_w")).for_each(|(_, value)| *value = None);
+            if kind == Kind::Court {
+                OUTPUTS.iter().zip(&mut row.outputs).filter(|(name, _)| name.starts_with("ball_out_w")).for_each(|(_, value)| *value = None);
+            }
+        }
+        let d = diagnosis_of(&made);
+        assert_eq!(d.verdict, Verdict::Adequate, "{kind:?}: {:?} {:?}", d.words, d.notes);
+        let told = d.session_offsets.iter().find(|o| o.input.starts_with("ball_in_wx") && o.prior_sd > 100.0).unwrap();
+        assert!((told.value - mean).abs() < 3.0 * told.sd.max(0.1 * mean) && told.value > 4.0 * told.sd, "{kind:?}: {mean} {told:?}");
+        assert!(d.notes.iter().any(|n| n.contains("`ball_in_wx` was not measured it is +")), "{kind:?}: {:?}", d.notes);
+    }
+}
+
 /// What the ball's spin after the impact tells of one that nobody measured before it turns the slip's estimated direction, and met its own noise there.
 #[test]
 fn law_spins_that_nobody_measured_make_no_structure() {

@@ -251,11 +251,11 @@ fn truth_what_goes_with_speed_times_place_is_found() {
     assert!(formula.expression.contains("approach_speed - ") && formula.share_removed > 0.9, "{formula:?}");
 }
 
-/// An effect that acts on the impacts of one player alone: with one strength for all it takes too little away to be named, with one for each group it
-/// is. Where the rebound alone is another, no effect is.
+/// An effect that acts on the impacts of one player alone: with one strength for all it takes too little away to be named (or, as a tilt of the strings,
+/// does not say of whom), with one for each group it is. Where the rebound alone is another, no effect is.
 #[test]
 fn truth_an_effect_in_one_group_alone_is_named_with_its_strength_in_each() {
-    for (effect, strength, seed) in [("hand-mass", "mass_kg", 3), ("frame-vibration", "amount", 4)] {
+    for (effect, strength, seed) in [("hand-mass", "mass_kg", 3), ("frame-vibration", "amount", 4), ("string-tilt", "strength", 6)] {
         let spec = |hidden: Vec<Hidden>, seed: u64| TableSpec { kind: Kind::Lab, impacts: 200, hidden, seed, noise: NoiseOptions::default() };
         let without = generate_table(&spec(Vec::new(), seed)).unwrap();
         let mut made = generate_table(&spec(vec![Hidden::new(effect, 0.4)], seed + 100)).unwrap();
@@ -274,6 +274,7 @@ fn truth_an_effect_in_one_group_alone_is_named_with_its_strength_in_each() {
         let of = |group: &str| named.parameters[&format!("{effect}.{strength} (player {group:?})")].clone();
         assert!(of("held").value > 5.0 * of("held").sd && of("free").value < 0.3 * of("held").value, "{:?}", named.parameters);
         assert!(d.notes.iter().any(|n| n.contains("not alike in all groups of `player`")), "{:?}", d.notes);
+        assert!(d.words.iter().any(|w| w.contains("a strength of its own in each group of `player`")), "{:?}", d.words);
     }
     let lively = changed(200, 5, |i, row| {
         by_turns(i, row);

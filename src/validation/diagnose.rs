@@ -142,7 +142,7 @@ fn diagnose_as_given(library: &dyn Library, observations: &Observations, options
     let refits = Refits::new(&mut reference, &case.screening, &case.structure, &case.held_out)?;
     let mut judgement = Judgement::new(&case, reference, &refits)?;
     judgement.ask_groups()?;
-    judgement.ask_groups_of_name()?;
+    judgement.ask_groups_of_effects()?;
     judgement.look_for_formula(options.expressions)?;
     judgement.leave_to_chance();
     judgement.ask_held_out();

@@ -13,12 +13,12 @@ use super::fit::{FitOptions, Start, fit, fit_with_likely_offsets};
 use super::forward::EffectOutline;
 use super::heldout::{error_of, held_out_error, is_worth, log_evidence_of, taken_for_chance, taken_for_shared};
 use super::local_spot::SPOT_LEVEL;
-use super::own_strengths::{Found as FoundByGroup, OwnStrengths, own_strengths};
+use super::own_strengths::{Found as FoundByGroup, OwnStrengths, best_ones, own_strengths};
 use super::place::places;
 use super::rank::{Reference, Refit, added_parameters, form_overdispersion, gain_over, log_evidence_over};
 use super::refits::{ALONE_SHARE, FIRST_LEVEL, LARGEST_NOISE_SCALE, LOG_ODDS, Refits, SHARE, estimates, excess_at, share_removed};
 use super::screen::STRENGTH_PRIOR;
-use super::strength_by_group::unlike_strengths;
+use super::strength_by_group::{UnlikeStrengths, unlike_strengths};
 use super::structure::{STRUCTURE_LEVEL, StructureTest, p_text};
 use super::terminal::short;
 use super::verdict_words::verdict_words;
@@ -230,16 +230,25 @@ impl<'a> Judgement<'a> {
         Ok(())
     }
 
-    /// The named effect with a strength of its own in each group, where one for all is not what the impacts say.
-    pub fn ask_groups_of_name(&mut self) -> Result<(), ValidationError> {
-        let named = self.chosen.filter(|b| self.verdict == Verdict::EffectMissing && !self.refused && b.effects.len() == 1 && self.case.present.is_empty());
-        let Some(best) = named else { return Ok(()) };
-        let forward = self.case.library.with(&best.names())?;
-        let strengths: Vec<usize> = self.reference.strengths_in(forward.as_ref(), &best.names()).iter().map(|s| s.0).collect();
-        let Some(unlike) = unlike_strengths(&best.fit, self.case.observations, &self.case.seen, &strengths, self.refits.c) else { return Ok(()) };
-        let one = std::slice::from_ref(best);
-        if let Some(FoundByGroup::Effect(own)) = own_strengths(&self.reference, &unlike.column, one, &self.case.structure, &self.case.held_out)?
-            && error_of(&own.held_out) < error_of(&best.held_out)
+    /// An effect with a strength of its own in each group, where one for all is not what the impacts say of the named effect, or of the best ones that
+    /// account for too little.
+    pub fn ask_groups_of_effects(&mut self) -> Result<(), ValidationError> {
+        let case = self.case;
+        let asked_before = self.verdict == Verdict::Unexplained && !case.structure.by_group.is_empty();
+        let a_pair = self.chosen.is_some_and(|b| b.effects.len() > 1);
+        if self.verdict == Verdict::Adequate || self.own.is_some() || self.refused || asked_before || a_pair || !case.present.is_empty() {
+            return Ok(());
+        }
+        let unlike = |single: &Refit| -> Result<Option<UnlikeStrengths>, ValidationError> {
+            let forward = case.library.with(&single.names())?;
+            let strengths: Vec<usize> = self.reference.strengths_in(forward.as_ref(), &single.names()).iter().map(|s| s.0).collect();
+            Ok(unlike_strengths(&single.fit, case.observations, &case.seen, &strengths, self.refits.c))
+        };
+        let found: Vec<UnlikeStrengths> =
+            best_ones(self.refits.singles()).into_iter().filter_map(|single| unlike(single).transpose()).collect::<Result<_, _>>()?;
+        let Some(most) = found.into_iter().min_by(|a, b| a.p_value.total_cmp(&b.p_value)) else { return Ok(()) };
+        if let Some(FoundByGroup::Effect(own)) = own_strengths(&self.reference, &most.column, self.refits.singles(), &case.structure, &case.held_out)?
+            && error_of(&own.held_out) < self.after
         {
             self.name_by_group(own);
         }

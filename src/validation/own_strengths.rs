@@ -204,6 +204,14 @@ fn values_in_words(groups: &[String], values: &[Estimate], c: f64) -> String {
     groups.iter().zip(values).map(one).collect::<Vec<_>>().join(", ")
 }
 
+/// The effects that are worth strengths of their own in each group: the best ones with one strength for all.
+pub(super) fn best_ones(singles: &[Refit]) -> Vec<&Refit> {
+    let mut order: Vec<&Refit> = singles.iter().filter(|r| r.log_evidence > 0.0).collect();
+    order.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
+    order.truncate(TRIED);
+    order
+}
+
 /// Whether the groups of a column differ in the strength of an effect, or in the model's own parameters.
 /// `singles`: the effects with one strength for all; `held_base`: the held-out impacts under the current model.
 ///
@@ -223,10 +231,8 @@ pub(super) fn own_strengths(
     let all: Vec<usize> = (0..reference.base.values.len()).collect();
     let (parameters, places) = table.fit(reference, reference.library.with(&[])?, all, reference.base)?;
     let mut c = reference.c.min(parameters.structure.noise_scale);
-    let mut order: Vec<&Refit> = singles.iter().filter(|r| r.log_evidence > 0.0).collect();
-    order.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
     let mut tried = Vec::new();
-    for single in order.into_iter().take(TRIED) {
+    for single in best_ones(singles) {
         let inner = reference.library.with(&[&single.effects[0]])?;
         let strengths = reference.strengths_in(inner.as_ref(), &single.names());
         // One that leaves an impact without an answer is out.

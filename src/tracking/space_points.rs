@@ -22,9 +22,9 @@ pub const BALL_ERRORS_ALIKE: f64 = 0.25;
 
 /// Sightings through which a line to the contact is drawn, and fewest of a flight that leads to a hidden one.
 const TO_THE_CONTACT: usize = 6;
-/// So many of them by both cameras do without the others.
-const BY_BOTH: usize = 3;
 const LEADING: usize = 4;
+/// Of the first so many by both cameras do without the others.
+const BY_BOTH: usize = 3;
 /// A hidden contact lies this near to the head, m: what the racket's turn bends the ball's way by in its axes.
 const AT_THE_HEAD_M: f64 = 0.05;
 

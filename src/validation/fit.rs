@@ -63,35 +63,17 @@ impl FitOptions {
     }
 }
 
-/// A column of the design: a free parameter, an offset, an error in proportion, or one that a session shares (order of `SHARED`).
+/// A column of the design: a free parameter, an offset, the mean of an input that nobody measured, an error in proportion, or one that a session shares
+/// (order of `SHARED`).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Column {
     Parameter(usize),
-    Offset {
-        session: usize,
-        input: usize,
-    },
-    /// Mean of an input that nobody measured.
-    Unmeasured {
-        session: usize,
-        input: usize,
-    },
-    OutputOffset {
-        session: usize,
-        output: usize,
-    },
-    InputScale {
-        session: usize,
-        input: usize,
-    },
-    OutputScale {
-        session: usize,
-        output: usize,
-    },
-    Shared {
-        session: usize,
-        component: usize,
-    },
+    Offset { session: usize, input: usize },
+    Unmeasured { session: usize, input: usize },
+    OutputOffset { session: usize, output: usize },
+    InputScale { session: usize, input: usize },
+    OutputScale { session: usize, output: usize },
+    Shared { session: usize, component: usize },
 }
 
 /// Where a free parameter stands among columns; `None` where it does not move.

@@ -1,5 +1,6 @@
-//! What all impacts of a session share: an offset of each measured input, the mean of a spin that nobody measured (of footage: of each output too, and an error of both in
-//! proportion to what is measured), the error of the racket face's own axes, of its balance point and of the contact's end.
+//! What all impacts of a session share: an offset of each measured input (of footage: of each output too, and an error of both in
+//! proportion to what is measured), the mean of a spin that nobody measured, the error of the racket face's own axes, of its balance point and of the
+//! contact's end.
 //!
 //! Every vector of the impacts table is resolved along axes that come from tape on the frame. Where the tape's middle lies
 //! a fraction of a pixel from its image's, those axes are turned and shifted, by the same amount in every shot of a session

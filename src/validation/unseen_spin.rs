@@ -63,7 +63,7 @@ pub fn mean_words(offsets: &[SessionOffset]) -> Vec<String> {
     let told = |o: &&SessionOffset| o.input.ends_with(MEAN) && o.value.abs() > MEAN_TOLD * o.sd;
     let words = |o: &SessionOffset| {
         let column = o.input.trim_end_matches(MEAN);
-        format!("where `{column}` was not measured it is {:+.0} ± {:.0} rad/s on average, as the outputs tell: taken into account", o.value, o.sd)
+        format!("where `{column}` was not measured the outputs tell {:+.0} ± {:.0} rad/s on average, by this model: taken into account", o.value, o.sd)
     };
     offsets.iter().filter(told).map(words).collect()
 }

@@ -997,7 +997,7 @@ fn law_spins_that_nobody_measured_may_have_a_mean() {
         assert_eq!(d.verdict, Verdict::Adequate, "{kind:?}: {:?} {:?}", d.words, d.notes);
         let told = d.session_offsets.iter().find(|o| o.input.starts_with("ball_in_wx") && o.prior_sd > 100.0).unwrap();
         assert!((told.value - mean).abs() < 3.0 * told.sd.max(0.1 * mean) && told.value > 4.0 * told.sd, "{kind:?}: {mean} {told:?}");
-        assert!(d.notes.iter().any(|n| n.contains("`ball_in_wx` was not measured it is +")), "{kind:?}: {:?}", d.notes);
+        assert!(d.notes.iter().any(|n| n.contains("`ball_in_wx` was not measured the outputs tell +")), "{kind:?}: {:?}", d.notes);
     }
 }
 

@@ -2,8 +2,8 @@
 //!
 //! No smooth function of the inputs shows that, and where nothing looks for it it passes for noise. For every column that
 //! parts the impacts into groups, each group has an impulse of its own along the normal (with speed and along the racket, too)
-//! and along the slip, a friction, and its racket a push, a turn, and a turn with the place of impact of its own: one player's hand, one
-//! racket's mass. What the model's parameters, the offsets of the sessions and all smooth corrections can imitate is projected out, and the rest tested as in [`super::structure`], corrected for the number of columns.
+//! and along the slip, a friction, and its racket a push, a turn about either axis of the face, and a turn with the place of impact of its own: one player's hand,
+//! one racket's mass, a place that is read beside the true one. What the model's parameters, the offsets of the sessions and all smooth corrections can imitate is projected out, and the rest tested as in [`super::structure`], corrected for the number of columns.
 
 use super::fit::Fit;
 use super::linearise::Linearised;
@@ -26,20 +26,21 @@ pub(super) const MOST_GROUPS: usize = 40;
 const RANGES: usize = 4;
 const OWN: f64 = 0.4;
 /// What a group may have of its own: a channel (column of [`channels`]) times a factor, in words.
-const CHANNELS: [(usize, Factor, &str); 7] = [
+const CHANNELS: [(usize, Factor, &str); 8] = [
     (0, Factor::One, "the impulse along the normal"),
     (0, Factor::Speed, "the impulse along the normal, at 25 m/s more,"),
     (0, Factor::Along, "the impulse along the normal, at the head's end towards the handle,"),
     (1, Factor::One, "the impulse along the slip"),
     (9, Factor::One, "the racket's push along the normal"),
-    (ANGULAR, Factor::Along, "the racket's angular impulse about the axis across the face, at the head's end towards the handle,"),
-    (ANGULAR, Factor::One, "the racket's angular impulse about the axis across the face"),
+    (ANGULAR[0], Factor::One, "the racket's angular impulse about its own axis"),
+    (ANGULAR[1], Factor::Along, "the racket's angular impulse about the axis across the face, at the head's end towards the handle,"),
+    (ANGULAR[1], Factor::One, "the racket's angular impulse about the axis across the face"),
 ];
 /// And the friction, where balls slide; its unit.
 const FRICTION: &str = "the friction";
 const OF_ITSELF: &str = "what it is in all";
-/// The channel whose unit is an impulse at a lever of 0.1 m, and the units in words.
-const ANGULAR: usize = 13;
+/// The channels whose unit is an impulse at a lever of 0.1 m, about the racket's axis and across it, and the units in words.
+const ANGULAR: [usize; 2] = [12, 13];
 const IMPULSE: &str = "the impulse of a contact without rebound";
 const AT_A_LEVER: &str = "that of a contact without rebound 10 cm from the centre of mass";
 /// Speed that a change with speed is told for, m/s.
@@ -322,7 +323,7 @@ fn one_column(
     let width = projected.score.len() / groups.len();
     let group = &groups[most / width];
     let (what, unit) = match CHANNELS.get(most % width) {
-        Some((channel, _, what)) => (*what, if *channel == ANGULAR { AT_A_LEVER } else { IMPULSE }),
+        Some((channel, _, what)) => (*what, if ANGULAR.contains(channel) { AT_A_LEVER } else { IMPULSE }),
         None => (FRICTION, OF_ITSELF),
     };
     let misfit = GroupMisfit {

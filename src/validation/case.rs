@@ -1,6 +1,6 @@
 //! The current model on a table, before any effect is tried: its best fit, the tests of it, and the held-out impacts.
 
-use super::beside_the_tests::beside_the_tests;
+use super::beside_the_tests::{beside_the_tests, mean_words};
 use super::by_group::GROUP_LEVEL;
 use super::comparison::{is_more_than_noise, missed_groups, note_groups, outliers, parameter_values, session_offsets, summarise};
 use super::diagnosis::{CandidateReport, Diagnosis, NotVisible, Verdict};
@@ -21,7 +21,6 @@ use super::screen::{LIBRARY_LEVEL, Screening, screen_beyond};
 use super::strength_by_group::unlike_strengths;
 use super::structure::{BesideSmooth, STRUCTURE_LEVEL, StructureTest, p_text, structure_test};
 use super::terminal::short;
-use super::unseen_spin::mean_words;
 
 /// The tests together (that of the groups only where there are any): how often nothing-missing is called missing, at most.
 const FALSE_ALARM_RATE: f64 = LIBRARY_LEVEL + STRUCTURE_LEVEL + SPOT_LEVEL + TERM_LEVEL;

@@ -1,6 +1,6 @@
 //! The model against the measurement, impact by impact: everything a reader or a report needs to see it.
 
-use super::beside_the_tests::beside_the_tests;
+use super::beside_the_tests::{beside_the_tests, mean_words};
 use super::by_group::GROUP_LEVEL;
 use super::error::ValidationError;
 use super::fit::{Column, Fit, FitOptions, fit, fit_with_likely_offsets};
@@ -16,7 +16,6 @@ use super::refits::LARGEST_NOISE_SCALE;
 use super::smooth::{FaceCell, SmoothCurve, face_map, smooth};
 use super::structure::{BesideSmooth, StructureTest, floor_text, is_least_floor, p_text, structure_test};
 use super::tails::chi2_tail;
-use super::unseen_spin::mean_words;
 use crate::impact_table::{INPUTS, MEAN, OUTPUTS, RELATIVE, SHARED, unit};
 use crate::median::upper_median;
 use crate::provenance::Provenance;

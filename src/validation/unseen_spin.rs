@@ -4,10 +4,9 @@
 //! what is left open of the spin decides whether the ball slides, and no slope tells that: the prediction is then the mean over
 //! the spins of play, and what they scatter it by is noise that all its outputs share.
 
-use super::comparison::SessionOffset;
 use super::forward::Outputs;
 use super::observation::Observation;
-use crate::impact_table::{INPUTS, MEAN, OUTPUTS};
+use crate::impact_table::{INPUTS, OUTPUTS};
 use nalgebra::{DMatrix, DVector};
 
 /// Spins tried per impact, and for the slopes with its inputs.
@@ -16,8 +15,6 @@ pub const TRIED_FOR_SLOPES: usize = 4;
 /// First spin component among the inputs, and the first after the impact among the outputs.
 pub(super) const SPIN_IN: usize = 3;
 const SPIN_OUT: usize = 3;
-/// A mean of so many deviations is told.
-const MEAN_TOLD: f64 = 4.0;
 
 /// Whether an impact's spin in the face is open: a component before the impact was not measured, nor any after it.
 pub fn is_open(missing: &[bool; INPUTS.len()], measured: &[usize]) -> bool {
@@ -56,16 +53,6 @@ pub fn mean(o: &Observation, predictions: &[Option<Outputs>]) -> Option<DVector<
         sum.iter_mut().zip(p.as_ref()?).for_each(|(sum, v)| *sum += v);
     }
     o.measured_of(&sum.map(|sum| sum / predictions.len() as f64))
-}
-
-/// What balls whose spin nobody measured turn by on average, where the outputs tell it, in words.
-pub fn mean_words(offsets: &[SessionOffset]) -> Vec<String> {
-    let told = |o: &&SessionOffset| o.input.ends_with(MEAN) && o.value.abs() > MEAN_TOLD * o.sd;
-    let words = |o: &SessionOffset| {
-        let column = o.input.trim_end_matches(MEAN);
-        format!("where `{column}` was not measured the outputs tell {:+.0} ± {:.0} rad/s on average, by this model: taken into account", o.value, o.sd)
-    };
-    offsets.iter().filter(told).map(words).collect()
 }
 
 /// Their covariance.

@@ -61,9 +61,9 @@ pub fn track_shot(source: &impl FrameSource, setup: &ShotSetup, cancel: &AtomicB
     let mut ball = shot.find_and_follow_ball(&scene, &racket, &still, Some(look).filter(|_| !any_stale))?;
     notes.extend(ball_rays::drop_two_things(&view, &racket, &mut ball, setup.ball.radius_m()));
     face::settle(&view, &figure, &mut racket, &ball);
-    let contact_frame = space_points::first_contact(source, &racket, &ball, setup.ball.radius_m());
+    let contact_frame = space_points::first_contact(source, &racket, &ball, setup.ball.radius_m(), setup.frame_rate_hz);
     stray_ball::drop_strays(source, &view, &mut ball, contact_frame, setup.frame_rate_hz, stray_ball::OUTLINE_PX);
-    let contact_frame = space_points::first_contact(source, &racket, &ball, setup.ball.radius_m());
+    let contact_frame = space_points::first_contact(source, &racket, &ball, setup.ball.radius_m(), setup.frame_rate_hz);
     marker_deviations::grow_unusual(&view, &figure, &mut racket);
     let hit = frames_of_contact(contact_frame, setup.frame_rate_hz);
     let numbers: Vec<f64> = (0..source.len()).map(|index| source.number(index) as f64).collect();

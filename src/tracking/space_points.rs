@@ -23,8 +23,9 @@ pub const BALL_ERRORS_ALIKE: f64 = 0.25;
 /// Sightings through which a line to the contact is drawn, and fewest of a flight that leads to a hidden one.
 const TO_THE_CONTACT: usize = 6;
 const LEADING: usize = 4;
-/// Of the first so many by both cameras do without the others.
+/// So many by both cameras, of those or from no longer before the contact, s, do without the others.
 const BY_BOTH: usize = 3;
+const SEEN_WITHIN_S: f64 = 6e-3;
 /// A hidden contact lies this near to the head, m: what the racket's turn bends the ball's way by in its axes.
 const AT_THE_HEAD_M: f64 = 0.05;
 
@@ -33,7 +34,7 @@ const AT_THE_HEAD_M: f64 = 0.05;
 /// A straight line through the last distances before contact; kinematics refines it. It is looked for back from where the ball meets the
 /// head: the plane is crossed at other times too. `None` when the ball never comes that near while both are seen, nor leads there from both
 /// ends of a gap.
-pub fn first_contact(source: &impl FrameSource, racket: &[Option<RacketFrame>], ball: &[Option<BallFrame>], radius_m: f64) -> Option<f64> {
+pub fn first_contact(source: &impl FrameSource, racket: &[Option<RacketFrame>], ball: &[Option<BallFrame>], radius_m: f64, frame_rate_hz: f64) -> Option<f64> {
     let side = face::side_of_approach(racket, ball)?.signum();
     let sighting = |i: usize| Some(Sighting::new(source.number(i) as f64, racket[i].as_ref()?, ball[i].as_ref()?));
     let seen: Vec<Sighting> = (0..source.len()).filter_map(sighting).collect();
@@ -42,12 +43,14 @@ pub fn first_contact(source: &impl FrameSource, racket: &[Option<RacketFrame>], 
     let seen: Vec<(bool, (f64, Point3<f64>))> = seen.iter().map(|s| (s.stereo, (s.number, Point3::new(s.local.x, s.local.y, side * s.local.z)))).collect();
     let touching = (0..=met).rev().take_while(|i| seen[*i].1.1.z <= radius_m).last();
     // Frames in which the ball is clear of the strings: the depth of what one camera sees is foretold, and counts where both hardly see it.
-    let clear = touching.map(|touching| &seen[touching.saturating_sub(TO_THE_CONTACT)..touching]).filter(|clear| clear.len() > 1);
-    let way = |clear: &[(bool, (f64, Point3<f64>))]| {
-        let by_both = clear.iter().filter(|s| s.0).count() >= BY_BOTH;
-        StraightLine::through(clear.iter().filter(|s| s.0 || !by_both).map(|s| s.1))
+    let way = |touching: usize| {
+        let clear = touching.saturating_sub(TO_THE_CONTACT)..touching;
+        let near = |i: &usize| clear.contains(i) || seen[touching].1.0 - seen[*i].1.0 <= SEEN_WITHIN_S * frame_rate_hz;
+        let by_both: Vec<usize> = (0..touching).rev().filter(|i| near(i) && seen[*i].0).take(TO_THE_CONTACT).collect();
+        let through = if by_both.len() < BY_BOTH { clear.clone().collect() } else { by_both };
+        (through.len() > 1).then(|| StraightLine::through(through.iter().map(|i| seen[*i].1)))
     };
-    clear.and_then(|clear| way(clear).number_at_height(radius_m)).or_else(|| {
+    touching.and_then(|touching| way(touching)?.number_at_height(radius_m)).or_else(|| {
         let in_space: Vec<(f64, Point3<f64>)> = seen.iter().filter(|s| s.0).map(|s| s.1).collect();
         hidden_contact(&in_space, radius_m)
     })

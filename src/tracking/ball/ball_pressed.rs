@@ -13,6 +13,7 @@ use crate::tracking::ball::ball_shading::SECTORS;
 use crate::tracking::ball::ball_through::ThroughContact;
 use crate::tracking::ball::ball_track::{BallFrame, BallScene};
 use crate::tracking::ball::contact_length::{LONGEST_CONTACT_S, SHORTEST_CONTACT_S};
+use crate::tracking::ball::stray_ball::{OUTLINE_PX, drop_strays};
 use crate::tracking::pictures::shot_frames::{AT_ONCE, Shot};
 use crate::tracking::racket::racket_scene::RacketFrame;
 use crate::tracking::shot_tracks::TrackingError;
@@ -306,8 +307,12 @@ impl<S: FrameSource> Shot<'_, S> {
         racket: &[Option<RacketFrame>],
         ball: &mut [Option<BallFrame>],
     ) -> Result<(), TrackingError> {
-        let Some(contact) = first_contact(self.source, racket, ball, scene.radius_m) else { return Ok(()) };
-        let times_s: Vec<f64> = (0..ball.len()).map(|i| (self.source.number(i) as f64 - contact) / self.setup.frame_rate_hz).collect();
+        let rate = self.setup.frame_rate_hz;
+        // What was followed where the ball is hidden at the strings, their edge, tells another contact than its flight.
+        let astray = first_contact(self.source, racket, ball, scene.radius_m, rate);
+        drop_strays(self.source, self.view, ball, astray, rate, OUTLINE_PX);
+        let Some(contact) = first_contact(self.source, racket, ball, scene.radius_m, rate) else { return Ok(()) };
+        let times_s: Vec<f64> = (0..ball.len()).map(|i| (self.source.number(i) as f64 - contact) / rate).collect();
         let during: Vec<usize> = (0..ball.len()).filter(|i| (0.0..LONGEST_CONTACT_S).contains(&times_s[*i])).collect();
         let way = self.through_contact(racket, ball, contact);
         if let Some(way) = &way {

@@ -97,7 +97,7 @@ pub(in crate::tracking) fn refine_ball(
 /// Writes the balls' points into the tracks and the space points.
 fn renew(source: &impl FrameSource, setup: &ShotSetup, shot: &mut ShotTracks, view: &View) {
     stray_ball::drop_strays(source, view, &mut shot.ball, shot.contact_frame, setup.frame_rate_hz, stray_ball::FINAL_PX);
-    shot.contact_frame = space_points::first_contact(source, &shot.racket, &shot.ball, setup.ball.radius_m());
+    shot.contact_frame = space_points::first_contact(source, &shot.racket, &shot.ball, setup.ball.radius_m(), setup.frame_rate_hz);
     let shake_px = camera_shake(&shot.tracks, &frames_of_contact(shot.contact_frame, setup.frame_rate_hz));
     shot.points = space_points::space_points(source, setup, view, &shot.figure, &shot.racket, &shot.ball, shot.contact_frame);
     space_points::widen_by_shake(view, &mut shot.points, shake_px);

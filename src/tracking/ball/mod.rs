@@ -30,6 +30,7 @@ pub(in crate::tracking) mod dim_picture;
 pub(in crate::tracking) mod flight_sample;
 pub(in crate::tracking) mod free_flight;
 pub(in crate::tracking) mod half_volley;
+pub(in crate::tracking) mod leaping_ball;
 pub(in crate::tracking) mod other_thing;
 pub(in crate::tracking) mod part_of_racket;
 pub(in crate::tracking) mod ray_flight;

@@ -11,6 +11,7 @@ use crate::tracking::ball::ball_shading::{BallShading, LimbProfile};
 use crate::tracking::ball::ball_track::{BallFrame, BallScene};
 use crate::tracking::ball::dim_picture::Stretch;
 use crate::tracking::ball::free_flight::FreeFlight;
+use crate::tracking::ball::leaping_ball::leaping;
 use crate::tracking::pictures::shot_frames::{AT_ONCE, Shot, spread};
 use crate::tracking::racket::racket_scene::RacketFrame;
 use crate::tracking::shot_tracks::TrackingError;
@@ -315,6 +316,9 @@ impl<S: FrameSource> Shot<'_, S> {
     fn remeasure_ball(&self, stage: &Stage, mut rough: Flight) -> Result<Vec<Option<BallFrame>>, TrackingError> {
         let racket = stage.racket;
         let mut scene = stage.ball.clone();
+        for index in leaping(self.source, &rough.frames, self.setup.frame_rate_hz) {
+            rough.set(index, None);
+        }
         let Some(near) = rough.frames.iter().flatten().find(|b| b.stereo).map(|b| b.position) else { return Ok(rough.frames) };
         scene.set_light(&rough.means, &near, &self.blur_px.map(|tape| out_of_focus(BALL_BLUR_PX, tape)));
         let lit = &Stage { ball: &scene, ..*stage };
@@ -331,6 +335,9 @@ impl<S: FrameSource> Shot<'_, S> {
         }
         scene.faint = true;
         self.forget_other_things(&Stage { ball: &scene, ..*stage }, &mut ball);
+        for index in leaping(self.source, &ball, self.setup.frame_rate_hz) {
+            ball[index] = None;
+        }
         self.press_ball(&scene, racket, &mut ball)?;
         Ok(ball)
     }

@@ -11,6 +11,7 @@ use crate::footage::FrameSource;
 use crate::median::upper_median;
 use crate::tracking::ball::ball_track::BallFrame;
 use crate::tracking::ball::bounce::Flights;
+use crate::tracking::ball::contact_length::{LONGEST_CONTACT_S, SHORTEST_CONTACT_S};
 use crate::tracking::pictures::shot_frames::AT_ONCE;
 use crate::tracking::racket::racket_pose::View;
 use crate::tracking::track_file::ImagePoint;
@@ -68,6 +69,15 @@ pub fn drop_strays(source: &impl FrameSource, view: &View, ball: &mut [Option<Ba
                 .filter_map(|(i, b)| Some((i, source.number(i) as f64 - contact, b.as_ref()?.points[camera.index()]?)))
                 .filter(|(_, frames, _)| free.contains(frames))
                 .collect();
+            if free.start == LONGEST_CONTACT_S * frame_rate_hz {
+                let may_fly = SHORTEST_CONTACT_S * frame_rate_hz..free.start;
+                let early = (0..ball.len()).filter_map(|i| {
+                    let (b, frames) = (ball[i].filter(|b| b.flattening.is_none())?, source.number(i) as f64 - contact);
+                    Some((i, frames, b.points[camera.index()]?)).filter(|_| may_fly.contains(&frames))
+                });
+                let early = already_flying(early.collect(), &flight, least_px, bend_px);
+                flight.splice(0..0, early);
+            }
             let runs = strayed_together(&flight.iter().map(|f| (f.1, f.2)).collect::<Vec<_>>(), bend_px);
             for k in runs.into_iter().rev() {
                 BallFrame::forget(&mut ball[flight.remove(k).0], camera.index());
@@ -90,6 +100,18 @@ pub fn drop_strays(source: &impl FrameSource, view: &View, ball: &mut [Option<Ba
             }
         }
     }
+}
+
+/// Of a ball that may still touch the strings, from where it already is on the way of its flight from them: the push that is left then is small.
+fn already_flying(early: Vec<(usize, f64, ImagePoint)>, flight: &[(usize, f64, ImagePoint)], least_px: f64, bend_px: f64) -> Vec<(usize, f64, ImagePoint)> {
+    let first: Vec<(f64, ImagePoint)> = flight.iter().take(NEIGHBOURS).map(|f| (f.1, f.2)).collect();
+    let near: Vec<&(f64, ImagePoint)> = first.iter().collect();
+    let flies = |(_, time, point): &(usize, f64, ImagePoint)| {
+        let (expected, sd) = foretold(&near, *time, bend_px)?;
+        Some((point.uv - expected).norm() < least_px.min(LIMIT * deviation(point).hypot(sd)))
+    };
+    let from = if near.len() < FEWEST { None } else { early.iter().position(|e| flies(e) == Some(true)) };
+    early.into_iter().skip(from.unwrap_or(usize::MAX)).collect()
 }
 
 /// Takes away what a camera saw in one frame with nothing like it before or after: no ball shows so briefly.
@@ -270,6 +292,19 @@ mod tests {
             p.1.uv.y -= 4.0 * (k - 12) as f64;
         }
         assert!(strayed_together(&points, BEND_PX).is_empty(), "{:?}", strayed_together(&points, BEND_PX));
+    }
+
+    #[test]
+    fn truth_a_ball_off_the_strings_sooner_than_the_longest_contact_is_of_the_flight_from_there_on() {
+        let all: Vec<(usize, f64, ImagePoint)> = flight(24).into_iter().enumerate().map(|(k, (t, p))| (k, t, p)).collect();
+        // Two frames in which the strings still push it, then four of its flight, one of them another thing's.
+        let mut early = all[..6].to_vec();
+        early[0].2.uv.x += 6.0;
+        early[1].2.uv.x += 3.0;
+        early[4].2.uv.y -= 2.5;
+        let flying = already_flying(early.clone(), &all[6..], OUTLINE_PX, BEND_PX);
+        assert_eq!(flying.iter().map(|f| f.0).collect::<Vec<_>>(), [2, 3, 4, 5]);
+        assert!(already_flying(early, &all[6..9], OUTLINE_PX, BEND_PX).is_empty());
     }
 
     #[test]

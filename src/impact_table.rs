@@ -145,7 +145,7 @@ pub enum TableError {
     Unreadable { path: PathBuf, source: csv::Error },
     #[error("{path}: the table holds no impacts; give at least one row below the header", path = .path.display())]
     Empty { path: PathBuf },
-    #[error("{path}: no column `{column}`; the header has: {seen}{remedy}", path = .path.display())]
+    #[error("{path}: no column `{column}`{remedy}; the header has: {seen}", path = .path.display())]
     NoColumn { path: PathBuf, column: &'static str, seen: String, remedy: &'static str },
     #[error("{path}: column {} in the header; rename or remove one of each", stand_twice(.columns), path = .path.display())]
     Twice { path: PathBuf, columns: Vec<String> },
@@ -472,6 +472,7 @@ mod tests {
             ("", "no impacts"),
             ("name\na\n", "no column `id`"),
             ("id;ball_in_vz\na;-20,5\n", "part the fields by commas"),
+            ("sep=,\nid,ball_in_vz\na,-20\n", "leave out the first line"),
             ("id,id\na,b\n", "stands twice in the header"),
             ("id,Ball_in_vz\na,-20\n", "if it is `ball_in_vz`, write it so"),
             ("id,ball_out_vz [m/s]\na,20\n", "if it is `ball_out_vz`, write it so"),

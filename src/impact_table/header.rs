@@ -106,6 +106,8 @@ impl Header {
                 "; it seems to be UTF-16: save it as CSV in UTF-8"
             } else if begins.starts_with("PK\u{3}\u{4}") {
                 "; it is a workbook (or another packed file): save the sheet as CSV in UTF-8"
+            } else if begins.starts_with("sep=") {
+                "; leave out the first line, which only tells a spreadsheet what parts the fields"
             } else if parted {
                 "; part the fields by commas and write decimals with a point"
             } else if numbers {
@@ -113,7 +115,7 @@ impl Header {
             } else {
                 ""
             };
-            let seen = names.join(", ").chars().filter(|c| !c.is_control()).take(MOST_SHOWN).collect();
+            let seen = names.join(", ").replace('\t', " ").chars().filter(|c| !c.is_control()).take(MOST_SHOWN).collect();
             return Err(TableError::NoColumn { path: path.into(), column: "id", seen, remedy });
         }
         if let Some(long) = names.iter().find(|n| n.len() > LONGEST_NAME) {

@@ -17,7 +17,20 @@ const NAMED: usize = 5;
 
 /// Remarks on a table, in words; none on a sound one.
 pub fn remarks(table: &ImpactTable) -> Vec<String> {
-    INPUTS.iter().chain(&OUTPUTS).filter_map(|column| another_unit(table, column)).chain(repeated(table)).collect()
+    INPUTS.iter().chain(&OUTPUTS).filter_map(|column| another_unit(table, column)).chain(through_the_strings(table)).chain(repeated(table)).collect()
+}
+
+/// A ball that leaves on the other side of the strings than it came from, as the racket goes; a few may, where it has hardly struck them.
+fn through_the_strings(table: &ImpactTable) -> Option<String> {
+    let beside_racket = |row: &ImpactRow, column: &str| Some(row.get(column)?.value - row.get("racket_in_vz").map_or(0.0, |m| m.value));
+    let ways: Vec<(f64, f64)> = table.rows.iter().filter_map(|row| Some((beside_racket(row, "ball_in_vz")?, beside_racket(row, "ball_out_vz")?))).collect();
+    let through = ways.iter().filter(|(before, after)| before * after > 0.0).count();
+    (ways.len() >= FEWEST && 2 * through > ways.len()).then(|| {
+        format!(
+            "`ball_out_vz`: in {through} of {} impacts the ball goes on through the strings; the axes are the same before and after the impact: is a sign turned?",
+            ways.len()
+        )
+    })
 }
 
 fn another_unit(table: &ImpactTable, column: &str) -> Option<String> {
@@ -87,6 +100,10 @@ mod tests {
         assert!(km_h.len() == 1 && km_h[0].contains("`ball_in_vz`") && km_h[0].contains("km/h"), "{km_h:?}");
         assert!(rpm.len() == 1 && rpm[0].contains("revolutions a minute"), "{rpm:?}");
         assert!(degrees.len() == 1 && degrees[0].contains("degrees a second"), "{degrees:?}");
+        // The ball of a moving racket may go on as it came, and most balls come back from the strings.
+        assert_eq!(told("id,ball_in_vz,racket_in_vz,ball_out_vz\na,-10,12,26\nb,3,14,27\nc,-9,0,-1\n"), Vec::<String>::new());
+        let through = told("id,ball_in_vz,ball_out_vz\na,-30,-19\nb,31,18\nc,-28,-17\n");
+        assert!(through.len() == 1 && through[0].contains("2 of 3 impacts"), "{through:?}");
         // Inputs alone may be chosen alike.
         assert_eq!(told("id,ball_in_vz\na,-30\nb,-30\n"), Vec::<String>::new());
         let copies = told("id,ball_in_vz,ball_out_vz,player\na,-30,20,A\nb,-31,21,A\nc,-30,20,B\nd,-30,,B\n");

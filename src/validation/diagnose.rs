@@ -6,12 +6,12 @@ use super::diagnosis::{CandidateReport, Diagnosis, Estimate, Verdict};
 use super::error::ValidationError;
 use super::expression::WORTH_A_FORMULA;
 use super::fit::{Fit, FitOptions, fit};
-use super::forward::Library;
+use super::forward::{Fixed, Library};
 use super::heldout::held_out_error;
 use super::judgement::Judgement;
 use super::observation::Observations;
 use super::rank::added_parameters;
-use super::refits::{PRIOR, Refits, SHARE, estimates, share_removed};
+use super::refits::{LOG_ODDS, PRIOR, Refits, SHARE, estimates, share_removed};
 use super::screen::Screening;
 use super::terminal::short;
 use super::verdict_words::verdict_words;
@@ -45,13 +45,14 @@ impl Default for DiagnoseOptions {
 /// [`ValidationError`] when a model has no answer for an impact.
 pub fn diagnose(library: &dyn Library, observations: &Observations, options: &DiagnoseOptions) -> Result<Diagnosis, ValidationError> {
     let as_given = diagnose_as_given(library, observations, options)?;
-    Ok(with_strengths_freed(library, observations, options, &as_given)?.unwrap_or(as_given))
+    Ok(with_fixed_freed(library, observations, options, &as_given)?.unwrap_or(as_given))
 }
 
-/// A model that holds the strength of an effect fixed where nature has another, or none of it, is mended by no effect that could be added, and others
-/// are named in the place of what is wrong. So one that fails is asked again with those strengths fitted. That is believed where what it arrives at
-/// does better on the held-out impacts than what the model as given does, by what is asked of a formula, with no more effects added.
-fn with_strengths_freed(
+/// A model that holds the strength of an effect fixed where nature has another, or none of it, or a number of its base, is mended by no effect that could
+/// be added, and others are named in the place of what is wrong. So one that fails is asked again with those fitted. That is believed where what it
+/// arrives at does better on the held-out impacts than what the model as given does, by what is asked of a formula, with no more effects added, or
+/// does nearly as well with fewer.
+fn with_fixed_freed(
     library: &dyn Library,
     observations: &Observations,
     options: &DiagnoseOptions,
@@ -60,34 +61,23 @@ fn with_strengths_freed(
     if as_given.verdict == Verdict::Adequate {
         return Ok(None);
     }
-    let Some((freed, fixed)) = library.with_fixed_strengths_freed() else { return Ok(None) };
+    let Some((freed, fixed)) = library.with_fixed_freed() else { return Ok(None) };
     let mut second = diagnose_as_given(freed.as_ref(), observations, options)?;
-    let left =
-        |d: &Diagnosis| if d.verdict == Verdict::EffectMissing { d.with_recommended().map_or(d.heldout_error, |(error, _)| error) } else { d.heldout_error };
+    let named = |d: &Diagnosis| if d.verdict == Verdict::EffectMissing { d.recommended.len() } else { 0 };
+    let left = |d: &Diagnosis| if named(d) > 0 { d.with_recommended().map_or(d.heldout_error, |(error, _)| error) } else { d.heldout_error };
     let numbers = second.outputs.iter().map(|o| o.n).sum::<usize>() as f64 * second.n_held_out as f64 / second.n_impacts.max(1) as f64;
     let fall = numbers * (left(as_given).powi(2) - left(&second).powi(2)) / second.noise_floor.powi(2);
-    let more = second.recommended.len() > as_given.recommended.len() && as_given.verdict == Verdict::EffectMissing;
-    if second.verdict == Verdict::Unexplained || fall < WORTH_A_FORMULA || more {
+    let (fewer, more) = (named(&second) < named(as_given), named(&second) > named(as_given) && named(as_given) > 0);
+    if second.verdict == Verdict::Unexplained || more || fall < if fewer { -2.0 * LOG_ODDS } else { WORTH_A_FORMULA } {
         return Ok(None);
     }
     // Those that moved.
-    let moved: Vec<String> = fixed
-        .iter()
-        .filter_map(|f| {
-            let fitted = second.parameters.iter().find(|p| p.name == f.parameter).filter(|p| (p.value - f.value).abs() > 2.0 * p.sd)?;
-            Some(format!(
-                "{} is {} ± {} on these impacts, not {} as the model file holds it",
-                f.parameter,
-                short(fitted.value),
-                short(fitted.sd),
-                short(f.value)
-            ))
-        })
-        .collect();
+    let moved = |f: &&Fixed| second.parameters.iter().any(|p| p.name == f.parameter && (p.value - f.value).abs() > 2.0 * p.sd);
+    let moved: Vec<&Fixed> = fixed.iter().filter(moved).collect();
     if moved.is_empty() {
         return Ok(None);
     }
-    let words = format!("An effect that the model has already is wrong in strength: {}.", moved.join("; "));
+    let words = fixed_words(&moved, &second);
     let error = second.heldout_error;
     if second.verdict == Verdict::EffectMissing {
         second.words.insert(
@@ -114,6 +104,25 @@ fn with_strengths_freed(
     );
     mended.notes.insert(0, words);
     Ok(Some(mended))
+}
+
+/// What of a model is held where the impacts say otherwise, as `freed` has fitted it.
+fn fixed_words(moved: &[&Fixed], freed: &Diagnosis) -> String {
+    let mut said = Vec::new();
+    for of_base in [false, true] {
+        let of = |f: &&Fixed| {
+            let p = freed.parameters.iter().find(|p| p.name == f.parameter)?;
+            let (value, sd, held) = (short(p.value), short(p.sd), short(f.value));
+            Some(format!("{} is {value} ± {sd} on these impacts, not {held} as the model file holds it", f.parameter)).filter(|_| f.of_base == of_base)
+        };
+        let words: Vec<String> = moved.iter().filter_map(of).collect();
+        if !words.is_empty() {
+            let what = if of_base { "A number of the base is held fixed and wrong" } else { "An effect that the model has already is wrong in strength" };
+            let ask = if of_base { " (write `fit = true` beside it)" } else { "" };
+            said.push(format!("{what}: {}{ask}.", words.join("; ")));
+        }
+    }
+    said.join(" ")
 }
 
 /// Diagnoses the model with what it holds fixed as it is.

@@ -137,13 +137,13 @@ pub struct Strength {
     pub jumps: bool,
 }
 
-/// A strength of an effect that a model holds fixed.
+/// A number that a model holds fixed: a strength of an effect, or of its base what no effect of the catalogue is a law of.
 #[derive(Debug, Clone, PartialEq)]
-pub struct FixedStrength {
-    pub effect: String,
+pub struct Fixed {
     /// The parameter's full name, in its own unit.
     pub parameter: String,
     pub value: f64,
+    pub of_base: bool,
 }
 
 /// What is known of an effect before it is added.
@@ -189,8 +189,8 @@ pub trait Library: Sync {
     /// them) at `values`.
     fn extended(&self, effects: &[&str], values: &[f64]) -> Result<Box<dyn Library + '_>, ValidationError>;
 
-    /// The same with those strengths of the current model's effects fitted that it holds fixed, and these with their values; `None` where there are none.
-    fn with_fixed_strengths_freed(&self) -> Option<(Box<dyn Library + '_>, Vec<FixedStrength>)> {
+    /// The same with those numbers of the current model fitted that it holds fixed, and these with their values; `None` where there are none.
+    fn with_fixed_freed(&self) -> Option<(Box<dyn Library + '_>, Vec<Fixed>)> {
         None
     }
 

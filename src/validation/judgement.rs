@@ -38,6 +38,8 @@ const IMITATING: f64 = 0.5;
 /// Typical sizes that an effect's only strength exceeds once in a hundred, by the prior that it is weighed with: 4.6 deviations of Student's t of 4
 /// degrees of freedom.
 const UNUSUAL: f64 = 4.604 * STRENGTH_PRIOR;
+/// What one of several strengths exceeds so, less two deviations: alone these impacts may hardly tell it.
+const UNCERTAIN: f64 = 2.0;
 /// Deviations by which a strength that its physics has positive only must be negative to be told as such.
 const REVERSED: f64 = 3.0;
 /// Typical sizes from its default beyond which a shape parameter is hardly ever found: 2.2 at most in forty right names, 4.5 and more where a restitution
@@ -535,6 +537,13 @@ impl<'a> Judgement<'a> {
             let found = settled.strengths.get(&s.parameter)?;
             if found.value < s.absent - REVERSED * found.sd {
                 return Some(format!("the other way round ({} {} ± {})", s.parameter, short(found.value), short(found.sd)));
+            }
+        }
+        for s in outline.strengths.iter().filter(|_| outline.strengths.len() > 1) {
+            let found = settled.strengths.get(&s.parameter)?;
+            if (found.value - s.absent).abs() - UNCERTAIN * found.sd > UNUSUAL * s.typical {
+                let sizes = (found.value - s.absent).abs() / s.typical;
+                return Some(format!("at {sizes:.0} times its usual size ({} {} ± {})", s.parameter, short(found.value), short(found.sd)));
             }
         }
         for p in effect_card(name)?.parameters.iter().filter(|p| !p.is_strength()) {

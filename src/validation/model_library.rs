@@ -1,7 +1,7 @@
 //! A model file's model, as the statistics see it: [`Forward`] over its free parameters, [`Library`] over the catalogue.
 
 use super::error::ValidationError;
-use super::forward::{Asked, EffectOutline, FixedStrength, Forward, FreeParameter, Library, Outputs, OwnEffect, Prediction, Prior, Strength, Tails};
+use super::forward::{Asked, EffectOutline, Fixed, Forward, FreeParameter, Library, Outputs, OwnEffect, Prediction, Prior, Strength, Tails};
 use super::observation::{Gear, Observations, TableOptions};
 use super::predicted::unpredicted;
 use super::screen::STRENGTH_PRIOR;
@@ -12,6 +12,10 @@ use crate::impact_table::ImpactTable;
 /// Share of the impacts that a model may have no answer for. A few stand at a limit of physics (the ball does not approach); a model that fails for more
 /// would be judged by the impacts that suit it.
 const MOST_UNPREDICTED: f64 = 0.1;
+
+/// The bases' parameters that ball and strings of another make change, and no effect of the catalogue is a law of: where one held fixed is wrong, an effect
+/// is named that only imitates it. (The others of the visco-elastic base are what its effects act on.)
+const OF_NO_EFFECT: [&str; 4] = ["restitution", "friction", "A_C", "mu"];
 
 /// Width of the prior on a shape parameter that the fit may move, in typical sizes.
 const SHAPE_PRIOR: f64 = 1.0;
@@ -251,15 +255,19 @@ impl Library for ModelLibrary {
         Ok(Box::new(ModelLibrary { current, outlines }))
     }
 
-    fn with_fixed_strengths_freed(&self) -> Option<(Box<dyn Library + '_>, Vec<FixedStrength>)> {
+    fn with_fixed_freed(&self) -> Option<(Box<dyn Library + '_>, Vec<Fixed>)> {
         let model = &self.current.model;
+        let may_be_wrong = |p: &Parameter| match p.role {
+            Role::Strength { .. } => true,
+            Role::Base => OF_NO_EFFECT.contains(&p.name.as_str()),
+            Role::Shape => false,
+        };
         let free = |name: &str| self.current.free.iter().any(|p| p.name == name);
-        let fixed: Vec<FixedStrength> = model
-            .effects()
+        let fixed: Vec<Fixed> = model
+            .parameters()
             .iter()
-            .flat_map(|e| model.effect_parameters(&e.name).map(|i| (e.name.clone(), &model.parameters()[i])))
-            .filter(|(_, p)| matches!(p.role, Role::Strength { .. }) && !free(&p.name))
-            .map(|(effect, p)| FixedStrength { effect, parameter: p.name.clone(), value: p.value })
+            .filter(|p| may_be_wrong(p) && !free(&p.name))
+            .map(|p| Fixed { parameter: p.name.clone(), value: p.value, of_base: p.role == Role::Base })
             .collect();
         if fixed.is_empty() {
             return None;

@@ -44,11 +44,15 @@ fn diagnosis(made: &SyntheticTable, effects: &str, options: &DiagnoseOptions) ->
 }
 
 fn practice(number: usize) -> Option<Diagnosis> {
+    let model = shared(&format!("practice/impacts/table-{number:02}/model.toml"))?;
+    practice_with(number, Model::read(&model).unwrap())
+}
+
+fn practice_with(number: usize, model: Model) -> Option<Diagnosis> {
     let folder = shared(&format!("practice/impacts/table-{number:02}"))?;
     let impacts = ImpactTable::read(&folder.join("impacts.csv")).unwrap();
     let (racket, ball) = (Racket::read(&folder.join("racket.toml")).unwrap(), Ball::read(&folder.join("ball.toml")).unwrap());
     let observations = Observations::new(&impacts, &[racket], &[ball], &TableOptions::default()).unwrap();
-    let model = Model::read(&folder.join("model.toml")).unwrap();
     Some(diagnose(&ModelLibrary::new(model, &observations.gear), &observations, &DiagnoseOptions::default()).unwrap())
 }
 
@@ -98,6 +102,20 @@ fn real_practice_tables_with_a_hidden_effect_are_named() {
 
 /// A model that fails asks for offsets of the cameras in the place of what it lacks; its parameters and residuals are told without them, or a file
 /// that was fitted would predict worse than before.
+/// A model file that says nothing of restitution and friction holds their defaults: where these are wrong no effect is named in their place, and beside them
+/// the right one.
+#[test]
+fn real_a_number_of_the_base_held_fixed_and_wrong_is_told() {
+    let bare = || Model::parse("base = \"rigid\"", Path::new("model.toml")).unwrap();
+    let Some(nothing) = practice_with(1, bare()) else { return };
+    assert!(nothing.verdict == Verdict::Unexplained && nothing.recommended.is_empty() && nothing.suggested_expression.is_none(), "{:?}", nothing.words);
+    assert!(nothing.words.iter().any(|w| w.contains("friction is 0.379 ±") && w.contains("With that fitted nothing is missing")), "{:?}", nothing.words);
+    assert!(nothing.candidates.iter().all(|c| c.probability < 0.5));
+    let Some(vibration) = practice_with(4, bare()) else { return };
+    assert_eq!((vibration.verdict, vibration.recommended.as_slice()), (Verdict::EffectMissing, &["frame-vibration".to_owned()][..]), "{:?}", vibration.words);
+    assert!(vibration.words.iter().any(|w| w.contains("restitution is 0.790 ±") && w.contains("friction is 0.410 ±")), "{:?}", vibration.words);
+}
+
 #[test]
 fn real_a_failing_model_is_fitted_without_offsets_that_no_session_has() {
     let Some(folder) = shared("practice/impacts/table-03") else { return };

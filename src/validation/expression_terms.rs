@@ -201,7 +201,7 @@ const fn t(replaces: &'static str, scale: &'static str, words: &'static str, typ
 }
 
 /// All channels of the rigid base.
-pub static CHANNELS: [TermChannel; 34] = [
+pub static CHANNELS: [TermChannel; 37] = [
     t("restitution", "restitution", "the normal restitution", 0.2),
     t("friction", "friction", "the friction", 0.5),
     t("tangential_restitution", "1", "the tangential restitution", 0.3),
@@ -223,6 +223,9 @@ pub static CHANNELS: [TermChannel; 34] = [
     t("spin_impulse_x", "ball_radius * normal_impulse", "the torque on the ball about the racket's long axis", 0.1),
     t("spin_impulse_y", "ball_radius * normal_impulse", "the torque on the ball about the axis across the face", 0.1),
     t("spin_impulse_z", "ball_radius * normal_impulse", "the torque on the ball about the normal", 0.1),
+    t("impulse_turn", "1", "the turn of the impulse in the face about the normal", 0.1),
+    t("spin_impulse_turn", "1", "the turn of the spin that the strings give about the normal", 0.1),
+    t("spin_turn", "1", "the turn of the incoming spin about the normal", 0.1),
     t("spin_kept", "1", "the share of its spin that the ball keeps", 0.1),
     t("hand_mass", "racket_mass", "a mass held by the hand", 0.3),
     t("racket_mass", "racket_mass", "the racket's mass", 0.2),

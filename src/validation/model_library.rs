@@ -15,7 +15,7 @@ const MOST_UNPREDICTED: f64 = 0.1;
 
 /// The bases' parameters that ball and strings of another make change, and no effect of the catalogue is a law of: where one held fixed is wrong, an effect
 /// is named that only imitates it. (The others of the visco-elastic base are what its effects act on.)
-const OF_NO_EFFECT: [&str; 4] = ["restitution", "friction", "A_C", "mu"];
+const OF_NO_EFFECT: [&str; 3] = ["restitution", "friction", "mu"];
 
 /// Width of the prior on a shape parameter that the fit may move, in typical sizes.
 const SHAPE_PRIOR: f64 = 1.0;

@@ -257,6 +257,17 @@ fn truth_what_imitates_something_outside_the_catalogue_is_not_certain() {
     assert!(right.candidates[0].probability > 0.5 && !right.words.iter().any(|w| w.contains("no form of it")), "{:?}", right.words);
 }
 
+/// Strings that lie aslant turn the impulse in the face, a contact that the spin drives round turns its axis: vectors, which no term along the racket or across it does.
+#[test]
+fn truth_what_turns_impulse_or_spin_about_the_normal_is_told_by_its_angle() {
+    for turn in ["impulse_turn", "spin_turn"] {
+        let d = diagnosis_of(&with_formula(&format!("[effects.mine]\nexpression = \"{turn} + 0.08\"\nreplaces = \"{turn}\"")));
+        let e = d.suggested_expression.expect("a formula");
+        assert!(d.verdict == Verdict::Unexplained && e.replaces == turn, "{e:?} {:?}", d.words);
+        assert!((e.parameters.values().next().unwrap().value - 0.08).abs() < 0.02 && e.heldout_error_after < 1.1 * d.noise_floor, "{e:?}");
+    }
+}
+
 /// Places told 70 mm too far toward the handle are more than the card of a biased ball centre allows.
 #[test]
 fn truth_an_effect_at_the_end_of_its_card_is_not_certain() {

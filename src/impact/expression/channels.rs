@@ -87,6 +87,23 @@ fn set_diagonal<T: Real>(at: &Contact<T>, laws: &Laws<T>, impulse: &mut Impulse<
     impulse.shift(at, laws, nalgebra::Vector3::new(by, by * sign, T::zero()));
 }
 
+/// What a vector in the face changes by when it is turned about the normal, from x toward y.
+fn turned_by<T: Real>([x, y]: [T; 2], angle: T) -> nalgebra::Vector3<T> {
+    let (sin, less) = (angle.sin(), angle.cos() - T::one());
+    nalgebra::Vector3::new(x * less - y * sin, x * sin + y * less, T::zero())
+}
+
+fn turn_impulse<T: Real>(at: &Contact<T>, laws: &Laws<T>, impulse: &mut Impulse<T>, angle: T) {
+    let by = turned_by([impulse.ball.x, impulse.ball.y], angle);
+    impulse.shift(at, laws, by);
+}
+
+fn turn_spin<T: Real>(at: &Contact<T>, laws: &Laws<T>, impulse: &mut Impulse<T>, angle: T) {
+    let by = turned_by([at.input.ball_spin.x, at.input.ball_spin.y], angle) * laws.ball_inertia;
+    impulse.ball_angular += by;
+    impulse.racket_angular -= by;
+}
+
 /// The names, and beside them how each is read and replaced in any number `T`.
 macro_rules! channels {
     ($(($name:literal, $unit:literal, $meaning:literal, $access:expr $(,)?)),* $(,)?) => {
@@ -158,6 +175,19 @@ channels![
     ("spin_impulse_x", "N m s", "angular impulse on the ball alone, about x", impulse!(ball_angular.x)),
     ("spin_impulse_y", "N m s", "about y", impulse!(ball_angular.y)),
     ("spin_impulse_z", "N m s", "about z", impulse!(ball_angular.z)),
+    (
+        "impulse_turn",
+        "",
+        "turn of the impulse's part in the face about the normal, rad, from x toward y; 0 before",
+        Access::Impulse(|_, _| T::zero(), turn_impulse)
+    ),
+    (
+        "spin_impulse_turn",
+        "",
+        "the same of the angular impulse on the ball alone",
+        Access::Impulse(|_, _| T::zero(), |_, _, i, v| i.ball_angular += turned_by([i.ball_angular.x, i.ball_angular.y], v))
+    ),
+    ("spin_turn", "", "the same of the spin the ball comes with; the racket gets the reverse torque", Access::Impulse(|_, _| T::zero(), turn_spin)),
     ("racket_impulse_x", "N s", "on the racket alone, along x", impulse!(racket.x)),
     ("racket_impulse_y", "N s", "along y", impulse!(racket.y)),
     ("racket_impulse_z", "N s", "along z", impulse!(racket.z)),

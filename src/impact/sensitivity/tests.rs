@@ -187,6 +187,9 @@ fn agrees_expressions_with_differences() {
         ("swing_inertia", "swing_inertia * (1 + 0.3 * k * tan(impact_x / half_length))"),
         ("hand_mass", "0.1 * k * (1 + order / 100)"),
         ("impulse_y", "impulse_y * (1 + k * spin_across / 500) + 0.001 * k * normal_impulse"),
+        ("impulse_turn", "k * (1 + impact_x / half_length)"),
+        ("spin_impulse_turn", "0.3 * k * obliqueness"),
+        ("spin_turn", "k * approach_speed / 25"),
         ("spin_impulse_x", "spin_impulse_x + 0.001 * k * tangential_impulse * ball_radius / 0.01"),
         ("ball_out_vz", "ball_out_vz * (1 - 0.1 * k * mod(impact_distance / 0.03, 7)) + 0.01 * ball_out_wx * ball_radius"),
     ] {

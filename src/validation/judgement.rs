@@ -539,13 +539,6 @@ impl<'a> Judgement<'a> {
                 return Some(format!("the other way round ({} {} ± {})", s.parameter, short(found.value), short(found.sd)));
             }
         }
-        for s in outline.strengths.iter().filter(|_| outline.strengths.len() > 1) {
-            let found = settled.strengths.get(&s.parameter)?;
-            if (found.value - s.absent).abs() - UNCERTAIN * found.sd > UNUSUAL * s.typical {
-                let sizes = (found.value - s.absent).abs() / s.typical;
-                return Some(format!("at {sizes:.0} times its usual size ({} {} ± {})", s.parameter, short(found.value), short(found.sd)));
-            }
-        }
         for p in effect_card(name)?.parameters.iter().filter(|p| !p.is_strength()) {
             let Some(found) = settled.strengths.get(&format!("{name}.{}", p.name)) else { continue };
             let sizes = (found.value - p.default).abs() / p.typical;
@@ -553,8 +546,17 @@ impl<'a> Judgement<'a> {
                 return Some(format!("with {} {sizes:.0} deviations from where it usually lies", p.name));
             }
         }
-        let end = settled.at_limit.iter().find(|l| !l.is_none && l.name.starts_with(&format!("{name}.")))?;
-        Some(format!("at the end of what its card allows ({} {})", end.name, short(end.value)))
+        if let Some(end) = settled.at_limit.iter().find(|l| !l.is_none && l.name.starts_with(&format!("{name}."))) {
+            return Some(format!("at the end of what its card allows ({} {})", end.name, short(end.value)));
+        }
+        for s in outline.strengths.iter().filter(|_| outline.strengths.len() > 1) {
+            let found = settled.strengths.get(&s.parameter)?;
+            if (found.value - s.absent).abs() - UNCERTAIN * found.sd > UNUSUAL * s.typical {
+                let sizes = (found.value - s.absent).abs() / s.typical;
+                return Some(format!("at {sizes:.0} times its usual size ({} {} ± {})", s.parameter, short(found.value), short(found.sd)));
+            }
+        }
+        None
     }
 
     /// Two effects as one model.

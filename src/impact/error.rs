@@ -25,7 +25,7 @@ pub enum ModelError {
     #[error("effect `{name}` is in the model already; change its parameters instead")]
     EffectTwice { name: String },
     #[error("effect `{name}` does not exist in base \"{base}\": {reason}")]
-    NotInBase { name: String, base: &'static str, reason: &'static str },
+    NotInBase { name: String, base: &'static str, reason: String },
     #[error("the model has no parameter `{name}`{near}; it has: {known}")]
     UnknownParameter { name: String, near: String, known: String },
     #[error("parameter `{name}` = {seen}; allowed: {min} to {max}")]

@@ -298,8 +298,7 @@ impl Model {
         let names: Vec<String> = parameters.iter().map(|p| p.key().to_owned()).collect();
         let names: Vec<&str> = names.iter().map(String::as_str).collect();
         let effect = Arc::new(ExpressionEffect::new(name, replaces, expression, &names)?);
-        if self.base == Base::Viscoelastic && !effect.acts_around_contact() {
-            let reason = "contact laws are stepped through time there; replace a quantity of the bodies or of the outcome";
+        if let Some(reason) = effect.missing_in(self.base) {
             return Err(ModelError::NotInBase { name: name.to_owned(), base: self.base.name(), reason });
         }
         for p in &mut parameters {

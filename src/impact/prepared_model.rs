@@ -14,14 +14,15 @@ use rayon::prelude::*;
 use std::borrow::Cow;
 use std::sync::Arc;
 
-/// Inputs beyond this are mistakes of unit or of measurement, not impacts.
+/// Inputs beyond this are mistakes of unit or of measurement, not impacts. Twice what a table may hold and more: a fit's estimates of what was measured
+/// may lie beyond its cells.
 const LIMITS: [(&str, f64); 6] = [
-    ("ball_in_v (m/s)", 500.0),
+    ("ball_in_v (m/s)", 1_000.0),
     ("ball_in_w (rad/s)", 20_000.0),
-    ("racket_in_v (m/s)", 500.0),
-    ("racket_in_w (rad/s)", 2_000.0),
+    ("racket_in_v (m/s)", 1_000.0),
+    ("racket_in_w (rad/s)", 4_000.0),
     ("impact_x, impact_y (m)", 2.0),
-    ("grip_torque (N m)", 1_000.0),
+    ("grip_torque (N m)", 2_000.0),
 ];
 
 /// Steps that a visco-elastic contact may be divided into.
@@ -250,13 +251,16 @@ where
     }
 
     /// The visco-elastic laws of one contact.
-    fn viscoelastic_laws(&self, at: &Contact<T>) -> viscoelastic::Laws<T> {
+    fn viscoelastic_laws(&self, at: &Contact<T>) -> Result<viscoelastic::Laws<T>, ModelError> {
         let mut laws = viscoelastic::Laws::new(&self.values, at.body, self.model.stiffness_from_tension, &self.model.contact_laws);
-        for (effect, p) in self.each() {
-            effect.change_viscoelastic(p, at, &mut laws);
+        for e in &self.model.effects {
+            e.effect().change_viscoelastic(&self.values[e.range.clone()], at, &mut laws);
+            if let Some((quantity, seen, allowed)) = laws.impossible() {
+                return Err(ModelError::EffectRange { effect: e.name.clone(), quantity, seen, allowed });
+            }
         }
-        laws.keep_strings_damped();
-        laws
+        laws.keep_within_limits();
+        Ok(laws)
     }
 
     /// What effects change in a visco-elastic outcome; the impulses are those that the outcome implies.
@@ -266,8 +270,8 @@ where
         if !self.model.effects.is_empty() {
             let separation = output.ball_velocity.z - output.racket_velocity.z - output.racket_rate.cross(&at.lever).z;
             let restitution = (separation * at.side / at.approach_speed).max(T::zero());
-            let laws = Laws::new(restitution, self.values[MU], Sliding::FirstTouch, T::constant(b.ball_radius), b.ball_inertia);
-            let impulse = Impulse {
+            let mut laws = Laws::new(restitution, self.values[MU], Sliding::FirstTouch, T::constant(b.ball_radius), b.ball_inertia);
+            let before = Impulse {
                 ball: (output.ball_velocity - i.ball_velocity) * b.ball_mass,
                 ball_angular: (output.ball_spin - i.ball_spin) * b.ball_inertia,
                 racket: (output.racket_velocity - i.racket_velocity) * b.racket_mass,
@@ -275,6 +279,11 @@ where
                 regime: Regime::Stick,
                 spare_friction: T::zero(),
             };
+            let mut impulse = before;
+            for (effect, p) in self.each() {
+                effect.change_viscoelastic_impulse(p, at, &mut laws, &mut impulse);
+            }
+            impulse.change_outcome(&before, at, &laws, &mut output);
             for (effect, p) in self.each() {
                 effect.change_output(p, at, &laws, &impulse, &mut output);
             }
@@ -288,7 +297,7 @@ where
         let truth = self.true_input(input)?;
         let body = self.body_at(&truth)?.into_owned();
         let at = contact(&body, &truth)?;
-        let (contact, laws) = (at.input, self.viscoelastic_laws(&at));
+        let (contact, laws) = (at.input, self.viscoelastic_laws(&at)?);
         Ok(Staged { truth, body, contact, laws })
     }
 
@@ -331,7 +340,7 @@ impl PreparedModel {
     /// As [`PreparedModel::predict`]; [`ModelError::NotInBase`] in base rigid, which has no time.
     pub fn run(&self, input: &ImpactInput, steps: f64) -> Result<Run, ModelError> {
         if self.model.base == Base::Rigid {
-            return Err(ModelError::NotInBase { name: "run".into(), base: "rigid", reason: "an impulse has no duration" });
+            return Err(ModelError::NotInBase { name: "run".into(), base: "rigid", reason: "an impulse has no duration".into() });
         }
         viscoelastic::run(&self.stage(input)?.ready()?, steps.clamp(FEWEST_STEPS, MOST_STEPS))
     }
@@ -371,7 +380,7 @@ impl PreparedModel {
         let mut results: Vec<Result<ImpactOutput, ModelError>> = Vec::with_capacity(inputs.len());
         let (mut places, mut truths, mut ready) = (Vec::new(), Vec::new(), Vec::new());
         for begun in &begun {
-            let staged = begun.as_ref().map_err(ModelError::clone).and_then(|(truth, body)| Ok((*truth, self.ready(contact(body, truth)?))));
+            let staged = begun.as_ref().map_err(ModelError::clone).and_then(|(truth, body)| Ok((*truth, self.ready(contact(body, truth)?)?)));
             match staged {
                 Ok((truth, contact)) => {
                     places.push(results.len());
@@ -390,9 +399,9 @@ impl PreparedModel {
     }
 
     /// A contact with the visco-elastic laws of this impact.
-    fn ready<'a>(&self, at: Contact<'a>) -> Ready<'a> {
-        let laws = self.viscoelastic_laws(&at);
-        Ready { at, laws }
+    fn ready<'a>(&self, at: Contact<'a>) -> Result<Ready<'a>, ModelError> {
+        let laws = self.viscoelastic_laws(&at)?;
+        Ok(Ready { at, laws })
     }
 }
 

@@ -6,18 +6,27 @@ use std::path::Path;
 use sweetspot::equipment_set::EquipmentSet;
 use sweetspot::impact::batch::predict_table;
 use sweetspot::impact::expression::{channels, quantities};
-use sweetspot::impact::{ImpactInput, ImpactOutput, Model, ModelError};
+use sweetspot::impact::{Base, ImpactInput, ImpactOutput, Model, ModelError};
 use sweetspot::impact_table::OwnColumns;
 use sweetspot::impact_table::{ImpactRow, ImpactTable, Measured};
 
 const BASE: &str = "base = \"rigid\"\n[parameters]\nrestitution = 0.8\nfriction = 0.3\n";
+const STEPPED: &str = "base = \"viscoelastic\"\n[parameters]\nmu = 0.3\n";
 
 fn parse(effects: &str) -> Result<Model, ModelError> {
     Model::parse(&format!("{BASE}{effects}"), Path::new("m.toml"))
 }
 
 fn predict(effects: &str, inputs: &[ImpactInput]) -> Vec<ImpactOutput> {
-    parse(effects).unwrap().prepare(&racket(), &ball()).unwrap().predict_all(inputs).into_iter().map(Result::unwrap).collect()
+    outcomes(&parse(effects).unwrap(), inputs)
+}
+
+fn predict_stepped(model: &str, inputs: &[ImpactInput]) -> Vec<ImpactOutput> {
+    outcomes(&Model::parse(model, Path::new("m.toml")).unwrap(), inputs)
+}
+
+fn outcomes(model: &Model, inputs: &[ImpactInput]) -> Vec<ImpactOutput> {
+    model.prepare(&racket(), &ball()).unwrap().predict_all(inputs).into_iter().map(Result::unwrap).collect()
 }
 
 fn close(a: &[ImpactOutput], b: &[ImpactOutput], tolerance: f64) {
@@ -62,22 +71,75 @@ fn agrees_expressions_with_the_catalogue() {
 #[test]
 fn switch_every_channel_acts_and_leaves_everything_alone_at_its_own_value() {
     let inputs = impacts(60, 22);
-    let plain = predict("", &inputs);
-    for c in channels() {
-        let same = predict(&format!("[effects.mine]\nexpression = \"{0}\"\nreplaces = \"{0}\"", c.name), &inputs);
-        close(&plain, &same, 1e-12);
-        let typical = match c.unit {
-            "m" => "1e-3",
-            "kg" | "N s" => "0.01",
-            "kg m^2" => "1e-4",
-            "N m s" => "1e-3",
-            "m/s" | "rad/s" => "0.5",
-            _ => "0.01",
+    for (base, first) in [(Base::Rigid, BASE), (Base::Viscoelastic, STEPPED)] {
+        let plain = predict_stepped(first, &inputs);
+        let (there, elsewhere): (Vec<_>, Vec<_>) = channels().iter().partition(|c| c.is_in(base));
+        for c in there {
+            let mine = |expression: &str| format!("{first}[effects.mine]\nexpression = \"{expression}\"\nreplaces = \"{}\"", c.name);
+            close(&plain, &predict_stepped(&mine(c.name), &inputs), 1e-12);
+            let typical = match c.unit {
+                "m" => "1e-3",
+                "kg" | "N s" => "0.01",
+                "kg m^2" => "1e-4",
+                "N m s" => "1e-3",
+                "m/s" | "rad/s" => "0.5",
+                "N/m" | "N s/m^3" => "100",
+                _ => "0.01",
+            };
+            let moved = predict_stepped(&mine(&format!("{} + {typical}", c.name)), &inputs);
+            let acts = c.name == "face_time" && moved != plain
+                || plain.iter().zip(&moved).any(|(a, b)| a.as_vector().iter().zip(b.as_vector()).any(|(x, y)| (x - y).abs() > 1e-6));
+            assert!(acts, "{} does nothing in base {base:?}", c.name);
+        }
+        for c in elsewhere {
+            let text = format!("{first}[effects.mine]\nexpression = \"{0}\"\nreplaces = \"{0}\"", c.name);
+            let error = Model::parse(&text, Path::new("m.toml")).unwrap_err().to_string();
+            assert!(error.contains(c.name) && error.contains("normal_impulse"), "{error}");
+        }
+    }
+}
+
+/// Laws of the stepped contact replaced by formulae do what the base's own parameters do; restitution is asked of what the contact came to.
+#[test]
+fn agrees_formulae_in_the_stepped_base_with_its_parameters() {
+    let inputs = impacts(80, 25);
+    let stepped = |parameters: &str, effect: &str| predict_stepped(&format!("base = \"viscoelastic\"\n[parameters]\n{parameters}\n{effect}"), &inputs);
+    for (name, own) in [("mu", "friction"), ("kS0", "string_stiffness"), ("c_S", "string_damping"), ("k_B0", "ball_stiffness"), ("A_C", "ball_damping")] {
+        let of = |times: f64| match name {
+            "mu" => 0.3 * times,
+            "kS0" => 39e3 * times,
+            "c_S" => 2.0 * times,
+            "k_B0" => 21e3 * times,
+            _ => 1200.0 * times,
         };
-        let moved = predict(&format!("[effects.mine]\nexpression = \"{0} + {typical}\"\nreplaces = \"{0}\"", c.name), &inputs);
-        let acts = c.name == "face_time" && moved != plain
-            || plain.iter().zip(&moved).any(|(a, b)| a.as_vector().iter().zip(b.as_vector()).any(|(x, y)| (x - y).abs() > 1e-6));
-        assert!(acts, "{} does nothing", c.name);
+        let formula = format!("[effects.mine]\nexpression = \"{own} * 1.1\"\nreplaces = \"{own}\"");
+        close(&stepped(&format!("{name} = {}", of(1.1)), ""), &stepped(&format!("{name} = {}", of(1.0)), &formula), 1e-9);
+    }
+    let (racket, ball) = (racket(), ball());
+    let plain = stepped("mu = 0.3", "");
+    let lossy = stepped("mu = 0.3", "[effects.mine]\nexpression = \"restitution * 0.9\"\nreplaces = \"restitution\"");
+    for ((input, plain), lossy) in inputs.iter().zip(plain).zip(lossy) {
+        let at = |o: &ImpactOutput| {
+            let lever = nalgebra::Vector3::new(input.position.x - racket.com_local().x, input.position.y, 0.0);
+            (o.ball_velocity - o.racket_velocity - o.racket_rate.cross(&lever)).z
+        };
+        assert!((at(&lossy) - 0.9 * at(&plain)).abs() < 1e-9, "{lossy:?} beside {plain:?}");
+        let p = |o: &ImpactOutput| ball.mass_kg * o.ball_velocity + racket.mass_kg * o.racket_velocity;
+        assert!((p(&lossy) - p(&plain)).norm() < 1e-12);
+    }
+    for expression in ["friction * restitution", "friction + 0 * impulse_x / normal_impulse"] {
+        let text = format!("{STEPPED}[effects.mine]\nexpression = \"{expression}\"\nreplaces = \"friction\"");
+        let error = Model::parse(&text, Path::new("m.toml")).unwrap_err().to_string();
+        assert!(error.contains("not known"), "{error}");
+    }
+    // A stringbed of no stiffness is no contact: which effect, which law, its value.
+    let text = format!("{STEPPED}[effects.mine]\nexpression = \"string_stiffness * (1 - 2 * step(impact_x))\"\nreplaces = \"string_stiffness\"");
+    let slack = Model::parse(&text, Path::new("m.toml")).unwrap().prepare(&racket, &ball).unwrap();
+    for (input, outcome) in inputs.iter().zip(slack.predict_all(&inputs)) {
+        match outcome {
+            Ok(_) => assert!(input.position.x < 0.0),
+            Err(e) => assert!(input.position.x >= 0.0 && e.to_string().contains("`mine`: `string_stiffness` became -"), "{e}"),
+        }
     }
 }
 

@@ -945,6 +945,24 @@ fn law_sideways_strings_are_found_in_the_viscoelastic_base() {
     assert!((across.value - 0.2).abs() < 4.0 * across.sd && across.sd < 0.05, "{across:?}");
 }
 
+/// What is in no catalogue has its formula in the time-stepped base too, where restitution is no law but what the contact comes to.
+#[test]
+fn truth_a_formula_is_found_in_the_viscoelastic_base() {
+    let first = "base = \"viscoelastic\"\n\n[parameters]\nA_C = { value = 1200.0, fit = true }\nmu = { value = 0.45, fit = true }\n";
+    for (replaces, expression) in
+        [("restitution", "restitution * (1 + 0.1 * (impact_y / half_width))"), ("friction", "friction * (1 + 0.5 * (impact_x / half_length))")]
+    {
+        let nature = format!("{first}\n[effects.odd]\nreplaces = {replaces:?}\nexpression = {expression:?}\n");
+        let (made, set) = of_its_own_world(Kind::Lab, 60, 3, &Model::parse(&nature, Path::new("nature.toml")).unwrap());
+        let observations = Observations::new(&made.table, &set.rackets, &set.balls, &TableOptions::default()).unwrap();
+        let library = ModelLibrary::new(Model::parse(first, Path::new("model.toml")).unwrap(), &observations.gear);
+        let d = diagnose(&library, &observations, &DiagnoseOptions::default()).unwrap();
+        let found = d.suggested_expression.unwrap_or_else(|| panic!("{expression}: {:?}", d.words));
+        let feature = expression.split("* (").last().unwrap().trim_end_matches(')');
+        assert!(found.replaces == replaces && found.expression.contains(feature) && found.heldout_error_after < 1.15, "{expression}: {found:?}");
+    }
+}
+
 /// A strength that the user asks for goes where the impacts say, six typical sizes as well as one.
 #[test]
 fn truth_a_large_strength_is_fitted_and_told_as_it_is() {

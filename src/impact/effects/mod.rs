@@ -56,6 +56,11 @@ pub trait Effect<T: Real>: fmt::Debug + Send + Sync {
         let _ = (p, at, laws);
     }
 
+    /// Changes the impulses that a visco-elastic contact came to, of which `laws` has the restitution.
+    fn change_viscoelastic_impulse(&self, p: &[T], at: &Contact<T>, laws: &mut Laws<T>, impulse: &mut Impulse<T>) {
+        let _ = (p, at, laws, impulse);
+    }
+
     /// Changes the impulses of the rigid base.
     fn change_impulse(&self, p: &[T], at: &Contact<T>, laws: &Laws<T>, impulse: &mut Impulse<T>) {
         let _ = (p, at, laws, impulse);

@@ -4,8 +4,10 @@ use super::dimension::Dimension;
 use super::quantities::Stage;
 use crate::impact::body::Body;
 use crate::impact::input::ImpactOutput;
+use crate::impact::model::Base;
 use crate::impact::real::Real;
 use crate::impact::rigid::{Contact, Impulse, Laws};
+use crate::impact::viscoelastic;
 use std::sync::LazyLock;
 
 /// How a channel's value is read and replaced, by the stage of the computation.
@@ -13,10 +15,14 @@ use std::sync::LazyLock;
 pub(super) enum Access<T = f64> {
     Body(fn(&Body<T>) -> T, fn(&mut Body<T>, T)),
     Laws(fn(&Laws<T>) -> T, fn(&mut Laws<T>, T)),
+    Viscoelastic(ViscoelasticLaw<T>),
     /// The new value may need the geometry: a contact impulse acts on both bodies at the contact point.
     Impulse(fn(&Contact<T>, &Impulse<T>) -> T, fn(&Contact<T>, &Laws<T>, &mut Impulse<T>, T)),
     Output(fn(&ImpactOutput<T>) -> T, fn(&mut ImpactOutput<T>, T)),
 }
+
+/// How a law of a visco-elastic contact is read and replaced, before the contact is stepped.
+pub(super) type ViscoelasticLaw<T> = (fn(&viscoelastic::Laws<T>) -> T, fn(&mut viscoelastic::Laws<T>, T));
 
 /// One replaceable quantity.
 pub struct Channel {
@@ -31,7 +37,7 @@ impl Channel {
     pub fn stage(&self) -> Stage {
         match self.access::<f64>() {
             Access::Body(..) => Stage::Body,
-            Access::Laws(..) => Stage::Laws,
+            Access::Laws(..) | Access::Viscoelastic(..) => Stage::Laws,
             Access::Impulse(..) => Stage::Impulse,
             Access::Output(..) => Stage::Output,
         }
@@ -44,6 +50,28 @@ impl Channel {
     pub(super) fn access<T: Real>(&self) -> Access<T> {
         Accesses::<T>::ALL[self.place]
     }
+
+    pub(super) fn is_restitution(&self) -> bool {
+        self.name == "restitution"
+    }
+
+    /// The law that it is in base visco-elastic. Of the rigid base's laws friction is one there too; restitution is what such a contact comes to.
+    pub(super) fn viscoelastic_law<T: Real>(&self) -> Option<ViscoelasticLaw<T>> {
+        match self.access() {
+            Access::Viscoelastic(law) => Some(law),
+            Access::Laws(..) if self.name == "friction" => Some((|l| l.mu, |l, v| l.mu = v)),
+            _ => None,
+        }
+    }
+
+    /// Whether the base has it.
+    pub fn is_in(&self, base: Base) -> bool {
+        match (base, self.access::<f64>()) {
+            (Base::Rigid, access) => !matches!(access, Access::Viscoelastic(..)),
+            (Base::Viscoelastic, Access::Laws(..)) => self.is_restitution() || self.viscoelastic_law::<f64>().is_some(),
+            (Base::Viscoelastic, _) => true,
+        }
+    }
 }
 
 /// Where `hand_mass` sits, from the butt, m.
@@ -52,6 +80,11 @@ const HAND_FROM_BUTT: f64 = 0.07;
 macro_rules! laws {
     ($($field:tt)+) => {
         Access::Laws(|l| l.$($field)+, |l, v| l.$($field)+ = v)
+    };
+}
+macro_rules! viscoelastic {
+    ($field:ident) => {
+        Access::Viscoelastic((|l| l.$field, |l, v| l.$field = v))
     };
 }
 macro_rules! contact_impulse {
@@ -146,6 +179,10 @@ channels![
     ("drive_twist_x", "N m s", "angular impulse from outside on the racket about x", laws!(drive_twist.x)),
     ("drive_twist_y", "N m s", "about y", laws!(drive_twist.y)),
     ("drive_twist_z", "N m s", "about z", laws!(drive_twist.z)),
+    ("string_stiffness", "N/m", "of the stringbed at rest (base viscoelastic)", viscoelastic!(k_s0)),
+    ("string_damping", "N s/m", "of the stringbed (base viscoelastic)", viscoelastic!(c_s)),
+    ("ball_stiffness", "N/m", "of the ball at rest (base viscoelastic)", viscoelastic!(k_b0)),
+    ("ball_damping", "N s/m^3", "of the ball, per contact area (base viscoelastic)", viscoelastic!(a_c)),
     ("ball_mass", "kg", "of the ball", Access::Body(|b| b.ball_mass, |b, v| b.ball_mass = v)),
     ("racket_mass", "kg", "of the racket, same centre and inertia", Access::Body(|b| b.racket_mass, |b, v| b.racket_mass = v)),
     ("twist_inertia", "kg m^2", "of the racket about x", Access::Body(|b| b.racket_inertia.x, |b, v| b.racket_inertia.x = v)),

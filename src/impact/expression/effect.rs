@@ -2,14 +2,17 @@
 
 use super::channels::{Access, Channel, channel, channels};
 use super::parse::Expression;
-use super::quantities::Scope;
+use super::quantities::{Scope, Stage};
 use crate::impact::body::Body;
 use crate::impact::effects::Effect;
 use crate::impact::error::ModelError;
 use crate::impact::input::ImpactOutput;
+use crate::impact::model::Base;
 use crate::impact::real::Real;
 use crate::impact::rigid::{Contact, Impulse, Laws};
+use crate::impact::viscoelastic;
 use crate::near_names::near_names;
+use nalgebra::Vector3;
 use std::fmt;
 
 /// One channel replaced by an expression.
@@ -55,9 +58,15 @@ impl ExpressionEffect {
         self.expression.uses_parameter(index)
     }
 
-    /// Whether it changes the bodies or the outcome, and not the contact itself.
-    pub(crate) fn acts_around_contact(&self) -> bool {
-        matches!(self.channel.access::<f64>(), Access::Body(..) | Access::Output(..))
+    /// Why the base does not have it; `None` where it does.
+    pub(crate) fn missing_in(&self, base: Base) -> Option<String> {
+        if !self.channel.is_in(base) {
+            let there: Vec<&str> = channels().iter().filter(|c| c.is_in(base)).map(|c| c.name).collect();
+            return Some(format!("`{}` is not a quantity of that base; there `replaces` can be: {}", self.channel.name, there.join(", ")));
+        }
+        let early = base == Base::Viscoelastic && self.channel.viscoelastic_law::<f64>().is_some();
+        let unknown = self.expression.quantities().find(|q| early && q.stage != Stage::Body)?;
+        Some(format!("`{}` is what a stepped contact comes to, and not known where `{}` is replaced", unknown.name, self.channel.name))
     }
 }
 
@@ -81,6 +90,24 @@ impl<T: Real> Effect<T> for ExpressionEffect {
         if let Access::Laws(get, set) = self.channel.access::<T>() {
             let value = self.expression.value(&Scope { at, body: at.body, laws: Some(laws), impulse: None, output: None }, get(laws), p);
             set(laws, value);
+        }
+    }
+
+    fn change_viscoelastic(&self, p: &[T], at: &Contact<T>, laws: &mut viscoelastic::Laws<T>) {
+        if let Some((get, set)) = self.channel.viscoelastic_law::<T>() {
+            let value = self.expression.value(&Scope { at, body: at.body, laws: None, impulse: None, output: None }, get(laws), p);
+            set(laws, value);
+        }
+    }
+
+    fn change_viscoelastic_impulse(&self, p: &[T], at: &Contact<T>, laws: &mut Laws<T>, impulse: &mut Impulse<T>) {
+        if self.channel.is_restitution() {
+            let before = laws.effective_restitution();
+            self.change_laws(p, at, laws);
+            let more = (laws.effective_restitution() - before) * at.approach_speed / at.normal_compliance;
+            impulse.shift(at, laws, Vector3::new(T::zero(), T::zero(), more * at.side));
+        } else {
+            self.change_impulse(p, at, laws, impulse);
         }
     }
 

@@ -3,7 +3,7 @@
 use super::channels::Channel;
 use super::dimension::{Dimension, NONE};
 use super::functions::{FUNCTIONS, One, Rule, Two};
-use super::quantities::{Scope, quantities, quantity};
+use super::quantities::{Quantity, Scope, quantities, quantity};
 use crate::impact::real::Real;
 use crate::impact_table::OwnColumn;
 use crate::near_names::near_names;
@@ -114,6 +114,11 @@ impl Expression {
     /// Whether the value of its own parameter at this place is asked for anywhere.
     pub(super) fn uses_parameter(&self, index: usize) -> bool {
         self.program.iter().any(|op| matches!(op, Op::Parameter(own) if *own == index))
+    }
+
+    /// The quantities that it asks for.
+    pub(super) fn quantities(&self) -> impl Iterator<Item = &'static Quantity> {
+        self.program.iter().filter_map(|op| if let Op::Quantity(i) = op { quantities().get(*i) } else { None })
     }
 
     /// The columns of a table that it asks for, beside the usual ones.

@@ -47,6 +47,15 @@ impl<T: Real> Impulse<T> {
         self.racket_angular += change.racket_angular;
     }
 
+    /// Changes an outcome by what this impulse has beyond `before`, to which the outcome belongs.
+    pub fn change_outcome(&self, before: &Impulse<T>, at: &Contact<T>, laws: &Laws<T>, output: &mut ImpactOutput<T>) {
+        let b = at.body;
+        output.ball_velocity += (self.ball - before.ball) / b.ball_mass;
+        output.ball_spin += (self.ball_angular - before.ball_angular) / laws.ball_inertia;
+        output.racket_velocity += (self.racket - before.racket) / b.racket_mass;
+        output.racket_rate += (self.racket_angular - before.racket_angular).component_div(&b.racket_inertia);
+    }
+
     /// Velocities and rates after the impulse; the racket's velocity at its true centre of mass.
     fn outcome(&self, at: &Contact<T>, laws: &Laws<T>) -> ImpactOutput<T> {
         let b = at.body;

@@ -198,13 +198,26 @@ impl<T: Real> Laws<T> {
         }
     }
 
+    /// A law that no contact has: which, its value, and what is allowed.
+    pub(crate) fn impossible(&self) -> Option<(&'static str, f64, &'static str)> {
+        let stiffness = [("string_stiffness", self.k_s0.value()), ("ball_stiffness", self.k_b0.value())];
+        let others = [("string_damping", self.c_s.value()), ("ball_damping", self.a_c.value()), ("friction", self.mu.value())];
+        let slack = stiffness.into_iter().find(|(_, v)| !(v.is_finite() && *v > 0.0)).map(|(what, v)| (what, v, "a positive number"));
+        slack.or_else(|| others.into_iter().find(|(_, v)| !v.is_finite()).map(|(what, v)| (what, v, "a finite number")))
+    }
+
     /// The massless strings need a damper at first touch, or their velocity is undefined: where the ball's own grows in from
-    /// nothing, at least [`LEAST_STRING_DAMPING`] acts. Effects cannot take more damping away than there is.
-    pub(crate) fn keep_strings_damped(&mut self) {
+    /// nothing, at least [`LEAST_STRING_DAMPING`] acts. Effects cannot take more damping or friction away than there is.
+    pub(crate) fn keep_within_limits(&mut self) {
         let least = if self.onset.value() > 0.0 || self.c_b0.value() <= 0.0 { LEAST_STRING_DAMPING } else { 0.0 };
         // Not `max`: that would turn NaN into a number.
         if self.c_s.value() < least {
             self.c_s = T::constant(least);
+        }
+        for law in [&mut self.mu, &mut self.a_c] {
+            if law.value() < 0.0 {
+                *law = T::zero();
+            }
         }
     }
 }

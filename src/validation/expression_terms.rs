@@ -75,9 +75,9 @@ impl FeatureInputs {
         self.place
     }
 
-    /// Squared slip plus `least` (m²/s²), over the squared approach speed.
-    fn squared_slip_and(&self, least: f64) -> f64 {
-        self.g[0].powi(2) + self.g[1].powi(2) + least / (25.0 * self.u).powi(2)
+    /// Square of a speed along the strings, given over the approach speed, plus `least` (m²/s²), over the squared approach speed.
+    fn squared_and(&self, along: [f64; 2], least: f64) -> f64 {
+        along[0].powi(2) + along[1].powi(2) + least / (25.0 * self.u).powi(2)
     }
 }
 
@@ -116,7 +116,7 @@ const fn f(text: &'static str, words: &'static str, value: fn(&FeatureInputs) ->
 }
 
 /// All features, simple ones first: of two that do equally well the earlier one is taken.
-pub static FEATURES: [Feature; 62] = [
+pub static FEATURES: [Feature; 64] = [
     f("1", "everywhere alike", |_| 1.0),
     f("(approach_speed / 25)", "with the approach speed", |i| i.u),
     f("(approach_speed / 25)^2", "with the square of the approach speed", |i| i.u * i.u),
@@ -143,10 +143,18 @@ pub static FEATURES: [Feature; 62] = [
     f("((slip_x + slip_y) / approach_speed)", "with the slip along one diagonal of the face", |i| i.g[0] + i.g[1]),
     f("((slip_x - slip_y) / approach_speed)", "with the slip along the other diagonal of the face", |i| i.g[0] - i.g[1]),
     f("(slip_x * slip_y / (slip_x^2 + slip_y^2 + 0.01))", "with the slip's direction, from one diagonal of the face to the other", |i| {
-        i.g[0] * i.g[1] / i.squared_slip_and(0.01)
+        i.g[0] * i.g[1] / i.squared_and(i.g, 0.01)
     }),
     f("((slip_x^2 - slip_y^2) / (slip_x^2 + slip_y^2 + 0.01))", "with the slip's direction, from across the face to along it", |i| {
-        (i.g[0].powi(2) - i.g[1].powi(2)) / i.squared_slip_and(0.01)
+        (i.g[0].powi(2) - i.g[1].powi(2)) / i.squared_and(i.g, 0.01)
+    }),
+    f(
+        "(tangential_x * tangential_y / (tangential_x^2 + tangential_y^2 + 0.01))",
+        "with the path's direction, from one diagonal of the face to the other",
+        |i| i.t[0] * i.t[1] / i.squared_and(i.t, 0.01),
+    ),
+    f("((tangential_x^2 - tangential_y^2) / (tangential_x^2 + tangential_y^2 + 0.01))", "with the path's direction, from across the face to along it", |i| {
+        (i.t[0].powi(2) - i.t[1].powi(2)) / i.squared_and(i.t, 0.01)
     }),
     f("(tangential_x / approach_speed)", "with the ball's path along the racket", |i| i.t[0]),
     f("(tangential_y / approach_speed)", "with the ball's path across the face", |i| i.t[1]),
@@ -200,8 +208,8 @@ const fn t(replaces: &'static str, scale: &'static str, words: &'static str, typ
     TermChannel { replaces, scale, words, typical }
 }
 
-/// All channels of the rigid base.
-pub static CHANNELS: [TermChannel; 37] = [
+/// All channels; a base leaves out those that it does not have.
+pub static CHANNELS: [TermChannel; 39] = [
     t("restitution", "restitution", "the normal restitution", 0.2),
     t("friction", "friction", "the friction", 0.5),
     t("tangential_restitution", "1", "the tangential restitution", 0.3),
@@ -238,6 +246,8 @@ pub static CHANNELS: [TermChannel; 37] = [
     t("racket_angular_impulse_z", "ball_radius * normal_impulse", "the torque on the racket about the normal", 0.5),
     t("racket_impulse_x", "normal_impulse", "the impulse on the racket along its axis", 0.1),
     t("racket_impulse_y", "normal_impulse", "the impulse on the racket across the face", 0.1),
+    t("string_stiffness", "string_stiffness", "the strings' stiffness", 0.3),
+    t("ball_damping", "ball_damping", "the ball's damping", 0.3),
     t("drive_z", "normal_impulse", "the push on the racket during contact", 0.2),
 ];
 

@@ -10,7 +10,7 @@
 use super::expression_terms::{FEATURES, FeatureInputs, feature_inputs};
 use super::fit::Fit;
 use super::observation::{Observation, Observations};
-use super::structure::{channels, effective};
+use super::structure::{channels, effective, friction_slope};
 use super::tails::normal_tail;
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
@@ -23,27 +23,28 @@ const LEAST_LEFT: f64 = 0.01;
 const FEWEST: f64 = 12.0;
 
 /// Channels: columns of [`channels`], some times the slip (or a component of it) relative to the approach, as a tangential restitution has it, or
-/// times the place across the face, as an inertia has it.
-const CHANNELS: [(usize, Option<Times>, &str); 19] = [
-    (0, None, "the impulse along the normal"),
-    (1, None, "the impulse along the slip"),
-    (2, None, "the impulse across the slip"),
-    (3, None, "the impulse along the racket"),
-    (4, None, "the impulse across the face"),
-    (1, Some(Times::Slip), "the tangential restitution"),
-    (3, Some(Times::SlipAlong), "the tangential restitution along the racket"),
-    (4, Some(Times::SlipAcross), "the tangential restitution across the face"),
-    (5, None, "the torque on the ball about the normal"),
-    (6, None, "the torque on the ball by the slip"),
-    (7, None, "the torque on the ball about the racket's long axis"),
-    (8, None, "the torque on the ball about the axis across the face"),
-    (9, None, "the push on the racket"),
-    (10, None, "the impulse on the racket along its axis"),
-    (11, None, "the impulse on the racket across the face"),
-    (12, None, "the torque on the racket about its long axis"),
-    (12, Some(Times::Across), "the racket's twist inertia"),
-    (13, None, "the torque on the racket about the axis across the face"),
-    (14, None, "the torque on the racket about the normal"),
+/// times the place across the face, as an inertia has it; behind them the friction of the balls that slide.
+const CHANNELS: [(Option<usize>, Option<Times>, &str); 20] = [
+    (Some(0), None, "the impulse along the normal"),
+    (Some(1), None, "the impulse along the slip"),
+    (Some(2), None, "the impulse across the slip"),
+    (Some(3), None, "the impulse along the racket"),
+    (Some(4), None, "the impulse across the face"),
+    (Some(1), Some(Times::Slip), "the tangential restitution"),
+    (Some(3), Some(Times::SlipAlong), "the tangential restitution along the racket"),
+    (Some(4), Some(Times::SlipAcross), "the tangential restitution across the face"),
+    (Some(5), None, "the torque on the ball about the normal"),
+    (Some(6), None, "the torque on the ball by the slip"),
+    (Some(7), None, "the torque on the ball about the racket's long axis"),
+    (Some(8), None, "the torque on the ball about the axis across the face"),
+    (Some(9), None, "the push on the racket"),
+    (Some(10), None, "the impulse on the racket along its axis"),
+    (Some(11), None, "the impulse on the racket across the face"),
+    (Some(12), None, "the torque on the racket about its long axis"),
+    (Some(12), Some(Times::Across), "the racket's twist inertia"),
+    (Some(13), None, "the torque on the racket about the axis across the face"),
+    (Some(14), None, "the torque on the racket about the normal"),
+    (None, None, "the friction"),
 ];
 
 #[derive(Clone, Copy)]
@@ -120,7 +121,8 @@ fn features(fit: &Fit, observations: &Observations, impacts: &[&Observation]) ->
 
 /// Whitened responses of each impact to a unit of each channel.
 fn responses(fit: &Fit, observations: &Observations, impacts: &[&Observation]) -> Vec<Vec<DVector<f64>>> {
-    let of = |(o, l): (&&Observation, &super::linearise::Linearised)| {
+    let friction = friction_slope(fit);
+    let of = |(i, (o, l)): (usize, (&&Observation, &super::linearise::Linearised))| {
         let gear = &observations.gear[o.gear];
         let all = channels(&o.without_unmeasured(&l.true_inputs), gear);
         let inputs = FeatureInputs::of(o, &l.true_inputs, gear);
@@ -132,11 +134,15 @@ fn responses(fit: &Fit, observations: &Observations, impacts: &[&Observation]) -
             Some(Times::SlipAcross) => slip[1],
             Some(Times::Across) => across,
         };
-        CHANNELS
-            .map(|(column, times, _)| &l.whitener * DVector::from_iterator(l.measured.len(), l.measured.iter().map(|&k| all[(k, column)] * factor(times))))
-            .to_vec()
+        let of_column = |column: usize, times| DVector::from_iterator(l.measured.len(), l.measured.iter().map(|&k| all[(k, column)] * factor(times)));
+        let response = |(column, times, _): (Option<usize>, Option<Times>, &str)| match (column, &friction) {
+            (Some(column), _) => &l.whitener * of_column(column, times),
+            (None, Some(slope)) => slope[i].clone(),
+            (None, None) => DVector::zeros(l.z.len()),
+        };
+        CHANNELS.map(response).to_vec()
     };
-    impacts.iter().zip(&fit.impacts).map(of).collect()
+    impacts.iter().zip(&fit.impacts).enumerate().map(of).collect()
 }
 
 /// The term that stands out most, if one does; `c` is the noise scale of all residuals.

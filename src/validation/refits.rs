@@ -349,7 +349,8 @@ impl<'a> Refits<'a> {
     }
 
     /// The second effect of the best single one's pair is weighed in full, any other pair against the best single effect's
-    /// possible forms; but no pair more than its whole evidence allows beside that of another that stands.
+    /// possible forms; but no pair more than its whole evidence allows beside that of another that stands: what the forms of one half could take
+    /// from the other speaks for a single effect, not for another pair.
     fn pair_weight(&self, pair: &Pair, overdispersion: f64) -> f64 {
         let whole = |p: &Pair| {
             let (half, more) = self.pair_evidence(p);
@@ -360,7 +361,8 @@ impl<'a> Refits<'a> {
             let in_full = if self.best_single().is_some_and(|b| p.halves.contains(&b)) { more - more / overdispersion } else { 0.0 };
             whole(p) / overdispersion + in_full
         };
-        let beside = |other: &Pair| by_itself(other) + (whole(pair) - whole(other)) / overdispersion;
+        let in_all = |p: &Pair| p.refit.log_evidence + self.told_by_held_out(&p.refit);
+        let beside = |other: &Pair| by_itself(other) + (whole(pair) - whole(other)).min(in_all(pair) - in_all(other)) / overdispersion;
         self.earned().map(beside).fold(by_itself(pair), f64::min) + self.log_prior(2)
     }
 

@@ -281,7 +281,7 @@ const FEWEST_SLIDING: f64 = 8.0;
 /// Whitened derivatives of each impact's prediction by the logarithm of the friction: few balls slide, and what they alone do differently
 /// an impulse that all have in part does not show. `None` where the friction is not free or hardly any ball tells it.
 pub(super) fn friction_slope(fit: &Fit) -> Option<Vec<DVector<f64>>> {
-    let parameter = fit.names.iter().position(|n| n == "friction")?;
+    let parameter = fit.names.iter().position(|n| n == "friction" || n == "mu")?;
     let column = fit.column_of(parameter)?;
     let slope: Vec<DVector<f64>> = fit.design.iter().map(|a| a.column(column) * fit.values[parameter]).collect();
     (effective(slope.iter().map(|s| s.norm_squared())) >= FEWEST_SLIDING).then_some(slope)

@@ -189,8 +189,11 @@ impl<S: FrameSource> Shot<'_, S> {
         let flies = self.stands_in(&claimed, racket, 0)
             || self.longest_flight(&flight.frames, racket) >= FLIES && 2 * self.frames_in_flight(&flight.frames, racket) >= seen;
         self.keep_free_flight(stage.ball, &mut flight, &claimed, racket)?;
-        let followed = self.remeasure_ball(stage, flight)?;
-        if flies {
+        let mut followed = self.remeasure_ball(stage, flight)?;
+        // What was gone over to may be the throat, seen through the frame from start to end of what is left.
+        if self.is_part_of_the_racket(&followed, racket) {
+            followed.fill(None);
+        } else if flies {
             return Ok(followed);
         }
         let found = match self.flight_to_the_racket(stage, false)? {

@@ -21,7 +21,8 @@ fn predict(effects: &str, inputs: &[ImpactInput]) -> Vec<ImpactOutput> {
     outcomes(&parse(effects).unwrap(), inputs)
 }
 
-fn predict_stepped(model: &str, inputs: &[ImpactInput]) -> Vec<ImpactOutput> {
+/// By the text of a whole model file, in either base.
+fn predict_whole(model: &str, inputs: &[ImpactInput]) -> Vec<ImpactOutput> {
     outcomes(&Model::parse(model, Path::new("m.toml")).unwrap(), inputs)
 }
 
@@ -72,11 +73,11 @@ fn agrees_expressions_with_the_catalogue() {
 fn switch_every_channel_acts_and_leaves_everything_alone_at_its_own_value() {
     let inputs = impacts(60, 22);
     for (base, first) in [(Base::Rigid, BASE), (Base::Viscoelastic, STEPPED)] {
-        let plain = predict_stepped(first, &inputs);
+        let plain = predict_whole(first, &inputs);
         let (there, elsewhere): (Vec<_>, Vec<_>) = channels().iter().partition(|c| c.is_in(base));
         for c in there {
             let mine = |expression: &str| format!("{first}[effects.mine]\nexpression = \"{expression}\"\nreplaces = \"{}\"", c.name);
-            close(&plain, &predict_stepped(&mine(c.name), &inputs), 1e-12);
+            close(&plain, &predict_whole(&mine(c.name), &inputs), 1e-12);
             let typical = match c.unit {
                 "m" => "1e-3",
                 "kg" | "N s" => "0.01",
@@ -86,7 +87,7 @@ fn switch_every_channel_acts_and_leaves_everything_alone_at_its_own_value() {
                 "N/m" | "N s/m^3" => "100",
                 _ => "0.01",
             };
-            let moved = predict_stepped(&mine(&format!("{} + {typical}", c.name)), &inputs);
+            let moved = predict_whole(&mine(&format!("{} + {typical}", c.name)), &inputs);
             let acts = c.name == "face_time" && moved != plain
                 || plain.iter().zip(&moved).any(|(a, b)| a.as_vector().iter().zip(b.as_vector()).any(|(x, y)| (x - y).abs() > 1e-6));
             assert!(acts, "{} does nothing in base {base:?}", c.name);
@@ -103,17 +104,16 @@ fn switch_every_channel_acts_and_leaves_everything_alone_at_its_own_value() {
 #[test]
 fn agrees_formulae_in_the_stepped_base_with_its_parameters() {
     let inputs = impacts(80, 25);
-    let stepped = |parameters: &str, effect: &str| predict_stepped(&format!("base = \"viscoelastic\"\n[parameters]\n{parameters}\n{effect}"), &inputs);
-    for (name, own) in [("mu", "friction"), ("kS0", "string_stiffness"), ("c_S", "string_damping"), ("k_B0", "ball_stiffness"), ("A_C", "ball_damping")] {
-        let of = |times: f64| match name {
-            "mu" => 0.3 * times,
-            "kS0" => 39e3 * times,
-            "c_S" => 2.0 * times,
-            "k_B0" => 21e3 * times,
-            _ => 1200.0 * times,
-        };
+    let stepped = |parameters: &str, effect: &str| predict_whole(&format!("base = \"viscoelastic\"\n[parameters]\n{parameters}\n{effect}"), &inputs);
+    for (name, value, own) in [
+        ("mu", 0.3, "friction"),
+        ("kS0", 39e3, "string_stiffness"),
+        ("c_S", 2.0, "string_damping"),
+        ("k_B0", 21e3, "ball_stiffness"),
+        ("A_C", 1200.0, "ball_damping"),
+    ] {
         let formula = format!("[effects.mine]\nexpression = \"{own} * 1.1\"\nreplaces = \"{own}\"");
-        close(&stepped(&format!("{name} = {}", of(1.1)), ""), &stepped(&format!("{name} = {}", of(1.0)), &formula), 1e-9);
+        close(&stepped(&format!("{name} = {}", 1.1 * value), ""), &stepped(&format!("{name} = {value}"), &formula), 1e-9);
     }
     let (racket, ball) = (racket(), ball());
     let plain = stepped("mu = 0.3", "");

@@ -113,7 +113,7 @@ fn agrees_rigid_effects_with_differences() {
     assert!(most < 1e-7 && left * 50 < compared, "{most:e}, {left} left of {compared}");
 }
 
-/// Every effect of the catalogue in the visco-elastic base: what it makes of an impact before the contact is stepped (start, bodies,
+/// Every effect of the catalogue, and formulae, in the visco-elastic base: what each makes of an impact before the contact is stepped (start, bodies,
 /// laws) and after. The contact between them has its own test.
 #[test]
 fn agrees_viscoelastic_effects_with_differences() {
@@ -122,9 +122,23 @@ fn agrees_viscoelastic_effects_with_differences() {
     use rand::SeedableRng;
     let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(13);
     let (mut compared, mut most) = (0, 0.0f64);
+    let mut models: Vec<(&str, Model)> = Vec::new();
     for card in crate::impact::catalogue().iter().chain(crate::impact::catalogue()) {
         let mut model = Model::new(Base::Viscoelastic).with_effect(card.name).expect("known");
         scatter(&mut model, card.name, &mut rng);
+        models.push((card.name, model));
+    }
+    for (replaces, text) in [
+        ("restitution", "restitution * (1 - k * impact_y / half_width)"),
+        ("friction", "friction * (1 + k * impact_x / half_length)"),
+        ("string_stiffness", "string_stiffness * (1 + k * approach_speed / 25)"),
+        ("normal_impulse", "normal_impulse * (1 + 0.1 * k * restitution)"),
+        ("impulse_turn", "k * obliqueness"),
+    ] {
+        let own = vec![crate::impact::Parameter::own("k", 0.3)];
+        models.push((replaces, Model::new(Base::Viscoelastic).with_expression("own", replaces, text, own).expect(text)));
+    }
+    for (name, model) in models {
         let (s, input) = (sensitivity(&model), random(&mut rng));
         let output = ImpactOutput::from_columns(&std::array::from_fn(|k| 5.0 + (7 * k % 5) as f64));
         let after = Ended { output, handle: nalgebra::Vector3::new(0.9, -0.3, 0.2) };
@@ -155,12 +169,12 @@ fn agrees_viscoelastic_effects_with_differences() {
                 let (slope, expected) = (exact.slope[n % TOGETHER], half + (half - whole) / 3.0);
                 // As a share of the number itself and of what a typical change makes of it.
                 let error = (slope - expected).abs() * s.scale(n) / (1e-9 + exact.value.abs() + expected.abs() * s.scale(n));
-                assert!(error < 1e-7, "{} by {}, number {k}: {slope} against {expected}", card.name, s.name(n));
+                assert!(error < 1e-7, "{name} by {}, number {k}: {slope} against {expected}", s.name(n));
                 worst = worst.max(error);
                 compared += usize::from(slope != 0.0);
             }
         }
-        eprintln!("{:<22} {worst:.1e}", card.name);
+        eprintln!("{name:<22} {worst:.1e}");
         most = most.max(worst);
     }
     eprintln!("{compared} derivatives compared, worst {most:.1e}");

@@ -258,6 +258,28 @@ impl ImpactRow {
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ImpactTable {
     pub rows: Vec<ImpactRow>,
+    /// Whether the file's `sequence` was no count of impacts, and the rows have their ranks by it instead.
+    pub has_ranks: bool,
+}
+
+/// Larger steps from impact to impact, in the mean, are no count of impacts of which some are not in the table.
+pub(crate) const LONGEST_STEP: f64 = 20.0;
+
+/// A column `sequence` counts impacts (not all of them need be in the table). Times of day, dates or parts of a count tell the order alone: the ranks take
+/// their place; whether they do.
+fn rank_unless_counted(rows: &mut [ImpactRow]) -> bool {
+    let known: Vec<f64> = rows.iter().map(|r| r.sequence).filter(|s| s.is_finite()).collect();
+    let (first, last) = known.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(first, last), s| (s.min(first), s.max(last)));
+    if known.iter().all(|s| s.fract() == 0.0) && last - first <= LONGEST_STEP * known.len() as f64 {
+        return false;
+    }
+    let mut ranks = known;
+    ranks.sort_by(f64::total_cmp);
+    ranks.dedup();
+    for row in rows.iter_mut().filter(|r| r.sequence.is_finite()) {
+        row.sequence = ranks.partition_point(|s| *s < row.sequence) as f64;
+    }
+    true
 }
 
 impl ImpactTable {
@@ -347,7 +369,8 @@ impl ImpactTable {
         if rows.is_empty() {
             return Err(TableError::Empty { path: path.into() });
         }
-        Ok((ImpactTable { rows }, faults))
+        let has_ranks = rank_unless_counted(&mut rows);
+        Ok((ImpactTable { rows, has_ranks }, faults))
     }
 
     /// The table as CSV: every contract column that is measured anywhere, its `_sd`, then the grouping columns.
@@ -542,6 +565,14 @@ mod tests {
         // A place in time that cannot be read is none, least of all the first.
         let timed = given("id,sequence,ball_in_vz\na,x,-20\nb,100,-20\nc,101,-20\n").expect("two sound rows");
         assert!(timed.first_sequence() == 100.0 && timed.rows[0].fault.is_some());
+        // Counts may leave impacts out; times, and parts of a count, tell the order alone.
+        for (written, meant) in
+            [("100 103 101", [100.0, 103.0, 101.0]), ("20260101120000 20260101140000 20260101130000", [0.0, 2.0, 1.0]), ("0.5 0.9 0.5", [0.0, 1.0, 0.0])]
+        {
+            let rows = written.split(' ').enumerate().map(|(i, s)| format!("{i},{s},-20\n")).collect::<String>();
+            let order: Vec<f64> = given(&format!("id,sequence,ball_in_vz\n{rows}")).expect("three rows").rows.iter().map(|r| r.sequence).collect();
+            assert_eq!(order, meant, "{written}");
+        }
         // The table is wrong, not a row of it.
         for text in [
             "id,ball_in_vz\na,\"-20,5\"\nb,\"-21,5\"\nc,-20\n",

@@ -30,7 +30,7 @@ use std::path::{Path, PathBuf};
 /// diagnosis, or let it play alone.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// Folder for the sample and its results (default: demo-results, or demo-hidden-SEED)
+    /// Folder for the sample and its results, as --out (default: demo-results, or demo-hidden-SEED)
     pub dir: Option<PathBuf>,
     /// Render a world with this effect hidden; `random` (or nothing) lets chance choose, `none` hides nothing
     #[arg(long, value_name = "NAME", num_args = 0..=1, default_missing_value = "random")]
@@ -82,7 +82,16 @@ impl Outcome {
 }
 
 pub fn run(mut arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
-    arguments.dir = arguments.dir.map(undashed);
+    arguments.dir = match (arguments.dir.map(undashed), &shell.args.out) {
+        (Some(dir), Some(out)) if dir != *out => {
+            return Err(CliError::input(format!("the folder is given twice: {}, and --out {}", dir.display(), out.display()))
+                .hint("everything goes to one folder: give either"));
+        }
+        (dir, out) => dir.or_else(|| out.clone()),
+    };
+    if arguments.shots == 0 {
+        return Err(CliError::input("--shots is 0; allowed: 1 or more, and the diagnosis needs some 20"));
+    }
     // Everything goes to DIR, where the models stand too: they share one ledger.
     let shell = &shell.with_default_results();
     let Some(wish) = &arguments.hidden_effect else {

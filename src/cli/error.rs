@@ -45,7 +45,8 @@ impl CliError {
     }
 
     pub fn output(message: impl std::fmt::Display) -> Self {
-        CliError::of(Kind::Output, message).hint("check the free space and the permissions, or choose another place with --out")
+        CliError::of(Kind::Output, message)
+            .hint("check the free space and the permissions, or choose another place (-o or --output for what is named by it, else --out)")
     }
 
     pub fn some_failed(message: impl std::fmt::Display) -> Self {

@@ -33,7 +33,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     let told = rows.iter().map(|(name, n)| format!("{name} {n}")).collect::<Vec<_>>().join(", ");
     let all = ImpactTable::pooled(names.iter().cloned().zip(tables).collect());
     let faulty: Vec<(String, String)> = all.rows.iter().filter_map(|row| Some((row.id.clone(), row.fault.clone()?.into()))).collect();
-    let sound = ImpactTable { rows: all.rows.iter().filter(|row| row.fault.is_none()).cloned().collect() };
+    let sound = ImpactTable { rows: all.rows.iter().filter(|row| row.fault.is_none()).cloned().collect(), ..ImpactTable::default() };
     let text = sound.to_csv();
     let output = &arguments.output;
     // A table of impacts is what was measured: no other makes room for this one unasked.
@@ -44,8 +44,9 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
     shell.write(output, text.as_bytes())?;
     shell.print_json(&serde_json::json!({ "impacts": sound.rows.len(), "left_out": faulty.len(), "table": output.to_string_lossy() }))?;
     shell.say(format_args!("{}: {} impacts of {} sessions ({told})", output.display(), sound.rows.len(), names.len()));
-    if !gear.is_empty() {
-        shell.say(format_args!("for predict, compare, diagnose and fit: --impacts {} {gear}", output.display()));
+    if !gear.options.is_empty() {
+        let and = if gear.unknown.is_empty() { String::new() } else { format!(" and the racket and ball files of {}", gear.unknown.join(", ")) };
+        shell.say(format_args!("for predict, compare, diagnose and fit: --impacts {} {}{and}", output.display(), gear.options));
     }
     if faulty.is_empty() {
         return Ok(());
@@ -67,19 +68,38 @@ fn table_of(given: &Path) -> Result<PathBuf, CliError> {
     Ok(found)
 }
 
-/// The racket and ball files of the sessions in whose folders the tables stand, as options of the commands that take the table.
+/// What racket and ball files the commands that take the pooled table need.
+struct Gear {
+    /// Those that are known, as options.
+    options: String,
+    /// Tables beside which none stand.
+    unknown: Vec<String>,
+}
+
+/// The racket and ball files of the sessions in whose folders the tables stand, or beside the tables.
 ///
 /// # Errors
 /// Two of them have one name and not the same values: a row's `racket` or `ball` could mean either.
-fn gear_of(files: &[PathBuf]) -> Result<String, CliError> {
-    let (mut rackets, mut balls) = (Vec::new(), Vec::new());
-    for folder in files.iter().filter_map(|file| session_of(file)) {
-        let session = Session::open(folder)?;
-        session.racket_files.iter().try_for_each(|file| add(&mut rackets, file, Racket::read, |r| &r.name))?;
-        session.ball_files.iter().try_for_each(|file| add(&mut balls, file, Ball::read, |b| &b.name))?;
+fn gear_of(files: &[PathBuf]) -> Result<Gear, CliError> {
+    let (mut rackets, mut balls, mut unknown) = (Vec::new(), Vec::new(), Vec::new());
+    for table in files {
+        let beside = |name: &str| Some(table.parent()?.join(name)).filter(|file| file.is_file());
+        let (of_rackets, of_balls) = match session_of(table) {
+            Some(folder) => {
+                let session = Session::open(folder)?;
+                (session.racket_files, session.ball_files)
+            }
+            None => (Vec::from_iter(beside("racket.toml")), Vec::from_iter(beside("ball.toml"))),
+        };
+        if of_rackets.is_empty() || of_balls.is_empty() {
+            unknown.push(table.display().to_string());
+        }
+        of_rackets.iter().try_for_each(|file| add(&mut rackets, file, Racket::read, |r| &r.name))?;
+        of_balls.iter().try_for_each(|file| add(&mut balls, file, Ball::read, |b| &b.name))?;
     }
     let options = rackets.iter().map(|(file, _)| format!("--racket {}", file.display()));
-    Ok(options.chain(balls.iter().map(|(file, _)| format!("--ball {}", file.display()))).collect::<Vec<_>>().join(" "))
+    let options = options.chain(balls.iter().map(|(file, _)| format!("--ball {}", file.display()))).collect::<Vec<_>>().join(" ");
+    Ok(Gear { options, unknown })
 }
 
 /// The session folder in which a table stands, itself or its results.

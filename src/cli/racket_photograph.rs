@@ -27,10 +27,10 @@ pub struct PhotographArguments {
     #[arg(long, value_name = "M", default_value_t = 0.01)]
     pub square: f64,
     /// Writes the photograph with everything found drawn in (PNG)
-    #[arg(long, value_name = "F")]
+    #[arg(long, value_name = "F", requires = "photo")]
     pub overlay: Option<PathBuf>,
     /// Writes the markers into racket.toml (the rest of the file stays as it is)
-    #[arg(long)]
+    #[arg(long, requires = "photo")]
     pub write: bool,
 }
 

@@ -169,7 +169,7 @@ fn write_impacts(tracked: &TrackedSession, shots: &[ShotRecord], some_failed: bo
         }
         row
     };
-    let table = ImpactTable { rows: shots.iter().map(row).collect() }.to_csv();
+    let table = ImpactTable { rows: shots.iter().map(row).collect(), ..ImpactTable::default() }.to_csv();
     // A table with other impacts is another session's, or the user's own.
     let own = |row: &ImpactRow| orders.contains_key(row.id.as_str()) || tracked.session.broken_shots.iter().any(|(id, _)| *id == row.id);
     if impacts.exists() && !ImpactTable::read(impacts).is_ok_and(|earlier| earlier.rows.iter().all(own)) {

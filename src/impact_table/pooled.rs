@@ -25,7 +25,7 @@ impl ImpactTable {
             }
             begin = last + 1.0;
         }
-        ImpactTable { rows }
+        ImpactTable { rows, has_ranks: false }
     }
 }
 

@@ -1,6 +1,6 @@
 //! What a table's numbers make one wonder about: units other than SI, the same impact twice.
 
-use super::{INPUTS, ImpactRow, ImpactTable, Measured, OUTPUTS, unit};
+use super::{INPUTS, ImpactRow, ImpactTable, LONGEST_STEP, Measured, OUTPUTS, unit};
 use crate::short_list::short_list;
 use std::collections::BTreeMap;
 use std::hash::{DefaultHasher, Hash, Hasher};
@@ -9,7 +9,10 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 /// a ball (10 000 revolutions a minute) and of a racket.
 const FAST_M_S: f64 = 80.0;
 const FAST_BALL_RAD_S: f64 = 1000.0;
+/// Beyond this they are no revolutions a minute either.
+const FAST_BALL_RPM: f64 = 5000.0;
 const FAST_RACKET_RAD_S: f64 = 150.0;
+const DEGREES: &str = "degrees a second, divide them by 57.30";
 /// Fewer values are no habit.
 const FEWEST: usize = 3;
 /// Pairs that a remark names.
@@ -17,7 +20,21 @@ const NAMED: usize = 5;
 
 /// Remarks on a table, in words; none on a sound one.
 pub fn remarks(table: &ImpactTable) -> Vec<String> {
-    INPUTS.iter().chain(&OUTPUTS).filter_map(|column| another_unit(table, column)).chain(through_the_strings(table)).chain(repeated(table)).collect()
+    INPUTS
+        .iter()
+        .chain(&OUTPUTS)
+        .filter_map(|column| another_unit(table, column))
+        .chain(through_the_strings(table))
+        .chain(repeated(table))
+        .chain(ranks(table))
+        .collect()
+}
+
+/// Where a time stands for the order, an effect that grows from impact to impact would take each second for one.
+fn ranks(table: &ImpactTable) -> Option<String> {
+    table.has_ranks.then(|| {
+        format!("`sequence` does not count impacts (fractions, or steps of more than {LONGEST_STEP} in the mean): it is taken for the order of the rows alone")
+    })
 }
 
 /// A ball that leaves on the other side of the strings than it came from, as the racket goes; a few may, where it has hardly struck them.
@@ -37,7 +54,7 @@ fn another_unit(table: &ImpactTable, column: &str) -> Option<String> {
     let (fast, meant) = match unit(column) {
         "m/s" => (FAST_M_S, "km/h, divide them by 3.6"),
         "rad/s" if column.starts_with("ball") => (FAST_BALL_RAD_S, "revolutions a minute, divide them by 9.549"),
-        "rad/s" => (FAST_RACKET_RAD_S, "degrees a second, divide them by 57.30"),
+        "rad/s" => (FAST_RACKET_RAD_S, DEGREES),
         _ => return None,
     };
     let mut sizes: Vec<f64> = table.rows.iter().filter_map(|row| Some(row.get(column)?.value.abs())).collect();
@@ -47,6 +64,7 @@ fn another_unit(table: &ImpactTable, column: &str) -> Option<String> {
     let at = sizes.len() / 2;
     let median = *sizes.select_nth_unstable_by(at, f64::total_cmp).1;
     let unit = unit(column);
+    let meant = if column.starts_with("ball") && median > FAST_BALL_RPM { DEGREES } else { meant };
     (median > fast).then(|| format!("`{column}`: half of the values are beyond {fast} {unit} (the median is {median:.0}); if they are in {meant}"))
 }
 
@@ -99,11 +117,15 @@ mod tests {
         );
         assert!(km_h.len() == 1 && km_h[0].contains("`ball_in_vz`") && km_h[0].contains("km/h"), "{km_h:?}");
         assert!(rpm.len() == 1 && rpm[0].contains("revolutions a minute"), "{rpm:?}");
+        let degrees_of_ball = told("id,ball_in_wy\na,15000\nb,-25000\nc,3000\n");
+        assert!(degrees_of_ball.len() == 1 && degrees_of_ball[0].contains("degrees a second"), "{degrees_of_ball:?}");
         assert!(degrees.len() == 1 && degrees[0].contains("degrees a second"), "{degrees:?}");
         // The ball of a moving racket may go on as it came, and most balls come back from the strings.
         assert_eq!(told("id,ball_in_vz,racket_in_vz,ball_out_vz\na,-10,12,26\nb,3,14,27\nc,-9,0,-1\n"), Vec::<String>::new());
         let through = told("id,ball_in_vz,ball_out_vz\na,-30,-19\nb,31,18\nc,-28,17\n");
         assert!(through.len() == 1 && through[0].contains("2 of 3 impacts"), "{through:?}");
+        let timed = told("id,sequence,ball_in_vz\na,1764500000,-30\nb,1764500060,-31\n");
+        assert!(timed.len() == 1 && timed[0].contains("the order of the rows alone"), "{timed:?}");
         // Inputs alone may be chosen alike.
         assert_eq!(told("id,ball_in_vz\na,-30\nb,-30\n"), Vec::<String>::new());
         let copies = told("id,ball_in_vz,ball_out_vz,player\na,-30,20,A\nb,-31,21,A\nc,-30,20,B\nd,-30,,B\n");

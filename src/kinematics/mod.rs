@@ -77,7 +77,9 @@ pub enum KinematicsError {
     NoPoints,
     #[error("only {seen} frames show the ball in both cameras and the racket's pose; at least {need} are needed")]
     NoCommonFrames { seen: usize, need: usize },
-    #[error("impact_frame is {frame}; the tracks run from {first} to {last}")]
+    #[error(
+        "`impact_frame` in shot.toml is {frame}; allowed: {first} to {last}, the frames that were tracked; correct it, or take it out and the impact is looked for"
+    )]
     ImpactFrameOutside { frame: u64, first: u64, last: u64 },
     #[error("no impact: the ball's centre comes no nearer to the strings than {nearest_m:.3} m; if there is one, give `impact_frame` in shot.toml")]
     NoImpact { nearest_m: f64 },

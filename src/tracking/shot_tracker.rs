@@ -29,7 +29,7 @@ pub fn track_shot(source: &impl FrameSource, setup: &ShotSetup, cancel: &AtomicB
     if source.is_empty() {
         return Err(TrackingError::NoFrames);
     }
-    let figure = RacketFigure::of(setup.racket).ok_or(TrackingError::NoMarkers)?;
+    let figure = RacketFigure::of(setup.racket).ok_or_else(|| TrackingError::NoMarkers { racket: setup.racket.name.clone() })?;
     let view = View::new(setup.rig);
     let focus = view.focus().ok_or(TrackingError::NoVolume)?;
     let mut shot = Shot::new(source, setup, &view, (figure.clone(), focus), cancel, progress);

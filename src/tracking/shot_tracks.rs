@@ -18,8 +18,10 @@ pub enum TrackingError {
     Unreadable { pictures: String, without: String },
     #[error("{pictures}; a shot needs pictures of both cameras: copy the folder again, or leave the shot out")]
     NoCamera { pictures: String },
-    #[error("the racket file has no [markers]; add m1 to m5 (middle of each tape band, m, from the stringbed centre)")]
-    NoMarkers,
+    #[error(
+        "racket {racket:?} has no [markers]; add m1 to m5 to its file (middle of each tape band, m, from the stringbed centre; `sweetspot racket` measures them from a photograph)"
+    )]
+    NoMarkers { racket: String },
     #[error(
         "no racket found in {searched} frame pairs; most tape-like places in one picture: left {left}, right {right}; check that five white bands between black ones are on the frame, that racket.toml matches and that the calibration belongs to this recording"
     )]

@@ -2,7 +2,7 @@
 
 use super::beside_the_tests::{beside_the_tests, mean_words};
 use super::by_group::GROUP_LEVEL;
-use super::comparison::{is_more_than_noise, missed_groups, note_groups, outliers, parameter_values, session_offsets, summarise};
+use super::comparison::{NO_OFFSET, is_more_than_noise, missed_groups, note_groups, outliers, parameter_values, session_offsets, stopped_words, summarise};
 use super::diagnosis::{CandidateReport, Diagnosis, NotVisible, Verdict};
 use super::error::ValidationError;
 use super::expression::local_spot;
@@ -98,7 +98,8 @@ impl<'a> Case<'a> {
         let missed = missed_groups(self.observations, &self.held, &self.held_out, &self.base.impacts, self.structure.noise_scale.sqrt());
         let outliers = outliers(&self.seen, &self.base.impacts, &self.held, &self.held_out);
         let odd = one_sided(&outliers, self.observations).or_else(|| outliers_together(&outliers, self.observations));
-        let fails = missed.is_some() || odd.is_some() || is_more_than_noise(self.observations, &self.structure);
+        let stopped = !stopped_words(self.library.current(), &self.base, NO_OFFSET).is_empty();
+        let fails = missed.is_some() || odd.is_some() || stopped || is_more_than_noise(self.observations, &self.structure);
         notes.extend(missed.into_iter().chain(odd));
         fails
     }
@@ -115,6 +116,16 @@ impl<'a> Case<'a> {
             )
         });
         by_group.into_iter().chain(beside_the_tests(&self.seen, &self.base.impacts, &self.held, &self.held_out)).collect()
+    }
+
+    /// Tells which parameters a limit stops: after the verdict of a model that fails, else as a note.
+    pub fn tell_stopped(&self, diagnosis: &mut Diagnosis) {
+        let words = stopped_words(self.library.current(), &self.base, 0.0);
+        if diagnosis.verdict != Verdict::Adequate {
+            let after = diagnosis.words.len().min(1);
+            diagnosis.words.splice(after..after, words.iter().cloned());
+        }
+        diagnosis.notes.splice(0..0, words);
     }
 
     pub fn reference(&self, c: f64) -> Reference<'_> {

@@ -4,7 +4,7 @@ use super::beside_the_tests::{beside_the_tests, mean_words};
 use super::by_group::GROUP_LEVEL;
 use super::error::ValidationError;
 use super::fit::{Column, Fit, FitOptions, fit, fit_with_likely_offsets};
-use super::forward::Forward;
+use super::forward::{Forward, FreeParameter};
 use super::heldout::{CLEARLY, error_of, is_clearly_above_noise, linearise_held_out, taken_for_chance, taken_for_shared};
 use super::linearise::{Linearised, OUTLIER_LISTED};
 use super::lone_term::TERM_LEVEL;
@@ -16,6 +16,7 @@ use super::refits::LARGEST_NOISE_SCALE;
 use super::smooth::{FaceCell, SmoothCurve, face_map, smooth};
 use super::structure::{BesideSmooth, StructureTest, floor_text, is_least_floor, p_text, structure_test};
 use super::tails::chi2_tail;
+use super::terminal::short;
 use crate::impact_table::{INPUTS, MEAN, OUTPUTS, RELATIVE, SHARED, unit};
 use crate::median::upper_median;
 use crate::provenance::Provenance;
@@ -29,8 +30,8 @@ pub const COMPARE_LEVEL: f64 = super::structure::STRUCTURE_LEVEL;
 /// Times the noise floor beyond which the error on groups held out whole says that the model fails, and the deviations it must be from chance.
 const HELD_CLEARLY: f64 = 1.2;
 const HELD_DEVIATIONS: f64 = 6.0;
-/// Deviations of what a session may have beyond which an offset is no offset, but what a model lacks: one in two million (`fit` leaves one out from four).
-const NO_OFFSET: f64 = 5.0;
+/// Deviations of what a session may have beyond which an offset is no offset, but what a model lacks, and so what a number at its limit leaves: one in two million (`fit` leaves one out from four).
+pub const NO_OFFSET: f64 = 5.0;
 /// Groups held out that a note names.
 const GROUPS_NAMED: usize = 6;
 /// The file's own numbers are told to be worse than the best ones from this ratio of held-out errors on.
@@ -280,9 +281,11 @@ pub fn compare(forward: &dyn Forward, observations: &Observations, model: &str, 
         || group.is_some()
         || odd.is_some()
         || asked.is_some()
+        || !stopped_words(forward, &refitted, NO_OFFSET).is_empty()
         || is_clearly_above_noise(observations, &held_refitted, &refitted, &structure);
     let present: Vec<usize> = (0..OUTPUTS.len()).filter(|k| impacts.iter().any(|i| i.outputs.iter().any(|p| p.output == *k))).collect();
     let mut notes = observations.notes.clone();
+    notes.extend(stopped_words(forward, &refitted, 0.0));
     note_noise(floor, !fails, &mut notes);
     note_group_noise(&structure, &mut notes);
     note_groups(&structure, &mut notes);
@@ -324,6 +327,20 @@ pub fn compare(forward: &dyn Forward, observations: &Observations, model: &str, 
         notes,
         provenance: None,
     })
+}
+
+/// Parameters that the limits of the model keep by `deviations` and more from what the impacts say, in words.
+pub fn stopped_words(forward: &dyn Forward, fit: &Fit, deviations: f64) -> Vec<String> {
+    let words = |(i, p): (usize, &FreeParameter)| {
+        fit.stopped_by(i).filter(|by| *by >= deviations)?;
+        let (limit, word, key) = if p.limit_at(fit.values[i])? > 0.0 { (p.max, "most", "max") } else { (p.min, "least", "min") };
+        Some(format!(
+            "{} is at {}, the {word} that the model allows, and the impacts want it farther: what it cannot take up counts as misfit, and what is named may stand for it; give it more room (`{key}`) where physics does.",
+            p.name,
+            short(limit)
+        ))
+    };
+    forward.parameters().iter().enumerate().filter_map(words).collect()
 }
 
 /// Whether residuals without any structure are so much larger than the noise the table states that they are not believed to be
@@ -545,11 +562,11 @@ pub fn parameter_values(forward: &dyn Forward, fit: &Fit, c: f64) -> Vec<Paramet
         .enumerate()
         .map(|(i, p)| {
             let value = fit.values[i];
-            let room = 1e-9 * (p.max - p.min).abs();
-            let undetermined = !fit.is_informed(i) || p.min >= p.max;
+            let at_limit = p.limit_at(value).is_some();
+            let undetermined = p.min >= p.max || !(fit.stopped_by(i).is_some() || fit.is_informed(i));
             // Uniform over the range: its deviation.
             let sd = if undetermined { (p.max - p.min).abs() / 12f64.sqrt() } else { fit.sd(i, c) };
-            ParameterValue { name: p.name.clone(), value, sd, at_limit: value <= p.min + room || value >= p.max - room, undetermined }
+            ParameterValue { name: p.name.clone(), value, sd, at_limit, undetermined }
         })
         .collect()
 }

@@ -6,9 +6,10 @@ use super::diagnosis::{CandidateReport, Diagnosis, Estimate, Verdict};
 use super::error::ValidationError;
 use super::expression::WORTH_A_FORMULA;
 use super::fit::{Fit, FitOptions, fit};
-use super::forward::{Fixed, Library};
+use super::forward::{Fixed, FreeParameter, Library};
 use super::heldout::held_out_error;
 use super::judgement::Judgement;
+use super::misread_columns::{fall, misread, share_gone};
 use super::observation::Observations;
 use super::rank::added_parameters;
 use super::refits::{LOG_ODDS, PRIOR, Refits, SHARE, estimates, share_removed};
@@ -45,7 +46,56 @@ impl Default for DiagnoseOptions {
 /// [`ValidationError`] when a model has no answer for an impact.
 pub fn diagnose(library: &dyn Library, observations: &Observations, options: &DiagnoseOptions) -> Result<Diagnosis, ValidationError> {
     let as_given = diagnose_as_given(library, observations, options)?;
-    Ok(with_fixed_freed(library, observations, options, &as_given)?.unwrap_or(as_given))
+    let diagnosis = with_fixed_freed(library, observations, options, &as_given)?.unwrap_or(as_given);
+    misread_instead(library, observations, options, diagnosis)
+}
+
+/// Nothing physical is named where a column that does not hold what its name says accounts for far more. The table is diagnosed once more as it seems to be
+/// meant: what is left then must be far less than what all that could be added leaves now, and all but nothing, or what an effect accounts for.
+fn misread_instead(library: &dyn Library, observations: &Observations, options: &DiagnoseOptions, diagnosis: Diagnosis) -> Result<Diagnosis, ValidationError> {
+    if diagnosis.verdict == Verdict::Adequate {
+        return Ok(diagnosis);
+    }
+    let freed = library.with_fixed_freed();
+    let library = freed.as_ref().map_or(library, |(freed, _)| freed.as_ref());
+    let value = |p: &FreeParameter| diagnosis.parameters.iter().find(|known| known.name == p.name).map_or(p.value, |known| known.value);
+    let fitted: Vec<f64> = library.current().parameters().iter().map(value).collect();
+    let Some(found) = misread(library.current(), observations, &fitted, diagnosis.heldout_error)? else { return Ok(diagnosis) };
+    let read = diagnose_as_given(library, &found.observations, options)?;
+    let (before, after) = (error_left(&diagnosis), error_left(&read));
+    let numbers = found.observations.side(true).iter().map(|o| o.measured.len()).sum();
+    if fall(numbers, before, after) < WORTH_A_FORMULA || read.verdict == Verdict::Unexplained && share_gone(before, after) < SHARE {
+        return Ok(diagnosis);
+    }
+    let left = match read.verdict {
+        Verdict::EffectMissing => format!("{:.2}, and {after:.2} with {}", found.heldout_error, read.recommended.join(" and ")),
+        Verdict::Adequate => format!("{:.2}, and nothing is missing", found.heldout_error),
+        Verdict::Unexplained => format!("{:.2}, with nothing added", found.heldout_error),
+    };
+    let words = format!(
+        "The table reads as if it held {}. Read so, the error on held-out impacts is {left}. See how these columns were made before any physics is believed.",
+        found.words
+    );
+    let mut doubted = nothing_to_add(diagnosis);
+    doubted.words = verdict_words(&doubted, None);
+    doubted.words.truncate(doubted.words.len().saturating_sub(1));
+    doubted.words.insert(1, words.clone());
+    doubted.notes.insert(0, words);
+    Ok(doubted)
+}
+
+/// The error on held-out impacts that what is named leaves: an effect, or a formula.
+fn error_left(d: &Diagnosis) -> f64 {
+    let named = if d.verdict == Verdict::EffectMissing { d.with_recommended().map(|(error, _)| error) } else { None };
+    let formula = d.suggested_expression.as_ref().map(|e| e.heldout_error_after);
+    named.into_iter().chain(formula).fold(d.heldout_error, f64::min)
+}
+
+/// What a diagnosis comes to where nothing that could be added is what is wrong.
+fn nothing_to_add(mut d: Diagnosis) -> Diagnosis {
+    d.candidates.iter_mut().for_each(|c| c.probability *= WRONG_STRENGTH);
+    d.next_experiments.clear();
+    Diagnosis { verdict: Verdict::Unexplained, suggested_expression: None, recommended: Vec::new(), together: None, other_form: None, ..d }
 }
 
 /// A model that holds the strength of an effect fixed where nature has another, or none of it, or a number of its base, is mended by no effect that could
@@ -90,11 +140,7 @@ fn with_fixed_freed(
         second.notes.insert(0, words);
         return Ok(Some(second));
     }
-    let mut mended =
-        Diagnosis { verdict: Verdict::Unexplained, suggested_expression: None, recommended: Vec::new(), together: None, other_form: None, ..as_given.clone() };
-    // Nothing that could be added is what is wrong.
-    mended.candidates.iter_mut().for_each(|c| c.probability *= WRONG_STRENGTH);
-    mended.next_experiments.clear();
+    let mut mended = nothing_to_add(as_given.clone());
     mended.noise_floor = second.noise_floor;
     mended.words = verdict_words(&mended, None);
     mended.words.truncate(mended.words.len().saturating_sub(1));
@@ -145,6 +191,7 @@ fn diagnose_as_given(library: &dyn Library, observations: &Observations, options
         note_noise(diagnosis.noise_floor, diagnosis.verdict == Verdict::Adequate, &mut diagnosis.notes);
         let doubts = if diagnosis.verdict == Verdict::Adequate { case.doubts() } else { Vec::new() };
         diagnosis.words = verdict_words(&diagnosis, doubts);
+        case.tell_stopped(&mut diagnosis);
         return Ok(diagnosis);
     }
     let mut reference = case.reference(case.structure.noise_scale);

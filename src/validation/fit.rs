@@ -110,6 +110,8 @@ pub struct Fit {
     pub chi2: f64,
     /// Σ z'z + ln|S| + prior terms: minus twice the log posterior density at noise scale 1, up to a constant.
     pub objective: f64,
+    /// Parameters that a limit keeps from going on.
+    stopped: Vec<Stopped>,
     /// Parameters that hardly any impact told where the fit began.
     untold_at_start: Vec<usize>,
     /// Parameters that hardly any impact tells, whose deviation is larger than the slope at the best says: by this factor.
@@ -140,7 +142,10 @@ impl Fit {
 
     /// Deviation of a free parameter at noise scale `c` (variance ratio); 0 when it did not move, about its prior's where nothing informs it.
     pub fn sd(&self, parameter: usize, c: f64) -> f64 {
-        self.column_of(parameter).map_or(0.0, |i| self.widening(parameter) * (self.covariance[(i, i)] * c).max(0.0).sqrt())
+        self.column_of(parameter).map_or(0.0, |i| match self.stopped.iter().find(|s| s.column == i) {
+            Some(stopped) => stopped.sd * c.max(0.0).sqrt(),
+            None => self.widening(parameter) * (self.covariance[(i, i)] * c).max(0.0).sqrt(),
+        })
     }
 
     fn widening(&self, parameter: usize) -> f64 {
@@ -156,6 +161,12 @@ impl Fit {
         (0..places.len()).map(|p| (0..places.len()).map(|q| entry(p, q)).collect()).collect()
     }
 
+    /// By how many deviations a free parameter would go on if a limit did not stop it; `None` where none does.
+    pub fn stopped_by(&self, parameter: usize) -> Option<f64> {
+        let column = self.column_of(parameter)?;
+        self.stopped.iter().find(|s| s.column == column).map(|s| s.asked / s.sd.max(f64::MIN_POSITIVE))
+    }
+
     /// Whether the impacts say anything about a free parameter.
     pub fn is_informed(&self, parameter: usize) -> bool {
         !self.widened.contains(&(parameter, plateau::Widening::Unbounded))
@@ -167,6 +178,14 @@ impl Fit {
         let root = self.prior_precision.map(f64::sqrt);
         root.component_mul(&(&self.prior_mean - &self.column_values))
     }
+}
+
+/// A column of a parameter at a limit: the deviation it would have without one, and how much farther the next step would go.
+#[derive(Debug, Clone, Copy)]
+struct Stopped {
+    column: usize,
+    sd: f64,
+    asked: f64,
 }
 
 /// The state a fit starts from: the result of an earlier, similar fit saves rounds.
@@ -287,8 +306,16 @@ fn fit_holding(
             break;
         }
     }
-    let design = work.design(&state, information.as_ref())?;
-    let (_, information) = work.step(&state, &design)?;
+    let mut design = work.design(&state, information.as_ref())?;
+    let (step, mut information) = work.step(&state, &design)?;
+    let mut stopped: Vec<Stopped> = work.stopped(&state, &step).into_iter().map(|column| Stopped { column, sd: 0.0, asked: step[column].abs() }).collect();
+    if !stopped.is_empty() {
+        let free = invert(&information)?;
+        stopped.iter_mut().for_each(|s| s.sd = free[(s.column, s.column)].max(0.0).sqrt());
+        // It can take up nothing more, and what it leaves is the model's misfit.
+        design.iter_mut().for_each(|a| stopped.iter().for_each(|s| a.column_mut(s.column).fill(0.0)));
+        information = work.step(&state, &design)?.1;
+    }
     let covariance = invert(&information)?;
     let widened = if start.is_none() && options.move_parameters { plateau::widened(&work, &state, &covariance, &spread)? } else { Vec::new() };
     Ok(Fit {
@@ -307,6 +334,7 @@ fn fit_holding(
         spread,
         chi2: state.chi2,
         objective: state.objective,
+        stopped,
         untold_at_start,
         widened,
     })
@@ -428,6 +456,17 @@ impl<'a> Work<'a> {
             }
         }
         columns
+    }
+
+    /// Columns of the model's own parameters that a limit keeps from going farther along a step (strengths of effects that are only tried keep their prior).
+    fn stopped(&self, state: &State, step: &DVector<f64>) -> Vec<usize> {
+        let is_stopped = |i: &usize| {
+            let Column::Parameter(p) = self.columns[*i] else { return false };
+            let limits = &self.forward.parameters()[p];
+            let own = limits.prior.is_none_or(|prior| prior.tails == Tails::Wide);
+            own && limits.min < limits.max && limits.limit_at(state.column_values[*i]).is_some_and(|side| side * step[*i] > 0.0)
+        };
+        (0..self.columns.len()).filter(is_stopped).collect()
     }
 
     /// The farthest state along a step at which chi-square is no higher to speak of; `None` where it is higher wherever one looks.

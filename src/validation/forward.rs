@@ -22,6 +22,23 @@ pub struct FreeParameter {
     pub prior: Option<Prior>,
 }
 
+/// Share of its range within which a parameter is at a limit: a fit comes near to one by steps that grow smaller.
+const AT_LIMIT: f64 = 1e-6;
+
+impl FreeParameter {
+    /// The limit at which a value lies: 1 the upper one, -1 the lower one.
+    pub fn limit_at(&self, value: f64) -> Option<f64> {
+        let room = AT_LIMIT * (self.max - self.min).abs();
+        if value >= self.max - room {
+            Some(1.0)
+        } else if value <= self.min + room {
+            Some(-1.0)
+        } else {
+            None
+        }
+    }
+}
+
 /// What is known of a parameter beforehand.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Prior {

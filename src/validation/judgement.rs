@@ -439,6 +439,7 @@ impl<'a> Judgement<'a> {
         let by_group = self.own.as_ref().map(|own| own.in_short());
         let doubts = if self.verdict == Verdict::Adequate { case.doubts() } else { of_name.chain(by_group).collect() };
         diagnosis.words = verdict_words(&diagnosis, doubts);
+        case.tell_stopped(&mut diagnosis);
         Ok(diagnosis)
     }
 

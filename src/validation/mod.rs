@@ -30,6 +30,7 @@ pub mod linearise;
 mod linearise_all;
 pub mod local_spot;
 pub mod lone_term;
+mod misread_columns;
 pub mod model_library;
 mod neighbours;
 pub mod noise;

@@ -6,6 +6,7 @@ use super::observation::{Gear, Observations, TableOptions};
 use super::predicted::unpredicted;
 use super::screen::STRENGTH_PRIOR;
 use crate::equipment_set::EquipmentSet;
+use crate::impact::viscoelastic::LEAST_STRING_DAMPING;
 use crate::impact::{Base, ImpactInput, ImpactOutput, Model, ModelError, Parameter, PreparedModel, Role, catalogue};
 use crate::impact_table::ImpactTable;
 
@@ -60,7 +61,9 @@ impl ModelForward {
                 Role::Strength { absent, .. } => Some(Prior { mean: absent, sd: STRENGTH_PRIOR * p.typical, tails }),
                 Role::Shape => Some(Prior { mean: p.value, sd: SHAPE_PRIOR * p.typical, tails }),
             };
-            free.push(FreeParameter { name: p.name.clone(), value: p.value, min: p.min, max: p.max, typical: p.typical, prior });
+            // No smaller string damping acts: a fit that comes there is at its limit.
+            let min = if p.name == "c_S" && p.value > LEAST_STRING_DAMPING { p.min.max(LEAST_STRING_DAMPING) } else { p.min };
+            free.push(FreeParameter { name: p.name.clone(), value: p.value, min, max: p.max, typical: p.typical, prior });
             places.push(place);
         }
         ModelForward { model, gear: gear.to_vec(), free, places }

@@ -55,6 +55,15 @@ impl ColumnNoise {
         law(&stated, LEAST * typical).map_or(ColumnNoise::Stated(typical), ColumnNoise::Law)
     }
 
+    /// The noise of the column's values times `factor`.
+    pub fn times(&self, factor: f64) -> Self {
+        match self {
+            ColumnNoise::Law(law) => ColumnNoise::Law(NoiseLaw { constant: factor * law.constant, least: factor * law.least, ..*law }),
+            ColumnNoise::Assumed(sd) => ColumnNoise::Assumed(factor * sd),
+            ColumnNoise::Stated(typical) => ColumnNoise::Stated(factor * typical),
+        }
+    }
+
     /// Deviation of one cell, at `value` where the law is known.
     pub fn sd(&self, stated: Option<f64>, value: f64) -> f64 {
         match self {

@@ -197,7 +197,7 @@ impl Observations {
         let table = if unusable.is_empty() {
             table
         } else {
-            kept = ImpactTable { rows: sound.into_iter().cloned().collect() };
+            kept = ImpactTable { rows: sound.into_iter().cloned().collect(), ..ImpactTable::default() };
             &kept
         };
         let column = |output: bool, i: usize| -> Vec<_> { table.rows.iter().map(|r| if output { r.outputs[i] } else { r.inputs[i] }).collect() };

@@ -190,11 +190,11 @@ fn switch_a_column_of_the_table_acts_on_each_impact_by_its_number() {
         row
     };
     let set = EquipmentSet { rackets: vec![racket()], balls: vec![ball()] };
-    let outcomes = predict_table(&model, &set, &ImpactTable { rows: vec![row(Some("54")), row(Some("tight"))] }).unwrap();
+    let outcomes = predict_table(&model, &set, &ImpactTable { rows: vec![row(Some("54")), row(Some("tight"))], ..ImpactTable::default() }).unwrap();
     assert!(outcomes[0].is_ok());
     let why = outcomes[1].as_ref().unwrap_err().to_string();
     assert!(why.contains("`tension` is \"tight\""), "{why}");
-    let none = predict_table(&model, &set, &ImpactTable { rows: vec![row(None)] }).unwrap_err().to_string();
+    let none = predict_table(&model, &set, &ImpactTable { rows: vec![row(None)], ..ImpactTable::default() }).unwrap_err().to_string();
     assert!(none.contains("column.tension"), "{none}");
     for (wrong, said) in
         [("column.spin * restitution", "write it without"), ("column * restitution", "name of a column"), ("tension * restitution", "`column.NAME`")]

@@ -3,7 +3,7 @@
 use std::path::Path;
 use sweetspot::equipment::Racket;
 use sweetspot::impact::Model;
-use sweetspot::impact_table::ImpactRow;
+use sweetspot::impact_table::{ImpactRow, Measured};
 use sweetspot::synthetic::hidden::Hidden;
 use sweetspot::synthetic::impact_world::{Kind, SyntheticTable, TableSpec, generate_table};
 use sweetspot::synthetic::measurement::NoiseOptions;
@@ -307,4 +307,77 @@ fn truth_a_wrong_strength_that_the_model_holds_fixed_is_told() {
     let d = judged_with(Vec::new(), "[effects.string-tilt]\nstrength = { value = 1.0, fit = true }\n");
     assert_eq!(d.verdict, Verdict::Adequate, "{:?}", d.words);
     assert!(d.notes.iter().any(|n| n.contains("string-tilt, which the model has, does not show")), "{:?}", d.notes);
+}
+
+/// A column that does not hold what its name says is no physics: it is told, and nothing physical is named in its place.
+#[test]
+fn truth_columns_that_hold_something_else_are_told() {
+    let turned = |row: &mut ImpactRow| scaled(row, "ball_out_wx", -1.0);
+    let miles_an_hour = |row: &mut ImpactRow| {
+        for column in ["ball_in_vx", "ball_in_vy", "ball_in_vz", "ball_out_vx", "ball_out_vy", "ball_out_vz"] {
+            let m = row.get(column).unwrap();
+            row.set(column, Some(Measured { value: m.value / 0.447_04, sd: m.sd.map(|sd| sd / 0.447_04) }));
+        }
+    };
+    let exchanged = |row: &mut ImpactRow| {
+        let [x, y] = ["impact_x", "impact_y"].map(|c| row.get(c));
+        row.set("impact_x", y);
+        row.set("impact_y", x);
+    };
+    // The mass centre of the typical racket lies 0.1675 m nearer to the butt than the stringbed's.
+    let at_the_strings = |row: &mut ImpactRow| {
+        let turn = row.get("racket_out_wy").unwrap().value;
+        let m = row.get("racket_out_vz").unwrap();
+        row.set("racket_out_vz", Some(Measured { value: m.value - 0.1675 * turn, ..m }));
+        let turn = row.get("racket_out_wz").unwrap().value;
+        let m = row.get("racket_out_vy").unwrap();
+        row.set("racket_out_vy", Some(Measured { value: m.value + 0.1675 * turn, ..m }));
+    };
+    let mistakes: [(&dyn Fn(&mut ImpactRow), &str); 4] = [
+        (&turned, "`ball_out_wx` with its sign turned"),
+        (&miles_an_hour, "in miles an hour (times 0.4470)"),
+        (&exchanged, "`impact_x` and `impact_y` exchanged"),
+        (&at_the_strings, "of the stringbed centre, not of the mass centre"),
+    ];
+    for (mistake, words) in mistakes {
+        let (_, d) = judged(&changed(160, 3, |_, row| mistake(row)), &TableOptions::default());
+        assert!(d.verdict == Verdict::Unexplained && d.recommended.is_empty() && d.candidates.iter().all(|c| c.probability < 0.5), "{words}: {:?}", d.words);
+        assert!(d.words[1].contains(words) && d.notes[0].contains(words), "{words}: {:?}", d.words);
+    }
+    // Also where an effect is missing beside it, which stays as the error that is left.
+    let mut made = generate_table(&TableSpec {
+        kind: Kind::Lab,
+        impacts: 160,
+        hidden: vec![Hidden::new("frame-vibration", 1.0)],
+        seed: 9,
+        noise: NoiseOptions::default(),
+    })
+    .unwrap();
+    let (_, d) = judged(&made, &TableOptions::default());
+    assert!(d.recommended == ["frame-vibration"] && !d.words.iter().any(|w| w.contains("reads as if")), "{:?}", d.words);
+    made.table.rows.iter_mut().for_each(turned);
+    let (_, d) = judged(&made, &TableOptions::default());
+    assert!(d.recommended.is_empty() && d.words[1].contains("`ball_out_wx` with its sign turned"), "{:?}", d.words);
+}
+
+/// What a limit of the model file keeps a number from taking up is misfit, not noise.
+#[test]
+fn truth_a_number_at_its_limit_leaves_a_misfit() {
+    let made = changed(160, 3, |_, _| {});
+    let observations = observations(&made, &TableOptions::default());
+    let judged_with = |restitution: &str| {
+        let text = format!("base = \"rigid\"\n[parameters]\nrestitution = {restitution}\nfriction = {{ value = 0.45, fit = true }}\n");
+        let library = ModelLibrary::new(Model::parse(&text, Path::new("model.toml")).unwrap(), &observations.gear);
+        let compared = compare(library.current(), &observations, "model.toml", SEED).unwrap();
+        (compared, diagnose(&library, &observations, &DiagnoseOptions::default()).unwrap())
+    };
+    let (compared, d) = judged_with("{ value = 0.75, fit = true }");
+    assert_eq!((compared.verdict, d.verdict), (Adequacy::Adequate, Verdict::Adequate), "{:?}", d.words);
+    let free = compared.parameters_refitted.iter().find(|p| p.name == "restitution").unwrap();
+    let most = free.value - 10.0 * free.sd;
+    let (compared, d) = judged_with(&format!("{{ value = 0.5, fit = true, max = {most} }}"));
+    assert!(compared.verdict == Adequacy::Inadequate && d.verdict != Verdict::Adequate, "{:?}", d.words);
+    assert!(d.words[1].starts_with("restitution is at 0.") && d.words[1].contains("the most that the model allows"), "{:?}", d.words);
+    let stopped = d.parameters.iter().find(|p| p.name == "restitution").unwrap();
+    assert!(stopped.at_limit && !stopped.undetermined && stopped.sd < 3.0 * free.sd, "{stopped:?}");
 }

@@ -143,7 +143,7 @@ impl<T: Number> Laws<T> {
 }
 
 /// N s/m: a twentieth of the seed value.
-const LEAST_STRING_DAMPING: f64 = 0.1;
+pub(crate) const LEAST_STRING_DAMPING: f64 = 0.1;
 
 impl<T: Real> Laws<T> {
     /// Values of the base's 14 parameters, in the order of [`crate::impact::Base::parameters`], and the body.

@@ -25,6 +25,7 @@ mod tangent;
 mod tests;
 
 pub use contact_laws::{BallLaw, ContactLaws, FrictionDirection, NormalForce, Release, StringLaw};
+pub(crate) use laws::LEAST_STRING_DAMPING;
 pub use laws::Laws;
 pub use run::{Ledger, Moment, Run};
 

@@ -61,7 +61,8 @@ fn misread_instead(library: &dyn Library, observations: &Observations, options: 
     let value = |p: &FreeParameter| diagnosis.parameters.iter().find(|known| known.name == p.name).map_or(p.value, |known| known.value);
     let fitted: Vec<f64> = library.current().parameters().iter().map(value).collect();
     let Some(found) = misread(library.current(), observations, &fitted, diagnosis.heldout_error)? else { return Ok(diagnosis) };
-    let read = diagnose_as_given(library, &found.observations, options)?;
+    // A reading that cannot be judged is none.
+    let Ok(read) = diagnose_as_given(library, &found.observations, options) else { return Ok(diagnosis) };
     let (before, after) = (error_left(&diagnosis), error_left(&read));
     let numbers = found.observations.side(true).iter().map(|o| o.measured.len()).sum();
     if fall(numbers, before, after) < WORTH_A_FORMULA || read.verdict == Verdict::Unexplained && share_gone(before, after) < SHARE {

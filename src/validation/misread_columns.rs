@@ -92,13 +92,6 @@ enum Point {
 }
 
 impl Point {
-    const ALL: [(Point, &str); 4] = [
-        (Point::StringbedCentre, "the stringbed centre"),
-        (Point::Impact, "the place of impact"),
-        (Point::MassCentre, "the mass centre"),
-        (Point::Butt, "the butt"),
-    ];
-
     /// From the stringbed centre, racket axes, m.
     fn place(self, racket: &Racket, o: &Observation) -> Vector3<f64> {
         match self {
@@ -110,7 +103,12 @@ impl Point {
     }
 
     fn words(self) -> &'static str {
-        Point::ALL.iter().find(|(point, _)| *point == self).map_or("", |(_, words)| words)
+        match self {
+            Point::StringbedCentre => "the stringbed centre",
+            Point::Impact => "the place of impact",
+            Point::MassCentre => "the mass centre",
+            Point::Butt => "the butt",
+        }
     }
 }
 

@@ -30,6 +30,15 @@ impl GreyPatch {
         Some(GreyPatch { pixels, corner: (x0, y0), extent: (columns, rows), size: (view.width, view.height) })
     }
 
+    /// Whitens pixels (column, row in the picture): to whoever looks they say no more than a saturated one.
+    pub fn whiten(&mut self, which: impl Fn(usize, usize) -> bool) {
+        for (at, pixel) in self.pixels.iter_mut().enumerate() {
+            if which(self.corner.0 + at % self.extent.0, self.corner.1 + at / self.extent.0) {
+                *pixel = u8::MAX;
+            }
+        }
+    }
+
     pub fn view(&self) -> GreyView<'_> {
         GreyView::patch(&self.pixels, self.corner, self.extent, self.size)
     }
@@ -52,6 +61,9 @@ mod tests {
             }
         }
         assert!(view.contains(6, 2, 8, 4) && !view.contains(5, 2, 8, 4) && !view.contains(6, 2, 8, 5) && view.row(3).is_none());
+        let mut whitened = patch.clone();
+        whitened.whiten(|x, y| (x, y) == (7, 3));
+        assert_eq!([(6, 3), (7, 3), (7, 4)].map(|(x, y)| whitened.view().get(x, y)), [Some(33), Some(255), Some(43)]);
         assert!(GreyPatch::of(&whole, (3, 8), (4, 9)).is_none() && GreyPatch::of(&whole, (3, 3), (2, 4)).is_none());
     }
 }

@@ -5,6 +5,7 @@ use crate::footage::{FrameBuffer, FrameSource, GreyPatch, Rows};
 use crate::tracking::ball::ball_refine::{SHARED_VARIANCE, refine_ball};
 use crate::tracking::ball::bounce::Flights;
 use crate::tracking::ball::flight_sample::FlightSample;
+use crate::tracking::ball::standing_before::{Pass, StandingBefore};
 use crate::tracking::racket::racket_pose::View;
 use crate::tracking::shot_tracks::{ShotSetup, ShotTracks, TrackingError};
 use crate::tracking::spin::{BLUR_PX, BallSpin, BallView, FoundSpin, SpinEstimate, SpinRefusal, SpinSettings};
@@ -16,12 +17,15 @@ use std::collections::BTreeMap;
 
 /// Pixels kept around the ball, in radii.
 const CROP_RADII: f64 = 1.6;
+/// A ball of which more is covered by what stands before it tells no spin: its centre is half an outline's.
+const MOST_COVERED: f64 = 0.25;
 
 struct Crop {
     camera: CameraId,
     time_s: f64,
     picture: GreyPatch,
     centre_px: Vector2<f64>,
+    radius_px: f64,
     /// Of this centre alone, and of what it has in common with its neighbours.
     centre_sd_px: f64,
     centre_shared_px: f64,
@@ -39,11 +43,11 @@ pub fn measure_spin(source: &impl FrameSource, setup: &ShotSetup, shot: &mut Sho
     }
     let mut found = FoundSpins::find(source, setup, shot)?;
     let turning = found.turning(&found.rough());
-    refine_ball(source, setup, shot, &turning, &found.sample)?;
+    refine_ball(source, setup, shot, &turning, &found.sample, &found.standing)?;
     // Where a spin that could not be told from another one still cannot, its cover is learnt already.
     if !found.complete() && (found.find_again(source, setup, shot)? || turning.contains(&None)) {
         let measured = found.measure(source, setup, shot)?;
-        refine_ball(source, setup, shot, &found.turning(&measured), &found.sample)?;
+        refine_ball(source, setup, shot, &found.turning(&measured), &found.sample, &found.standing)?;
     }
     // The better centres tell the spin better: a drift of the outline looks like a turn.
     found.measure(source, setup, shot)
@@ -54,6 +58,8 @@ pub fn measure_spin(source: &impl FrameSource, setup: &ShotSetup, shot: &mut Sho
 struct FoundSpins {
     /// Frames that tell the spins and teach the cover.
     sample: FlightSample,
+    /// What hides the ball in them.
+    standing: StandingBefore,
     /// By side, as the rest.
     settings: [SpinSettings; 2],
     found: [FoundSpin; 2],
@@ -72,16 +78,21 @@ impl FoundSpins {
         let radius_m = setup.ball.radius_m();
         let blur_px = shot.blur_px.map(|tape| out_of_focus(BLUR_PX, tape));
         let usual = sample_of([None; 2]);
+        let nothing = StandingBefore::default();
+        let (before, after) = rayon::join(|| crops(source, setup, shot, &usual, 0, &nothing), || crops(source, setup, shot, &usual, 1, &nothing));
+        let mut seen = [before?, after?];
+        let standing = &StandingBefore::of(&seen.iter().flatten().map(Crop::pass).collect::<Vec<_>>(), &shot.still);
+        seen.iter_mut().for_each(|crops| clear_of(standing, crops));
         let look = |side: usize| -> Result<(FlightSample, SpinSettings, FoundSpin), TrackingError> {
             let settings_of = |sample: &FlightSample| SpinSettings { blur_px, ..SpinSettings::new(sample.rates_hz()[side]) };
             let settings = settings_of(&usual);
-            let found = FoundSpin::find(&views(&crops(source, setup, shot, &usual, side)?), setup.rig, radius_m, &settings);
+            let found = FoundSpin::find(&views(&seen[side]), setup.rig, radius_m, &settings);
             let mut fastest = [None; 2];
             fastest[side] = found.fastest();
             let longer = sample_of(fastest);
             if longer.rates_hz()[side] < usual.rates_hz()[side] {
                 let settings = settings_of(&longer);
-                let again = found.look_longer(&views(&crops(source, setup, shot, &longer, side)?), setup.rig, radius_m, &settings);
+                let again = found.look_longer(&views(&crops(source, setup, shot, &longer, side, standing)?), setup.rig, radius_m, &settings);
                 if matches!(again.rough, SpinEstimate::Vector { .. }) {
                     return Ok((longer, settings, again));
                 }
@@ -92,17 +103,17 @@ impl FoundSpins {
         let (mut sample, settings_before, before) = before?;
         let (sample_after, settings_after, after) = after?;
         sample.take_side(1, &sample_after);
-        Ok(FoundSpins { sample, settings: [settings_before, settings_after], found: [before, after] })
+        Ok(FoundSpins { sample, standing: standing.clone(), settings: [settings_before, settings_after], found: [before, after] })
     }
 
     /// Looks again where nothing was found, with the centres as they are now; whether a spin was found.
     fn find_again(&mut self, source: &impl FrameSource, setup: &ShotSetup, shot: &ShotTracks) -> Result<bool, TrackingError> {
-        let FoundSpins { sample, settings, found } = self;
+        let FoundSpins { sample, standing, settings, found } = self;
         let again = |(side, found): (usize, &mut FoundSpin)| -> Result<bool, TrackingError> {
             if matches!(found.rough, SpinEstimate::Vector { .. }) {
                 return Ok(false);
             }
-            *found = FoundSpin::find(&views(&crops(source, setup, shot, sample, side)?), setup.rig, setup.ball.radius_m(), &settings[side]);
+            *found = FoundSpin::find(&views(&crops(source, setup, shot, sample, side, standing)?), setup.rig, setup.ball.radius_m(), &settings[side]);
             Ok(matches!(found.rough, SpinEstimate::Vector { .. }))
         };
         let new: Vec<bool> = found.par_iter_mut().enumerate().map(again).collect::<Result<_, _>>()?;
@@ -128,7 +139,7 @@ impl FoundSpins {
     /// Measures the spins, with the centres as they are now.
     fn measure(&self, source: &impl FrameSource, setup: &ShotSetup, shot: &ShotTracks) -> Result<BallSpin, TrackingError> {
         let measure = |side: usize| -> Result<SpinEstimate, TrackingError> {
-            let crops = crops(source, setup, shot, &self.sample, side)?;
+            let crops = crops(source, setup, shot, &self.sample, side, &self.standing)?;
             Ok(self.found[side].measure(&views(&crops), setup.rig, setup.ball.radius_m(), &self.settings[side]))
         };
         let (before, after) = rayon::join(|| measure(0), || measure(1));
@@ -140,8 +151,15 @@ fn views(crops: &[Crop]) -> Vec<BallView<'_>> {
     crops.iter().map(Crop::view).collect()
 }
 
-/// The ball in free flight before (0) or after (1) the contact.
-fn crops(source: &impl FrameSource, setup: &ShotSetup, shot: &ShotTracks, sample: &FlightSample, side: usize) -> Result<Vec<Crop>, TrackingError> {
+/// The ball in free flight before (0) or after (1) the contact, where nothing `standing` hides much of it.
+fn crops(
+    source: &impl FrameSource,
+    setup: &ShotSetup,
+    shot: &ShotTracks,
+    sample: &FlightSample,
+    side: usize,
+    standing: &StandingBefore,
+) -> Result<Vec<Crop>, TrackingError> {
     let radius = setup.ball.radius_m();
     let mut crops: Vec<Crop> = Vec::new();
     let mut buffer = FrameBuffer::default();
@@ -155,7 +173,8 @@ fn crops(source: &impl FrameSource, setup: &ShotSetup, shot: &ShotTracks, sample
             if in_camera.z <= radius {
                 continue;
             }
-            let half = (CROP_RADII * setup.rig.camera(camera).fx * radius / in_camera.z).clamp(4.0, 400.0);
+            let radius_px = setup.rig.camera(camera).fx * radius / in_camera.z;
+            let half = (CROP_RADII * radius_px).clamp(4.0, 400.0);
             let rows = |height: usize| {
                 let first = (seen.uv.y - half).clamp(0.0, height as f64) as usize;
                 Rows::span(first, ((seen.uv.y + half + 2.0).clamp(0.0, height as f64) as usize).saturating_sub(first))
@@ -172,16 +191,33 @@ fn crops(source: &impl FrameSource, setup: &ShotSetup, shot: &ShotTracks, sample
                 time_s: point.t,
                 picture,
                 centre_px: seen.uv,
+                radius_px,
                 centre_sd_px: seen.sd.max() * (1.0 - SHARED_VARIANCE).sqrt(),
                 centre_shared_px: seen.sd.max() * SHARED_VARIANCE.sqrt(),
                 position: point.position,
             });
         }
     }
+    clear_of(standing, &mut crops);
     Ok(crops)
 }
 
+/// Takes out of the pictures what stands before the ball, and the pictures in which it hides much.
+fn clear_of(standing: &StandingBefore, crops: &mut Vec<Crop>) {
+    crops.retain_mut(|crop| {
+        if standing.is_clear(crop.camera) {
+            return true;
+        }
+        crop.picture.whiten(|x, y| standing.covers(crop.camera, x, y));
+        standing.share(crop.camera, &crop.centre_px, crop.radius_px) < MOST_COVERED
+    });
+}
+
 impl Crop {
+    fn pass(&self) -> Pass<'_> {
+        Pass { camera: self.camera, picture: self.picture.view(), centre: self.centre_px, radius_px: self.radius_px }
+    }
+
     fn view(&self) -> BallView<'_> {
         BallView {
             camera: self.camera,

@@ -322,6 +322,7 @@ mod tests {
         BallPicture {
             pixels,
             behind: None,
+            covered: None,
             side: 27,
             origin: Vector2::zeros(),
             centre,

@@ -53,6 +53,8 @@ pub struct BallPicture {
     pub pixels: Vec<f32>,
     /// The same window of the clip's median picture.
     pub behind: Option<Vec<f32>>,
+    /// Which of them show something that stands before the ball, if any do.
+    pub covered: Option<Vec<bool>>,
     pub side: usize,
     /// Of the top left pixel.
     pub origin: Vector2<f64>,
@@ -184,7 +186,7 @@ impl BallPicture {
         let [cover] = disc.blurred([&disc.cover], centre, self.side, blur_px, true);
         let mut out = Vec::with_capacity(self.pixels.len());
         for (pixel, &share) in cover.value.iter().enumerate() {
-            if share < LEAST_SHARE {
+            if share < LEAST_SHARE || self.covered.as_ref().is_some_and(|c| c[pixel]) {
                 continue;
             }
             let (behind, spread) = if share > CLEAR { (0.0, 0.0) } else { around.behind(self, pixel).unwrap_or((0.0, f32::INFINITY)) };

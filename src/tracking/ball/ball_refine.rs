@@ -14,6 +14,7 @@ use crate::tracking::ball::bounce::Flights;
 use crate::tracking::ball::contact_length::{SHORTEST_CONTACT_S, frames_of_contact};
 use crate::tracking::ball::flight_sample::FlightSample;
 use crate::tracking::ball::shot_ball::expected_ball;
+use crate::tracking::ball::standing_before::StandingBefore;
 use crate::tracking::ball::stray_ball;
 use crate::tracking::pictures::camera_shake::camera_shake;
 use crate::tracking::pictures::shot_frames::AT_ONCE;
@@ -64,17 +65,19 @@ struct Sight {
 }
 
 /// Measures the ball's centres of a tracked shot again and renews its points; `turning` says how its lines turn before
-/// and after the contact. Where nobody knows the ball is taken for bare: its lines then are pixels that disagree.
+/// and after the contact. Where nobody knows the ball is taken for bare: its lines then are pixels that disagree. Where something is
+/// `standing` before the ball its picture says nothing.
 pub(in crate::tracking) fn refine_ball(
     source: &impl FrameSource,
     setup: &ShotSetup,
     shot: &mut ShotTracks,
     turning: &[Option<Vector3<f64>>; 2],
     sample: &FlightSample,
+    standing: &StandingBefore,
 ) -> Result<(), TrackingError> {
     let Some(contact) = shot.contact_frame else { return Ok(()) };
     let view = View::new(setup.rig);
-    let mut sights = sights(source, setup, &view, shot, contact, turning, sample)?;
+    let mut sights = sights(source, setup, &view, shot, contact, turning, sample, standing)?;
     let textured = turning.map(|t| t.is_some());
     measure(&mut sights, &textured, shot.blur_px);
     for sight in &sights {
@@ -122,6 +125,7 @@ fn sights(
     contact: f64,
     turning: &[Option<Vector3<f64>>; 2],
     sample: &FlightSample,
+    standing: &StandingBefore,
 ) -> Result<Vec<Sight>, TrackingError> {
     let numbers: Vec<f64> = (0..source.len()).map(|i| source.number(i) as f64).collect();
     let free = Flights::of(source, view, &shot.ball, contact, setup.frame_rate_hz).beside_the_strings();
@@ -158,8 +162,22 @@ fn sights(
                 let ball_from_camera = Rotation3::from_scaled_axis(omega * t).inverse().matrix() * camera_from_global.transpose();
                 let behind = shot.still[camera.index()].as_ref().and_then(|b| window(b, &origin, side));
                 let centre = point.uv;
-                let picture =
-                    BallPicture { pixels, behind, side, origin, centre, radius_px, camera_from_global, ball_from_camera, gain: 1.0, teaches, camera, stretch };
+                let covered = covered(standing, camera, &origin, side);
+                let picture = BallPicture {
+                    pixels,
+                    behind,
+                    covered,
+                    side,
+                    origin,
+                    centre,
+                    radius_px,
+                    camera_from_global,
+                    ball_from_camera,
+                    gain: 1.0,
+                    teaches,
+                    camera,
+                    stretch,
+                };
                 out.push(Sight { index, camera, picture, fit: None });
             }
         }
@@ -208,6 +226,13 @@ fn window(image: &GreyImage, origin: &Vector2<f64>, side: usize) -> Option<Vec<f
     let row = |y: usize| image.pixels.get(y * image.width + left..y * image.width + left + side);
     let rows: Option<Vec<&[u8]>> = (top..top + side).map(row).collect();
     (left + side <= image.width).then_some(rows?.concat().into_iter().map(f32::from).collect())
+}
+
+/// Which of these pixels show what stands before the ball, if any does.
+fn covered(standing: &StandingBefore, camera: CameraId, origin: &Vector2<f64>, side: usize) -> Option<Vec<bool>> {
+    let (left, top) = (origin.x as usize, origin.y as usize);
+    let of = || (0..side * side).map(|at| standing.covers(camera, left + at % side, top + at / side)).collect::<Vec<_>>();
+    (!standing.is_clear(camera)).then(of).filter(|covered| covered.contains(&true))
 }
 
 /// Rows: right and down in the picture and away from the camera, at the ball, in global axes.

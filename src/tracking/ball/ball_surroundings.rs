@@ -52,7 +52,7 @@ impl Surroundings {
         for (i, grey) in picture.pixels.iter().enumerate() {
             let (x, y) = (i % side, i / side);
             let d2 = (x as f64 - centre.x).powi(2) + (y as f64 - centre.y).powi(2);
-            if d2 > from * from && d2 < to * to {
+            if d2 > from * from && d2 < to * to && !picture.covered.as_ref().is_some_and(|c| c[i]) {
                 let at = (y + reach) * stride + x + reach;
                 let g = grey - level;
                 let e = picture.behind.as_ref().map_or(0.0, |m| grey - m[i]);

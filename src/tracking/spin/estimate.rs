@@ -1,6 +1,7 @@
 //! From views to a spin estimate: search, registration, and the verdict whether it may be believed.
 
 use super::contest::{Contest, contest, stands_still};
+use super::covered_views::clear_marks;
 use super::registration::{Effort, FoundMarkings, Registrar, Registration};
 use super::search::{Beam, Search};
 use super::shading::{Mark, Shading, divide_out};
@@ -243,8 +244,14 @@ impl FoundSpin {
     /// The winner on a fine map, from all pixels, with blur.
     fn refined(contest: Contest, infos: &[ViewInfo], marks: &[Mark], shading: &Shading, settings: &SpinSettings) -> Self {
         let map = SphereMap::new(FINE_EDGE);
-        let registrar = Registrar::new(&map, infos, marks, shading, Some(&settings.blur_px));
-        let first = registrar.refine(contest.omega, &Effort { memory_s: MEMORY_FRAMES / settings.frame_rate_hz, ..FIRST });
+        let effort = Effort { memory_s: MEMORY_FRAMES / settings.frame_rate_hz, ..FIRST };
+        let mut registrar = Registrar::new(&map, infos, marks, shading, Some(&settings.blur_px));
+        let mut first = registrar.refine(contest.omega, &effort);
+        let clear = clear_marks(&first.residuals, marks, infos.len());
+        if let Some(clear) = &clear {
+            registrar = Registrar::new(&map, infos, clear, shading, Some(&settings.blur_px));
+            first = registrar.refine(contest.omega, &effort);
+        }
         let start = Start { contest, omega: first.omega, markings: registrar.found(&first, shading, settings.blur_px) };
         let rough = match refused(&first, &start.contest, settings, SETTLED.0) {
             Some(reason) => SpinEstimate::Refused { reason },
@@ -263,8 +270,14 @@ impl FoundSpin {
         // The lines darken the first estimate of the shading where they pass most often; now that they are known, again.
         let map = SphereMap::new(FINE_EDGE);
         let (shading, marks) = divide_out(&infos, &samples, Some(&start.markings.at(&map, &infos, &samples)));
-        let registrar = Registrar::new(&map, &infos, &marks, &shading, Some(&settings.blur_px));
-        let best = registrar.refine(start.omega, &Effort { memory_s: MEMORY_FRAMES / settings.frame_rate_hz, ..FINAL });
+        let effort = Effort { memory_s: MEMORY_FRAMES / settings.frame_rate_hz, ..FINAL };
+        let mut registrar = Registrar::new(&map, &infos, &marks, &shading, Some(&settings.blur_px));
+        let mut best = registrar.refine(start.omega, &effort);
+        let clear = clear_marks(&best.residuals, &marks, infos.len());
+        if let Some(clear) = &clear {
+            registrar = Registrar::new(&map, &infos, clear, &shading, Some(&settings.blur_px));
+            best = registrar.refine(start.omega, &effort);
+        }
         if let Some(reason) = refused(&best, &start.contest, settings, SETTLED.1) {
             return SpinEstimate::Refused { reason };
         }

@@ -6,6 +6,7 @@
 //! its reason. Method and measured comparison: docs/spin.md.
 
 mod contest;
+mod covered_views;
 mod estimate;
 mod map_equations;
 mod pixels;

@@ -118,6 +118,8 @@ pub struct FoundSpin {
 struct Start {
     contest: Contest,
     omega: Vector3<f64>,
+    /// As in [`SpinQuality`].
+    unexplained: f64,
     markings: FoundMarkings,
 }
 
@@ -140,6 +142,11 @@ const MOST_BY_NOISE: [(f64, f64); 2] = [(0.055, 0.6), (0.08, 0.85)];
 /// The same where a rival follows by less than this share of what the markings explain: right ones leave 0.39 at most, the wrong one 0.71 to 0.74.
 const CLOSE_RIVAL: f64 = 0.02;
 const MOST_WITH_RIVAL: f64 = 0.55;
+/// From here on the right spin may be a slower one, below this share of the rate: places that agree by chance about a fast rate had crowded a line's own
+/// rate out of the search, and left 0.48 to 0.55 where that leaves 0.31. It is that one if it leaves less than this share of what the other does.
+const DOUBTFUL: f64 = 0.4;
+const SLOWER: f64 = 0.7;
+const CLEARLY_LESS: f64 = 0.8;
 /// Least contrast of the markings (root mean square over the ball); a bare ball shows 0.007 of shading left over.
 const LEAST_CONTRAST: f64 = 0.015;
 /// Blur of a recording in focus, px.
@@ -173,7 +180,8 @@ pub fn estimate_spin(views: &[BallView], rig: &StereoRig, radius_m: f64, setting
 
 impl FoundSpin {
     /// Looks for the spin everywhere; once more, with a beam that loses less and takes more for possible, where what was found explains too
-    /// little or does not settle: the right one may have been lost among those that fit by chance.
+    /// little or does not settle: the right one may have been lost among those that fit by chance. Where what is found then leaves much
+    /// unexplained the slower ones are looked at by themselves.
     pub fn find(views: &[BallView], rig: &StereoRig, radius_m: f64, settings: &SpinSettings) -> Self {
         let (infos, samples) = sample_views(views, rig, radius_m);
         if let Some(refusal) = too_few(&infos, &samples, settings) {
@@ -181,13 +189,24 @@ impl FoundSpin {
         }
         let (shading, marks) = divide_out(&infos, &samples, None);
         let search = Search::new(&infos, &marks, 1.0 / settings.frame_rate_hz);
-        let look = |beam: Beam| Self::among(&search.candidates(settings.limit_rad_s, beam), &infos, &marks, &shading, settings);
-        let found = look(Beam::Level);
-        if !matches!(found.rough, SpinEstimate::Refused { reason: SpinRefusal::Unexplained { .. } | SpinRefusal::Unsettled { .. } }) {
-            return found;
+        let look = |limit_rad_s: f64, beam: Beam| Self::among(&search.candidates(limit_rad_s, beam), &infos, &marks, &shading, settings);
+        let mut found = look(settings.limit_rad_s, Beam::Level);
+        if found.explains_too_little() {
+            let again = look(settings.limit_rad_s, Beam::AllLevels);
+            found = if matches!(again.rough, SpinEstimate::Refused { .. }) { found } else { again };
         }
-        let again = look(Beam::AllLevels);
-        if matches!(again.rough, SpinEstimate::Refused { .. }) { found } else { again }
+        if let Some(start) = found.start.as_ref().filter(|start| start.unexplained > DOUBTFUL) {
+            let slower = look(SLOWER * start.omega.norm(), Beam::Level);
+            let less = slower.start.as_ref().is_some_and(|s| s.unexplained < CLEARLY_LESS * start.unexplained);
+            if less && matches!(slower.rough, SpinEstimate::Vector { .. }) {
+                return slower;
+            }
+        }
+        found
+    }
+
+    fn explains_too_little(&self) -> bool {
+        matches!(self.rough, SpinEstimate::Refused { reason: SpinRefusal::Unexplained { .. } | SpinRefusal::Unsettled { .. } })
     }
 
     /// The spin from pictures of a longer time: which of those that were possible it is.
@@ -252,7 +271,7 @@ impl FoundSpin {
             registrar = Registrar::new(&map, infos, clear, shading, Some(&settings.blur_px));
             first = registrar.refine(contest.omega, &effort);
         }
-        let start = Start { contest, omega: first.omega, markings: registrar.found(&first, shading, settings.blur_px) };
+        let start = Start { contest, omega: first.omega, unexplained: unexplained(&first), markings: registrar.found(&first, shading, settings.blur_px) };
         let rough = match refused(&first, &start.contest, settings, SETTLED.0) {
             Some(reason) => SpinEstimate::Refused { reason },
             None => held(infos, &first, first.omega, stated(&first, &first.model_covariance, infos) + start.contest.flat, &start.contest, settings),

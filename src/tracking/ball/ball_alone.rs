@@ -41,6 +41,8 @@ const NEAR_PX: f64 = 1.5;
 /// Fewest points of a flight in the clear camera, and the share of its frames.
 const FEWEST: usize = 7;
 const LEAST_SHARE: f64 = 0.6;
+/// Fewest frames in which both cameras see it then, one after the other in a straight line, before its light is known.
+const FEWEST_IN_BOTH: usize = 5;
 /// Flights of one camera that the other one is asked about.
 const MOST_CLEAR: usize = 3;
 /// Fewest faint outlines in the other camera, their share of the clear one's points, and how much more than on any other line.
@@ -211,7 +213,7 @@ impl<S: FrameSource> Shot<'_, S> {
                 if hovers { self.hovering_in_one(stage, &frames, &indices, &origin)? } else { self.clear_in_one(stage, &indices, &origin, SPEEDS_M_S)? };
             let Some(mut found) = found else { continue };
             let Some(longest) = self.flights_of(&found.frames, stage.racket).into_iter().max_by_key(Vec::len) else { continue };
-            if longest.len() >= FEWEST && best.as_ref().is_none_or(|b| longest.len() > b.0) {
+            if longest.len() >= FEWEST_IN_BOTH && best.as_ref().is_none_or(|b| longest.len() > b.0) {
                 found.keep_only(&longest);
                 best = Some((longest.len(), found));
             }

@@ -89,9 +89,9 @@ impl Region {
         let noise = noise(passes, still)?;
         let levels = Levels::of(passes);
         // The part of the picture that the ball passes.
-        let inside = || passes.iter().flat_map(|p| disc(&p.centre, INSIDE * p.radius_px)).filter(|(x, y)| *x < still.width && still.get(*x, *y).is_some());
+        let inside = passes.iter().flat_map(|p| disc(&p.centre, INSIDE * p.radius_px)).filter(|(x, y)| still.get(*x, *y).is_some());
         let (mut low, mut high) = ((usize::MAX, usize::MAX), (0, 0));
-        for (x, y) in inside() {
+        for (x, y) in inside {
             low = (low.0.min(x), low.1.min(y));
             high = (high.0.max(x), high.1.max(y));
         }

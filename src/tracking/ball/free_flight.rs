@@ -18,12 +18,12 @@ use rayon::prelude::*;
 const TOLD_HZ: f64 = 1000.0;
 const MOST_APART: f64 = 4.0;
 /// Slowest and fastest motion that is taken for a ball in play, m/s.
-const SPEEDS_M_S: (f64, f64) = (1.5, FASTEST_M_S);
+pub(super) const SPEEDS_M_S: (f64, f64) = (1.5, FASTEST_M_S);
 /// A free ball's second difference of position, m per step²: rays good to 3 px in depth.
-const BEND_M: f64 = 0.02;
+pub(super) const BEND_M: f64 = 0.02;
 /// Share of the outline that a faint place must show, and most of the six that may be faint.
 const FAINT_OUTLINE: f64 = 0.2;
-const MOST_FAINT: usize = 2;
+pub(super) const MOST_FAINT: usize = 2;
 
 /// A free flight, as three frames show it.
 pub struct FreeFlight {
@@ -34,10 +34,10 @@ pub struct FreeFlight {
 
 /// A place in space that may be the ball.
 #[derive(Debug, Clone, Copy)]
-struct Place {
-    ball: BallFrame,
+pub(super) struct Place {
+    pub ball: BallFrame,
     /// Outlines in either picture that are faint.
-    faint: usize,
+    pub faint: usize,
 }
 
 impl BallScene<'_> {
@@ -95,17 +95,7 @@ impl<S: FrameSource> Shot<'_, S> {
 
     /// The free flights through a frame and the next two, [`Self::apart`].
     pub(in crate::tracking) fn flights_from(&self, first: usize, scene: &BallScene, still: &[Option<GreyImage>; 2]) -> Result<Vec<FreeFlight>, TrackingError> {
-        let places = |index: usize| -> Result<Vec<Place>, TrackingError> {
-            self.with_buffers(|buffers| {
-                let images = self.read(index, buffers)?;
-                let of = |c: CameraId| match (&images[c.index()], &still[c.index()], scene.radius_px(c, &self.focus)) {
-                    (Some(v), Some(b), Some(r)) => scene.candidates(v, c, b, r),
-                    _ => Vec::new(),
-                };
-                let (left, right) = rayon::join(|| of(CameraId::Left), || of(CameraId::Right));
-                Ok(scene.places(&images, &[left, right], &self.focus))
-            })
-        };
+        let places = |index: usize| self.places_in(index, scene, still);
         let now = places(first)?;
         if now.is_empty() {
             return Ok(Vec::new());
@@ -116,6 +106,19 @@ impl<S: FrameSource> Shot<'_, S> {
         let seen = |buffers: &mut [FrameBuffer; 2], flight: FreeFlight| Ok(self.is_seen_beside(scene, first, &flight.balls, buffers)?.then_some(flight));
         let seen: Result<Vec<_>, TrackingError> = flights.into_par_iter().map_init(Default::default, seen).collect();
         Ok(seen?.into_iter().flatten().collect())
+    }
+
+    /// The places in a frame that may be the ball.
+    pub(super) fn places_in(&self, index: usize, scene: &BallScene, still: &[Option<GreyImage>; 2]) -> Result<Vec<Place>, TrackingError> {
+        self.with_buffers(|buffers| {
+            let images = self.read(index, buffers)?;
+            let of = |c: CameraId| match (&images[c.index()], &still[c.index()], scene.radius_px(c, &self.focus)) {
+                (Some(v), Some(b), Some(r)) => scene.candidates(v, c, b, r),
+                _ => Vec::new(),
+            };
+            let (left, right) = rayon::join(|| of(CameraId::Left), || of(CameraId::Right));
+            Ok(scene.places(&images, &[left, right], &self.focus))
+        })
     }
 
     /// [`Self::flights_from`] of what stands out from the pictures half a clip away: a ball that comes along a camera's line of sight hardly
@@ -133,17 +136,21 @@ impl<S: FrameSource> Shot<'_, S> {
         let number = |index: usize| self.source.number(index) as f64;
         let line = StraightLine::through(flight.iter().enumerate().map(|(k, ball)| (number(first + k * apart), ball.position)));
         for index in [first.checked_sub(apart), Some(first + 3 * apart)].into_iter().flatten().filter(|index| *index < self.source.len()) {
-            let there = line.at(number(index));
-            let images = self.read_rows(index, scene.close_rows(&there), buffers)?;
-            let sees = |camera: CameraId| {
-                let (image, uv, radius) = (images[camera.index()].as_ref()?, scene.view.project(camera, &there)?, scene.radius_px(camera, &there)?);
-                let fit = ball_fit::fit(image, uv, radius, &scene.limb[camera.index()], ROUGH_PX, None)?;
-                Some(BallScene::fair(&fit) && (fit.uv - uv).norm() < FAINT_SHIFT_PX)
-            };
-            if CameraId::BOTH.into_iter().all(|camera| sees(camera) == Some(true)) {
+            if self.both_see(scene, index, &line.at(number(index)), buffers)? {
                 return Ok(true);
             }
         }
         Ok(false)
+    }
+
+    /// Whether both cameras show an outline at a place, though a faint one.
+    pub(super) fn both_see(&self, scene: &BallScene, index: usize, there: &Point3<f64>, buffers: &mut [FrameBuffer; 2]) -> Result<bool, TrackingError> {
+        let images = self.read_rows(index, scene.close_rows(there), buffers)?;
+        let sees = |camera: CameraId| {
+            let (image, uv, radius) = (images[camera.index()].as_ref()?, scene.view.project(camera, there)?, scene.radius_px(camera, there)?);
+            let fit = ball_fit::fit(image, uv, radius, &scene.limb[camera.index()], ROUGH_PX, None)?;
+            Some(BallScene::fair(&fit) && (fit.uv - uv).norm() < FAINT_SHIFT_PX)
+        };
+        Ok(CameraId::BOTH.into_iter().all(|camera| sees(camera) == Some(true)))
     }
 }

@@ -34,6 +34,7 @@ pub(in crate::tracking) mod leaping_ball;
 pub(in crate::tracking) mod other_thing;
 pub(in crate::tracking) mod part_of_racket;
 pub(in crate::tracking) mod ray_flight;
+pub(in crate::tracking) mod scattered_flight;
 pub(in crate::tracking) mod shot_ball;
 pub(in crate::tracking) mod standing_before;
 pub(in crate::tracking) mod stray_ball;

@@ -57,6 +57,17 @@ pub struct FirstLook<'s> {
     pub tried: Option<[Tried<'s>; 2]>,
 }
 
+/// How free flights are looked for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Look {
+    /// In three frames, against the clip's median picture.
+    Still,
+    /// In three frames, against pictures half a clip away.
+    AgainstAnother,
+    /// In any three of some frames.
+    Scattered,
+}
+
 /// The flight most like the ball's so far.
 struct Likeliest {
     /// Less is more like it, m.
@@ -216,18 +227,20 @@ impl<S: FrameSource> Shot<'_, S> {
         let mut best = Likeliest { score: f64::INFINITY, flight: none, clear: false, turned: false, claimed: Vec::new() };
         // What is told to be no ball.
         let mut told: Vec<Vec<Option<BallFrame>>> = Vec::new();
-        for against_another in [false, true] {
-            if best.clear || against_another && self.stands_in(&best.claimed, racket, 0) {
+        for how in [Look::Still, Look::AgainstAnother, Look::Scattered] {
+            if best.clear || how != Look::Still && self.stands_in(&best.claimed, racket, 0) {
                 break;
             }
             let mut order: VecDeque<usize> = self.looked_into().into();
             while let Some(first) = order.pop_front() {
-                let flights = match flights_ahead.take() {
-                    Some(flights) => flights,
-                    None if against_another => self.flights_against_another(first, scene)?,
-                    None => self.flights_from(first, scene, still)?,
+                let told_from = |flights: Vec<FreeFlight>| flights.into_iter().map(|flight| (first, flight)).collect();
+                let flights: Vec<(usize, FreeFlight)> = match (flights_ahead.take(), how) {
+                    (Some(flights), _) => told_from(flights),
+                    (None, Look::Still) => told_from(self.flights_from(first, scene, still)?),
+                    (None, Look::AgainstAnother) => told_from(self.flights_against_another(first, scene)?),
+                    (None, Look::Scattered) => self.scattered_flights_from(first, scene, still)?,
                 };
-                for flight in flights {
+                for (first, flight) in flights {
                     if best.claimed.iter().chain(&told).any(|t| stands_at(t, first + self.apart(), &flight.balls[1], self.apart())) {
                         continue;
                     }
@@ -276,7 +289,9 @@ impl<S: FrameSource> Shot<'_, S> {
         if self.is_part_of_the_racket(&tried, stage.racket) || !told_clearly && self.moves_as_no_ball(&tried, stage.racket) {
             return Ok(Followed::NoBall(tried));
         }
-        let track = self.whole_flight(first, balls, self.both_to_the_end(ways.map(|way| way.follower))?);
+        let mut track = self.whole_flight(first, balls, self.both_to_the_end(ways.map(|way| way.follower))?);
+        // Frames between those that tell it.
+        track.frames.iter_mut().for_each(|ball| *ball = ball.filter(|b| b.points.iter().any(Option::is_some)));
         Ok(if self.is_part_of_the_racket(&track.frames, stage.racket) { Followed::NoBall(track.frames) } else { Followed::MayBeTheBall(track) })
     }
 

@@ -1,7 +1,6 @@
 //! From views to a spin estimate: search, registration, and the verdict whether it may be believed.
 
 use super::contest::{Contest, contest, stands_still};
-use super::covered_views::clear_marks;
 use super::registration::{Effort, FoundMarkings, Registrar, Registration};
 use super::search::{Beam, Search};
 use super::shading::{Mark, Shading, divide_out};
@@ -264,14 +263,9 @@ impl FoundSpin {
     fn refined(contest: Contest, infos: &[ViewInfo], marks: &[Mark], shading: &Shading, settings: &SpinSettings) -> Self {
         let map = SphereMap::new(FINE_EDGE);
         let effort = Effort { memory_s: MEMORY_FRAMES / settings.frame_rate_hz, ..FIRST };
-        let mut registrar = Registrar::new(&map, infos, marks, shading, Some(&settings.blur_px));
-        let mut first = registrar.refine(contest.omega, &effort);
-        let clear = clear_marks(&first.residuals, marks, infos.len());
-        if let Some(clear) = &clear {
-            registrar = Registrar::new(&map, infos, clear, shading, Some(&settings.blur_px));
-            first = registrar.refine(contest.omega, &effort);
-        }
-        let start = Start { contest, omega: first.omega, unexplained: unexplained(&first), markings: registrar.found(&first, shading, settings.blur_px) };
+        let mut registrar = Registrar::new(&map, infos, marks, shading, Some(settings.blur_px));
+        let first = registrar.refine_on_clear_views(contest.omega, &effort);
+        let start = Start { contest, omega: first.omega, unexplained: unexplained(&first), markings: registrar.found(&first) };
         let rough = match refused(&first, &start.contest, settings, SETTLED.0) {
             Some(reason) => SpinEstimate::Refused { reason },
             None => held(infos, &first, first.omega, stated(&first, &first.model_covariance, infos) + start.contest.flat, &start.contest, settings),
@@ -290,13 +284,8 @@ impl FoundSpin {
         let map = SphereMap::new(FINE_EDGE);
         let (shading, marks) = divide_out(&infos, &samples, Some(&start.markings.at(&map, &infos, &samples)));
         let effort = Effort { memory_s: MEMORY_FRAMES / settings.frame_rate_hz, ..FINAL };
-        let mut registrar = Registrar::new(&map, &infos, &marks, &shading, Some(&settings.blur_px));
-        let mut best = registrar.refine(start.omega, &effort);
-        let clear = clear_marks(&best.residuals, &marks, infos.len());
-        if let Some(clear) = &clear {
-            registrar = Registrar::new(&map, &infos, clear, &shading, Some(&settings.blur_px));
-            best = registrar.refine(start.omega, &effort);
-        }
+        let mut registrar = Registrar::new(&map, &infos, &marks, &shading, Some(settings.blur_px));
+        let best = registrar.refine_on_clear_views(start.omega, &effort);
         if let Some(reason) = refused(&best, &start.contest, settings, SETTLED.1) {
             return SpinEstimate::Refused { reason };
         }

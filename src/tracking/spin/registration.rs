@@ -4,6 +4,7 @@
 //! Gauss–Newton on ω with the map projected out at every step (variable projection, Golub and Pereyra 1973). Gains and shading
 //! follow from what is left over between the steps.
 
+use super::covered_views::clear_marks;
 use super::map_equations::{MapEquations, right_of};
 use super::pixels::{Design, Moment, Rows};
 use super::shading::{Harmonics, Mark, Shading, factors, median_of_sizes};
@@ -11,6 +12,7 @@ use super::sphere_map::SphereMap;
 use super::view::{Sample, TRACK_TERMS, ViewInfo};
 use crate::calibration::CameraId;
 use nalgebra::{Matrix3, Rotation3, Vector3};
+use std::borrow::Cow;
 use std::ops::Range;
 
 /// Degrees of freedom of the Student-t that the residuals are weighted by: strings and frame in front of the ball.
@@ -81,7 +83,7 @@ pub(super) struct FoundMarkings {
     middle_s: f64,
     map: Vec<f32>,
     shading: Shading,
-    blur_px: [f64; 2],
+    blur_px: Option<[f64; 2]>,
 }
 
 impl FoundMarkings {
@@ -92,7 +94,7 @@ impl FoundMarkings {
         let mut of_view = vec![0..0; views.len()];
         for (i, s) in samples.iter().enumerate() {
             let view = &views[s.view];
-            looks_at.push(&(view.axes * blurred_direction(&s.disc, &self.shading, view, &self.blur_px)));
+            looks_at.push(&(view.axes * blurred_direction(&s.disc, &self.shading, view, self.blur_px)));
             of_view[s.view] = if of_view[s.view].is_empty() { i..i + 1 } else { of_view[s.view].start..i + 1 };
         }
         let mut design = Design::new(samples.len(), Rotation3::identity());
@@ -113,7 +115,9 @@ fn turned_back(views: &[ViewInfo], omega: &Vector3<f64>, middle_s: f64, cells: &
 pub(super) struct Registrar<'a> {
     map: &'a SphereMap,
     views: &'a [ViewInfo],
-    marks: &'a [Mark],
+    marks: Cow<'a, [Mark]>,
+    shading: &'a Shading,
+    blur_px: Option<[f64; 2]>,
     /// By pixel: contrast, weight and its root, and the variance that the map may miss, times the weight.
     contrasts: Vec<f32>,
     weights: Vec<f32>,
@@ -147,14 +151,19 @@ struct Information {
 }
 
 impl<'a> Registrar<'a> {
-    pub fn new(map: &'a SphereMap, views: &'a [ViewInfo], marks: &'a [Mark], shading: &Shading, blur_px: Option<&[f64; 2]>) -> Self {
+    /// Without `blur_px` every pixel looks at one point of the ball.
+    pub fn new(map: &'a SphereMap, views: &'a [ViewInfo], marks: &'a [Mark], shading: &'a Shading, blur_px: Option<[f64; 2]>) -> Self {
+        Registrar::of(map, views, Cow::Borrowed(marks), shading, blur_px)
+    }
+
+    fn of(map: &'a SphereMap, views: &'a [ViewInfo], marks: Cow<'a, [Mark]>, shading: &'a Shading, blur_px: Option<[f64; 2]>) -> Self {
         let middle_s = marks.iter().map(|m| views[m.view].time_s).sum::<f64>() / marks.len().max(1) as f64;
         let total: f64 = marks.iter().map(|m| m.weight).sum();
         let variance = marks.iter().map(|m| m.weight * m.contrast * m.contrast).sum::<f64>() / total.max(1e-12);
         let mut looks_at = Rows::default();
-        for m in marks {
+        for m in marks.iter() {
             let view = &views[m.view];
-            looks_at.push(&(view.axes * blur_px.map_or(m.disc, |blur_px| blurred_direction(&m.disc, shading, view, blur_px))));
+            looks_at.push(&(view.axes * blurred_direction(&m.disc, shading, view, blur_px)));
         }
         let of_view = (0..views.len()).map(|view| marks.partition_point(|m| m.view < view)..marks.partition_point(|m| m.view <= view)).collect();
         let (contrasts, weights): (Vec<f32>, Vec<f32>) = marks.iter().map(|m| (m.contrast as f32, m.weight as f32)).unzip();
@@ -167,7 +176,22 @@ impl<'a> Registrar<'a> {
             let harmonics = |of: &[usize]| Harmonics::of(of.iter().map(|&i| factors(0.0, &marks[i].disc)));
             Lit { of_own: harmonics(&own), of_some: harmonics(&some), own, some }
         });
-        Registrar { map, views, marks, contrasts, weights, roots, missed, lit, of_view, looks_at, middle_s, variance: variance.max(1e-6) as f32 }
+        Registrar {
+            map,
+            views,
+            marks,
+            shading,
+            blur_px,
+            contrasts,
+            weights,
+            roots,
+            missed,
+            lit,
+            of_view,
+            looks_at,
+            middle_s,
+            variance: variance.max(1e-6) as f32,
+        }
     }
 
     /// Every pixel's relative information: of its noise, and of what the map may miss there.
@@ -176,8 +200,22 @@ impl<'a> Registrar<'a> {
     }
 
     /// What a registration has found.
-    pub fn found(&self, registration: &Registration, shading: &Shading, blur_px: [f64; 2]) -> FoundMarkings {
-        FoundMarkings { omega: registration.omega, middle_s: self.middle_s, map: registration.state.map.clone(), shading: shading.clone(), blur_px }
+    pub fn found(&self, registration: &Registration) -> FoundMarkings {
+        FoundMarkings {
+            omega: registration.omega,
+            middle_s: self.middle_s,
+            map: registration.state.map.clone(),
+            shading: self.shading.clone(),
+            blur_px: self.blur_px,
+        }
+    }
+
+    /// Refines from `start`, and where something passes before the ball in some pictures once more without those: they are gone from here on.
+    pub fn refine_on_clear_views(&mut self, start: Vector3<f64>, effort: &Effort) -> Registration {
+        let first = self.refine(start, effort);
+        let Some(clear) = clear_marks(&first.residuals, &self.marks, self.views.len()) else { return first };
+        *self = Registrar::of(self.map, self.views, Cow::Owned(clear), self.shading, self.blur_px);
+        self.refine(start, effort)
     }
 
     /// Refines from `start`.
@@ -393,7 +431,7 @@ impl<'a> Registrar<'a> {
             .zip(self.views)
             .map(|(back, v)| Matrix3::from_fn(|i, k| f64::from(back[i][k])) * v.axes)
             .collect();
-        for (i, ((&w, r), m)) in weights.iter().zip(&residuals).zip(self.marks).enumerate() {
+        for (i, ((&w, r), m)) in weights.iter().zip(&residuals).zip(self.marks.iter()).enumerate() {
             let own = own(i);
             scores[m.view] += own * f64::from(w * r);
             let slope = to_body[m.view].tr_mul(&Vector3::from_fn(|k, _| f64::from(gradients[k][i]))) / self.views[m.view].radius_px;
@@ -450,8 +488,9 @@ fn secant(holds: &Matrix3<f64>, step: &Vector3<f64>, change: &Vector3<f64>) -> M
 /// line seems to move toward the dark, by the blur's variance times the slope of the light's logarithm. (The mean direction
 /// under the blur would lie farther out still, but lines are narrower than the blur, and a line's blurred picture is
 /// symmetric about its place in the picture, not on the ball; docs/spin-experiments.md, "Blur in the present map".)
-fn blurred_direction(disc: &Vector3<f64>, shading: &Shading, view: &ViewInfo, blur_px: &[f64; 2]) -> Vector3<f64> {
+fn blurred_direction(disc: &Vector3<f64>, shading: &Shading, view: &ViewInfo, blur_px: Option<[f64; 2]>) -> Vector3<f64> {
     const H: f64 = 0.02;
+    let Some(blur_px) = blur_px else { return *disc };
     let variance = (blur_px[view.camera.index()] / view.radius_px).powi(2);
     let light = |dx: f64, dy: f64| {
         let (x, y) = (disc.x + dx, disc.y + dy);

@@ -125,9 +125,40 @@ pub fn read_text(path: &Path, most: u64) -> io::Result<String> {
     Ok(text)
 }
 
-/// A parser's message as part of another: without the line's end after it, and of a file that is one endless line only as much as anybody reads.
+/// What parsers call things, and what those are called who write the files.
+const PLAIN_WORDS: [(&str, &str); 15] = [
+    ("missing field", "missing"),
+    ("unknown field", "unknown key"),
+    ("duplicate field", "a second"),
+    ("unknown variant", "unknown word"),
+    ("invalid type:", "not as it should be:"),
+    ("invalid value:", "not as it should be:"),
+    ("floating point `", "`"),
+    ("integer `", "`"),
+    ("boolean `", "`"),
+    ("string \"", "\""),
+    ("expected a map", "expected a table"),
+    ("expected a sequence", "expected a list"),
+    ("invalid type: sequence", "not as it should be: a list"),
+    ("expected f64", "expected a number"),
+    ("expected a string", "expected a text in quotes"),
+];
+/// Number types of the code, by their beginning.
+const WHOLE_NUMBERS: [(&str, &str); 2] = [("expected u", "expected a whole number from 0 on"), ("expected i", "expected a whole number")];
+
+/// A parser's words for those who write files.
+pub fn plain_words(told: &str) -> String {
+    let plain = PLAIN_WORDS.iter().fold(told.to_owned(), |words, (theirs, ours)| words.replace(theirs, ours));
+    WHOLE_NUMBERS.iter().fold(plain, |words, (theirs, ours)| {
+        ["8", "16", "32", "64", "size"].iter().fold(words, |words, bits| words.replace(&format!("{theirs}{bits}"), ours))
+    })
+}
+
+/// A parser's message as part of another: in plain words, without the line's end after it, and of a file that is one endless line only as much as anybody reads.
 pub fn parser_words(e: &dyn std::fmt::Display) -> String {
-    let shown = |line: &str| line.chars().take(LONGEST_LINE).collect::<String>();
+    // What it shows of the file itself stays as it is written there.
+    let of_file = |line: &str| line.split_once('|').is_some_and(|(number, _)| number.trim().bytes().all(|b| b.is_ascii_digit()));
+    let shown = |line: &str| (if of_file(line) { line.to_owned() } else { plain_words(line) }).chars().take(LONGEST_LINE).collect::<String>();
     let mut lines: Vec<String> = e.to_string().trim_end().lines().map(shown).collect();
     if lines.iter().any(|line| has_decimal_comma(line)) {
         lines.push("numbers have a decimal point, not a comma".to_owned());
@@ -152,6 +183,33 @@ mod tests {
         let e = toml::from_str::<toml::Table>(&format!("a = {}", "[".repeat(100_000))).expect_err("too deep");
         let words = parser_words(&e);
         assert!(words.len() < 1000 && words.starts_with("TOML parse error at line 1") && !words.ends_with('\n'), "{words}");
+    }
+
+    #[test]
+    fn truth_a_parsers_message_is_in_the_words_of_who_writes_files() {
+        #[derive(Debug, serde::Deserialize)]
+        #[serde(deny_unknown_fields)]
+        #[allow(dead_code)]
+        struct Asked {
+            seed: u64,
+            #[serde(default)]
+            place: [f64; 3],
+            #[serde(default)]
+            word: std::collections::BTreeMap<String, bool>,
+        }
+        let told = |text: &str| parser_words(&toml::from_str::<Asked>(text).expect_err("wrong"));
+        for (text, words) in [
+            ("seed = 7.5\n", "not as it should be: `7.5`, expected a whole number from 0 on"),
+            ("seed = -1\n", "not as it should be: `-1`, expected a whole number from 0 on"),
+            ("seed = \"one\"\n", "not as it should be: \"one\", expected a whole number from 0 on"),
+            ("place = [1, 2, 3]\n", "missing `seed`"),
+            ("seed = 1\ncolour = 2\n", "unknown key `colour`, expected one of `seed`, `place`, `word`"),
+            ("seed = 1\nword = 3\n", "not as it should be: `3`, expected a table"),
+            ("seed = 1\nplace = [1, true, 3]\n", "not as it should be: `true`, expected a number"),
+        ] {
+            let told = told(text);
+            assert!(told.contains(words) && (told.contains(&format!("| {}", text.lines().last().unwrap_or_default()))), "{told}");
+        }
     }
 
     #[test]

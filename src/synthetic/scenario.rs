@@ -4,19 +4,21 @@ use super::footage_spec::FootageSpec;
 use super::hidden::Hidden;
 use super::impact_world::{ImpactWorldError, Kind, SyntheticTable, TableSpec, generate_table};
 use super::measurement::NoiseOptions;
+use crate::limited_file::parser_words;
 use serde::Deserialize;
+use serde::de::DeserializeOwned;
+use toml::de::DeTable;
 
 /// What a scenario file holds.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(tag = "kind", rename_all = "kebab-case")]
+#[derive(Debug, Clone, PartialEq)]
 pub enum Scenario {
-    /// An impacts table without pictures.
+    /// `kind = "table"`: an impacts table without pictures.
     Table(TableScenario),
-    /// A session of footage; `setting` is `lab`, `court` or `hard`.
+    /// `kind = "footage"`: a session of footage; `setting` is `lab`, `court` or `hard`.
     Footage(FootageSpec),
 }
 
-/// `kind = "table"`.
+/// An impacts table.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TableScenario {
@@ -34,6 +36,8 @@ pub struct TableScenario {
 pub enum ScenarioError {
     #[error("{0}")]
     Toml(String),
+    #[error("`kind` is {0}; allowed: \"table\" or \"footage\"")]
+    Kind(String),
     #[error(transparent)]
     World(#[from] ImpactWorldError),
 }
@@ -43,8 +47,26 @@ pub struct TableFiles(pub Vec<(&'static str, String)>);
 
 impl Scenario {
     pub fn parse(text: &str) -> Result<Self, ScenarioError> {
-        toml::from_str(text).map_err(|e| ScenarioError::Toml(e.to_string()))
+        let told = |e: toml::de::Error| ScenarioError::Toml(parser_words(&e));
+        // The kind is taken out before the rest is read: serde reads a choice that one of its keys makes from a copy that knows no lines.
+        let mut table = DeTable::parse(text).map_err(told)?;
+        let kind = table.get_mut().remove("kind").map(|kind| kind.into_inner());
+        match kind.as_ref().map(|kind| kind.as_str()) {
+            Some(Some("table")) => of_the_rest(table.into(), text).map(Scenario::Table).map_err(told),
+            Some(Some("footage")) => of_the_rest(table.into(), text).map(Scenario::Footage).map_err(told),
+            Some(Some(other)) => Err(ScenarioError::Kind(format!("{other:?}"))),
+            Some(None) => Err(ScenarioError::Kind("no text in quotes".to_owned())),
+            None => Err(ScenarioError::Kind("missing".to_owned())),
+        }
     }
+}
+
+/// What the keys but the kind say; an error shows its line of the whole text.
+fn of_the_rest<T: DeserializeOwned>(rest: toml::Deserializer, text: &str) -> Result<T, toml::de::Error> {
+    T::deserialize(rest).map_err(|mut e| {
+        e.set_input(Some(text));
+        e
+    })
 }
 
 impl TableScenario {
@@ -82,6 +104,12 @@ mod tests {
         assert_eq!(made.table.rows.len(), 12);
         let sd = made.table.rows[0].get("ball_out_vz").and_then(|m| m.sd).expect("stated");
         assert!((sd - 0.08).abs() < 1e-12);
-        assert!(Scenario::parse(&text.replace("understated", "overstated")).is_err());
+        let refused = |from: &str, to: &str| Scenario::parse(&text.replace(from, to)).expect_err("refused").to_string();
+        let told = refused("understated", "overstated");
+        assert!(told.contains("line 8") && told.contains("unknown key `overstated`"), "{told}");
+        let told = refused("= 12", "= 7.5");
+        assert!(told.contains("line 3") && told.contains("`7.5`, expected a whole number from 0 on"), "{told}");
+        assert_eq!(refused("\"table\"", "\"tables\""), "`kind` is \"tables\"; allowed: \"table\" or \"footage\"");
+        assert!(refused("kind", "kin").starts_with("`kind` is missing"));
     }
 }

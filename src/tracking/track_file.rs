@@ -2,7 +2,7 @@
 
 use crate::calibration::CameraId;
 use crate::footage::LARGEST_FRAME_NUMBER;
-use crate::limited_file::{LARGEST_TABLE, LimitedFile, TableFile};
+use crate::limited_file::{LARGEST_TABLE, LimitedFile, TableFile, plain_words};
 use crate::quantity::as_written;
 use nalgebra::{Point3, Vector2, Vector3};
 use rayon::prelude::*;
@@ -255,15 +255,35 @@ fn each_row<R: serde::de::DeserializeOwned>(path: &Path, mut take: impl FnMut(R)
         let line = record.position().map_or(0, csv::Position::line);
         let refused = |what: String| TrackFileError::Row { path: path.into(), line, what };
         let row: R = record.deserialize(Some(&header)).map_err(|e| match e.kind() {
-            csv::ErrorKind::Deserialize { err, .. } => {
-                let column = err.field().and_then(|k| header.get(k as usize)).map_or_else(String::new, |c| format!("`{c}`: "));
-                refused(format!("{column}{}", err.kind()))
-            }
+            csv::ErrorKind::Deserialize { err, .. } => refused(cell_words(err, &header, &record)),
             _ => refused(e.to_string()),
         })?;
         take(row).map_err(refused)?;
     }
     Ok(())
+}
+
+/// What is wrong with one cell of a row, or with the whole row.
+fn cell_words(e: &csv::DeserializeError, header: &csv::StringRecord, record: &csv::StringRecord) -> String {
+    use csv::DeserializeErrorKind::{Message, ParseFloat, ParseInt, UnexpectedEndOfRow};
+    let why = match e.kind() {
+        ParseInt(_) => "no whole number from 0 on".to_owned(),
+        ParseFloat(_) => "no number".to_owned(),
+        UnexpectedEndOfRow => format!("{} columns; allowed: more", record.len()),
+        Message(told) => match (told.strip_prefix("missing field"), told.split_once(", expected ")) {
+            (Some(name), _) => format!("missing column{name}"),
+            (None, Some((_, words))) => format!("expected {words}"),
+            (None, None) => plain_words(told),
+        },
+        other => other.to_string(),
+    };
+    // Of a word out of a few the reader tells the word alone.
+    let of_word = || match e.kind() {
+        Message(told) => record.iter().position(|cell| told.split('`').nth(1) == Some(cell)),
+        _ => None,
+    };
+    let cell = e.field().map(|k| k as usize).or_else(of_word).and_then(|k| Some((header.get(k)?, record.get(k)?)));
+    cell.map_or(why.clone(), |(column, seen)| format!("`{column}` is `{}`: {why}", seen.chars().take(40).collect::<String>()))
 }
 
 fn check_frame(frame: u64) -> Result<(), String> {
@@ -309,6 +329,17 @@ mod tests {
             let wild = if written == "1.0" { "1e300" } else { "1e300,1e300" };
             assert!(read(&row(7).replacen(written, wild, 1)).is_err_and(|e| e.contains("line 2: ") && e.contains(told)), "{told}");
         }
+        for (written, wild, told) in [
+            ("7,left", "7.5,left", "line 2: `frame` is `7.5`: no whole number from 0 on"),
+            ("left", "middle", "line 2: `camera` is `middle`: expected `left` or `right`"),
+            (",1.0,", ",one,", "line 2: `u` is `one`: no number"),
+            ("measured", "seen", "line 2: `state` is `seen`: expected one of `measured`, `manual`, `occluded`"),
+        ] {
+            let refused = read(&row(7).replacen(written, wild, 1)).expect_err(told);
+            assert!(refused.contains(told), "{refused}");
+        }
+        std::fs::write(&path, "frame,camera,u,v,u_sd,v_sd,state\n7,left,1.0,2.0,0.1,0.1,measured\n").expect("written");
+        assert!(Tracks::read(&path).is_err_and(|e| e.to_string().contains("line 2: missing column `target`")));
         assert!(read(&row(u64::MAX)).is_err_and(|e| e.contains("line 2: frame 18446744073709551615; allowed: up to 9007199254740992")));
         std::fs::write(&path, "frame,t,target,x,y,z,x_sd,y_sd,z_sd,residual_px\n9,0,m2,0,0,0,1,1,1,0\n8,0,ball,0,0,0,1,1,1,0\n8,0,m1,0,0,0,1,1,1,0\n")
             .expect("written");

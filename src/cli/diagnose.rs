@@ -32,7 +32,7 @@ pub struct Arguments {
     /// Diagnose, add, fit and compare again, one effect at a time, until nothing more earns its place
     #[arg(long)]
     pub auto: bool,
-    /// Where `--auto` writes the model it arrives at (default: MODEL-auto.toml beside the model)
+    /// Where `--auto` writes the model it arrives at (default: MODEL-auto.toml beside the model, or in --out DIR)
     #[arg(short = 'o', long = "output", value_name = "F2", requires = "auto")]
     pub output: Option<PathBuf>,
     /// Effects that `--auto` adds at most
@@ -53,7 +53,7 @@ pub fn run(arguments: Arguments, shell: &Shell) -> Result<(), CliError> {
         .hint("give -o a file"));
     }
     shell.keep(input.files.measured());
-    let output = arguments.output.clone().unwrap_or_else(|| auto_name(&input.files.model));
+    let output = arguments.output.clone().unwrap_or_else(|| shell.results_beside(&input.files.model).join(auto_name(&input.files.model)));
     if arguments.auto {
         shell.check_output(&output, Output::Model)?;
     }
@@ -117,17 +117,17 @@ pub(super) fn session_at_its_best(session: &Session, impacts: &Path, model: &Pat
 
 /// The file of one version on the way: `model-auto.1.toml`, so that any step can be gone back to or branched from.
 fn version_name(output: &Path, step: usize) -> PathBuf {
-    model_beside(output, &format!(".{step}"))
+    output.with_file_name(name_with(output, &format!(".{step}")))
 }
 
-fn auto_name(model: &Path) -> PathBuf {
-    model_beside(model, "-auto")
+fn auto_name(model: &Path) -> String {
+    name_with(model, "-auto")
 }
 
-/// A model file beside another one, with more behind its name.
-fn model_beside(model: &Path, more: &str) -> PathBuf {
+/// A model file's name with more behind it.
+fn name_with(model: &Path, more: &str) -> String {
     let stem = model.file_stem().map_or_else(|| "model".to_owned(), |s| s.to_string_lossy().into_owned());
-    model.with_file_name(format!("{stem}{more}.toml"))
+    format!("{stem}{more}.toml")
 }
 
 /// `--auto`: what is said of a [`Walk`], its versions in files of their own and in the ledger.

@@ -33,6 +33,10 @@ const SECOND_LEVEL: f64 = 0.01;
 const SECOND_SHARE: f64 = 0.1;
 /// Share of the whole excess that a second effect must take: few catalogue formulae fit nature's to better than this.
 const SMALLEST_SHARE: f64 = 0.01;
+/// Share of what the best single effect leaves from which a second one is no form of it, unless the cards say so, and what it takes in units of
+/// chance's deviation: a wrong second effect takes a part of what the best one's formula misses, seldom the most of it.
+const MOST_OF_THE_REST: f64 = 0.5;
+const BEYOND_CHANCE: f64 = 4.0;
 /// Share of the excess that a catalogue effect must take away to be called missing.
 pub const SHARE: f64 = 0.75;
 /// Of two effects that imitate each other, one that takes this share of the excess alone stands alone.
@@ -226,6 +230,18 @@ impl<'a> Refits<'a> {
         if left(pair.halves[1]) < left(pair.halves[0]) { pair.halves[1] } else { pair.halves[0] }
     }
 
+    /// Deviation of the excess that chance alone makes.
+    fn chance(&self) -> f64 {
+        (2.0 * self.base.rank as f64).sqrt()
+    }
+
+    /// Whether the lesser half of a pair takes this share of what the better one leaves, clearly more than chance would.
+    fn takes_of_the_rest(&self, pair: &Pair, share: f64) -> bool {
+        let c = self.c.min(LARGEST_NOISE_SCALE);
+        let (left, both) = (excess_at(&self.singles[self.better_half(pair)].structure, c), excess_at(&pair.refit.structure, c));
+        left - both > BEYOND_CHANCE * self.chance() && share_removed(left, both) > share
+    }
+
     /// Two effects that imitate each other, one of which does nearly all alone: the first in another form.
     fn is_one_in_another_form(&self, pair: &Pair) -> bool {
         let c = self.c.min(LARGEST_NOISE_SCALE);
@@ -256,8 +272,8 @@ impl<'a> Refits<'a> {
             return Some(format!("another form of {} explains what it leaves better", better.effects[0]));
         }
         // What chance leaves (two deviations) is nobody's to take.
-        let chance = 2.0 * (2.0 * self.base.rank as f64).sqrt();
-        if left - both < SECOND_SHARE * (left - chance).max(0.0) || left - both < SMALLEST_SHARE * base {
+        let too_small = left - both < SMALLEST_SHARE * base && !self.takes_of_the_rest(pair, SHARE);
+        if left - both < SECOND_SHARE * (left - 2.0 * self.chance()).max(0.0) || too_small {
             return Some(format!("the second takes only {:.0} % of what {} leaves", 100.0 * share_removed(left, both), better.effects[0]));
         }
         for alone in pair.halves.map(|i| &self.singles[i].held_out) {
@@ -350,20 +366,25 @@ impl<'a> Refits<'a> {
 
     /// The second effect of the best single one's pair is weighed in full, any other pair against the best single effect's
     /// possible forms; but no pair more than its whole evidence allows beside that of another that stands: what the forms of one half could take
-    /// from the other speaks for a single effect, not for another pair.
+    /// from the other speaks for a single effect, not for another pair. Where the pair that explains most is the best single effect with one that
+    /// takes most of what it leaves, a pair without it does not count: two wrong effects can share what a strong one and a weak one do.
     fn pair_weight(&self, pair: &Pair, overdispersion: f64) -> f64 {
         let whole = |p: &Pair| {
             let (half, more) = self.pair_evidence(p);
             half + more + self.told_by_held_out(&p.refit)
         };
+        let is_of_best = |p: &Pair| self.best_single().is_some_and(|b| p.halves.contains(&b));
         let by_itself = |p: &Pair| {
             let more = self.pair_evidence(p).1;
-            let in_full = if self.best_single().is_some_and(|b| p.halves.contains(&b)) { more - more / overdispersion } else { 0.0 };
+            let in_full = if is_of_best(p) { more - more / overdispersion } else { 0.0 };
             whole(p) / overdispersion + in_full
         };
         let in_all = |p: &Pair| p.refit.log_evidence + self.told_by_held_out(&p.refit);
         let beside = |other: &Pair| by_itself(other) + (whole(pair) - whole(other)).min(in_all(pair) - in_all(other)) / overdispersion;
-        self.earned().map(beside).fold(by_itself(pair), f64::min) + self.log_prior(2)
+        let explains_most = self.earned().all(|other| in_all(other) <= in_all(pair));
+        let of_the_rest = explains_most && is_of_best(pair) && !pair.aliases && self.takes_of_the_rest(pair, MOST_OF_THE_REST);
+        let counts = |other: &&Pair| !of_the_rest || is_of_best(other);
+        self.earned().filter(counts).map(beside).fold(by_itself(pair), f64::min) + self.log_prior(2)
     }
 
     /// The model to recommend: the best single effect, or the best pair, by the same weights as their probabilities, when it

@@ -880,11 +880,14 @@ fn cli_compare_diagnose_add_fit_compare_and_the_error_falls() {
     // The same walk by itself, twice, gives the same bytes.
     let results: Vec<PathBuf> = ["one", "two"].map(|d| at.join(d)).to_vec();
     for folder in &results {
-        let (status, said) = command("diagnose", "model.toml", &["--auto", "-o", "auto.toml", "--out", folder.to_str().unwrap()]);
+        let (status, said) = command("diagnose", "model.toml", &["--auto", "--out", folder.to_str().unwrap()]);
         assert_eq!(status, 0, "{said}");
     }
-    assert_eq!(std::fs::read(results[0].join("diagnosis.json")).unwrap(), std::fs::read(results[1].join("diagnosis.json")).unwrap());
-    assert!(std::fs::read_to_string(at.join("auto.toml")).unwrap().contains("[effects.frame-vibration]"));
+    for file in ["diagnosis.json", "model-auto.toml", "model-auto.1.toml"] {
+        assert_eq!(std::fs::read(results[0].join(file)).unwrap(), std::fs::read(results[1].join(file)).unwrap(), "{file}");
+        assert!(!at.join(file).exists() || file == "diagnosis.json", "{file} beside the model");
+    }
+    assert!(std::fs::read_to_string(results[0].join("model-auto.toml")).unwrap().contains("[effects.frame-vibration]"));
 }
 
 /// A table whose outputs are a model's own, with the noise it states: not a test of physics, but of whether the statistics see what is there.
@@ -1006,6 +1009,17 @@ fn truth_a_pair_is_named_by_its_whole_evidence() {
     let (made, _) = of_its_own_world(Kind::Court, 300, 9, &nature);
     let d = diagnosis_of(&made);
     assert_eq!(d.recommended, ["lateral-strings", "stringbed-edge"], "{:?}", d.words);
+}
+
+/// The weaker of two effects takes most of what the strong one leaves: two wrong ones that share what both do are no objection, nor that it is little of all.
+#[test]
+fn truth_the_weaker_effect_is_named_beside_a_strong_one_of_another_form() {
+    for hidden in [[("frame-vibration", 1.0), ("friction-law", 2.0)], [("ball-damping", 0.7), ("hand-mass", 2.0)]] {
+        let d = diagnosis_of(&table(Kind::Lab, 250, &hidden, 11, NoiseOptions::default()));
+        let mut named = d.recommended.clone();
+        named.sort();
+        assert_eq!(named, hidden.map(|(name, _)| name), "{:?}", d.words);
+    }
 }
 
 /// The restitution goes with the speed alone, which four effects say, each with its own power: the one that acts as its card says goes first, and those that

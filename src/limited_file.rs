@@ -149,9 +149,9 @@ const WHOLE_NUMBERS: [(&str, &str); 2] = [("expected u", "expected a whole numbe
 /// A parser's words for those who write files.
 pub fn plain_words(told: &str) -> String {
     let plain = PLAIN_WORDS.iter().fold(told.to_owned(), |words, (theirs, ours)| words.replace(theirs, ours));
-    WHOLE_NUMBERS.iter().fold(plain, |words, (theirs, ours)| {
-        ["8", "16", "32", "64", "size"].iter().fold(words, |words, bits| words.replace(&format!("{theirs}{bits}"), ours))
-    })
+    WHOLE_NUMBERS
+        .iter()
+        .fold(plain, |words, (theirs, ours)| ["8", "16", "32", "64", "size"].iter().fold(words, |words, bits| words.replace(&format!("{theirs}{bits}"), ours)))
 }
 
 /// A parser's message as part of another: in plain words, without the line's end after it, and of a file that is one endless line only as much as anybody reads.

@@ -5,6 +5,7 @@
 
 mod bitmap;
 mod clip;
+mod cut_off;
 mod decoded_pictures;
 mod frame_source;
 mod grey_patch;
@@ -14,6 +15,7 @@ mod open_files;
 mod rows;
 
 pub use clip::{Clip, FramePair};
+pub use cut_off::{WHITE, is_cut_off};
 pub use frame_source::{FrameBuffer, FrameSource};
 pub use grey_patch::GreyPatch;
 pub use grey_view::GreyView;

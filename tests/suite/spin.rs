@@ -332,6 +332,16 @@ fn truth_a_spin_crowded_out_by_a_faster_one_is_found_by_itself() {
     });
 }
 
+/// A cap of the ball is white to the limit, and only lines show in it. While they were taken for the felt two of these were refused and one axis was 7 degrees off;
+/// of a ball that is nearly all white nothing is told.
+#[test]
+fn law_a_spin_is_told_under_an_overexposed_cap_and_refused_where_all_is_white() {
+    let cap = tally("overexposed 330", 24, (84.0, 300.0), |s, _| s.bright = 330.0);
+    assert!(cap.rate.len() == 24 && cap.worst_rate() < 0.02 && cap.worst_axis_deg() < 3.0 && cap.z2_mean() < 1.6, "{cap:?}");
+    let white = tally("white", 2, (84.0, 300.0), |s, _| s.bright = 1500.0);
+    assert!(white.refused.len() == 2 && white.refused.iter().all(|r| r.contains("white to the limit in ")), "{:?}", white.refused);
+}
+
 #[test]
 fn fails_where_the_markings_do_not_hold_the_spin() {
     let bare = tally("bare", 3, (84.0, 300.0), |s, _| s.markings = Markings::None);

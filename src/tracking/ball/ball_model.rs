@@ -6,6 +6,7 @@
 //! expected. What lies behind the outline is continued from just outside it ([`crate::tracking::ball::ball_surroundings`]).
 
 use crate::calibration::CameraId;
+use crate::footage::is_cut_off;
 use crate::tracking::ball::ball_disc::{BallDisc, PlacesOnBall};
 use crate::tracking::ball::ball_light::{BallLight, SeenLight};
 use crate::tracking::ball::ball_surroundings::Surroundings;
@@ -217,6 +218,10 @@ impl BallPicture {
         for p in shown.iter().filter(|p| (LEAST_SHARE..CLEAR).contains(&p.share) && p.spread.is_finite()) {
             let i = p.pixel;
             let (bright, outside) = (ball.value[i], 1.0 - p.share);
+            let expected = gain * bright + outside * p.behind;
+            if is_cut_off(self.pixels[i], expected) {
+                continue;
+            }
             let residual = self.pixels[i] - gain * bright - outside * p.behind;
             let variance = noise2 + (MODEL * gain * bright).powi(2) + outside * outside * p.spread;
             let z = residual.abs() / variance.sqrt();
@@ -300,6 +305,8 @@ struct Bunch {
     /// Pixels that make up the number count for nothing: 0 instead of 1.
     there: [f32; LANES],
     // At the present centre and gain:
+    /// 0 where nothing is there or what is there is cut off, else 1.
+    counts: [f32; LANES],
     miss: [f32; LANES],
     variance: [f32; LANES],
     /// Derivatives by the centre, gain and tilt.
@@ -454,7 +461,8 @@ impl pulp::NullaryFnOnce for Miss<'_> {
                 let ball = e.ball[l] + e.ball_by[0][l] * x + e.ball_by[1][l] * y;
                 let clear = e.outside[l] == 0.0;
                 let outside = if clear { 0.0 } else { e.outside[l] + e.outside_by[0][l] * x + e.outside_by[1][l] * y };
-                e.miss[l] = (e.grey[l] - gain * ball - outside * e.behind[l]) * e.there[l];
+                e.counts[l] = if is_cut_off(e.grey[l], gain * ball + outside * e.behind[l]) { 0.0 } else { e.there[l] };
+                e.miss[l] = (e.grey[l] - gain * ball - outside * e.behind[l]) * e.counts[l];
                 e.variance[l] = noise * noise + (MODEL * gain * ball) * (MODEL * gain * ball) + outside * outside * e.spread[l];
                 for k in 0..2 {
                     e.slopes[k][l] = gain * e.ball_by[k][l] + e.outside_by[k][l] * e.behind[l];
@@ -484,7 +492,7 @@ impl<const N: usize> pulp::NullaryFnOnce for Weigh<'_, N> {
             let mut w = [0.0f32; LANES];
             for l in 0..LANES {
                 let z = e.miss[l].abs() / (e.variance[l].sqrt() * scale);
-                w[l] = weight(z, huber) / e.variance[l] * e.there[l];
+                w[l] = weight(z, huber) / e.variance[l] * e.counts[l];
             }
             for a in 0..N {
                 for l in 0..LANES {

@@ -5,7 +5,7 @@ use super::registration::{Effort, FoundMarkings, Registrar, Registration};
 use super::search::{Beam, Search};
 use super::shading::{Mark, Shading, divide_out};
 use super::sphere_map::SphereMap;
-use super::view::{BallView, Sample, ViewInfo, sample_views};
+use super::view::{BallView, SampledViews, ViewInfo, sample_views};
 use crate::calibration::StereoRig;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use rayon::prelude::*;
@@ -36,6 +36,8 @@ impl SpinSettings {
 pub enum SpinRefusal {
     #[error("only {seen} usable frames show the ball; {needed} are needed")]
     TooFewFrames { seen: usize, needed: usize },
+    #[error("more than half of the ball is white to the limit in {white} of {of} pictures; use less light or a shorter exposure")]
+    Overexposed { white: usize, of: usize },
     #[error("the contact is not known (no impact in the clip, or no racket around it), so that no flight is before or after it")]
     NoContact,
     #[error("the ball shows no markings (contrast {contrast:.3}, noise {noise:.3}); draw dark lines on it")]
@@ -124,6 +126,8 @@ struct Start {
 
 /// Least frames from which a spin is tried.
 const LEAST_FRAMES: usize = 4;
+/// Most overexposed views to one that is not: what is left of a ball that is mostly white tells its spin by chance.
+const MOST_OVEREXPOSED: usize = 2;
 /// Fewest pixels.
 const LEAST_SAMPLES: usize = 200;
 /// A registration whose last step is longer has not settled: of a spin that was only found, and of a measured one, rad/s.
@@ -182,10 +186,11 @@ impl FoundSpin {
     /// little or does not settle: the right one may have been lost among those that fit by chance. Where what is found then leaves much
     /// unexplained the slower ones are looked at by themselves.
     pub fn find(views: &[BallView], rig: &StereoRig, radius_m: f64, settings: &SpinSettings) -> Self {
-        let (infos, samples) = sample_views(views, rig, radius_m);
-        if let Some(refusal) = too_few(&infos, &samples, settings) {
-            return FoundSpin { rough: refusal, start: None };
+        let sampled = sample_views(views, rig, radius_m);
+        if let Some(reason) = unusable(&sampled, settings) {
+            return FoundSpin { rough: SpinEstimate::Refused { reason }, start: None };
         }
+        let SampledViews { infos, samples, .. } = sampled;
         let (shading, marks) = divide_out(&infos, &samples, None);
         let search = Search::new(&infos, &marks, 1.0 / settings.frame_rate_hz);
         let look = |limit_rad_s: f64, beam: Beam| Self::among(&search.candidates(limit_rad_s, beam), &infos, &marks, &shading, settings);
@@ -210,8 +215,9 @@ impl FoundSpin {
 
     /// The spin from pictures of a longer time: which of those that were possible it is.
     pub fn look_longer(&self, views: &[BallView], rig: &StereoRig, radius_m: f64, settings: &SpinSettings) -> Self {
-        let (infos, samples) = sample_views(views, rig, radius_m);
-        let (Some(start), None) = (&self.start, too_few(&infos, &samples, settings)) else { return self.clone() };
+        let sampled = sample_views(views, rig, radius_m);
+        let (Some(start), None) = (&self.start, unusable(&sampled, settings)) else { return self.clone() };
+        let SampledViews { infos, samples, .. } = sampled;
         let (shading, marks) = divide_out(&infos, &samples, None);
         let possible: Vec<Vector3<f64>> = [start.omega].into_iter().chain(start.contest.rival).chain(start.contest.near.iter().copied()).collect();
         match possible[..] {
@@ -276,10 +282,11 @@ impl FoundSpin {
     /// The spin from the same pictures, or from pictures with better centres, beginning where it was found.
     pub fn measure(&self, views: &[BallView], rig: &StereoRig, radius_m: f64, settings: &SpinSettings) -> SpinEstimate {
         let Some(start) = &self.start else { return self.rough.clone() };
-        let (infos, samples) = sample_views(views, rig, radius_m);
-        if let Some(refusal) = too_few(&infos, &samples, settings) {
-            return refusal;
+        let sampled = sample_views(views, rig, radius_m);
+        if let Some(reason) = unusable(&sampled, settings) {
+            return SpinEstimate::Refused { reason };
         }
+        let SampledViews { infos, samples, .. } = sampled;
         // The lines darken the first estimate of the shading where they pass most often; now that they are known, again.
         let map = SphereMap::new(FINE_EDGE);
         let (shading, marks) = divide_out(&infos, &samples, Some(&start.markings.at(&map, &infos, &samples)));
@@ -295,10 +302,15 @@ impl FoundSpin {
     }
 }
 
-/// Refuses what no spin can be seen in.
-fn too_few(infos: &[ViewInfo], samples: &[Sample], settings: &SpinSettings) -> Option<SpinEstimate> {
+/// Why no spin can be seen in the pictures.
+fn unusable(sampled: &SampledViews, settings: &SpinSettings) -> Option<SpinRefusal> {
+    let SampledViews { infos, samples, overexposed } = sampled;
+    if *overexposed > MOST_OVEREXPOSED * infos.len() {
+        return Some(SpinRefusal::Overexposed { white: *overexposed, of: infos.len() + overexposed });
+    }
     let seen = distinct_times(infos, settings.frame_rate_hz);
-    (seen < LEAST_FRAMES || samples.len() < LEAST_SAMPLES).then_some(SpinEstimate::Refused { reason: SpinRefusal::TooFewFrames { seen, needed: LEAST_FRAMES } })
+    let usable = samples.iter().filter(|s| !s.is_white()).count();
+    (seen < LEAST_FRAMES || usable < LEAST_SAMPLES).then_some(SpinRefusal::TooFewFrames { seen, needed: LEAST_FRAMES })
 }
 
 /// The covariance that one registration states; `held` is the covariance of its curvature, perhaps widened.

@@ -62,7 +62,8 @@ impl Shading {
     }
 }
 
-/// Divides out one gain per view and one shading pattern per camera; robust against marks and things in front.
+/// Divides out one gain per view and one shading pattern per camera; robust against marks and things in front. Pixels at white have no mark
+/// of their own, but the shading is at least as bright there: of an overexposed cap only the lines would be left, and taken for the felt.
 ///
 /// `markings`: contrast of the markings at every pixel as a first registration found it, or nothing yet.
 pub(super) fn divide_out(views: &[ViewInfo], samples: &[Sample], markings: Option<&[f32]>) -> (Shading, Vec<Mark>) {
@@ -88,20 +89,23 @@ pub(super) fn divide_out(views: &[ViewInfo], samples: &[Sample], markings: Optio
         let harmonics = Harmonics::of(own.iter().map(|&i| factors(1.0, &samples[i].disc)));
         let values: Vec<f32> = own.iter().map(|&i| (felt[i] / gains[samples[i].view]) as f32).collect();
         let mut weights = vec![1.0f32; own.len()];
-        for _ in 0..4 {
+        let white: Vec<bool> = own.iter().map(|&i| samples[i].is_white()).collect();
+        let rounds = if white.contains(&true) { 2 * ROUNDS } else { ROUNDS };
+        for _ in 0..rounds {
             let Some(solution) = harmonics.least_squares(&values, &weights, 1e-6) else { break };
             let misses: Vec<f32> = values.iter().zip(&harmonics.sums(&solution)).map(|(v, sum)| v - sum).collect();
             let sizes: Vec<f32> = misses.iter().map(|m| m.abs()).collect();
             let scale = 1.5 * median_of_sizes(&sizes).max(1e-3);
-            for (weight, miss) in weights.iter_mut().zip(&misses) {
+            for ((weight, miss), white) in weights.iter_mut().zip(&misses).zip(&white) {
                 let square = (miss / (2.0 * scale)) * (miss / (2.0 * scale));
-                *weight = 1.0 / ((1.0 + square) * (1.0 + square));
+                *weight = if *white && *miss < 0.0 { 0.0 } else { 1.0 / ((1.0 + square) * (1.0 + square)) };
             }
             shading.coefficients[camera.index()] = solution.map(f64::from).to_vec();
         }
     }
     let mut marks: Vec<Mark> = samples
         .iter()
+        .filter(|s| !s.is_white())
         .map(|s| {
             let bright = gains[s.view] * shading.at(views[s.view].camera, &s.disc);
             Mark { view: s.view, normal: s.normal, disc: s.disc, contrast: (s.grey / bright - 1.0).clamp(DARKEST, BRIGHTEST), weight: bright * bright }
@@ -114,6 +118,8 @@ pub(super) fn divide_out(views: &[ViewInfo], samples: &[Sample], markings: Optio
     (shading, marks)
 }
 
+/// Rounds in which what is no felt loses its weight.
+const ROUNDS: usize = 4;
 /// So many pixels tell a camera's shading; fewer make spins of seven frames worse.
 const ENOUGH: usize = 4000;
 const UNKNOWNS: usize = TERMS + 1;

@@ -1,7 +1,7 @@
 //! One picture of the ball, and its pixels as directions on the sphere.
 
 use crate::calibration::{CameraId, StereoRig};
-use crate::footage::GreyView;
+use crate::footage::{GreyView, WHITE};
 use crate::median::upper_median;
 use nalgebra::{Matrix2, Matrix3, Point3, Vector2, Vector3};
 
@@ -35,6 +35,13 @@ pub(super) struct Sample {
     pub grey: f64,
 }
 
+impl Sample {
+    /// Whether the picture says only that the ball is at least as bright.
+    pub fn is_white(&self) -> bool {
+        self.grey >= f64::from(WHITE)
+    }
+}
+
 /// What the estimator keeps of one view.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ViewInfo {
@@ -62,25 +69,44 @@ const FEWEST_SMOOTHED: usize = 5;
 /// How what centres have in common is shared out among constant, slope and bends of the track: it changes slowly.
 const SHARED_BY_TERM: [f64; TRACK_TERMS] = [0.6, 0.6, 0.3, 0.1];
 
-/// The pixels of the ball's disc in all views whose disc is at least half inside the picture.
-pub(super) fn sample_views(views: &[BallView], rig: &StereoRig, radius_m: f64) -> (Vec<ViewInfo>, Vec<Sample>) {
+/// The views of which more than half of the ball's disc is in the picture and below white.
+#[derive(Default)]
+pub(super) struct SampledViews {
+    pub infos: Vec<ViewInfo>,
+    /// View by view; those at white too.
+    pub samples: Vec<Sample>,
+    /// Views left out because more than half of the disc is white.
+    pub overexposed: usize,
+}
+
+/// The pixels of the ball's disc in all views that can be used.
+pub(super) fn sample_views(views: &[BallView], rig: &StereoRig, radius_m: f64) -> SampledViews {
     let (centres, errors) = smooth_centres(views);
-    let mut infos = Vec::new();
-    let mut samples = Vec::new();
+    let mut sampled = SampledViews::default();
     for ((view, centre), centre_errors) in views.iter().zip(&centres).zip(errors) {
-        let start = samples.len();
-        let at = infos.len();
-        match sample_view(view, *centre, rig, radius_m, at, &mut samples) {
-            Some(info) => infos.push(ViewInfo { centre_errors, ..info }),
-            None => samples.truncate(start),
+        let start = sampled.samples.len();
+        let at = sampled.infos.len();
+        match sample_view(view, *centre, rig, radius_m, at, &mut sampled.samples) {
+            Some((info, shown)) if 2 * shown.usable > shown.all => sampled.infos.push(ViewInfo { centre_errors, ..info }),
+            left_out => {
+                sampled.samples.truncate(start);
+                sampled.overexposed += usize::from(left_out.is_some_and(|(_, shown)| 2 * shown.white > shown.all));
+            }
         }
     }
-    (infos, samples)
+    sampled
+}
+
+/// How many pixels the used part of a view's disc has, in the picture or beyond it, and what they are.
+struct Shown {
+    all: usize,
+    usable: usize,
+    white: usize,
 }
 
 /// Samples one view with the affine camera at the ball's centre: the ball subtends 0.3° at 12 m, so the error of that
-/// approximation is below 0.03 px. `None` when the geometry is impossible or less than half of the disc is in the picture.
-fn sample_view(view: &BallView, centre: Vector2<f64>, rig: &StereoRig, radius_m: f64, at: usize, out: &mut Vec<Sample>) -> Option<ViewInfo> {
+/// approximation is below 0.03 px. `None` when the geometry is impossible.
+fn sample_view(view: &BallView, centre: Vector2<f64>, rig: &StereoRig, radius_m: f64, at: usize, out: &mut Vec<Sample>) -> Option<(ViewInfo, Shown)> {
     let camera_from_global = rig.camera_from_global(view.camera);
     let in_camera = camera_from_global * view.position;
     let (_, jacobian) = rig.camera(view.camera).project_with_jacobian(&in_camera)?;
@@ -100,7 +126,7 @@ fn sample_view(view: &BallView, centre: Vector2<f64>, rig: &StereoRig, radius_m:
     let nearer = radius_m / in_camera.coords.norm();
     let reach = radius_px.ceil() as i64 + 1;
     let (u0, v0) = (centre.x.round() as i64, centre.y.round() as i64);
-    let (mut inside, mut lost) = (0usize, 0usize);
+    let mut shown = Shown { all: 0, usable: 0, white: 0 };
     for row in v0.saturating_sub(reach)..=v0.saturating_add(reach) {
         for column in u0.saturating_sub(reach)..=u0.saturating_add(reach) {
             let mut p = disc_from_px * Vector2::new(column as f64 - centre.x, row as f64 - centre.y);
@@ -110,18 +136,15 @@ fn sample_view(view: &BallView, centre: Vector2<f64>, rig: &StereoRig, radius_m:
             if rho2 > USED_RADIUS * USED_RADIUS {
                 continue;
             }
-            match view.picture.get(column, row) {
-                // A saturated pixel says only that the ball is bright there.
-                Some(grey) if grey < 255 => {
-                    let disc = Vector3::new(p.x, p.y, (1.0 - rho2).sqrt());
-                    out.push(Sample { view: at, normal: axes * disc, disc, grey: f64::from(grey) });
-                    inside += 1;
-                }
-                _ => lost += 1,
-            }
+            shown.all += 1;
+            let Some(grey) = view.picture.get(column, row).map(f64::from) else { continue };
+            let disc = Vector3::new(p.x, p.y, (1.0 - rho2).sqrt());
+            let sample = Sample { view: at, normal: axes * disc, disc, grey };
+            *(if sample.is_white() { &mut shown.white } else { &mut shown.usable }) += 1;
+            out.push(sample);
         }
     }
-    (inside > lost).then_some(ViewInfo { camera: view.camera, time_s: view.time_s, axes, radius_px, centre_errors: [0.0; TRACK_TERMS] })
+    Some((ViewInfo { camera: view.camera, time_s: view.time_s, axes, radius_px, centre_errors: [0.0; TRACK_TERMS] }, shown))
 }
 
 /// Centres smoothed along each camera's track: the ball flies freely over the window, so a low-order polynomial in time

@@ -4,6 +4,7 @@
 //! the widest registers the processor has, in single precision: a picture has eight bits. Products are fused with their sums and
 //! sums run in sixteen fixed lanes, so that every processor gives the same bits.
 
+use crate::footage::is_cut_off;
 use crate::tracking::lanes::LANES;
 use crate::tracking::racket::racket_figure::VISIBLE_DEPTH;
 use crate::tracking::tape::tape_light::BandShade;
@@ -128,6 +129,8 @@ struct Scratch {
     inside: Step,
     /// Columns of the design, then the residual.
     c: [Step; UNKNOWNS + 1],
+    /// 0 for pixels that are cut off, else 1.
+    counts: Step,
     weight: Step,
 }
 
@@ -265,7 +268,7 @@ fn round(p: &mut BandPixels, m: &BandModel) -> BandSums {
     let mut sums = [[0.0f32; LANES]; PRODUCTS];
     let mut weights = [0.0f32; LANES];
     let end = p.steps_end();
-    let Scratch { t, s, q, depth, z, erf, bell, narrowing, shade, shade_slope, steeper, tube, inside, c, weight } = &mut *p.scratch;
+    let Scratch { t, s, q, depth, z, erf, bell, narrowing, shade, shade_slope, steeper, tube, inside, c, counts, weight } = &mut *p.scratch;
     let places = p.t[..end].as_chunks::<STEP>().0.iter().zip(p.s.as_chunks::<STEP>().0).zip(p.beside.as_chunks::<STEP>().0);
     let steps = places.zip(p.grey.as_chunks::<STEP>().0).zip(p.residual.as_chunks_mut::<STEP>().0);
     for (k, ((((places_t, places_s), beside), grey), residual)) in steps.enumerate() {
@@ -340,7 +343,8 @@ fn round(p: &mut BandPixels, m: &BandModel) -> BandSums {
         for i in 0..STEP {
             let white = l[0] * c[2][i] + l[1] * c[3][i] + l[6] * c[8][i] + l[7] * c[9][i];
             let around = l[2] * c[4][i] + l[3] * c[5][i] + l[4] * c[6][i] + l[5] * c[7][i];
-            residual[i] = grey[i] - white - around;
+            counts[i] = if is_cut_off(grey[i], white + around) { 0.0 } else { 1.0 };
+            residual[i] = (grey[i] - white - around) * counts[i];
         }
         // Derivatives by a shift of the band: along, the white ends move; across, the tube's sides move.
         for i in 0..STEP {
@@ -355,7 +359,7 @@ fn round(p: &mut BandPixels, m: &BandModel) -> BandSums {
             c[1][i] += around + narrowing[i] * ((raised * steeper[i] - l[6]) * c[2][i] - black_lit * c[3][i]);
         }
         for i in 0..STEP {
-            weight[i] = (scale / residual[i].abs().max(1e-30)).min(1.0);
+            weight[i] = (scale / residual[i].abs().max(1e-30)).min(1.0) * counts[i];
         }
         if real < STEP {
             weight[real..].fill(0.0);

@@ -126,7 +126,7 @@ pub fn read_text(path: &Path, most: u64) -> io::Result<String> {
 }
 
 /// What parsers call things, and what those are called who write the files.
-const PLAIN_WORDS: [(&str, &str); 15] = [
+const PLAIN_WORDS: [(&str, &str); 16] = [
     ("missing field", "missing"),
     ("unknown field", "unknown key"),
     ("duplicate field", "a second"),
@@ -139,7 +139,8 @@ const PLAIN_WORDS: [(&str, &str); 15] = [
     ("string \"", "\""),
     ("expected a map", "expected a table"),
     ("expected a sequence", "expected a list"),
-    ("invalid type: sequence", "not as it should be: a list"),
+    ("be: sequence,", "be: a list,"),
+    ("be: map,", "be: a table,"),
     ("expected f64", "expected a number"),
     ("expected a string", "expected a text in quotes"),
 ];
@@ -202,6 +203,7 @@ mod tests {
             ("seed = 7.5\n", "not as it should be: `7.5`, expected a whole number from 0 on"),
             ("seed = -1\n", "not as it should be: `-1`, expected a whole number from 0 on"),
             ("seed = \"one\"\n", "not as it should be: \"one\", expected a whole number from 0 on"),
+            ("seed = [1]\n", "not as it should be: a list, expected a whole number from 0 on"),
             ("place = [1, 2, 3]\n", "missing `seed`"),
             ("seed = 1\ncolour = 2\n", "unknown key `colour`, expected one of `seed`, `place`, `word`"),
             ("seed = 1\nword = 3\n", "not as it should be: `3`, expected a table"),

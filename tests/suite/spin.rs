@@ -319,17 +319,26 @@ fn truth_a_spin_that_the_first_look_loses_is_found_by_the_second() {
     assert_last_is_told(0.02, "dots", 176, |s, r| s.markings = dots(r));
 }
 
+/// A great circle and a disc.
+fn line_and_logo(s: &mut Scene, r: &mut rand_chacha::ChaCha8Rng) {
+    s.markings = Markings::Circles(vec![(random_turn(r) * Vector3::x(), 0.0, 0.06), (random_turn(r) * Vector3::x(), std::f64::consts::FRAC_PI_2, 0.35)]);
+    s.frames = [12, 16, 20][r.random_range(0..3)];
+}
+
 /// A line and a logo that turn at 190 rad/s: 451 rad/s explained enough of their pictures to be believed.
 #[test]
 fn truth_a_spin_crowded_out_by_a_faster_one_is_found_by_itself() {
-    assert_last_is_told(0.03, "line and logo", 15, |s, r| {
-        s.markings = Markings::Circles(vec![
-            (random_turn(r) * Vector3::x(), 0.0, 0.06),
-            // A disc about its middle.
-            (random_turn(r) * Vector3::x(), std::f64::consts::FRAC_PI_2, 0.35),
-        ]);
-        s.frames = [12, 16, 20][r.random_range(0..3)];
-    });
+    assert_last_is_told(0.03, "line and logo", 15, line_and_logo);
+}
+
+/// A ball of 93 rad/s, found as 282 and measured, from there, as 149: neither explains too little.
+#[test]
+fn fails_where_a_spin_is_measured_elsewhere_than_it_was_found() {
+    let (_, scene) = scenes("line and logo", 234, (84.0, 300.0), line_and_logo).pop().expect("a ball");
+    let pictures = scene.render(&rig());
+    let views: Vec<BallView> = pictures.iter().map(Picture::view).collect();
+    let told = estimate_spin(&views, &rig(), RADIUS_M, &SpinSettings::new(scene.frame_rate_hz));
+    assert!(matches!(told, SpinEstimate::Refused { reason: SpinRefusal::Unsettled { step_rad_s } } if step_rad_s > 100.0), "{told:?}");
 }
 
 /// A cap of the ball is white to the limit, and only lines show in it. While they were taken for the felt two of these were refused and one axis was 7 degrees off;

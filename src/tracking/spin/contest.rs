@@ -20,7 +20,7 @@ const PROBES: u32 = 100;
 const FLAT_SHARE: f64 = 0.3;
 const FLAT_LEAD: f64 = 0.02;
 /// Turn over the window within which another candidate lies in the same valley, rad.
-const SAME_VALLEY: f64 = 0.4;
+pub(super) const SAME_VALLEY: f64 = 0.4;
 /// Candidates that are registered.
 const CONTESTANTS: usize = 4;
 /// Which candidate: a coarse map without blur.

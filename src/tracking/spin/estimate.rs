@@ -1,6 +1,6 @@
 //! From views to a spin estimate: search, registration, and the verdict whether it may be believed.
 
-use super::contest::{Contest, contest, stands_still};
+use super::contest::{Contest, SAME_VALLEY, contest, stands_still};
 use super::registration::{Effort, FoundMarkings, Registrar, Registration};
 use super::search::{Beam, Search};
 use super::shading::{Mark, Shading, divide_out};
@@ -295,6 +295,11 @@ impl FoundSpin {
         let best = registrar.refine_on_clear_views(start.omega, &effort);
         if let Some(reason) = refused(&best, &start.contest, settings, SETTLED.1) {
             return SpinEstimate::Refused { reason };
+        }
+        // It was chosen among others where it was found, and nobody knows what is beside the place that it has come to.
+        let step_rad_s = (best.omega - start.omega).norm();
+        if step_rad_s * span_s(&infos) > SAME_VALLEY {
+            return SpinEstimate::Refused { reason: SpinRefusal::Unsettled { step_rad_s } };
         }
         let on_first = stated(&best, &widened(&registrar, &best), &infos);
         let (omega, scatter) = over_cells(&registrar, &best.omega, &start.omega, &start.contest.near);
